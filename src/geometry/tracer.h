@@ -1,0 +1,46 @@
+// Ray casting against a Scene: closest hit and occlusion. Only embree_tracer.cc knows Embree.
+#pragma once
+
+#include <memory>
+
+#include "scene/scene.h"
+
+namespace octrad {
+
+// Raw intersection. `primitive` and barycentrics (u, v) refer to the shape's mesh; spheres give the surface point itself.
+struct Hit {
+  int shape = -1;                  // -1: nothing hit
+  int primitive = -1;
+  float t = 0.0f;
+  float u = 0.0f, v = 0.0f;
+  bool valid() const { return shape >= 0; }
+};
+
+class Tracer {
+ public:
+  virtual ~Tracer() = default;
+  virtual Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const = 0;
+  virtual bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const = 0;
+};
+
+// The scene must outlive the tracer.
+std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene);
+
+// Geometry of a hit point. Normals are on the side of the surface's own orientation, not flipped to the ray.
+struct SurfaceInteraction {
+  Vec3f position;
+  Vec3f geometric_normal;          // unit
+  Vec3f shading_normal;            // unit, interpolated (before bump mapping)
+  Vec2f uv;
+  Vec3f dp_du, dp_dv;
+  int shape = -1, material = -1, emitter = -1;
+  float t = 0.0f;
+};
+
+SurfaceInteraction interact(const Scene& scene, const Hit& hit, Vec3f origin, Vec3f direction);
+
+// Origin for a ray leaving `position` towards `direction`, pushed off the surface so that it does not meet it again
+// (Waechter & Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", or Mitsuba's epsilon).
+Vec3f offset_origin(Vec3f position, Vec3f geometric_normal, Vec3f direction);
+
+}  // namespace octrad

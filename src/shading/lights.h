@@ -1,0 +1,39 @@
+// Emitters: area lights and the environment; picking one for next-event estimation.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "scene/scene.h"
+#include "geometry/tracer.h"
+
+namespace octrad {
+
+struct LightSample {
+  Vec3f direction;                 // unit, from the reference point to the light
+  float distance = 0.0f;           // to the sampled point (a large number for the environment)
+  Vec3f radiance;                  // emitted towards the reference point
+  float pdf = 0.0f;                // solid angle at the reference point, times the probability of picking the light
+  bool valid = false;
+};
+
+class Lights {
+ public:
+  explicit Lights(const Scene& scene);
+  ~Lights();
+  // Draws a point on an emitter as seen from `x`.
+  LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
+  // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
+  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;
+  float pdf(Vec3f x, const SurfaceInteraction& surface) const;
+  // Environment radiance and density along a unit direction that hit nothing.
+  Vec3f environment(Vec3f direction) const;
+  float environment_pdf(Vec3f direction) const;
+  bool empty() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace octrad
