@@ -25,6 +25,7 @@ struct Image {
   int channel_count() const { return static_cast<int>(channels.size()); }
   // Index of a channel by name, or -1.
   int channel(const std::string& name) const;
+  std::size_t pixel_count() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
   float& at(int x, int y, int c) { return data[index(x, y, c)]; }
   float at(int x, int y, int c) const { return data[index(x, y, c)]; }
   // The three channels from `first` on as a colour.
@@ -42,5 +43,9 @@ struct Image {
     return (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) * channels.size() + static_cast<std::size_t>(c);
   }
 };
+
+// The colour of `image` as a picture with the channels R, G, B (a grey "Y" is repeated). `layer`: "" for the main
+// picture, "albedo" for "albedo.R/G/B" and so on. Throws InputError that names the channels there are.
+Image extract_rgb(const Image& image, const std::string& layer = "");
 
 }  // namespace octrad
