@@ -9,7 +9,8 @@
 
 namespace octrad {
 
-// Field names are the keys with '.' for '_' once: octree_levels is "octree.levels". Choices are strings checked on set.
+// Keys are the field names with '.' for the first '_' (octree_levels is "octree.levels"); groups of related values have a
+// second dot ("adam.rate.features", "adam.decay.start", "loss.epsilon.first"). Choices are strings checked on set.
 struct Config {
   std::string preset = "cpu";
   std::string field = "octaoctree";              // octaoctree | nr
@@ -95,13 +96,15 @@ struct Config {
 Config preset(const std::string& name);
 
 // Sets one key from text ("octree.levels", "6"; durations "3s", "2m", "1h"). Throws UsageError for an unknown key (with
-// a suggestion) or a value that is not accepted (saying what is).
+// a suggestion) or a value that is not accepted (saying what is). Setting train.time sets train.steps to 0, so that the
+// last of the two decides the budget.
 void set(Config& config, const std::string& key, const std::string& value);
 
-// Applies a JSON object, nested or with dotted keys. `where` names the file in errors.
+// Applies a JSON object, nested or with dotted keys. A "preset" in it replaces the whole configuration first. Throws
+// InputError that begins with `where` (the file's name).
 void apply(Config& config, const nlohmann::json& object, const std::string& where);
 
-// The resolved configuration as a nested JSON object; apply() reads it back exactly.
+// The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
 
 // Every key with its current value and one line of help, in the order of the struct.
