@@ -4,19 +4,26 @@
 #include <memory>
 #include <vector>
 
-#include "scene/scene.h"
 #include "geometry/tracer.h"
+#include "scene/scene.h"
 
 namespace octrad {
 
 struct LightSample {
   Vec3f direction;                 // unit, from the reference point to the light
-  float distance = 0.0f;           // to the sampled point (a large number for the environment)
+  float distance = 0.0f;           // to the sampled point (kEnvironmentDistance for the environment)
   Vec3f radiance;                  // emitted towards the reference point
   float pdf = 0.0f;                // solid angle at the reference point, times the probability of picking the light
   bool valid = false;
 };
 
+inline constexpr float kEnvironmentDistance = 1e30f;
+
+// Shadow rays end this share of the distance before the light (Mitsuba's shadow epsilon).
+inline constexpr float kShadowShortening = 1.0f - 15000.0f * 0x1p-24f;
+
+// All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
+// cone they subtend, the environment by its radiance. The scene must outlive this object.
 class Lights {
  public:
   explicit Lights(const Scene& scene);
@@ -29,6 +36,7 @@ class Lights {
   // Environment radiance and density along a unit direction that hit nothing.
   Vec3f environment(Vec3f direction) const;
   float environment_pdf(Vec3f direction) const;
+  bool has_environment() const;
   bool empty() const;
 
  private:

@@ -1,0 +1,197 @@
+// Embree 3.13: the only file that knows it.
+#include <embree3/rtcore.h>
+#include <fmt/format.h>
+
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "geometry/tracer.h"
+
+namespace octrad {
+namespace {
+
+static_assert(sizeof(Vec3f) == 12 && sizeof(Vec3i) == 12, "buffers are shared with Embree");
+
+[[noreturn]] void fail(RTCError code, const char* text) {
+  const std::string message = fmt::format("ray tracing (Embree): {}", text ? text : "unknown error");
+  if (code == RTC_ERROR_OUT_OF_MEMORY) throw MemoryError(message);
+  throw Error(ExitCode::device, message);
+}
+
+struct DeviceRelease { void operator()(RTCDevice d) const { rtcReleaseDevice(d); } };
+struct SceneRelease { void operator()(RTCScene s) const { rtcReleaseScene(s); } };
+using DevicePtr = std::unique_ptr<std::remove_pointer_t<RTCDevice>, DeviceRelease>;
+using ScenePtr = std::unique_ptr<std::remove_pointer_t<RTCScene>, SceneRelease>;
+
+// Spheres are user geometry: Embree's own sphere points report distances that are too coarse to start new rays from.
+// Distances are computed in double from the sphere's centre.
+struct SphereSet {
+  const Scene* scene;
+  std::vector<int> shapes;         // primitive -> shape
+};
+
+const Sphere& sphere_of(const SphereSet& set, unsigned primitive) {
+  const Shape& shape = set.scene->shapes[static_cast<std::size_t>(set.shapes[primitive])];
+  return set.scene->spheres[static_cast<std::size_t>(shape.geometry)];
+}
+
+void sphere_bounds(const RTCBoundsFunctionArguments* args) {
+  const Sphere& s = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
+  const float r = s.radius * (1.0f + 1e-5f);
+  RTCBounds& b = *args->bounds_o;
+  b.lower_x = s.center.x - r; b.lower_y = s.center.y - r; b.lower_z = s.center.z - r;
+  b.upper_x = s.center.x + r; b.upper_y = s.center.y + r; b.upper_z = s.center.z + r;
+}
+
+// Nearest distance in [t_min, t_max] or a negative number.
+double intersect_sphere(const Sphere& s, const RTCRay& ray) {
+  const Vec3d o = Vec3d(Vec3f(ray.org_x, ray.org_y, ray.org_z)) - Vec3d(s.center);
+  const Vec3d d(Vec3f(ray.dir_x, ray.dir_y, ray.dir_z));
+  const double r = static_cast<double>(s.radius);
+  const double a = dot(d, d), b = dot(o, d);
+  const Vec3d closest = o - d * (b / a);  // of the line to the centre: keeps the discriminant accurate far away
+  const double h = r * r - dot(closest, closest);
+  if (h < 0.0) return -1.0;
+  const double root = std::sqrt(h / a), mid = -b / a;
+  const double t_near = static_cast<double>(ray.tnear), t_far = static_cast<double>(ray.tfar);
+  if (mid - root >= t_near) return mid - root <= t_far ? mid - root : -1.0;
+  if (mid + root >= t_near && mid + root <= t_far) return mid + root;
+  return -1.0;
+}
+
+void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
+  if (args->N != 1 || !args->valid[0]) return;
+  RTCRayHit& rh = *reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const double t = intersect_sphere(sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID), rh.ray);
+  if (t < 0.0) return;
+  rh.ray.tfar = static_cast<float>(t);
+  rh.hit.geomID = args->geomID;
+  rh.hit.primID = args->primID;
+  rh.hit.instID[0] = args->context->instID[0];
+  rh.hit.u = rh.hit.v = 0.0f;
+}
+
+void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
+  if (args->N != 1 || !args->valid[0]) return;
+  RTCRay& ray = *reinterpret_cast<RTCRay*>(args->ray);
+  if (intersect_sphere(sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID), ray) >= 0.0) {
+    ray.tfar = -std::numeric_limits<float>::infinity();
+  }
+}
+
+class EmbreeTracer final : public Tracer {
+ public:
+  explicit EmbreeTracer(const Scene& scene) {
+    device_.reset(rtcNewDevice(nullptr));
+    if (!device_) fail(rtcGetDeviceError(nullptr), "cannot create a device");
+    scene_.reset(rtcNewScene(device_.get()));
+    rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_HIGH);
+    spheres_.scene = &scene;
+    for (std::size_t i = 0; i < scene.shapes.size(); ++i) {
+      const Shape& shape = scene.shapes[i];
+      if (shape.kind == Shape::Kind::sphere) {
+        spheres_.shapes.push_back(static_cast<int>(i));
+      } else {
+        add_mesh(scene.meshes[static_cast<std::size_t>(shape.geometry)], static_cast<int>(i));
+      }
+    }
+    if (!spheres_.shapes.empty()) add_spheres();
+    rtcCommitScene(scene_.get());
+    check();
+  }
+
+  Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    RTCRayHit rh;
+    set_ray(rh.ray, origin, direction, t_min, t_max);
+    rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    rh.hit.primID = RTC_INVALID_GEOMETRY_ID;
+    rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(scene_.get(), &context, &rh);
+    Hit hit;
+    if (rh.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
+    hit.t = rh.ray.tfar;
+    if (rh.hit.geomID == sphere_geometry_) {
+      hit.shape = spheres_.shapes[rh.hit.primID];
+      hit.primitive = 0;
+    } else {
+      hit.shape = shape_of_[rh.hit.geomID];
+      hit.primitive = static_cast<int>(rh.hit.primID);
+      hit.u = rh.hit.u;
+      hit.v = rh.hit.v;
+    }
+    return hit;
+  }
+
+  bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    RTCRay ray;
+    set_ray(ray, origin, direction, t_min, t_max);
+    rtcOccluded1(scene_.get(), &context, &ray);
+    return ray.tfar < 0.0f;
+  }
+
+ private:
+  static void set_ray(RTCRay& ray, Vec3f o, Vec3f d, float t_min, float t_max) {
+    ray.org_x = o.x; ray.org_y = o.y; ray.org_z = o.z;
+    ray.dir_x = d.x; ray.dir_y = d.y; ray.dir_z = d.z;
+    ray.tnear = t_min;
+    ray.tfar = t_max;
+    ray.time = 0.0f;
+    ray.mask = ~0u;
+    ray.id = 0;
+    ray.flags = 0;
+  }
+
+  void add_mesh(const TriangleMesh& mesh, int shape) {
+    if (mesh.triangles.empty()) return;
+    RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    // Embree may read up to 16 bytes at the last vertex, which a shared vector of 12-byte vertices does not have.
+    void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f), mesh.positions.size());
+    if (!vertices) fail(RTC_ERROR_OUT_OF_MEMORY, "no memory for vertices");
+    std::memcpy(vertices, mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0, sizeof(Vec3i),
+                               mesh.triangles.size());
+    rtcCommitGeometry(geometry);
+    const unsigned id = rtcAttachGeometry(scene_.get(), geometry);
+    rtcReleaseGeometry(geometry);
+    if (shape_of_.size() <= id) shape_of_.resize(id + 1, -1);
+    shape_of_[id] = shape;
+  }
+
+  void add_spheres() {
+    RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(spheres_.shapes.size()));
+    rtcSetGeometryUserData(geometry, &spheres_);
+    rtcSetGeometryBoundsFunction(geometry, [](const RTCBoundsFunctionArguments* args) { sphere_bounds(args); }, nullptr);
+    rtcSetGeometryIntersectFunction(geometry, sphere_intersect);
+    rtcSetGeometryOccludedFunction(geometry, sphere_occluded);
+    rtcCommitGeometry(geometry);
+    sphere_geometry_ = rtcAttachGeometry(scene_.get(), geometry);
+    rtcReleaseGeometry(geometry);
+  }
+
+  void check() const {
+    const RTCError code = rtcGetDeviceError(device_.get());
+    if (code != RTC_ERROR_NONE) fail(code, "building the acceleration structure failed");
+  }
+
+  DevicePtr device_;
+  ScenePtr scene_;
+  SphereSet spheres_;
+  std::vector<int> shape_of_;      // Embree geometry -> shape
+  unsigned sphere_geometry_ = RTC_INVALID_GEOMETRY_ID;
+};
+
+}  // namespace
+
+std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene) { return std::make_unique<EmbreeTracer>(scene); }
+
+}  // namespace octrad
