@@ -1,4 +1,5 @@
 // Multi-resolution hash grid (Mueller et al. 2022; method section 5): linear interpolation, dense while it fits.
+// hash_grid_math.h has the formulas.
 #pragma once
 
 #include <cstdint>
@@ -6,6 +7,8 @@
 #include <vector>
 
 #include "base/vec.h"
+#include "encoding/hash_grid_math.h"
+#include "encoding/huge_array.h"
 #include "encoding/octaoctree.h"
 
 namespace octrad {
@@ -20,23 +23,26 @@ struct HashGridOptions {
 
 class HashGrid {
  public:
+  // Table zeroed. Throws InputError for options out of range, MemoryError.
   explicit HashGrid(const HashGridOptions& options);
   const HashGridOptions& options() const { return options_; }
   int feature_count() const { return options_.levels * options_.features; }
   std::int64_t entry_count() const { return offsets_.back(); }     // vectors of F floats
   std::span<const std::int64_t> offsets() const { return offsets_; }  // [levels + 1]
-  std::span<float> table() { return table_; }                      // [entries][F]
-  std::span<const float> table() const { return table_; }
+  std::span<float> table() { return table_.span(); }               // [entries][F]
+  std::span<const float> table() const { return table_.span(); }
+  HashGridView view() const;                                       // valid while the grid lives
 
-  // p: positions in [0,1]^3 (clamped). out feature-major [levels F][stride]. SIMD, thread-safe.
+  // p: positions in [0,1]^3 (clamped, NaN to 0). out feature-major [levels F][stride]. SIMD, thread-safe.
   void lookup(const Vec3f* p, int n, float* out, int stride) const;
-  // Also appends 8 taps a level and query: taps[(i * levels + level) * 8 + corner].
+  // Also writes (taps is resized, old contents are lost) 8 taps a level and query: taps[(i * levels + level) * 8 + corner].
   void lookup_record(const Vec3f* p, int n, float* out, int stride, std::vector<Tap>& taps) const;
 
  private:
   HashGridOptions options_;
   std::vector<std::int64_t> offsets_;
-  std::vector<float> table_;
+  std::vector<HashGridLevelView> levels_;
+  HugeArray table_;
 };
 
 }  // namespace octrad

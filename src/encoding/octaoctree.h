@@ -31,9 +31,12 @@ constexpr std::int64_t octree_entries(int levels, int level, std::int64_t cells)
 // One contribution of a query to the table: entry index (of C floats) and weight w_j b_jk.
 struct Tap { std::uint32_t entry; float weight; };
 
+struct OctaOctreeView;   // octaoctree_math.h
+
 class OctaOctree {
  public:
-  // cells[l-1]: occupied cells of level l in Morton order. origin/size: the domain box in world units.
+  // cells[l-1]: occupied cells of level l in Morton order. origin/size: the domain box in world units. Features are 0.
+  // Throws InputError for options or cells that cannot be used, MemoryError when the table is too large.
   OctaOctree(const OctaOctreeOptions& options, const std::vector<std::vector<Vec3i>>& cells, Vec3f origin, Vec3f size);
   ~OctaOctree();
   OctaOctree(const OctaOctree&) = delete;
@@ -48,14 +51,22 @@ class OctaOctree {
   const std::vector<Vec3i>& cells(int level) const;
   std::span<float> features();                   // [entry_count][C], 64-byte aligned, huge pages where the system has them
   std::span<const float> features() const;
+  // Entries on the rim of a map that name the same direction share the value of one of them; look-ups read, and taps name,
+  // only that one. This copies it to the others: call it before the table is saved.
+  void canonicalize_rims();
+  std::size_t index_bytes() const;               // memory of the cell index
+  const OctaOctreeView& view() const;            // plain pointers, valid while the octree lives
 
-  // Features of a batch. x world positions, w lookup directions (unit), d disparities in 1/world units;
-  // out is feature-major [K C][stride], stride >= n: out[f * stride + i]. Levels without an occupied cell give 0.
-  // SIMD, chosen at run time; thread-safe. Returns the number of (query, level) pairs with no occupied cell.
+  // Features of a batch, on the calling thread. x world positions, w lookup directions (unit), d disparities in 1/world units;
+  // out is feature-major [K C][stride], stride >= n: out[f * stride + i]. Levels without an occupied cell give 0;
+  // so do points outside the domain by half a cell or more, or not finite. w or d that are not finite give NaN.
+  // SIMD, chosen at run time; thread-safe; a query's result does not depend on its place in the batch.
+  // Returns the number of (query, level) pairs with no occupied cell.
   std::int64_t lookup(const Vec3f* x, const Vec3f* w, const float* d, int n, float* out, int stride) const;
 
-  // Like lookup(), and records for the backward pass: taps[i] lists query i's entries level after level with
-  // tap_level_begin (n x (K+1)) offsets into `taps`, and derivative[f * stride + i] = d out / d disparity.
+  // Like lookup(), and records for the backward pass (overwriting it): query i's taps of level l = 1..K are
+  // taps[begin[i (K+1) + l - 1]] .. taps[begin[i (K+1) + l]] (end excluded), those of weight 0 left out, and
+  // derivative[f * stride + i] = d out / d disparity.
   struct Record {
     std::vector<Tap> taps;
     std::vector<std::uint32_t> begin;            // [n][K+1]

@@ -1,0 +1,62 @@
+// Multi-resolution hash grid, one query and level: the definition (method section 5; Mueller et al. 2022, "Instant Neural
+// Graphics Primitives"). The fast path and kernels are tested against it.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "base/vec.h"
+
+namespace octrad {
+
+inline constexpr int kMaxHashGridLevels = 16;
+
+struct HashGridLevelView {
+  float scale = 0.0f;              // base growth^l - 1
+  std::uint32_t resolution = 0;    // r = ceil(scale) + 1
+  std::uint32_t first_entry = 0;
+  std::uint32_t entries = 0;       // r^3 where that fits the table, else the table's size
+  bool dense = true;
+};
+
+struct HashGridView {
+  const float* table = nullptr;    // [entries][features]
+  int levels = 0;
+  int features = 0;                // F
+  HashGridLevelView level[kMaxHashGridLevels];
+};
+
+// Entry within the level of grid vertex (x, y, z). A coordinate may be r itself (position 1 lies half a cell inside the last
+// vertex's cell); in a dense level such a vertex wraps modulo the level's entries, as in the original.
+OCTRAD_HD inline std::uint32_t hash_grid_entry(const HashGridLevelView& level, std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+  if (level.dense) {
+    const std::uint32_t index = x + level.resolution * (y + level.resolution * z);
+    return index >= level.entries ? index - level.entries : index;  // index < 2 entries
+  }
+  return (x ^ y * 2654435761u ^ z * 805459861u) & (level.entries - 1);
+}
+
+// NaN becomes 0.
+template <typename T> OCTRAD_HD constexpr T clamp_unit(T a) { return a > T(0) ? (a < T(1) ? a : T(1)) : T(0); }
+
+// Corner c = 0 .. 7 (bit a: upper side of axis a): entry of the whole table and trilinear weight. p is clamped to [0,1]^3.
+template <typename T>
+OCTRAD_HD inline void hash_grid_taps(const HashGridLevelView& level, Vec3<T> p, std::uint32_t* entry, T* weight) {
+  std::uint32_t base[3];
+  T f[3];
+  for (int a = 0; a < 3; ++a) {
+    const T g = clamp_unit(p[a]) * static_cast<T>(level.scale) + T(0.5);
+    const T i = std::floor(g);
+    base[a] = static_cast<std::uint32_t>(i);
+    f[a] = g - i;
+  }
+  for (int c = 0; c < 8; ++c) {
+    const std::uint32_t o[3] = {static_cast<std::uint32_t>(c & 1), static_cast<std::uint32_t>(c >> 1 & 1), static_cast<std::uint32_t>(c >> 2 & 1)};
+    T w = T(1);
+    for (int a = 0; a < 3; ++a) w *= o[a] ? f[a] : T(1) - f[a];
+    entry[c] = level.first_entry + hash_grid_entry(level, base[0] + o[0], base[1] + o[1], base[2] + o[2]);
+    weight[c] = w;
+  }
+}
+
+}  // namespace octrad
