@@ -1,0 +1,12 @@
+// Path-traced pictures.
+#pragma once
+
+#include "render/render_loop.h"
+#include "transport/path.h"
+
+namespace octrad {
+
+// Renders with trace_path (options.max_depth, options.rr_depth) into the channels of picture_channels().
+RenderResult render_path(const PathContext& context, const RenderOptions& options);
+
+}  // namespace octrad

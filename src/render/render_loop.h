@@ -1,0 +1,64 @@
+// What all integrators share: camera samples in tiles, passes, accumulation with the film's reconstruction filter,
+// first-hit attributes, time limit and interruption. An integrator is a SampleFunction.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+
+#include "base/rng.h"
+#include "image/image.h"
+#include "render/film.h"
+#include "scene/scene.h"
+
+namespace octrad {
+
+struct Crop {
+  int x = 0, y = 0, width = 0, height = 0;  // width 0: the whole picture
+};
+
+struct RenderOptions {
+  Camera camera;
+  int width = 0, height = 0;       // of the whole picture
+  Crop crop;                       // only this part is rendered and returned
+  int spp = 16;                    // samples a pixel; 0: until `seconds` are over
+  double seconds = 0.0;            // stop after this time (between passes); 0: no limit
+  int max_depth = -1;              // path: Mitsuba's meaning, -1 unlimited
+  int rr_depth = 5;                // path: Russian roulette from this depth on
+  unsigned long long seed = 0;
+  Film film;                       // reconstruction filter
+  std::function<bool()> interrupted;
+  std::function<void(int spp_done, double seconds)> progress;  // after each pass
+};
+
+// One primary ray with the random stream of its pixel and sample.
+struct CameraSample {
+  Ray ray;
+  Rng rng;                         // what comes after the position
+  Vec2f position;                  // on the film, pixels
+  float t_min = 0.0f, t_max = 0.0f;  // the camera's clipping planes, along the ray
+};
+
+struct SampleCounts {
+  long long rays = 0, queries = 0, non_finite = 0;
+};
+
+// Fills out[i] for samples[i], the samples of one tile; called from several threads for some hundred to a few thousand samples.
+using SampleFunction = std::function<SampleCounts(std::span<CameraSample> samples, std::span<PixelSample> out)>;
+
+struct RenderResult {
+  Image image;                     // R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y
+  int width = 0, height = 0, spp = 0;
+  double seconds = 0.0;            // of the rendering alone
+  long long samples = 0;
+  SampleCounts counts;
+  bool interrupted = false;
+};
+
+// Every sample depends on (seed, pixel, number of the sample) alone and sums are formed in double in a fixed order: the same
+// bits for a seed at any thread count, and a crop holds the bits of that part of the whole picture. The size of a pass
+// (some 100,000 samples, at least one a pixel) does not depend on time either. Samples that are not finite count as black
+// (SampleCounts::non_finite). Throws UsageError for sizes, crops and budgets that make no sense.
+RenderResult render(const RenderOptions& options, const SampleFunction& integrator);
+
+}  // namespace octrad

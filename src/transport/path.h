@@ -1,0 +1,45 @@
+// Path tracing estimator of the radiance along one ray.
+#pragma once
+
+#include "base/rng.h"
+#include "geometry/tracer.h"
+#include "scene/scene.h"
+#include "shading/bsdf.h"
+#include "shading/lights.h"
+
+namespace octrad {
+
+// What light transport works on. The scene must outlive it.
+struct PathContext {
+  const Scene& scene;
+  const Tracer& tracer;
+  const Materials& materials;
+  const Lights& lights;
+};
+
+struct PathLimits {
+  int max_depth = -1;              // Mitsuba's meaning: 1 emission only, 2 direct light, ...; -1 unlimited
+  int rr_depth = 5;                // Russian roulette from this many scattering events on
+};
+
+// Attributes of the first surface seen (method section 1); where a mask lets the ray pass, of the one behind it.
+struct FirstHit {
+  bool valid = false;              // false: the ray met nothing; the rest keeps these values
+  Vec3f albedo{0, 0, 0};
+  Vec3f normal{0, 0, 0};           // shading normal, on the side of the viewer
+  float depth = 0.0f;              // distance along the ray
+  float roughness = 1.0f;
+};
+
+struct PathCounters {
+  long long rays = 0;              // closest-hit and shadow rays
+};
+
+// Unbiased estimate of the radiance arriving at `origin` from `direction` (unit), starting between t_min and t_max:
+// next-event estimation of one emitter and one BSDF sample at every vertex, combined by the balance heuristic
+// (Veach 1997, section 9.2), so that a light of density p_l reached with f contributes f L / (p_l + p_b) from both.
+// Transparent masks block shadow rays and count as a bounce, as in Mitsuba's `path`.
+Vec3f trace_path(const PathContext& context, Vec3f origin, Vec3f direction, float t_min, float t_max, const PathLimits& limits,
+                 Rng& rng, FirstHit& first, PathCounters& counters);
+
+}  // namespace octrad
