@@ -16,6 +16,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "image/io.h"
 #include "image/io_internal.h"
@@ -116,30 +117,30 @@ void write_exr(const std::string& file, const Image& image, ExrPrecision precisi
     halves.resize(image.data.size());
     std::transform(image.data.begin(), image.data.end(), halves.begin(), [](float v) { return half(v); });
   }
-  image_io::write_atomically(file, [&](const std::string& temporary) {
-    try {
-      Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
-      header.compression() = Imf::ZIP_COMPRESSION;
-      for (const auto& [key, value] : image.metadata) {
-        if (!is_own_key(key)) header.insert(key, Imf::StringAttribute(value));
-      }
-      const std::size_t value_size = precision == ExrPrecision::half ? sizeof(half) : sizeof(float);
-      const std::size_t stride_x = image.channels.size() * value_size, stride_y = stride_x * static_cast<std::size_t>(image.width);
-      const char* base = precision == ExrPrecision::half ? reinterpret_cast<const char*>(halves.data())
-                                                         : reinterpret_cast<const char*>(image.data.data());
-      Imf::FrameBuffer buffer;
-      for (std::size_t c = 0; c < image.channels.size(); ++c) {
-        assert(image.channel(image.channels[c]) == static_cast<int>(c));  // names are unique
-        header.channels().insert(image.channels[c], Imf::Channel(type));
-        buffer.insert(image.channels[c], Imf::Slice::Make(type, base + c * value_size, window, stride_x, stride_y));
-      }
-      Imf::OutputFile out(temporary.c_str(), header, 0);
-      out.setFrameBuffer(buffer);
-      out.writePixels(image.height);
-    } catch (const std::exception& e) {
-      throw IoError(file + ": cannot write EXR file: " + e.what());
+  AtomicFile out_file(file);
+  try {
+    Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
+    header.compression() = Imf::ZIP_COMPRESSION;
+    for (const auto& [key, value] : image.metadata) {
+      if (!is_own_key(key)) header.insert(key, Imf::StringAttribute(value));
     }
-  });
+    const std::size_t value_size = precision == ExrPrecision::half ? sizeof(half) : sizeof(float);
+    const std::size_t stride_x = image.channels.size() * value_size, stride_y = stride_x * static_cast<std::size_t>(image.width);
+    const char* base = precision == ExrPrecision::half ? reinterpret_cast<const char*>(halves.data())
+                                                       : reinterpret_cast<const char*>(image.data.data());
+    Imf::FrameBuffer buffer;
+    for (std::size_t c = 0; c < image.channels.size(); ++c) {
+      assert(image.channel(image.channels[c]) == static_cast<int>(c));  // names are unique
+      header.channels().insert(image.channels[c], Imf::Channel(type));
+      buffer.insert(image.channels[c], Imf::Slice::Make(type, base + c * value_size, window, stride_x, stride_y));
+    }
+    Imf::OutputFile out(out_file.temporary().c_str(), header, 0);
+    out.setFrameBuffer(buffer);
+    out.writePixels(image.height);
+  } catch (const std::exception& e) {
+    throw IoError(file + ": cannot write EXR file: " + e.what());
+  }
+  out_file.commit();
 }
 
 }  // namespace octrad

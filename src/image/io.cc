@@ -1,10 +1,7 @@
 #include "image/io.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
+#include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -31,22 +28,6 @@ void check_size(const std::string& file, long long width, long long height, long
                      " pixels a side and 4 GiB in memory)");
   }
 }
-
-void finish_atomic_write(const std::string& temporary, const std::string& file) {
-  // A rename must not become durable before the content it names.
-  const int descriptor = ::open(temporary.c_str(), O_RDONLY | O_CLOEXEC);
-  bool synced = false;
-  if (descriptor >= 0) {
-    synced = ::fsync(descriptor) == 0 || errno == EINVAL || errno == EROFS;
-    ::close(descriptor);
-  }
-  if (!synced) throw IoError(temporary + ": cannot flush to disk: " + std::strerror(errno));
-  if (std::rename(temporary.c_str(), file.c_str()) != 0) {
-    throw IoError(file + ": cannot rename from " + temporary + ": " + std::strerror(errno));
-  }
-}
-
-void discard(const std::string& temporary) noexcept { std::remove(temporary.c_str()); }
 
 }  // namespace image_io
 

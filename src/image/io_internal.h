@@ -16,23 +16,4 @@ Image read_exr(const std::string& file);
 Image read_hdr(const std::string& file, const std::vector<unsigned char>& bytes);
 Image read_stb(const std::string& file, const std::vector<unsigned char>& bytes);  // PNG, JPEG
 
-// Calls write(temporary name), flushes that file to disk and renames it to `file`. Removes it when anything throws.
-template <typename Write>
-void write_atomically(const std::string& file, Write write);
-
-void finish_atomic_write(const std::string& temporary, const std::string& file);
-void discard(const std::string& temporary) noexcept;
-
-template <typename Write>
-void write_atomically(const std::string& file, Write write) {
-  const std::string temporary = file + ".tmp";
-  try {
-    write(temporary);
-    finish_atomic_write(temporary, file);
-  } catch (...) {
-    discard(temporary);
-    throw;
-  }
-}
-
 }  // namespace octrad::image_io

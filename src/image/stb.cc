@@ -1,10 +1,9 @@
 // PNG and JPEG through the stb single-file libraries; their one implementation in this program.
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
+#include <cstdlib>
 #include <memory>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "image/io.h"
 #include "image/io_internal.h"
@@ -85,13 +84,9 @@ void write_png(const std::string& file, const Image8& image) {
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       stbi_write_png_to_mem(image.data.data(), image.width * image.channels, image.width, image.height, image.channels, &size), &std::free);
   if (!bytes) throw MemoryError(file + ": not enough memory to compress the picture");
-  image_io::write_atomically(file, [&](const std::string& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    if (!out) throw IoError(file + ": cannot write: " + std::strerror(errno));
-    out.write(reinterpret_cast<const char*>(bytes.get()), size);
-    out.close();
-    if (!out) throw IoError(file + ": cannot write: " + std::strerror(errno));
-  });
+  AtomicFile out(file);
+  out.write(bytes.get(), static_cast<std::size_t>(size));
+  out.commit();
 }
 
 }  // namespace octrad
