@@ -1,0 +1,186 @@
+#include "app/cli/common.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+#include "base/atomic_file.h"
+#include "base/bytes.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/threads.h"
+
+namespace octrad::cli {
+namespace {
+
+// "key=value" -> both parts.
+std::pair<std::string, std::string> split_definition(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0) {
+    throw UsageError(fmt::format("-D {}: expected key=value", text));
+  }
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+bool is_config_key(const std::string& name) {
+  if (name.find('.') != std::string::npos) return true;  // with a dot it cannot be a scene parameter: set() knows or suggests
+  const std::vector<ConfigKey> keys = describe(Config{});
+  return std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& key) { return key.key == name; });
+}
+
+// Columns on screen of UTF-8 text.
+std::size_t display_width(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
+void flush_stdout() {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout)) throw IoError(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+}
+
+}  // namespace
+
+std::uint64_t CommonOptions::memory_budget() const {
+  if (!max_memory.empty()) {
+    const std::uint64_t bytes = parse_bytes(max_memory);
+    if (bytes == 0) throw UsageError("--max-memory must be above 0");
+    return bytes;
+  }
+  return usable_memory() / 10 * 9;  // what is left keeps the machine responsive; 0 (unknown) means no limit
+}
+
+std::unique_ptr<JsonLines> CommonOptions::open_log(bool append) const {
+  return log_json.empty() ? nullptr : std::make_unique<JsonLines>(log_json, append);
+}
+
+void CommonOptions::apply() const {
+  const int level = static_cast<int>(LogLevel::normal) + verbose - quiet;
+  set_log_level(static_cast<LogLevel>(std::clamp(level, static_cast<int>(LogLevel::quiet), static_cast<int>(LogLevel::debug))));
+  if (threads > 0) set_thread_count(threads);
+  memory_budget();  // refuses nonsense before any work
+}
+
+CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example) {
+  CLI::App* verb = program.app.add_subcommand(name, summary);
+  CommonOptions& common = program.common;
+  verb->add_option("--threads", common.threads, "threads to use; 0: all")->check(CLI::Range(0, 4096))->type_name("N")->group("Common");
+  verb->add_option("--seed", common.seed, "of every random number")->check(CLI::Range(0LL, 9000000000000000LL))->type_name("N")->group("Common");
+  verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")->type_name("BYTES")->group("Common");
+  verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
+  verb->add_flag("-v,--verbose", common.verbose, "more detail; twice: for debugging")->group("Common");
+  verb->add_flag("--json", common.json, "print one JSON object on standard output")->group("Common");
+  verb->add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")->type_name("FILE")->group("Common");
+  verb->footer("Example:\n  " + example);
+  return verb;
+}
+
+void print_json(const nlohmann::json& object) {
+  print_text(object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+void print_text(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  if (text.empty() || text.back() != '\n') std::fputc('\n', stdout);
+  flush_stdout();
+}
+
+std::string format_table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()), 0);
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], display_width(row[i]));
+  }
+  std::string out;
+  for (const auto& row : rows) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      const std::string padding(widths[i] - display_width(row[i]), ' ');
+      line += (i > 0 ? "  " : "") + (i == 0 ? row[i] + padding : padding + row[i]);
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    out += line + "\n";
+  }
+  return out;
+}
+
+std::vector<double> parse_numbers(const std::string& text, std::size_t count, const std::string& option) {
+  std::vector<double> out;
+  const char* p = text.c_str();
+  while (true) {
+    char* end = nullptr;
+    const double value = std::strtod(p, &end);
+    if (end == p || !std::isfinite(value)) break;
+    out.push_back(value);
+    p = end;
+    while (*p == ' ') ++p;
+    if (*p == '\0' || *p != ',') break;
+    ++p;
+  }
+  if (*p != '\0' || out.size() != count) {
+    throw UsageError(fmt::format("{} \"{}\": expected {} numbers with commas between them", option, text, count));
+  }
+  return out;
+}
+
+Vec3f parse_vector(const std::string& text, const std::string& option) {
+  const std::vector<double> v = parse_numbers(text, 3, option);
+  return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
+}
+
+void ConfigOptions::add_to(CLI::App& verb) {
+  verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
+  verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")->type_name("FILE");
+  verb.add_option("-D", definitions, "set a configuration key (octree.levels=6) or a parameter of the scene file")
+      ->type_name("KEY=VALUE")->expected(1)->allow_extra_args(false)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+Config ConfigOptions::resolve() const {
+  Config config = octrad::preset(preset.empty() ? "cpu" : preset);
+  if (!file.empty()) {
+    const nlohmann::json json = read_json_file(file);
+    if (!preset.empty() && json.is_object() && json.contains("preset") && json["preset"] != preset) {
+      throw UsageError(fmt::format("--preset {} and {} (preset {}) contradict each other", preset, file, json["preset"].dump()));
+    }
+    octrad::apply(config, json, file);
+  }
+  for (const std::string& definition : definitions) {
+    const auto [key, value] = split_definition(definition);
+    if (is_config_key(key)) set(config, key, value);
+  }
+  return config;
+}
+
+std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
+  std::map<std::string, std::string> out;
+  for (const std::string& definition : definitions) {
+    const auto [key, value] = split_definition(definition);
+    if (!is_config_key(key)) out[key] = value;
+  }
+  return out;
+}
+
+std::map<std::string, std::string> parse_scene_definitions(const std::vector<std::string>& definitions) {
+  std::map<std::string, std::string> out;
+  for (const std::string& definition : definitions) {
+    const auto [key, value] = split_definition(definition);
+    out[key] = value;
+  }
+  return out;
+}
+
+nlohmann::json read_json_file(const std::string& file) {
+  const std::string text = read_text_file(file);
+  try {
+    return nlohmann::json::parse(text, nullptr, true, true);  // comments allowed
+  } catch (const nlohmann::json::parse_error& error) {
+    const std::size_t end = std::min(text.size(), error.byte > 0 ? error.byte - 1 : 0);
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
+    const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
+    const std::size_t column = start == std::string::npos ? end + 1 : end - start;
+    throw InputError(fmt::format("{}:{}:{}: not valid JSON", file, line, column));
+  }
+}
+
+}  // namespace octrad::cli

@@ -1,0 +1,80 @@
+// What the verbs of the command line share: options, the place where results are printed, configuration.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "base/progress.h"
+#include "base/vec.h"
+#include "model/config.h"
+
+namespace octrad::cli {
+
+// Options that every verb has.
+struct CommonOptions {
+  int threads = 0;                 // 0: all
+  long long seed = -1;             // -1: not given
+  std::string max_memory;          // "4G"; empty: what the machine can give
+  int quiet = 0, verbose = 0;
+  bool json = false;
+  std::string log_json;
+
+  bool has_seed() const { return seed >= 0; }
+  std::uint64_t memory_budget() const;
+  // The --log-json file, null if not asked for.
+  std::unique_ptr<JsonLines> open_log(bool append = false) const;
+  // Applies threads and verbosity; called once, after parsing.
+  void apply() const;
+};
+
+// A verb adds its subcommand to `program`; the chosen one's action is put into `run` while parsing.
+struct Program {
+  CLI::App app;
+  CommonOptions common;
+  std::function<void()> run;
+};
+
+// Adds a subcommand with the common options. `example` is shown at the end of --help.
+CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example);
+
+void add_compare(Program& program);
+void add_info(Program& program);
+void add_tonemap(Program& program);
+
+// Standard output: with --json exactly one object, without it text. Throws IoError when it cannot be written.
+void print_json(const nlohmann::json& object);
+void print_text(const std::string& text);
+
+// Rows of cells as aligned columns; the first column to the left, others to the right.
+std::string format_table(const std::vector<std::vector<std::string>>& rows);
+
+// "x,y,z" -> numbers. Throws UsageError naming `option`.
+std::vector<double> parse_numbers(const std::string& text, std::size_t count, const std::string& option);
+Vec3f parse_vector(const std::string& text, const std::string& option);
+
+// --preset, --config and -D of verbs that have a configuration.
+struct ConfigOptions {
+  std::string preset;
+  std::string file;
+  std::vector<std::string> definitions;  // "key=value"
+
+  void add_to(CLI::App& verb);
+  // Preset, then the file, then the definitions that name configuration keys.
+  Config resolve() const;
+  // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration key.
+  std::map<std::string, std::string> scene_definitions() const;
+};
+
+// -D for verbs that read a scene but no configuration.
+std::map<std::string, std::string> parse_scene_definitions(const std::vector<std::string>& definitions);
+
+// JSON from a file. Throws IoError, or InputError with the position of a syntax error.
+nlohmann::json read_json_file(const std::string& file);
+
+}  // namespace octrad::cli

@@ -1,0 +1,155 @@
+// octrad info: the program, a scene, a model or a picture.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "app/cli/common.h"
+#include "base/bytes.h"
+#include "base/cpu_info.h"
+#include "base/error.h"
+#include "base/threads.h"
+#include "base/version.h"
+#include "image/io.h"
+#include "model/safetensors.h"
+
+namespace octrad::cli {
+namespace {
+
+struct InfoOptions {
+  std::string file;
+  bool keys = false;
+  ConfigOptions config;
+};
+
+void info_program(const CommonOptions& common) {
+  const CpuInfo cpu = cpu_info();
+  const std::uint64_t memory = usable_memory();
+  if (common.json) {
+    print_json({{"version", kVersion}, {"isa", cpu.level}, {"cpu", cpu.model}, {"cpu_features", cpu.features}, {"cores", cpu.logical_cores},
+                {"threads", thread_count()}, {"memory", memory}});
+    return;
+  }
+  std::string features;
+  for (const std::string& f : cpu.features) features += (features.empty() ? "" : " ") + f;
+  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nmemory     {} usable\n", kVersion, cpu.model,
+                         cpu.logical_cores, thread_count(), cpu.level, features, format_bytes(static_cast<double>(memory))));
+}
+
+void info_keys(const CommonOptions& common, const Config& config) {
+  const std::vector<ConfigKey> keys = describe(config);
+  if (common.json) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const ConfigKey& k : keys) list.push_back({{"key", k.key}, {"value", k.value}, {"accepted", k.accepted}, {"help", k.help}});
+    print_json({{"preset", config.preset}, {"config", to_json(config)}, {"keys", list}});
+    return;
+  }
+  std::string out;
+  for (const ConfigKey& k : keys) out += fmt::format("{} = {}\n    {}\n    {}\n", k.key, k.value, k.help, k.accepted);
+  print_text(out);
+}
+
+void info_image(const CommonOptions& common, const std::string& file) {
+  const Image image = read_image(file);
+  nlohmann::json channels = nlohmann::json::array();
+  std::vector<std::vector<std::string>> table = {{"channel", "min", "mean", "max", "not finite"}};
+  for (int c = 0; c < image.channel_count(); ++c) {
+    double low = INFINITY, high = -INFINITY, sum = 0.0;
+    long long finite = 0, other = 0;
+    for (std::size_t i = static_cast<std::size_t>(c); i < image.data.size(); i += image.channels.size()) {
+      const double v = image.data[i];
+      if (!std::isfinite(v)) { ++other; continue; }
+      low = std::min(low, v);
+      high = std::max(high, v);
+      sum += v;
+      ++finite;
+    }
+    const double mean = finite > 0 ? sum / static_cast<double>(finite) : NAN;
+    const std::string& name = image.channels[static_cast<std::size_t>(c)];
+    channels.push_back({{"name", name}, {"min", low}, {"mean", mean}, {"max", high}, {"non_finite", other}});
+    table.push_back({name, fmt::format("{:.5g}", low), fmt::format("{:.5g}", mean), fmt::format("{:.5g}", high), format_count(other)});
+  }
+  if (common.json) {
+    print_json({{"file", file}, {"width", image.width}, {"height", image.height}, {"channels", channels}, {"metadata", image.metadata}});
+    return;
+  }
+  std::string out = fmt::format("{}: {} x {}\n{}", file, image.width, image.height, format_table(table));
+  for (const auto& [key, value] : image.metadata) out += fmt::format("{}: {}\n", key, value);
+  print_text(out);
+}
+
+const char* dtype_name(DType type) {
+  switch (type) {
+    case DType::f32: return "f32";
+    case DType::f16: return "f16";
+    case DType::i32: return "i32";
+    case DType::i64: return "i64";
+    case DType::u8: return "u8";
+    case DType::u16: return "u16";
+    case DType::u32: return "u32";
+    case DType::u64: return "u64";
+    case DType::f64: return "f64";
+  }
+  return "?";
+}
+
+void info_model(const CommonOptions& common, const std::string& file) {
+  const TensorReader reader(file);
+  const auto& metadata = reader.metadata();
+  if (const auto it = metadata.find("format"); it == metadata.end() || it->second != "octrad") {
+    throw InputError(fmt::format("{} is a safetensors file but no octrad model (its metadata lacks format = octrad)", file));
+  }
+  nlohmann::json texts = nlohmann::json::object();
+  for (const auto& [key, value] : metadata) {
+    // config and scene are JSON in a string; step and seed numbers in one.
+    nlohmann::json parsed = nlohmann::json::parse(value, nullptr, false);
+    texts[key] = (key == "config" || key == "scene" || key == "step" || key == "seed") && !parsed.is_discarded() ? parsed : nlohmann::json(value);
+  }
+  nlohmann::json tensors = nlohmann::json::array();
+  std::vector<std::vector<std::string>> table = {{"tensor", "type", "shape", "bytes"}};
+  std::uint64_t bytes = 0, optimizer_bytes = 0;
+  for (const std::string& name : reader.names()) {
+    const TensorReader::Tensor tensor = reader.get(name);
+    std::string shape;
+    for (const std::int64_t d : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(d);
+    bytes += tensor.bytes;
+    if (name.rfind("optimizer.", 0) == 0 || name.rfind("state.", 0) == 0) optimizer_bytes += tensor.bytes;
+    tensors.push_back({{"name", name}, {"dtype", dtype_name(tensor.type)}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
+    table.push_back({name, dtype_name(tensor.type), shape, format_count(static_cast<long long>(tensor.bytes))});
+  }
+  if (common.json) {
+    nlohmann::json out = {{"file", file}, {"metadata", texts}, {"tensors", tensors}, {"bytes", bytes}, {"optimizer_bytes", optimizer_bytes}};
+    print_json(out);
+    return;
+  }
+  std::string out = fmt::format("{}: {}, of which {} for resuming\n", file, format_bytes(static_cast<double>(bytes)), format_bytes(static_cast<double>(optimizer_bytes)));
+  for (const auto& [key, value] : texts.items()) {
+    if (key != "config") out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
+  }
+  out += "\n" + format_table(table);
+  if (texts.contains("config")) out += "\nconfig " + texts["config"].dump(2) + "\n";
+  print_text(out);
+}
+
+void info_verb(const CommonOptions& common, const InfoOptions& options) {
+  if (options.keys) return info_keys(common, options.config.resolve());
+  if (options.file.empty()) return info_program(common);
+  std::string extension = std::filesystem::path(options.file).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".octrad") return info_model(common, options.file);
+  if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg") return info_image(common, options.file);
+  throw UsageError(fmt::format("cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)", options.file));
+}
+
+}  // namespace
+
+void add_info(Program& program) {
+  auto options = std::make_shared<InfoOptions>();
+  CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.", "octrad info scene.xml --preset default -D octree.levels=6");
+  verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")->type_name("FILE");
+  verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
+  options->config.add_to(*verb);
+  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options); }; });
+}
+
+}  // namespace octrad::cli
