@@ -65,8 +65,8 @@ void CommonOptions::apply() const {
 CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example) {
   CLI::App* verb = program.app.add_subcommand(name, summary);
   CommonOptions& common = program.common;
-  verb->add_option("--threads", common.threads, "threads to use; 0: all")->check(CLI::Range(0, 4096))->type_name("N")->group("Common");
-  verb->add_option("--seed", common.seed, "of every random number")->check(CLI::Range(0LL, 9000000000000000LL))->type_name("N")->group("Common");
+  verb->add_option("--threads", common.threads, "threads to use; 0: all")->check(unnamed(CLI::Range(0, 4096)))->type_name("N")->group("Common");
+  verb->add_option("--seed", common.seed, "of every random number")->check(unnamed(CLI::Range(0LL, 9000000000000000LL)))->type_name("N")->group("Common");
   verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")->type_name("BYTES")->group("Common");
   verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
   verb->add_flag("-v,--verbose", common.verbose, "more detail; twice: for debugging")->group("Common");

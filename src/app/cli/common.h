@@ -47,6 +47,12 @@ void add_compare(Program& program);
 void add_info(Program& program);
 void add_tonemap(Program& program);
 
+// A check that does not add itself to the help text (the option's own text says what is accepted).
+template <typename Validator>
+CLI::Validator unnamed(Validator validator) {
+  return validator.description("");
+}
+
 // Standard output: with --json exactly one object, without it text. Throws IoError when it cannot be written.
 void print_json(const nlohmann::json& object);
 void print_text(const std::string& text);

@@ -97,8 +97,8 @@ void add_compare(Program& program) {
   verb->add_option("--alpha-above", options->alpha_above, "only pixels whose first hit has a roughness of at least A")->type_name("A");
   verb->add_option("--errors", options->error_folder, "write error pictures (EXR and false-colour PNG) into FOLDER")->type_name("FOLDER");
   verb->add_option("--error-kind", options->error_kind, "what error pictures show: mape | squared | relative")
-      ->check(CLI::IsMember({"mape", "squared", "relative"}))->type_name("KIND")->capture_default_str();
-  verb->add_option("--error-max", options->error_max, "error shown as white")->check(CLI::PositiveNumber)->type_name("E")->capture_default_str();
+      ->check(unnamed(CLI::IsMember({"mape", "squared", "relative"})))->type_name("KIND")->capture_default_str();
+  verb->add_option("--error-max", options->error_max, "error shown as white")->check(unnamed(CLI::PositiveNumber))->type_name("E")->capture_default_str();
   verb->callback([&program, options] { program.run = [&program, options] { compare_verb(program.common, *options); }; });
 }
 

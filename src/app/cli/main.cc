@@ -1,6 +1,7 @@
 // octrad: the command line. Parses, runs one verb, maps errors to exit codes (docs/manual.md, "Exit codes").
 #include <signal.h>
 
+#include <algorithm>
 #include <exception>
 #include <filesystem>
 #include <new>
@@ -35,17 +36,20 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const std::string help = chosen.empty() ? "octrad --help" : "octrad " + scope.get_name() + " --help";
   std::string text = error.what();
   const std::vector<std::string> extra = app.remaining(true);
-  if (dynamic_cast<const CLI::ExtrasError*>(&error) && !extra.empty()) {
-    const std::string word = extra.front().substr(0, extra.front().find('='));
-    if (word.compare(0, 1, "-") == 0) text = "unknown option " + word + did_you_mean(word, option_names(scope));
-    else if (chosen.empty()) text = "unknown verb \"" + word + "\"" + did_you_mean(word, verb_names(app));
-    else text = "unexpected argument \"" + word + "\"";
-  } else if (dynamic_cast<const CLI::RequiredError*>(&error) && chosen.empty()) {
-    // CLI11 misses the verb before it looks at what else is there.
+  // Unknown words first: CLI11 may complain about something that is missing because of them.
+  const auto option = std::find_if(extra.begin(), extra.end(), [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
+  const bool missing = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
+  if (option != extra.end()) {
+    const std::string word = option->substr(0, option->find('='));
+    text = "unknown option " + word + did_you_mean(word, option_names(scope));
+  } else if (chosen.empty() && !extra.empty()) {
+    text = "unknown verb \"" + extra.front() + "\"" + did_you_mean(extra.front(), verb_names(app));
+  } else if (chosen.empty() && missing) {
     std::string list;
     for (const std::string& name : verb_names(app)) list += (list.empty() ? "" : ", ") + name;
-    if (extra.empty()) text = "which verb? there are " + list;
-    else text = "unknown verb \"" + extra.front() + "\"" + did_you_mean(extra.front(), verb_names(app));
+    text = "which verb? there are " + list;
+  } else if (!extra.empty()) {
+    text = "unexpected argument \"" + extra.front() + "\"";
   }
   return text + "; see " + help;
 }

@@ -54,11 +54,11 @@ void add_tonemap(Program& program) {
   CLI::App* verb = add_verb(program, "tonemap", "Turn a linear picture into a PNG.", "octrad tonemap lhs.exr -o lhs.png --exposure 0.5");
   verb->add_option("input", options->input, "picture (EXR, HDR, PNG or JPG)")->required()->type_name("IN");
   verb->add_option("-o,--output", options->output, "PNG file")->required()->type_name("OUT.png");
-  verb->add_option("--exposure", options->exposure, "stops: radiance is multiplied by 2^E")->check(CLI::Range(-64.0, 64.0))->type_name("E")->capture_default_str();
-  verb->add_option("--curve", options->curve, "none | log1p: ln(1 + x)")->check(CLI::IsMember({"none", "log1p"}))->type_name("NAME")->capture_default_str();
+  verb->add_option("--exposure", options->exposure, "stops: radiance is multiplied by 2^E")->check(unnamed(CLI::Range(-64.0, 64.0)))->type_name("E")->capture_default_str();
+  verb->add_option("--curve", options->curve, "none | log1p: ln(1 + x)")->check(unnamed(CLI::IsMember({"none", "log1p"})))->type_name("NAME")->capture_default_str();
   CLI::Option* encoding = verb->add_option("--encoding", options->encoding, "srgb | gamma | linear")
-                              ->check(CLI::IsMember({"srgb", "gamma", "linear"}))->type_name("NAME")->capture_default_str();
-  verb->add_option("--gamma", options->gamma, "x^(1/G); implies --encoding gamma")->check(CLI::Range(0.1, 10.0))->type_name("G")->capture_default_str()
+                              ->check(unnamed(CLI::IsMember({"srgb", "gamma", "linear"})))->type_name("NAME")->capture_default_str();
+  verb->add_option("--gamma", options->gamma, "x^(1/G); implies --encoding gamma")->check(unnamed(CLI::Range(0.1, 10.0)))->type_name("G")->capture_default_str()
       ->each([options, encoding](const std::string&) { if (encoding->count() == 0) options->encoding = "gamma"; });
   CLI::Option* layer = verb->add_option("--layer", options->layer, "colour layer of an EXR, such as albedo")->type_name("NAME");
   verb->add_option("--channel", options->channel, "show one channel in false colours, such as depth.Z")->type_name("NAME")->excludes(layer);

@@ -1,0 +1,84 @@
+"""octrad info of the program, the configuration, models and pictures."""
+import json
+import os
+import struct
+import unittest
+
+from support import Case, write_hdr, write_safetensors
+
+
+class Info(Case):
+    def test_program(self):
+        info = self.ok("info", "--json", "--threads", "1").json()
+        self.assertEqual(info["threads"], 1)
+        self.assertRegex(info["version"], r"^\d+\.\d+\.\d+$")
+        self.assertTrue(info["isa"])
+        self.assertIn(info["version"], self.ok("info").out)
+
+    def test_keys(self):
+        info = self.ok("info", "--keys", "--json").json()
+        self.assertEqual(info["preset"], "cpu")
+        keys = {k["key"]: k["value"] for k in info["keys"]}
+        for key in ("octree.levels", "octree.features", "checkpoint.every", "disparity.base"):
+            self.assertIn(key, keys)
+        self.assertEqual(keys["octree.levels"], "5")
+        paper = self.ok("info", "--keys", "--json", "--preset", "paper", "-D", "checkpoint.every=3s", "-D", "octree.levels=6").json()["config"]
+        self.assertEqual((paper["octree"]["levels"], paper["checkpoint"]["every"], paper["train"]["steps"]), (6, 3.0, 20000))
+        self.assertIn("octree.levels = 5", self.ok("info", "--keys").out)
+
+    def test_resolved_config_reads_back(self):
+        for preset in ("paper", "default", "cpu"):
+            first = self.ok("info", "--keys", "--json", "--preset", preset, "-D", "adam.rate.features=0.0123").json()["config"]
+            file = self.write("c.json", json.dumps(first))
+            self.assertEqual(self.ok("info", "--keys", "--json", "--config", file).json()["config"], first)
+
+    def test_broken_configuration(self):
+        self.fails(1, 'did you mean "octree.levels"', "info", "--keys", "-D", "octree.level=5")
+        self.fails(1, "expected key=value", "info", "--keys", "-D", "octree.levels")
+        self.fails(1, "1 … 9", "info", "--keys", "-D", "octree.levels=10")
+        self.fails(1, 'did you mean "paper"', "info", "--keys", "--preset", "papre")
+        self.fails(3, "none.json", "info", "--keys", "--config", self.path("none.json"))
+        file = self.write("c.json", '{\n  "octree": {"levels": 5,}\n}')
+        self.fails(2, "c.json:2:26: not valid JSON", "info", "--keys", "--config", file)
+        file = self.write("c.json", '{"octree": {"level": 5}}')
+        self.fails(2, 'c.json: unknown configuration key "octree.level"', "info", "--keys", "--config", file)
+        file = self.write("c.json", '{"preset": "paper"}')
+        self.fails(1, "contradict", "info", "--keys", "--config", file, "--preset", "cpu")
+
+    def test_model(self):
+        file = self.path("m.octrad")
+        write_safetensors(file, {"octree.origin": ("F32", [3], struct.pack("<3f", 1, 2, 3)), "optimizer.x": ("F32", [1], bytes(4))},
+                          {"format": "octrad", "version": "1", "config": json.dumps({"octree": {"levels": 5}}), "step": "12"})
+        info = self.ok("info", file, "--json").json()
+        self.assertEqual(info["metadata"]["config"], {"octree": {"levels": 5}})
+        self.assertEqual(info["metadata"]["step"], 12)
+        self.assertEqual((info["bytes"], info["optimizer_bytes"]), (16, 4))
+        self.assertEqual({t["name"]: t["shape"] for t in info["tensors"]}, {"octree.origin": [3], "optimizer.x": [1]})
+        self.assertIn("octree.origin", self.ok("info", file).out)
+
+    def test_garbage_models(self):
+        file = self.path("m.octrad")
+        for content, text in ((b"", "empty"), (b"abc", "few bytes"), (os.urandom(4096), "header"), (struct.pack("<Q", 2) + b"[]", "JSON object"),
+                              (struct.pack("<Q", 1 << 60) + b"{}", "claims")):
+            with open(file, "wb") as out:
+                out.write(content)
+            self.fails(2, text, "info", file)
+        write_safetensors(file, {}, {"format": "other"})
+        self.fails(2, "no octrad model", "info", file)
+        self.fails(3, "none.octrad", "info", self.path("none.octrad"))
+
+    def test_picture(self):
+        file = self.path("a.hdr")
+        write_hdr(file, 4, 2, lambda x, y: (0.5, x, 0.0))
+        info = self.ok("info", file, "--json").json()
+        self.assertEqual((info["width"], info["height"]), (4, 2))
+        channels = {c["name"]: c for c in info["channels"]}
+        self.assertEqual((channels["G"]["min"], channels["G"]["mean"], channels["G"]["max"]), (0, 1.5, 3))
+        self.assertIn("4 x 2", self.ok("info", file).out)
+
+    def test_unknown_kind(self):
+        self.fails(1, "cannot tell", "info", self.write("a.txt", ""))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,59 @@
+"""Help, unknown words, common options."""
+import re
+import shlex
+import unittest
+
+from support import Case, run
+
+VERBS = re.findall(r"^  (\w+)  ", run("--help").out.split("Subcommands:")[1], re.M)
+
+
+class Usage(Case):
+    def test_verbs(self):
+        self.assertTrue({"compare", "info", "tonemap"} <= set(VERBS), VERBS)
+
+    def test_every_verb_explains_itself(self):
+        for verb in VERBS:
+            with self.subTest(verb=verb):
+                text = self.ok(verb, "--help").out
+                example = re.search(r"Example:\n((?:  .*\n?)+)", text)
+                self.assertIsNotNone(example, text)
+                options = set(re.findall(r"(?<![\w-])(--?[A-Za-z][\w-]*)", text.split("Example:")[0]))
+                for common in ("--threads", "--seed", "--max-memory", "--json", "-q", "-v", "--log-json"):
+                    self.assertIn(common, options)
+                for line in example.group(1).strip().splitlines():
+                    words = shlex.split(line)
+                    self.assertEqual(words[:2], ["octrad", verb])
+                    for word in words[2:]:
+                        if re.match(r"--?[A-Za-z]", word):
+                            self.assertIn(word, options, f"the example of {verb} uses an option that does not exist")
+
+    def test_version(self):
+        self.assertRegex(self.ok("--version").out, r"^octrad \d+\.\d+\.\d+\n$")
+
+    def test_unknown_words_are_suggested(self):
+        self.fails(1, 'did you mean "compare"', "compre")
+        self.fails(1, "which verb?")
+        self.fails(1, 'did you mean "--version"', "--versio")
+        for verb in VERBS:
+            self.fails(1, 'did you mean "--threads"', verb, "--thread", "2", *({"compare": ["a", "b"], "info": []}.get(verb, ["a"])))
+        self.fails(1, 'did you mean "--alpha-below"', "compare", "a", "b", "--alpha-bellow", "0.5")
+        self.fails(1, "unexpected argument", "info", "a.exr", "b.exr")
+
+    def test_bad_values(self):
+        self.fails(1, "--threads", "info", "--threads", "-1")
+        self.fails(1, "--threads", "info", "--threads", "two")
+        self.fails(1, "--seed", "info", "--seed", "1.5")
+        self.fails(1, "amount of memory", "info", "--max-memory", "4X")
+        self.fails(1, "above 0", "info", "--max-memory", "0")
+        self.fails(1, "required", "compare")
+
+    def test_closed_output_is_an_io_error(self):
+        with open("/dev/full", "w") as full:
+            result = run("info", stdout=full)
+        self.assertEqual(result.code, 3)
+        self.assertIn("standard output", result.err)
+
+
+if __name__ == "__main__":
+    unittest.main()
