@@ -1,0 +1,41 @@
+// Where something stands in an input file, and errors that say so.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace octrad {
+
+// A text file in memory that can tell line and column of a byte offset.
+class SourceFile {
+ public:
+  SourceFile(std::string name, std::string text);
+  const std::string& name() const { return name_; }
+  const std::string& text() const { return text_; }
+  // "name:line:column", both counted from 1; columns count bytes.
+  std::string where(std::size_t offset) const;
+
+ private:
+  std::string name_, text_;
+  std::vector<std::size_t> line_starts_;
+};
+
+// A place in a source file. Default constructed: nowhere.
+struct Location {
+  std::shared_ptr<const SourceFile> file;
+  std::size_t offset = 0;
+  std::string text() const { return file ? file->where(offset) : std::string("scene"); }
+};
+
+// Throws InputError("file:line:column: message").
+[[noreturn]] void fail(const Location& location, const std::string& message);
+
+// The whole file as bytes. Throws IoError naming the file.
+std::string read_file(const std::string& path);
+
+// "a, b, c".
+std::string join(const std::vector<std::string>& words, const std::string& separator = ", ");
+
+}  // namespace octrad
