@@ -39,8 +39,8 @@ class Mlp {
   void prepare();
 
   // n queries, any n <= stride. Linear output (the activation is the caller's). Thread-safe; no allocation when the
-  // per-thread workspace is warm. A query's result does not depend on n nor on the queries beside it (bit for bit, on
-  // one instruction set). in: [inputs][stride], out: [outputs][stride].
+  // per-thread workspace is warm. A query's result does not depend on n nor on the queries beside it (bit for bit;
+  // AVX2 and AVX-512 give the same bits, processors without FMA others). in: [inputs][stride], out: [outputs][stride].
   void forward(const float* in, int n, int stride, float* out) const;
 
   // Forward that keeps what backward needs: the hidden activations, query-major. One workspace per concurrently

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "base/rng.h"
@@ -201,6 +203,26 @@ TEST(Mlp, ForwardOfAQueryDoesNotDependOnItsNeighbours) {
       mlp.forward(in.data() + begin, std::min(size, kN - begin), kStride, parts.data() + begin);
     }
     EXPECT_EQ(whole, parts);
+  });
+}
+
+TEST(Mlp, SameBitsOnEveryTargetWithFusedMultiplyAdd) {
+  Mlp mlp({45, 100, 3, 3});
+  mlp.initialize(6, 0);
+  const std::vector<float> in = random_floats(45 * 128, 5), d_out = random_floats(3 * 128, 6);
+  std::vector<float> first;
+  for_each_target([&] {
+    const std::string name = network_simd_name();
+    if (name != "AVX2" && name != "AVX3") return;
+    std::vector<float> out(3 * 128), d_in(45 * 128), d_weights(mlp.parameter_count());
+    Mlp::Workspace keep;
+    mlp.forward(in.data(), 101, 128, out.data(), keep);
+    mlp.backward(in.data(), d_out.data(), keep, d_weights, d_in.data());
+    std::vector<float> all = out;
+    all.insert(all.end(), d_in.begin(), d_in.end());
+    all.insert(all.end(), d_weights.begin(), d_weights.end());
+    if (first.empty()) first = all;
+    EXPECT_TRUE(first == all);
   });
 }
 
