@@ -71,8 +71,8 @@ TEST(Voxelize, AgreesWithClippingEveryCell) {
         inner = inner || clip_overlaps(Vec3d(c), Vec3d(c) + Vec3d(1.0), p[0], p[1], p[2]);
         outer = outer || clip_overlaps(Vec3d(c) - Vec3d(2e-4), Vec3d(c) + Vec3d(1.0002), p[0], p[1], p[2]);
       }
-      if (inner) EXPECT_TRUE(found.count(code)) << "a hole at cell " << code << ", size " << size;
-      if (!outer) EXPECT_FALSE(found.count(code)) << "a spurious cell " << code << ", size " << size;
+      if (inner) { EXPECT_TRUE(found.count(code)) << "a hole at cell " << code << ", size " << size; }
+      if (!outer) { EXPECT_FALSE(found.count(code)) << "a spurious cell " << code << ", size " << size; }
       borderline += outer != inner;
     }
     EXPECT_LT(borderline, 40);
