@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that octrad needs and that are missing. Nothing is touched when all are there.
+#   scripts/install_deps.sh          what building and running needs
+#   scripts/install_deps.sh --test   also what the tests need
+set -euo pipefail
+
+packages=(
+  g++ cmake ninja-build pkg-config ccache
+  libembree-dev libtbb-dev libopenexr-dev libstb-dev libpugixml-dev libcli11-dev libfmt-dev nlohmann-json3-dev libhwy-dev
+  libtinyobjloader-dev
+)
+case "${1:-}" in
+  "") ;;
+  --test) packages+=(libgtest-dev python3 python3-numpy) ;;
+  *) echo "usage: scripts/install_deps.sh [--test]" >&2; exit 1 ;;
+esac
+
+if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
+  echo "This is not a Debian system, so nothing is installed here. octrad needs (Debian's names):" >&2
+  printf '  %s\n' "${packages[@]}" >&2
+  exit 0
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
+  [ "$status" = installed ] || missing+=("$package")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+as_root=()
+if [ "$(id -u)" != 0 ]; then
+  if ! command -v sudo >/dev/null; then
+    echo "Missing packages, and neither root nor sudo to install them. As root, run:" >&2
+    echo "  apt-get update && apt-get install --no-install-recommends ${missing[*]}" >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+echo "Installing: ${missing[*]}"
+"${as_root[@]}" apt-get -qq update
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "${missing[@]}" >/dev/null

@@ -1,0 +1,126 @@
+#!/usr/bin/env bash
+# Every check of the project, from a bare clone: installs what is missing, builds, tests, and ends with one line
+# "N passed, N failed, N skipped". About 20 minutes on two cores the first time, mostly compiling.
+#   scripts/test.sh              everything
+#   scripts/test.sh --fast       without the sanitizers and the demo
+# Scenes that are not part of this repository are looked for in $OCTRAD_SHARED, else in ../shared; tests that need them
+# are skipped without them.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+
+fast=0
+case "${1:-}" in
+  "") ;;
+  --fast) fast=1 ;;
+  *) echo "usage: scripts/test.sh [--fast]" >&2; exit 1 ;;
+esac
+
+started=$SECONDS
+passed=0 failed=0 skipped=0
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
+export CLICOLOR=0 GTEST_COLOR=no PYTHONDONTWRITEBYTECODE=1
+
+step() { printf '\n== %s  [%d s]\n' "$*" $((SECONDS - started)); }
+finish() {
+  printf '\nTook %d min %d s.\n' $(((SECONDS - started) / 60)) $(((SECONDS - started) % 60))
+  echo "$passed passed, $failed failed, $skipped skipped"
+  [ "$failed" = 0 ]
+  exit
+}
+last_number() { grep -oE "$2" "$1" | tail -n 1 | grep -oE '[0-9]+' | head -n 1; }
+
+# count NAME LOG STATUS: adds the results that a test program printed; a program that ends badly without a failed test
+# of its own (a crash, a sanitizer's report) is one failure.
+count() {
+  local name=$1 log=$2 status=$3 p=0 f=0 s=0
+  if grep -qE '^\[==========\] .* ran\.' "$log"; then                                  # GoogleTest
+    p=$(last_number "$log" '^\[  PASSED  \] [0-9]+'); s=$(last_number "$log" '^\[  SKIPPED \] [0-9]+ test')
+    f=$(last_number "$log" '^\[  FAILED  \] [0-9]+ test')
+  elif grep -qE '^[0-9]+ passed, [0-9]+ failed' "$log"; then                           # our own scripts
+    p=$(last_number "$log" '^[0-9]+ passed'); f=$(grep -oE '^[0-9]+ passed, [0-9]+ failed' "$log" | tail -n 1 | grep -oE '[0-9]+ failed' | grep -oE '[0-9]+')
+    s=$(grep -oE '[0-9]+ skipped$' "$log" | tail -n 1 | grep -oE '[0-9]+')
+  elif grep -qE '^Ran [0-9]+ test' "$log"; then                                        # Python's unittest
+    f=$(($(grep -oE 'failures=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0) + $(grep -oE 'errors=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0)))
+    s=$(grep -oE 'skipped=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+')
+    p=$(($(last_number "$log" '^Ran [0-9]+') - f - ${s:-0}))
+  elif [ "$status" = 0 ]; then
+    p=1
+  fi
+  p=${p:-0} f=${f:-0} s=${s:-0}
+  if [ "$status" != 0 ] && [ "$f" = 0 ]; then f=1; fi
+  passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
+  if [ "$status" != 0 ] || [ "$f" != 0 ]; then
+    tail -n 60 "$log" | sed 's/^/    /'
+    printf '  FAILED   %s (status %d, %d failed)\n' "$name" "$status" "$f"
+  elif [ "$p" = 0 ] && [ "$s" = 0 ]; then
+    failed=$((failed + 1)); printf '  FAILED   %s: ran no test\n' "$name"
+  else
+    printf '  ok       %-32s %4d passed %s\n' "$name" "$p" "$([ "$s" = 0 ] || echo "$s skipped")"
+    grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | sort -u | head -n 5 | sed 's/^/             /'
+  fi
+}
+check() {  # check NAME COMMAND...
+  local name=$1 log
+  log=$logs/$(echo "$1" | tr ' /' '__').log
+  shift
+  "$@" >"$log" 2>&1 </dev/null
+  count "$name" "$log" $?
+}
+skip() { skipped=$((skipped + 1)); printf '  SKIPPED  %s\n' "$*"; }
+fatal() { failed=$((failed + 1)); printf '  FAILED   %s\n' "$*"; finish; }
+
+step "Dependencies"
+scripts/install_deps.sh --test || fatal "cannot install what is missing"
+python=
+for candidate in python3 /usr/bin/python3; do
+  if "$candidate" -c 'import numpy' 2>/dev/null; then python=$candidate; break; fi
+done
+[ -n "$python" ] || fatal "no Python with numpy"
+
+step "House rules"
+check "include directions" "$python" tests/check_includes.py
+for script in scripts/*.sh .ci/run; do check "syntax of $script" bash -n "$script"; done
+if "$python" scenes/generate.py >/dev/null 2>&1 && git diff --quiet -- scenes; then
+  passed=$((passed + 1)); printf '  ok       scenes/generate.py makes the files in the repository\n'
+else
+  printf '  note     scenes/generate.py makes other bytes than the repository has (or an edit is not committed)\n'
+  git checkout -q -- 'scenes/*.ply' 'scenes/*.png' 2>/dev/null || true
+fi
+
+step "Build: optimised, assertions on, warnings are errors"
+TARGETS=all scripts/build.sh build-test -DOCTRAD_ASSERTS=ON -DOCTRAD_WERROR=ON -DOCTRAD_TESTS=ON >"$logs/build" 2>&1 ||
+  { tail -n 60 "$logs/build"; fatal "the build"; }
+export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
+
+step "Unit tests"
+for program in build-test/test_*; do [ -x "$program" ] && check "$(basename "$program")" "$program"; done
+
+step "Tests across rooms"
+for script in tests/test_*.py; do [ -e "$script" ] && check "$script" "$python" "$script"; done
+
+step "Host and device headers under nvcc"
+nvcc=$(command -v nvcc || ls /usr/local/cuda/bin/nvcc 2>/dev/null || true)
+if [ -n "$nvcc" ]; then
+  unit=$logs/math_headers.cu
+  (cd src && find . -name '*_math.h' | sort | sed 's|^\./|#include "|; s|$|"|') >"$unit"
+  check "nvcc: $(wc -l <"$unit") headers" "$nvcc" -std=c++17 --expt-relaxed-constexpr -arch=sm_75 -Isrc -c "$unit" -o "$logs/math_headers.o"
+else
+  skip "nvcc is not installed"
+fi
+
+if [ $fast = 0 ]; then
+  step "Demo, small and short"
+  check "scripts/demo.sh --quick" scripts/demo.sh --quick
+
+  step "Build with the address and undefined-behaviour sanitizers"
+  targets=$(cd build-test && ls test_* | tr '\n' ' ')
+  TARGETS=$targets scripts/build.sh build-sanitize -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_SANITIZE=address,undefined \
+    -DCMAKE_CXX_FLAGS_RELEASE="-O1" >"$logs/build-sanitize" 2>&1 || { tail -n 60 "$logs/build-sanitize"; fatal "the sanitizer build"; }
+
+  step "Unit tests under the sanitizers"
+  export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1 OCTRAD_SANITIZED=1
+  for program in build-sanitize/test_*; do [ -x "$program" ] && check "sanitized $(basename "$program")" "$program"; done
+fi
+
+finish

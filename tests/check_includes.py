@@ -1,0 +1,78 @@
+#!/usr/bin/env python3
+"""House rules that a program can check (ARCHITECTURE.md). Prints each breach, then "N passed, N failed, N skipped".
+
+- Includes go down only, and each room includes only what it may know.
+- *_math.h headers are host and device code: no heap, containers, exceptions or threads.
+- Headers have #pragma once; sources stay below 800 lines and headers below 400 (tables of test data aside).
+"""
+import pathlib
+import re
+import sys
+
+SOURCE = pathlib.Path(__file__).resolve().parent.parent / "src"
+
+# Room -> rooms it may include, besides itself.
+ALLOWED = {"base": set(), "image": {"base"}}
+ALLOWED["scene"] = ALLOWED["image"] | {"image"}
+ALLOWED["geometry"] = ALLOWED["scene"] | {"scene"}
+ALLOWED["shading"] = ALLOWED["geometry"] | {"geometry"}
+ALLOWED["transport"] = ALLOWED["shading"] | {"shading"}
+ALLOWED["encoding"] = {"base"}
+ALLOWED["network"] = {"base"}
+ALLOWED["model"] = {"base", "encoding", "network"}
+ALLOWED["train"] = ALLOWED["transport"] | ALLOWED["model"] | {"transport", "model"}
+ALLOWED["render"] = set(ALLOWED["train"])
+ALLOWED["app"] = ALLOWED["train"] | {"train", "render"}
+
+INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]', re.M)
+HOST_ONLY = {"vector", "string", "map", "unordered_map", "memory", "functional", "stdexcept", "iostream", "fstream", "thread",
+             "mutex", "span", "optional"}
+
+
+def code_of(text):
+    """The text without comments and string literals."""
+    return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', "", text, flags=re.S)
+
+
+def breaches(path, text):
+    room = path.relative_to(SOURCE).parts[0]
+    if room not in ALLOWED:
+        yield "room %s is not in ARCHITECTURE.md" % room
+        return
+    for kind, name in INCLUDE.findall(text):
+        target = name.split("/")[0] if "/" in name else None
+        if kind == '"' and target not in ALLOWED:
+            yield 'include "%s" names no room (write "room/file.h")' % name
+        elif target in ALLOWED and target != room and target not in ALLOWED[room]:
+            yield "%s must not include %s (%s)" % (room, target, name)
+        if path.name.endswith("_math.h") and kind == "<" and name in HOST_ONLY:
+            yield "a _math.h header must not include <%s>" % name
+    if path.name.endswith("_math.h"):
+        for word in sorted(set(re.findall(r"\b(throw|new|delete|std::vector|std::string|virtual)\b", code_of(text)))):
+            yield "a _math.h header must not use %s" % word
+    lines = text.count("\n")
+    if path.suffix == ".h":
+        if "#pragma once" not in text:
+            yield "no #pragma once"
+        if lines > 400 and not path.stem.endswith("_test_data"):
+            yield "%d lines; split headers above 400" % lines
+    elif lines > 800:
+        yield "%d lines; split sources above 800" % lines
+
+
+def main():
+    failed = passed = 0
+    for path in sorted(p for p in SOURCE.rglob("*") if p.suffix in (".h", ".cc", ".cu")):
+        found = list(breaches(path, path.read_text()))
+        for breach in found:
+            print("%s: %s" % (path.relative_to(SOURCE.parent), breach))
+        failed, passed = failed + bool(found), passed + (not found)
+    if passed + failed == 0:
+        print("no sources found under %s" % SOURCE)
+        failed = 1
+    print("%d passed, %d failed, 0 skipped" % (passed, failed))
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
