@@ -97,6 +97,7 @@ step "Unit tests"
 for program in build-test/test_*; do [ -x "$program" ] && check "$(basename "$program")" "$program"; done
 
 step "Tests across rooms"
+check "command line" "$python" tests/cli/run.py "$OCTRAD"
 for script in tests/test_*.py; do [ -e "$script" ] && check "$script" "$python" "$script"; done
 
 step "Host and device headers under nvcc"
