@@ -14,28 +14,30 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "encoding/feature_rows-inl.h"
+
 #ifndef OCTRAD_ENCODING_OCTAOCTREE_SIMD_ONCE
 #define OCTRAD_ENCODING_OCTAOCTREE_SIMD_ONCE
 namespace octrad {
 namespace {
 
-constexpr int kLanes = 16;     // most queries in a step
+constexpr int kMaxLanes = 16;  // most queries in a step
 constexpr int kBlock = 256;    // queries processed level by level
 constexpr int kCorners = 8;
 
 // A block's inputs, one array a component. Lanes beyond the batch hold positions that are not a number: no cell counts.
 struct QueryBlock {
-  alignas(64) float p[3][kBlock + kLanes];   // position normalised to the domain
-  alignas(64) float w[3][kBlock + kLanes];
-  alignas(64) float d[kBlock + kLanes];
+  alignas(64) float p[3][kBlock + kMaxLanes];   // position normalised to the domain
+  alignas(64) float w[3][kBlock + kMaxLanes];
+  alignas(64) float d[kBlock + kMaxLanes];
 };
 
 // What the address stage hands to the gather stage for one level and one step.
 struct StepTaps {
-  alignas(64) std::uint32_t entry[kCorners][3][kLanes];
-  alignas(64) float weight[kCorners][3][kLanes];
-  alignas(64) float slope[kCorners][3][kLanes];        // weight's derivative by the disparity (record only)
-  alignas(64) std::uint32_t corners[kLanes];           // bit j: corner j's cell counts
+  alignas(64) std::uint32_t entry[kCorners][3][kMaxLanes];
+  alignas(64) float weight[kCorners][3][kMaxLanes];
+  alignas(64) float slope[kCorners][3][kMaxLanes];        // weight's derivative by the disparity (record only)
+  alignas(64) std::uint32_t corners[kMaxLanes];           // bit j: corner j's cell counts
 };
 
 void load_block(const OctaOctreeView& view, const Vec3f* x, const Vec3f* w, const float* d, int n, QueryBlock& block) {
@@ -47,7 +49,7 @@ void load_block(const OctaOctreeView& view, const Vec3f* x, const Vec3f* w, cons
     }
     block.d[i] = d[i];
   }
-  for (int i = n; i < n + kLanes; ++i) {
+  for (int i = n; i < n + kMaxLanes; ++i) {
     for (int a = 0; a < 3; ++a) {
       block.p[a][i] = std::numeric_limits<float>::quiet_NaN();
       block.w[a][i] = 0.0f;
@@ -64,13 +66,6 @@ HWY_BEFORE_NAMESPACE();
 namespace octrad {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
-
-using F = hn::CappedTag<float, kLanes>;
-using I = hn::RebindToSigned<F>;
-using U = hn::RebindToUnsigned<F>;
-using VF = hn::Vec<F>;
-using VI = hn::Vec<I>;
-using VU = hn::Vec<U>;
 
 // One axis of the stencil, lower and upper cell.
 struct Axis {
@@ -261,11 +256,6 @@ HWY_INLINE void prefetch_stage(const float* HWY_RESTRICT table, const StepTaps& 
   }
 }
 
-// A feature vector is kParts<C> of these.
-constexpr int kWidest = HWY_LANES(float) < 8 ? HWY_LANES(float) : 8;
-template <int C> using Feature = hn::FixedTag<float, (C < kWidest ? C : kWidest)>;
-template <int C> constexpr int kParts = C < kWidest ? 1 : C / kWidest;
-
 // Sums the feature vectors of one step: value[q C + c] and, when recording, its derivative.
 template <int C, bool kRecord>
 HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& taps, int lanes, float* HWY_RESTRICT value, float* HWY_RESTRICT slope) {
@@ -290,34 +280,6 @@ HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& 
       hn::Store(sum[part], f, value + q * C + part * kStep);
       if constexpr (kRecord) hn::Store(rate[part], f, slope + q * C + part * kStep);
     }
-  }
-}
-
-// [n][C] -> rows of the feature-major output.
-template <int C>
-HWY_INLINE void write_rows(const float* HWY_RESTRICT value, int n, float* HWY_RESTRICT out, std::int64_t stride) {
-#if HWY_TARGET != HWY_SCALAR
-  const F f;
-  if (n == static_cast<int>(hn::Lanes(f))) {
-    if constexpr (C == 4) {
-      VF a, b, c, d;
-      hn::LoadInterleaved4(f, value, a, b, c, d);
-      hn::StoreU(a, f, out);
-      hn::StoreU(b, f, out + stride);
-      hn::StoreU(c, f, out + 2 * stride);
-      hn::StoreU(d, f, out + 3 * stride);
-      return;
-    } else if constexpr (C == 2) {
-      VF a, b;
-      hn::LoadInterleaved2(f, value, a, b);
-      hn::StoreU(a, f, out);
-      hn::StoreU(b, f, out + stride);
-      return;
-    }
-  }
-#endif
-  for (int c = 0; c < C; ++c) {
-    for (int q = 0; q < n; ++q) out[c * stride + q] = value[q * C + c];
   }
 }
 
