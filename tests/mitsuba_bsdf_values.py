@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Writes src/shading/mitsuba_values_test_data.h: what Mitsuba 3 (scalar_rgb) computes for a set of BSDFs and directions.
+"""Writes src/shading/mitsuba_values_test_data.h: what Mitsuba 3 (scalar_rgb) computes for a set of BSDFs and directions,
+and for an environment map.
 
     python3 tests/mitsuba_bsdf_values.py > src/shading/mitsuba_values_test_data.h
 
 Needs `pip install mitsuba`. The unit test shading/mitsuba_values_test.cc compares our models with these numbers.
 """
 import math
+import numpy as np
 import mitsuba as mi
 
 mi.set_variant("scalar_rgb")
@@ -132,4 +134,23 @@ print("inline const MitsubaEvaluation kMitsubaEvaluations[] = {")
 print("\n".join(evaluations))
 print("};\n\ninline const MitsubaSample kMitsubaSamples[] = {")
 print("\n".join(samples))
+print("};\n")
+
+# An environment of 12 x 7 pixels with values 0.25 + (7 x + 13 y + 5 c + x y) mod 11, turned about an oblique axis.
+width, height = 12, 7
+pixels = np.array([[[0.25 + (7 * x + 13 * y + 5 * c + x * y) % 11 for c in range(3)] for x in range(width)] for y in range(height)], dtype=np.float32)
+to_world = mi.ScalarTransform4f().rotate([2 / 3, 1 / 3, 2 / 3], 50)
+environment = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(pixels), "to_world": to_world})
+matrix = np.array(to_world.matrix)[:3, :3]
+print("struct MitsubaEnvironmentValue {\n  Vec3f direction, radiance;\n  float pdf;\n};")
+print("inline const float kMitsubaEnvironmentToWorld[9] = %s;" % cpp(matrix.flatten()))
+print("inline const MitsubaEnvironmentValue kMitsubaEnvironment[] = {")
+for theta in [1, 12, 47, 88, 91, 133, 172, 179]:
+    for phi in [0.5, 44, 90, 179, 181, 266, 300, 359]:
+        d = direction(theta, phi)
+        si = mi.SurfaceInteraction3f()
+        si.wi = [-v for v in d]
+        ds = mi.DirectionSample3f()
+        ds.d = d
+        print("    {%s, %s, %s}," % (cpp(d), cpp(environment.eval(si)), cpp([environment.pdf_direction(mi.Interaction3f(), ds)])[1:-1]))
 print("};\n\n}  // namespace octrad")

@@ -67,7 +67,7 @@ namespace {
 
 Vec2f direction_to_uv(Vec3f d) {
   const float u = std::atan2(d.x, -d.z) * (0.5f * kInvPi);
-  const float v = std::acos(std::clamp(d.y, -1.0f, 1.0f)) * kInvPi;
+  const float v = std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * kInvPi;  // acos(y), accurate at the poles
   return {u - std::floor(u), v};
 }
 
