@@ -9,7 +9,7 @@ RenderResult render_path(const PathContext& context, const RenderOptions& option
     for (std::size_t i = 0; i < samples.size(); ++i) {
       CameraSample& s = samples[i];
       FirstHit first;
-      const Vec3f radiance = trace_path(context, s.ray.origin, s.ray.direction, s.t_min, s.t_max, limits, s.rng, first, path);
+      const Vec3f radiance = trace_path(context, s.ray, limits, s.rng, first, path);
       out[i] = {radiance, first.albedo, first.normal, first.depth, first.roughness};
     }
     SampleCounts counts;

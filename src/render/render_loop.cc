@@ -44,9 +44,7 @@ SampleCounts render_tile(const RenderOptions& o, const SampleFunction& integrato
         Rng rng(o.seed, RngPurpose::pixel, static_cast<std::uint64_t>(i) * pixels + pixel);
         const Vec2f u = rng.uniform2();
         const Vec2f p{static_cast<float>(x) + u.x, static_cast<float>(y) + u.y};
-        const Ray ray = o.camera.generate(p, o.width, o.height);
-        const float cos = std::max(1e-6f, dot(ray.direction, o.camera.forward));
-        samples.push_back({ray, rng, p, o.camera.near_clip / cos, o.camera.far_clip / cos});
+        samples.push_back({o.camera.generate(p, o.width, o.height), rng, p});
       }
     }
   }

@@ -31,12 +31,11 @@ struct RenderOptions {
   std::function<void(int spp_done, double seconds)> progress;  // after each pass
 };
 
-// One primary ray with the random stream of its pixel and sample.
+// One primary ray, from the near to the far clipping plane, with the random stream of its pixel and sample.
 struct CameraSample {
   Ray ray;
   Rng rng;                         // what comes after the position
   Vec2f position;                  // on the film, pixels
-  float t_min = 0.0f, t_max = 0.0f;  // the camera's clipping planes, along the ray
 };
 
 struct SampleCounts {

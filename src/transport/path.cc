@@ -6,10 +6,11 @@
 
 namespace octrad {
 
-Vec3f trace_path(const PathContext& context, Vec3f origin, Vec3f direction, float t_min, float t_max, const PathLimits& limits,
-                 Rng& rng, FirstHit& first, PathCounters& counters) {
+Vec3f trace_path(const PathContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters) {
   Vec3f radiance{0, 0, 0};
   if (limits.max_depth == 0) return radiance;
+  Vec3f origin = ray.origin, direction = ray.direction;
+  float t_max = ray.t_max;
   Vec3f throughput{1, 1, 1};
   float eta = 1.0f;                // product of relative indices: radiance shrinks by 1 / eta^2 inside glass and comes back
   float previous_pdf = 1.0f;       // of the direction that led here
@@ -17,7 +18,7 @@ Vec3f trace_path(const PathContext& context, Vec3f origin, Vec3f direction, floa
   float passed = 0.0f;             // distance of masked surfaces already passed, for the first hit's depth
   const bool bounded = limits.max_depth > 0;
   for (int depth = 0;; ++depth) {
-    const Hit hit = context.tracer.intersect(origin, direction, t_min, t_max);
+    const Hit hit = context.tracer.intersect(origin, direction, 0.0f, t_max);
     ++counters.rays;
     if (!hit.valid()) {
       if (context.lights.has_environment()) {
@@ -77,7 +78,6 @@ Vec3f trace_path(const PathContext& context, Vec3f origin, Vec3f direction, floa
     }
     direction = s.null ? direction : normalize(point.to_world(s.wi));
     origin = offset_origin(surface.position, surface.geometric_normal, direction);
-    t_min = 0.0f;
     t_max = std::numeric_limits<float>::infinity();
     previous_pdf = s.pdf;
     previous_delta = s.delta;

@@ -35,11 +35,10 @@ struct PathCounters {
   long long rays = 0;              // closest-hit and shadow rays
 };
 
-// Unbiased estimate of the radiance arriving at `origin` from `direction` (unit), starting between t_min and t_max:
+// Unbiased estimate of the radiance that arrives along `ray`:
 // next-event estimation of one emitter and one BSDF sample at every vertex, combined by the balance heuristic
 // (Veach 1997, section 9.2), so that a light of density p_l reached with f contributes f L / (p_l + p_b) from both.
 // Transparent masks block shadow rays and count as a bounce, as in Mitsuba's `path`.
-Vec3f trace_path(const PathContext& context, Vec3f origin, Vec3f direction, float t_min, float t_max, const PathLimits& limits,
-                 Rng& rng, FirstHit& first, PathCounters& counters);
+Vec3f trace_path(const PathContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters);
 
 }  // namespace octrad
