@@ -11,6 +11,7 @@ struct SurfacePoint {
   Vec3f wo;                // unit direction towards the viewer
   Vec3f albedo;            // linear RGB, independent of wo
   float alpha = 1.0f;      // roughness: 1 diffuse, 0 perfectly smooth
+  float disparity = 0.0f;  // 1 / distance along the mirror direction, only where `lookup.offset = traced` asks for it
 };
 
 }  // namespace octrad

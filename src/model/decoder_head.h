@@ -1,0 +1,66 @@
+// The last part of every field: the decoder MLP over [encoding, position, direction, normal, albedo, roughness], its
+// output activation, exposure and albedo demodulation, loss and gradient (method sections 5-7).
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/surface_point.h"
+#include "model/config.h"
+#include "model/field_storage.h"
+#include "network/adam.h"
+#include "network/mlp.h"
+
+namespace octrad {
+
+// Direction with which a field is looked up at a point (method section 1).
+enum class RoughDirection { normal, mirror };
+struct LookupRule {
+  bool mirror = true;              // lookup.direction: mirror | outgoing
+  RoughDirection rough = RoughDirection::normal;
+  float rough_threshold = 0.5f;
+};
+LookupRule lookup_rule(const Config& config);
+Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point);
+
+enum class OutputActivation { squareplus, exp, abs };
+
+class DecoderHead {
+ public:
+  static constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
+
+  DecoderHead(const Config& config, int encoding_features, int width, int hidden, OutputActivation activation, Vec3f origin,
+              Vec3f size, unsigned long long stream);
+
+  // Fills rows [first, first + 13) of the feature-major inputs [rows][stride].
+  void fill_inputs(std::span<const SurfacePoint> points, const Vec3f* directions, float* inputs, int first, int stride) const;
+  // Radiance from the linear outputs [3][stride].
+  void activate(std::span<const SurfacePoint> points, const float* linear, int stride, Vec3f* radiance) const;
+  // Loss summed over points and channels, and its gradient (scaled by 1 / (3 batch)) at the linear outputs [3][stride].
+  double loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const float* linear, int stride,
+              std::size_t batch, double epsilon, float* d_linear, long long& non_finite) const;
+
+  Mlp& mlp() { return mlp_; }
+  const Mlp& mlp() const { return mlp_; }
+  DenseAdam& adam() { return adam_; }
+  void set_target_scale(float scale) { target_scale_ = scale; }
+  float target_scale() const { return target_scale_; }
+
+ private:
+  Vec3f factor(const SurfacePoint& point) const;  // exposure times demodulation
+
+  Mlp mlp_;
+  DenseAdam adam_;
+  OutputActivation activation_;
+  bool symmetric_loss_;
+  bool demodulate_;
+  float rough_threshold_;
+  float target_scale_ = 1.0f;
+  Vec3f position_scale_, position_offset_;  // decoder input = x * scale + offset
+};
+
+// Rounds a batch up to whole kernel tiles.
+inline int padded(int n) { return (n + kMlpTile - 1) / kMlpTile * kMlpTile; }
+
+}  // namespace octrad

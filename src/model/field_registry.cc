@@ -1,0 +1,78 @@
+#include <cmath>
+
+#include "base/error.h"
+#include "model/nr_field.h"
+#include "model/octaoctree_field.h"
+#include "model/radiance_field.h"
+
+namespace octrad {
+namespace {
+
+template <typename Field>
+std::unique_ptr<RadianceField> make(const Config& config, const FieldDomain& domain) {
+  return std::make_unique<Field>(config, domain);
+}
+
+// Every field, by the name that `--field` and the model file use.
+struct Entry {
+  const char* name;
+  std::unique_ptr<RadianceField> (*make)(const Config&, const FieldDomain&);
+};
+constexpr Entry kFields[] = {
+    {"octaoctree", make<OctaOctreeField>},
+    {"nr", make<NrField>},
+};
+
+double hash_grid_entries(int levels, int log2_table, int base, double growth) {
+  double total = 0.0;
+  for (int l = 0; l < levels; ++l) {
+    const double r = std::ceil(base * std::pow(growth, l) - 1.0) + 1.0;
+    total += std::min(r * r * r, std::ldexp(1.0, log2_table));
+  }
+  return total;
+}
+
+}  // namespace
+
+std::vector<std::string> field_names() {
+  std::vector<std::string> names;
+  for (const Entry& e : kFields) names.emplace_back(e.name);
+  return names;
+}
+
+std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
+  std::string known;
+  for (const Entry& e : kFields) {
+    if (config.field == e.name) return e.make(config, domain);
+    known += std::string(known.empty() ? "" : ", ") + e.name;
+  }
+  throw UsageError("unknown field \"" + config.field + "\"" + did_you_mean(config.field, field_names()) + "; known fields: " + known);
+}
+
+std::vector<MemoryItem> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level, bool training) {
+  // Floats an entry: the value, and for training two moments and a step count (dense Adam is the same state).
+  std::vector<MemoryItem> items;
+  const auto table = [&](const std::string& what, double entries, int features) {
+    items.push_back({what + " features", entries * features * 4.0});
+    if (training) items.push_back({what + " optimiser state", entries * (features * 8.0 + 2.0)});
+  };
+  if (config.field == "octaoctree") {
+    double entries = 0.0;
+    for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
+      entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
+    }
+    table("octree", entries, config.octree_features);
+    table("disparity grid", hash_grid_entries(config.disparity_levels, config.disparity_log2_table, config.disparity_base, config.disparity_scale),
+          config.disparity_features);
+  } else {
+    table("hash grid", hash_grid_entries(config.nr_levels, config.nr_log2_table, config.nr_base, config.nr_scale), config.nr_features);
+  }
+  if (training) {
+    // A shaded point with its target, its contributions to the tables (about 40 of 64 cells of a query hold surfaces) and upstream gradients.
+    const double taps = config.field == "octaoctree" ? config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0 : config.nr_levels * 8.0;
+    items.push_back({"batch", config.train_points * (600.0 + taps * 16.0)});
+  }
+  return items;
+}
+
+}  // namespace octrad

@@ -1,0 +1,43 @@
+// Neural Radiosity (Hadadan et al. 2021) as the paper's authors ran it (method section 9): a hash grid over position and a
+// decoder. The comparison for everything that the OctaOctree claims.
+#pragma once
+
+#include <memory>
+
+#include "encoding/hash_grid.h"
+#include "model/decoder_head.h"
+#include "model/field_storage.h"
+#include "model/radiance_field.h"
+
+namespace octrad {
+
+class NrField : public RadianceField {
+ public:
+  NrField(const Config& config, const FieldDomain& domain);
+
+  std::string name() const override { return "nr"; }
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override;
+  FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon, double rate_scale) override;
+  void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
+  float target_scale() const override { return decoder_.target_scale(); }
+  int feature_count() const override { return grid_.feature_count(); }
+  int levels() const override { return grid_.options().levels; }
+  void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const override;
+  void save(TensorWriter& out, bool optimizer) override;
+  bool load(const TensorReader& in, bool optimizer) override;
+  std::size_t parameter_count() const override { return grid_.table().size() + decoder_.mlp().parameter_count(); }
+
+ private:
+  struct Encoded;
+  void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
+  void make_optimizer();
+
+  Config config_;
+  Vec3f origin_, size_;
+  HashGrid grid_;
+  DecoderHead decoder_;
+  std::unique_ptr<SparseAdam> grid_adam_;
+  std::vector<float> upstream_;    // [point][level][feature]
+};
+
+}  // namespace octrad

@@ -1,0 +1,55 @@
+// The paper's field: disparity predictor, OctaOctree encoding, decoder (method sections 4-7).
+#pragma once
+
+#include <memory>
+
+#include "encoding/hash_grid.h"
+#include "encoding/octaoctree.h"
+#include "model/decoder_head.h"
+#include "model/field_storage.h"
+#include "model/radiance_field.h"
+#include "network/adam.h"
+
+namespace octrad {
+
+class OctaOctreeField : public RadianceField {
+ public:
+  OctaOctreeField(const Config& config, const FieldDomain& domain);
+
+  std::string name() const override { return "octaoctree"; }
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override;
+  FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon, double rate_scale) override;
+  void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
+  float target_scale() const override { return decoder_.target_scale(); }
+  int feature_count() const override { return octree_.feature_count(); }
+  int levels() const override { return octree_.options().levels; }
+  void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const override;
+  void save(TensorWriter& out, bool optimizer) override;
+  bool load(const TensorReader& in, bool optimizer) override;
+  std::size_t parameter_count() const override;
+
+ private:
+  enum class Offset { predicted, none, traced };
+  struct Encoded;   // a chunk of queries on its way through the field
+  struct Gradients; // what a group of queries contributes to one optimiser step
+
+  void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
+  double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first, std::size_t batch,
+                  double epsilon, Encoded& e, Gradients& gradients);
+  void make_optimizers();
+
+  Config config_;
+  Vec3f origin_, size_;
+  LookupRule rule_;
+  Offset offset_;
+  float disparity_unit_;           // disparity = SquarePlus(output) * unit, in 1/world units
+  OctaOctree octree_;
+  HashGrid grid_;
+  Mlp disparity_;
+  DecoderHead decoder_;
+  DenseAdam disparity_adam_;
+  std::unique_ptr<SparseAdam> octree_adam_, grid_adam_;  // made when training starts: they are larger than the field
+  std::vector<float> octree_upstream_, grid_upstream_;   // [point][level][feature]
+};
+
+}  // namespace octrad

@@ -1,0 +1,126 @@
+#include "transport/lhs_sampler.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/threads.h"
+
+namespace octrad {
+namespace {
+
+constexpr int kTries = 64;  // per point: a walk may leave the scene, an area sample may lie on a black back
+
+Vec3f uniform_sphere(Vec2f u) {
+  const float z = 1.0f - 2.0f * u.x;
+  const float r = std::sqrt(std::max(0.0f, 1.0f - z * z));
+  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
+}
+
+// Cosine-distributed direction around `n`.
+Vec3f cosine_direction(Vec3f n, Vec2f u) {
+  const Vec3f v = n + uniform_sphere(u) * 0.9999f;  // a unit sphere tangent at the point, seen from it: cosine density
+  return normalize(v);
+}
+
+// The same surface seen from `wo` instead; false where that side is black.
+bool reshade(const Scene& scene, const SurfaceInteraction& surface, Vec3f wo, ShadingPoint& point) {
+  point = shade(scene, surface, wo);
+  point.bsdf.opacity = 1.0f;
+  return !point.black;
+}
+
+// Through a uniform pixel of the camera's own film.
+Ray random_ray(const Camera& camera, Rng& rng) {
+  const int width = std::max(1, camera.film_width), height = std::max(1, camera.film_height);
+  const Vec2f u = rng.uniform2();
+  return camera.generate({u.x * static_cast<float>(width), u.y * static_cast<float>(height)}, width, height);
+}
+
+}  // namespace
+
+LhsSampler::LhsSampler(const TransportContext& context, const LhsOptions& options, const std::vector<Camera>& cameras)
+    : context_(context), options_(options), surfaces_(context.scene), poses_(context.scene.cameras) {
+  poses_.insert(poses_.end(), cameras.begin(), cameras.end());
+  if (poses_.empty()) throw InputError("the scene has no sensor and no camera file was given: there is nowhere to start walks from");
+  if (poses_.size() == 1) generate_poses();
+}
+
+// Poses in the free space that the first camera can reach: a point part of the way along a short random walk from it,
+// looking in a random direction. Points inside closed objects cannot be reached by such a walk.
+void LhsSampler::generate_poses() {
+  const Camera first = poses_.front();
+  for (int i = 0; static_cast<int>(poses_.size()) < options_.poses && i < 8 * options_.poses; ++i) {
+    Rng rng(options_.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
+    Ray ray = random_ray(first, rng);
+    const int segments = 1 + static_cast<int>(rng.below(3));
+    Vec3f position = ray.origin;
+    bool found = false;
+    for (int s = 0; s < segments; ++s) {
+      const Hit hit = context_.tracer.intersect(ray.origin, ray.direction, 0.0f, kRayInfinity);
+      if (!hit.valid()) break;
+      position = ray.origin + ray.direction * (hit.t * (0.05f + 0.9f * rng.uniform()));
+      found = true;
+      const SurfaceInteraction surface = interact(context_.scene, hit, ray.origin, ray.direction);
+      const Vec3f n = dot(surface.geometric_normal, ray.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
+      ray = {offset_origin(surface.position, surface.geometric_normal, n), cosine_direction(n, rng.uniform2())};
+    }
+    const Vec3f direction = uniform_sphere(rng.uniform2());
+    if (!found) continue;
+    Camera pose = look_at(position, position + direction, std::abs(direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), 90.0f, Camera::FovAxis::x);
+    poses_.push_back(pose);
+  }
+}
+
+bool LhsSampler::walk_point(Rng& rng, ShadingPoint& point) const {
+  const Camera& pose = poses_[rng.below(static_cast<std::uint32_t>(poses_.size()))];
+  const Ray ray = random_ray(pose, rng);
+  RayEnd end = follow_ray(context_, ray.origin, nullptr, ray.direction, rng, false, options_.max_walk);
+  for (int vertex = 0; vertex < options_.max_walk && end.surface; ++vertex) {
+    if (rng.uniform() < options_.stop_probability) {
+      point = end.point;
+      if (rng.uniform() < options_.keep_direction) return true;
+      const Vec3f n = dot(point.ns, point.wo) < 0.0f ? -point.ns : point.ns;
+      return reshade(context_.scene, end.point.surface, cosine_direction(n, rng.uniform2()), point);
+    }
+    const float u_lobe = rng.uniform();
+    const BsdfSample scattered = octrad::sample(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
+    if (!scattered.valid) return false;
+    const Vec3f direction = normalize(end.point.to_world(scattered.wi));
+    const Vec3f position = end.point.surface.position, normal = end.point.surface.geometric_normal;
+    end = follow_ray(context_, position, &normal, direction, rng, false, options_.max_walk);
+  }
+  return false;
+}
+
+bool LhsSampler::view_point(Rng& rng, ShadingPoint& point) const {
+  const Ray ray = random_ray(poses_.front(), rng);
+  const RayEnd end = follow_ray(context_, ray.origin, nullptr, ray.direction, rng, false, options_.max_walk);
+  point = end.point;
+  return end.surface;
+}
+
+bool LhsSampler::area_point(Rng& rng, ShadingPoint& point) const {
+  const float u_pick = rng.uniform();
+  const SurfaceInteraction surface = surfaces_.sample(u_pick, rng.uniform2());
+  const float side = rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
+  return reshade(context_.scene, surface, cosine_direction(surface.geometric_normal * side, rng.uniform2()), point);
+}
+
+void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points) const {
+  parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Rng rng(options_.seed, RngPurpose::walk, mix64(step + 1) ^ i);
+      const double kind = rng.uniform();
+      bool found = false;
+      for (int t = 0; t < kTries && !found; ++t) {
+        if (kind < options_.view) found = view_point(rng, points[i]);
+        else if (kind < options_.view + options_.walks && t < kTries / 2) found = walk_point(rng, points[i]);
+        else found = area_point(rng, points[i]);
+      }
+      if (!found) throw InputError("no visible surface point found in " + std::to_string(kTries) + " tries: is the scene empty or all one-sided backs?");
+    }
+  });
+}
+
+}  // namespace octrad

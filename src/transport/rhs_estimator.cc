@@ -1,0 +1,104 @@
+#include "transport/rhs_estimator.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "base/threads.h"
+
+namespace octrad {
+namespace {
+
+constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kernels, small enough for the L2 cache
+
+// A cache query that waits for its answer: which target it belongs to and the factor it comes with.
+struct Pending {
+  std::size_t target;
+  Vec3f weight;
+};
+
+// Direct light by emitter sampling, balance heuristic against BSDF sampling.
+Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point, Vec3f wo, Rng& rng, RhsStatistics& statistics) {
+  const float u_pick = rng.uniform();
+  const LightSample light = context.lights.sample(point.surface.position, u_pick, rng.uniform2());
+  if (!light.valid || light.pdf <= 0.0f) return Vec3f(0.0f);
+  const Vec3f wi = point.to_local(light.direction);
+  const Vec3f f = evaluate(point.bsdf, wo, wi);
+  if (max_component(f) <= 0.0f) return Vec3f(0.0f);
+  const Vec3f origin = offset_origin(point.surface.position, point.surface.geometric_normal, light.direction);
+  ++statistics.rays;
+  if (context.tracer.occluded(origin, light.direction, 0.0f, light.distance * (1.0f - 1e-3f))) return Vec3f(0.0f);
+  return f * light.radiance * (1.0f / (light.pdf + pdf(point.bsdf, wo, wi)));
+}
+
+}  // namespace
+
+float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal) {
+  const Vec3f direction = reflect(point.wo, point.n);
+  const Hit hit = context.tracer.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
+  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
+}
+
+RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
+                                 const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index) {
+  RhsStatistics statistics;
+  thread_local std::vector<SurfacePoint> asked;
+  thread_local std::vector<Pending> pending;
+  thread_local std::vector<Vec3f> answers;
+  asked.clear();
+  pending.clear();
+  const float share = 1.0f / static_cast<float>(options.directions);
+  const auto add = [&](std::size_t i, Vec3f contribution) {
+    if (is_finite(contribution)) targets[i] += contribution * share;
+    else ++statistics.non_finite;
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ShadingPoint& point = points[i];
+    targets[i] = Vec3f(0.0f);
+    Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ (first_index + i));
+    const Vec3f wo = point.to_local(point.wo);
+    const bool delta_only = is_delta(point.bsdf);
+    for (int m = 0; m < options.directions; ++m) {
+      if (!delta_only) add(i, emitter_sample(context, point, wo, rng, statistics));
+      const float u_lobe = rng.uniform();
+      const BsdfSample scattered = sample(point.bsdf, wo, u_lobe, rng.uniform2());
+      if (!scattered.valid || max_component(scattered.weight) <= 0.0f) continue;
+      const Vec3f direction = normalize(point.to_world(scattered.wi));
+      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, direction, rng, true, options.max_chain);
+      statistics.rays += end.rays;
+      // Emission met first competes with emitter sampling; a delta lobe or a surface passed on the way rules that out.
+      const float mis = scattered.delta ? 1.0f : scattered.pdf / (scattered.pdf + end.first_light_pdf);
+      add(i, scattered.weight * (end.first_emitted * mis + end.emitted));
+      if (!end.surface || !query) continue;
+      if (options.emission_inside && end.point.surface.emitter >= 0) continue;
+      SurfacePoint where = surface_point(end.point);
+      if (options.traced_disparity) {
+        where.disparity = traced_disparity(context, where, end.point.surface.geometric_normal);
+        ++statistics.rays;
+      }
+      asked.push_back(where);
+      pending.push_back({i, scattered.weight * end.throughput});
+    }
+  }
+  if (!asked.empty()) {
+    answers.resize(asked.size());
+    query(asked, answers);
+    for (std::size_t q = 0; q < asked.size(); ++q) add(pending[q].target, pending[q].weight * answers[q]);
+    statistics.queries += static_cast<long long>(asked.size());
+  }
+  return statistics;
+}
+
+RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
+                           const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index) {
+  const std::size_t block = std::max<std::size_t>(1, kQueriesPerBlock / static_cast<std::size_t>(options.directions));
+  std::vector<RhsStatistics> statistics((points.size() + block - 1) / block);
+  parallel_blocks(points.size(), block, [&](std::size_t begin, std::size_t end) {
+    statistics[begin / block] = estimate_rhs_block(context, points.subspan(begin, end - begin), options, query,
+                                                   targets.subspan(begin, end - begin), first_index + begin);
+  });
+  RhsStatistics total;
+  for (const RhsStatistics& s : statistics) total += s;
+  return total;
+}
+
+}  // namespace octrad

@@ -1,0 +1,158 @@
+// The right-hand-side estimator against furnaces whose answer is known, and the properties of left-hand-side points.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "base/threads.h"
+#include "scene/load.h"
+#include "transport/lhs_sampler.h"
+#include "transport/rhs_estimator.h"
+
+namespace octrad {
+namespace {
+
+// A closed cube of side 2 seen from inside; `material` and `emitter` are XML inside the shape.
+Scene furnace(const std::string& material, const std::string& emitter, const std::string& more = "") {
+  const auto file = std::filesystem::temp_directory_path() / ("octrad_furnace_" + std::to_string(::getpid()) + ".xml");
+  std::ofstream(file) << R"(<scene version="3.0.0"><sensor type="perspective"><film type="hdrfilm"><integer name="width" value="16"/>
+    <integer name="height" value="16"/></film></sensor><shape type="cube"><boolean name="flip_normals" value="true"/>)"
+                      << material << emitter << "</shape>" << more << "</scene>";
+  Scene scene = load_scene(file.string());
+  std::filesystem::remove(file);
+  return scene;
+}
+
+struct Setup {
+  Scene scene;
+  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
+  Lights lights{scene};
+  TransportContext context{scene, *tracer, lights};
+  explicit Setup(Scene s) : scene(std::move(s)) {}
+};
+
+const std::string kGrey = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
+const std::string kGlow = R"(<emitter type="area"><rgb name="radiance" value="1"/></emitter>)";
+
+Vec3f mean(const std::vector<Vec3f>& values) {
+  Vec3d sum;
+  for (const Vec3f& v : values) sum += Vec3d(v);
+  return Vec3f(sum / static_cast<double>(values.size()));
+}
+
+std::vector<ShadingPoint> area_points(const Setup& setup, std::size_t n) {
+  LhsOptions options;
+  options.walks = 0.0;
+  std::vector<ShadingPoint> points(n);
+  LhsSampler(setup.context, options).sample(0, points);
+  return points;
+}
+
+TEST(RhsEstimator, ConstantCacheInAGreyBoxIsReflectedExactly) {
+  const Setup setup(furnace(kGrey, ""));
+  const auto points = area_points(setup, 64);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  const auto statistics = estimate_rhs(setup.context, points, options, [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+    for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(2.0f, 4.0f, 6.0f);
+  }, targets);
+  EXPECT_EQ(statistics.queries, 64 * 16);
+  for (const Vec3f& t : targets) {
+    EXPECT_NEAR(t.x, 1.0f, 1e-4f);
+    EXPECT_NEAR(t.z, 3.0f, 1e-4f);
+  }
+}
+
+TEST(RhsEstimator, GlowingBoxGivesAlbedoTimesEmission) {
+  const Setup setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  options.directions = 64;
+  estimate_rhs(setup.context, points, options, nullptr, targets);
+  EXPECT_NEAR(mean(targets).x, 0.5f, 0.01f);  // emitter and BSDF sampling together count every direction once
+}
+
+TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
+  const Setup setup(furnace(R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/></bsdf>)", kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  options.directions = 32;
+  estimate_rhs(setup.context, points, options, nullptr, targets);
+  EXPECT_GT(mean(targets).x, 0.9f);
+  EXPECT_LT(mean(targets).x, 1.01f);
+}
+
+TEST(RhsEstimator, MirrorChainsReachTheCacheBehindThem) {
+  // A small perfect mirror sphere in the box: its own target is what the chain finds, here the constant cache.
+  const Setup setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/><point name="center" x="0.4" y="0" z="0"/>
+    <bsdf type="conductor"><string name="material" value="none"/></bsdf></shape>)"));
+  const auto points = area_points(setup, 2048);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  estimate_rhs(setup.context, points, options, [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      EXPECT_FLOAT_EQ(asked[i].alpha, 1.0f);  // only the grey box is asked: chains pass the mirror
+      out[i] = Vec3f(1.0f);
+    }
+  }, targets);
+  int mirrors = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool mirror = is_delta(points[i].bsdf);
+    mirrors += mirror;
+    EXPECT_NEAR(targets[i].y, mirror ? 1.0f : 0.5f, 1e-3f);
+  }
+  EXPECT_GT(mirrors, 20);
+}
+
+TEST(RhsEstimator, SameBitsAtAnyThreadCount) {
+  const Setup setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 256);
+  std::vector<Vec3f> one(points.size()), two(points.size());
+  set_thread_count(1);
+  estimate_rhs(setup.context, points, {}, nullptr, one);
+  set_thread_count(3);
+  estimate_rhs(setup.context, points, {}, nullptr, two);
+  set_thread_count(0);
+  EXPECT_TRUE(one == two);
+}
+
+TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
+  const Setup setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/></shape>)"));
+  for (const double keep : {0.0, 1.0}) {
+    LhsOptions options;
+    options.keep_direction = keep;
+    options.poses = 16;
+    const LhsSampler sampler(setup.context, options);
+    EXPECT_GE(sampler.poses().size(), 2u);
+    std::vector<ShadingPoint> points(1000), again(1000);
+    sampler.sample(7, points);
+    sampler.sample(7, again);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const SurfacePoint p = surface_point(points[i]);
+      EXPECT_FALSE(points[i].black);
+      EXPECT_GE(dot(p.n, p.wo), 0.0f);
+      EXPECT_NEAR(length(p.wo), 1.0f, 1e-4f);
+      EXPECT_LE(max_component(max(p.x, -p.x)), 1.0f + 1e-4f);
+      EXPECT_TRUE(p.x == again[i].surface.position);
+    }
+  }
+}
+
+TEST(LhsSampler, AreaPointsAreUniform) {
+  const Setup setup(furnace(kGrey, ""));
+  const auto points = area_points(setup, 12000);
+  int faces[6] = {};
+  for (const ShadingPoint& p : points) {
+    for (int a = 0; a < 3; ++a) {
+      if (p.surface.position[a] > 0.9999f) ++faces[2 * a];
+      if (p.surface.position[a] < -0.9999f) ++faces[2 * a + 1];
+    }
+  }
+  for (const int f : faces) EXPECT_NEAR(f, 2000, 5 * 41);  // 5 standard deviations
+}
+
+}  // namespace
+}  // namespace octrad
