@@ -21,6 +21,7 @@ class OctaOctreeField : public RadianceField {
   FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon, double rate_scale) override;
   void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
   float target_scale() const override { return decoder_.target_scale(); }
+  Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
   int levels() const override { return octree_.options().levels; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const override;

@@ -43,6 +43,8 @@ class RadianceField {
 
   // For views and `octrad query`: encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0 for
   // fields that predict none). Either output may be empty.
+  // Position in the unit cube of the encoding.
+  virtual Vec3f normalized(Vec3f x) const = 0;
   virtual int feature_count() const = 0;
   virtual int levels() const = 0;
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const = 0;

@@ -1,0 +1,87 @@
+#include "render/cache_integrators.h"
+
+#include "base/error.h"
+#include "transport/rhs_estimator.h"
+
+namespace octrad {
+namespace {
+
+// First hit of a camera sample, its attributes and the light that needs no field.
+RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
+  const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, config.render_delta == "trace", config.train_max_chain);
+  if (!end.surface && !end.escaped) return end;
+  if (end.surface) {
+    const SurfacePoint point = surface_point(end.point);
+    out.albedo = point.albedo;
+    out.normal = point.n;
+    out.depth = length(point.x - sample.ray.origin);
+    out.roughness = point.alpha;
+  }
+  return end;
+}
+
+}  // namespace
+
+SampleFunction cache_integrator(const TransportContext& context, const RadianceField& field, const Config& config, CacheMode mode, int directions,
+                                unsigned long long seed) {
+  const bool inside = config.target_emission == "inside";
+  const bool traced = config.lookup_offset == "traced";
+  const auto rough = static_cast<float>(config.lookup_rough_threshold);
+  return [=, &context, &field, &config](std::span<CameraSample> samples, std::span<PixelSample> out) {
+    SampleCounts counts;
+    std::vector<SurfacePoint> asked;
+    std::vector<std::size_t> asked_by;
+    std::vector<Vec3f> asked_weight;
+    std::vector<ShadingPoint> bounced;
+    std::vector<std::size_t> bounced_by;
+    std::vector<Vec3f> bounced_weight;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const RayEnd end = primary_hit(context, config, samples[i], out[i]);
+      counts.rays += end.rays;
+      const bool bounce = end.surface && (mode == CacheMode::rhs || (mode == CacheMode::deferred && roughness(end.point.bsdf) < rough));
+      // A field trained on total radiance holds the emission of what it is asked about; everything else is added here.
+      const bool emission_known = end.surface && inside && !bounce && end.point.surface.emitter >= 0;
+      if (!emission_known) out[i].radiance += end.first_emitted + end.emitted;
+      if (!end.surface) continue;
+      if (bounce) {
+        bounced.push_back(end.point);
+        bounced_by.push_back(i);
+        bounced_weight.push_back(end.throughput);
+      } else {
+        asked.push_back(surface_point(end.point));
+        if (traced) {
+          asked.back().disparity = traced_disparity(context, asked.back(), end.point.surface.geometric_normal);
+          ++counts.rays;
+        }
+        asked_by.push_back(i);
+        asked_weight.push_back(end.throughput);
+      }
+    }
+    std::vector<Vec3f> answers(asked.size());
+    field.radiance(asked, answers);
+    counts.queries += static_cast<long long>(asked.size());
+    for (std::size_t q = 0; q < asked.size(); ++q) out[asked_by[q]].radiance += asked_weight[q] * answers[q];
+    if (!bounced.empty()) {
+      RhsOptions rhs;
+      rhs.directions = directions;
+      rhs.max_chain = config.train_max_chain;
+      rhs.emission_inside = inside;
+      rhs.traced_disparity = traced;
+      rhs.seed = seed;
+      answers.resize(bounced.size());
+      const RadianceQuery query = [&](std::span<const SurfacePoint> points, std::span<Vec3f> values) { field.radiance(points, values); };
+      for (std::size_t b = 0; b < bounced.size(); ++b) {
+        rhs.stream = samples[bounced_by[b]].rng.bits();  // each camera sample has its own directions
+        rhs.stream = (rhs.stream << 32) | samples[bounced_by[b]].rng.bits();
+        const RhsStatistics s = estimate_rhs_block(context, std::span(bounced).subspan(b, 1), rhs, query, std::span(answers).subspan(b, 1), 0);
+        counts.rays += s.rays;
+        counts.queries += s.queries;
+        counts.non_finite += s.non_finite;
+        out[bounced_by[b]].radiance += bounced_weight[b] * answers[b];
+      }
+    }
+    return counts;
+  };
+}
+
+}  // namespace octrad
