@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "network/activations_math.h"
-#include "network/loss_math.h"
 
 namespace octrad {
 
@@ -21,12 +19,17 @@ Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
   return rule.mirror ? reflect(point.wo, point.n) : point.wo;
 }
 
-DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, OutputActivation activation,
+Activation output_activation(const std::string& name) {
+  if (name == "exp") return Activation::exp;
+  return name == "abs" ? Activation::abs : Activation::squareplus;
+}
+
+DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
                          Vec3f origin, Vec3f size, unsigned long long stream)
     : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
       adam_(mlp_.parameter_count(), adam_options(config)),
       activation_(activation),
-      symmetric_loss_(config.loss_normalizer == "symmetric"),
+      normalizer_(config.loss_normalizer == "symmetric" ? LossNormalizer::symmetric : LossNormalizer::prediction),
       demodulate_(config.target_demodulate == "albedo"),
       rough_threshold_(static_cast<float>(config.lookup_rough_threshold)),
       position_scale_(1.0f, 1.0f, 1.0f) {
@@ -61,32 +64,10 @@ Vec3f DecoderHead::factor(const SurfacePoint& point) const {
   return point.albedo * target_scale_;
 }
 
-namespace {
-
-float activation_value(OutputActivation kind, float x) {
-  switch (kind) {
-    case OutputActivation::squareplus: return squareplus(x);
-    case OutputActivation::exp: return exp_linear(x);
-    case OutputActivation::abs: return std::abs(x);
-  }
-  return 0.0f;
-}
-
-float activation_derivative(OutputActivation kind, float x) {
-  switch (kind) {
-    case OutputActivation::squareplus: return squareplus_derivative(x);
-    case OutputActivation::exp: return exp_linear_derivative(x);
-    case OutputActivation::abs: return abs_derivative(x);
-  }
-  return 0.0f;
-}
-
-}  // namespace
-
 void DecoderHead::activate(std::span<const SurfacePoint> points, const float* linear, int stride, Vec3f* radiance) const {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Vec3f f = factor(points[i]);
-    for (int c = 0; c < 3; ++c) radiance[i][c] = f[c] * activation_value(activation_, linear[static_cast<std::size_t>(c * stride) + i]);
+    for (int c = 0; c < 3; ++c) radiance[i][c] = f[c] * octrad::activate(activation_, linear[static_cast<std::size_t>(c * stride) + i]).value;
   }
 }
 
@@ -99,12 +80,11 @@ double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const V
     float* out = d_linear + static_cast<std::ptrdiff_t>(c) * stride;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const float f = factor(points[i])[c];
-      const float predicted = f * activation_value(activation_, in[i]);
-      const LossValue l = relative_squared_loss(predicted, targets[i][c], static_cast<float>(epsilon), symmetric_loss_);
-      out[i] = l.gradient * f * activation_derivative(activation_, in[i]) * norm;
-      if (std::isfinite(l.value) && std::isfinite(out[i])) {
-        total += l.value;
-      } else {
+      const Activated<float> output = octrad::activate(activation_, in[i]);
+      const LossTerm<float> term = relative_squared_loss(f * output.value, targets[i][c], static_cast<float>(epsilon), normalizer_);
+      total += static_cast<double>(term.value);
+      out[i] = term.gradient * f * output.derivative * norm;
+      if (!term.finite || !std::isfinite(out[i])) {
         out[i] = 0.0f;
         ++non_finite;
       }

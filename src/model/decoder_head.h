@@ -9,7 +9,9 @@
 #include "base/surface_point.h"
 #include "model/config.h"
 #include "model/field_storage.h"
+#include "network/activations_math.h"
 #include "network/adam.h"
+#include "network/loss_math.h"
 #include "network/mlp.h"
 
 namespace octrad {
@@ -24,13 +26,14 @@ struct LookupRule {
 LookupRule lookup_rule(const Config& config);
 Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point);
 
-enum class OutputActivation { squareplus, exp, abs };
+// decoder.output or nr.output by name.
+Activation output_activation(const std::string& name);
 
 class DecoderHead {
  public:
   static constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
 
-  DecoderHead(const Config& config, int encoding_features, int width, int hidden, OutputActivation activation, Vec3f origin,
+  DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation, Vec3f origin,
               Vec3f size, unsigned long long stream);
 
   // Fills rows [first, first + 13) of the feature-major inputs [rows][stride].
@@ -52,8 +55,8 @@ class DecoderHead {
 
   Mlp mlp_;
   DenseAdam adam_;
-  OutputActivation activation_;
-  bool symmetric_loss_;
+  Activation activation_;
+  LossNormalizer normalizer_;
   bool demodulate_;
   float rough_threshold_;
   float target_scale_ = 1.0f;

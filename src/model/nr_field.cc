@@ -9,11 +9,6 @@ namespace {
 
 constexpr int kChunk = 128;
 
-OutputActivation output_activation(const Config& config) {
-  if (config.nr_output == "exp") return OutputActivation::exp;
-  return config.nr_output == "squareplus" ? OutputActivation::squareplus : OutputActivation::abs;
-}
-
 }  // namespace
 
 struct NrField::Encoded {
@@ -29,7 +24,7 @@ NrField::NrField(const Config& config, const FieldDomain& domain)
       origin_(domain.origin),
       size_(domain.size),
       grid_(HashGridOptions{config.nr_levels, config.nr_features, config.nr_log2_table, config.nr_base, config.nr_scale}),
-      decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, output_activation(config), domain.origin, domain.size, 4) {
+      decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, output_activation(config.nr_output), domain.origin, domain.size, 4) {
   initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
 }
 

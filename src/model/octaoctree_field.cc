@@ -11,7 +11,6 @@ namespace octrad {
 namespace {
 
 constexpr int kChunk = 128;        // queries that go through the field together: activations stay in the L2 cache
-constexpr int kHarmonics = 16;
 
 OctaOctreeOptions octree_options(const Config& config) {
   return {config.octree_levels, config.octree_features, config.octree_interpolation == "trilinear", config.octa_interpolation == "barycentric"};
@@ -22,7 +21,7 @@ HashGridOptions disparity_grid(const Config& config) {
 }
 
 MlpShape disparity_shape(const Config& config) {
-  const int inputs = config.disparity_levels * config.disparity_features + (config.disparity_direction ? kHarmonics : 0);
+  const int inputs = config.disparity_levels * config.disparity_features + (config.disparity_direction ? kSphericalHarmonics : 0);
   return {inputs, config.disparity_width, config.disparity_hidden, 1};
 }
 
@@ -58,7 +57,7 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       grid_(disparity_grid(config)),
       disparity_(disparity_shape(config)),
       decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden,
-               config.decoder_output == "exp" ? OutputActivation::exp : OutputActivation::squareplus, domain.origin, domain.size, 1),
+               output_activation(config.decoder_output), domain.origin, domain.size, 1),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
   disparity_.initialize(seed, 2);
@@ -88,16 +87,12 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
       grid_.lookup(e.p.data(), n, e.disparity_inputs.data(), stride);
     }
     if (config_.disparity_direction) {
-      float harmonics[kHarmonics];
-      for (int i = 0; i < n; ++i) {
-        spherical_harmonics4(e.w[i], harmonics);
-        for (int k = 0; k < kHarmonics; ++k) row(e.disparity_inputs, grid_rows + k, stride)[i] = harmonics[k];
-      }
+      for (int i = 0; i < n; ++i) spherical_harmonics(e.w[i], row(e.disparity_inputs, grid_rows, stride) + i, stride);
     }
     for (int r = 0; r < disparity_.shape().inputs; ++r) std::fill(row(e.disparity_inputs, r, stride) + n, row(e.disparity_inputs, r, stride) + stride, 0.0f);
     if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
     else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
-    for (int i = 0; i < n; ++i) e.disparity[i] = squareplus(e.disparity_linear[i]) * disparity_unit_;
+    for (int i = 0; i < n; ++i) e.disparity[i] = squareplus(e.disparity_linear[i]).value * disparity_unit_;
   } else if (offset_ == Offset::traced) {
     for (int i = 0; i < n; ++i) e.disparity[i] = points[i].disparity;
   }
@@ -165,7 +160,7 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
     const float* derivative = row(e.record.derivative, f, stride);
     for (int i = 0; i < n; ++i) e.d_disparity_linear[i] += upstream[i] * derivative[i];
   }
-  for (int i = 0; i < n; ++i) e.d_disparity_linear[i] *= squareplus_derivative(e.disparity_linear[i]) * disparity_unit_;
+  for (int i = 0; i < n; ++i) e.d_disparity_linear[i] *= squareplus(e.disparity_linear[i]).derivative * disparity_unit_;
   e.d_disparity_inputs.resize(e.disparity_inputs.size());
   disparity_.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept, gradients.disparity, e.d_disparity_inputs.data());
   const int grid_levels = grid_.options().levels, grid_width = grid_.options().features;
