@@ -259,12 +259,12 @@ TrainResult Run::go() {
 }  // namespace
 
 FieldDomain field_domain(const Scene& scene, const Config& config) {
-  const Domain box = scene_domain(scene.bounds, config.octree_box);
+  const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
   FieldDomain domain{box.origin, box.size, {}};
   if (config.field == "octaoctree") {
     domain.occupied_cells = config.octree_occupancy == "sampled"
-                                ? sampled_cells(scene, box.origin, box.size, config.octree_levels, static_cast<unsigned long long>(config.seed))
-                                : occupied_cells(scene, box.origin, box.size, config.octree_levels);
+                                ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
+                                : occupied_cells(scene, box, config.octree_levels);
   }
   return domain;
 }
