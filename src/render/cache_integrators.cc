@@ -8,7 +8,8 @@ namespace {
 
 // First hit of a camera sample, its attributes and the light that needs no field.
 RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
-  const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, config.render_delta == "trace", config.train_max_chain);
+  const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, config.render_delta == "trace", config.train_max_chain,
+                                sample.ray.t_max);
   if (!end.surface && !end.escaped) return end;
   if (end.surface) {
     const SurfacePoint point = surface_point(end.point);

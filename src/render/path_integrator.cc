@@ -2,7 +2,7 @@
 
 namespace octrad {
 
-RenderResult render_path(const PathContext& context, const RenderOptions& options) {
+RenderResult render_path(const TransportContext& context, const RenderOptions& options) {
   const PathLimits limits{options.max_depth, options.rr_depth};
   return render(options, [&](std::span<CameraSample> samples, std::span<PixelSample> out) {
     PathCounters path;

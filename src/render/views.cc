@@ -104,7 +104,7 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   const auto inspect = [&](std::span<CameraSample> samples, std::span<PixelSample> out) {
     SampleCounts counts;
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      const RayEnd end = follow_ray(context, samples[i].ray.origin, nullptr, samples[i].ray.direction, samples[i].rng, false, config.train_max_chain);
+      const RayEnd end = follow_ray(context, samples[i].ray.origin, nullptr, samples[i].ray.direction, samples[i].rng, false, config.train_max_chain, samples[i].ray.t_max);
       counts.rays += end.rays;
       if (!end.surface) continue;
       SurfacePoint point = surface_point(end.point);

@@ -1,5 +1,7 @@
 #include "transport/context.h"
 
+#include "shading/bsdf_math.h"
+
 namespace octrad {
 
 SurfacePoint surface_point(const ShadingPoint& shading) {
@@ -7,18 +9,18 @@ SurfacePoint surface_point(const ShadingPoint& shading) {
   point.x = shading.surface.position;
   point.n = dot(shading.ns, shading.wo) < 0.0f ? -shading.ns : shading.ns;
   point.wo = shading.wo;
-  point.albedo = albedo(shading.bsdf);
-  point.alpha = roughness(shading.bsdf);
+  point.albedo = albedo_bsdf(shading.bsdf);
+  point.alpha = roughness_bsdf(shading.bsdf);
   return point;
 }
 
 RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* geometric_normal, Vec3f direction, Rng& rng,
-                  bool follow_delta, int max_chain) {
+                  bool follow_delta, int max_chain, float t_max) {
   RayEnd end;
   Vec3f origin = geometric_normal ? offset_origin(position, *geometric_normal, direction) : position;
   for (int passed = 0; passed <= max_chain; ++passed) {
     const bool first = passed == 0;  // only here could light sampling from `position` have found the same emitter
-    const Hit hit = context.tracer.intersect(origin, direction, 0.0f, kRayInfinity);
+    const Hit hit = context.tracer.intersect(origin, direction, 0.0f, passed == 0 ? t_max : kRayInfinity);
     ++end.rays;
     if (!hit.valid()) {
       const Vec3f radiance = context.lights.environment(direction);
@@ -41,7 +43,7 @@ RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* 
         end.emitted += end.throughput * radiance;
       }
     }
-    end.point = shade(context.scene, surface, -direction);
+    end.point = shade(context.materials, surface, -direction);
     if (end.point.black) return end;
     if (end.point.bsdf.opacity < 1.0f) {
       if (rng.uniform() >= end.point.bsdf.opacity) {  // straight through: the opacity is the probability, so the weight is 1
@@ -50,12 +52,12 @@ RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* 
       }
       end.point.bsdf.opacity = 1.0f;
     }
-    if (!follow_delta || !is_delta(end.point.bsdf)) {
+    if (!follow_delta || !is_delta_bsdf(end.point.bsdf)) {
       end.surface = true;
       return end;
     }
     const float u_lobe = rng.uniform();
-    const BsdfSample scattered = sample(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
+    const BsdfSample scattered = sample_bsdf(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
     if (!scattered.valid) return end;
     end.throughput *= scattered.weight;
     if (max_component(end.throughput) <= 0.0f) return end;

@@ -1,4 +1,4 @@
-// What every estimator needs to trace light: the scene, something that casts rays, and the lights.
+// What every estimator needs to trace light: the scene, something that casts rays, its materials and lights.
 #pragma once
 
 #include "base/rng.h"
@@ -13,6 +13,7 @@ namespace octrad {
 struct TransportContext {
   const Scene& scene;
   const Tracer& tracer;
+  const Materials& materials;
   const Lights& lights;
 };
 
@@ -36,6 +37,6 @@ struct RayEnd {
 
 // Follows a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is null.
 RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* geometric_normal, Vec3f direction, Rng& rng,
-                  bool follow_delta, int max_chain);
+                  bool follow_delta, int max_chain, float t_max = kRayInfinity);
 
 }  // namespace octrad

@@ -24,8 +24,8 @@ Vec3f cosine_direction(Vec3f n, Vec2f u) {
 }
 
 // The same surface seen from `wo` instead; false where that side is black.
-bool reshade(const Scene& scene, const SurfaceInteraction& surface, Vec3f wo, ShadingPoint& point) {
-  point = shade(scene, surface, wo);
+bool reshade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo, ShadingPoint& point) {
+  point = shade(materials, surface, wo);
   point.bsdf.opacity = 1.0f;
   return !point.black;
 }
@@ -81,7 +81,7 @@ bool LhsSampler::walk_point(Rng& rng, ShadingPoint& point) const {
       point = end.point;
       if (rng.uniform() < options_.keep_direction) return true;
       const Vec3f n = dot(point.ns, point.wo) < 0.0f ? -point.ns : point.ns;
-      return reshade(context_.scene, end.point.surface, cosine_direction(n, rng.uniform2()), point);
+      return reshade(context_.materials, end.point.surface, cosine_direction(n, rng.uniform2()), point);
     }
     const float u_lobe = rng.uniform();
     const BsdfSample scattered = octrad::sample(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
@@ -104,7 +104,7 @@ bool LhsSampler::area_point(Rng& rng, ShadingPoint& point) const {
   const float u_pick = rng.uniform();
   const SurfaceInteraction surface = surfaces_.sample(u_pick, rng.uniform2());
   const float side = rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
-  return reshade(context_.scene, surface, cosine_direction(surface.geometric_normal * side, rng.uniform2()), point);
+  return reshade(context_.materials, surface, cosine_direction(surface.geometric_normal * side, rng.uniform2()), point);
 }
 
 void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points) const {

@@ -6,7 +6,7 @@
 
 namespace octrad {
 
-Vec3f trace_path(const PathContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters) {
+Vec3f trace_path(const TransportContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters) {
   Vec3f radiance{0, 0, 0};
   if (limits.max_depth == 0) return radiance;
   Vec3f origin = ray.origin, direction = ray.direction;

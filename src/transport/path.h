@@ -2,20 +2,9 @@
 #pragma once
 
 #include "base/rng.h"
-#include "geometry/tracer.h"
-#include "scene/scene.h"
-#include "shading/bsdf.h"
-#include "shading/lights.h"
+#include "transport/context.h"
 
 namespace octrad {
-
-// What light transport works on. The scene must outlive it.
-struct PathContext {
-  const Scene& scene;
-  const Tracer& tracer;
-  const Materials& materials;
-  const Lights& lights;
-};
 
 struct PathLimits {
   int max_depth = -1;              // Mitsuba's meaning: 1 emission only, 2 direct light, ...; -1 unlimited
@@ -39,6 +28,6 @@ struct PathCounters {
 // next-event estimation of one emitter and one BSDF sample at every vertex, combined by the balance heuristic
 // (Veach 1997, section 9.2), so that a light of density p_l reached with f contributes f L / (p_l + p_b) from both.
 // Transparent masks block shadow rays and count as a bounce, as in Mitsuba's `path`.
-Vec3f trace_path(const PathContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters);
+Vec3f trace_path(const TransportContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters);
 
 }  // namespace octrad

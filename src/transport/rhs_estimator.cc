@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/threads.h"
+#include "shading/bsdf_math.h"
 
 namespace octrad {
 namespace {
@@ -22,12 +23,12 @@ Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point,
   const LightSample light = context.lights.sample(point.surface.position, u_pick, rng.uniform2());
   if (!light.valid || light.pdf <= 0.0f) return Vec3f(0.0f);
   const Vec3f wi = point.to_local(light.direction);
-  const Vec3f f = evaluate(point.bsdf, wo, wi);
-  if (max_component(f) <= 0.0f) return Vec3f(0.0f);
+  const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
+  if (max_component(f.value) <= 0.0f) return Vec3f(0.0f);
   const Vec3f origin = offset_origin(point.surface.position, point.surface.geometric_normal, light.direction);
   ++statistics.rays;
-  if (context.tracer.occluded(origin, light.direction, 0.0f, light.distance * (1.0f - 1e-3f))) return Vec3f(0.0f);
-  return f * light.radiance * (1.0f / (light.pdf + pdf(point.bsdf, wo, wi)));
+  if (context.tracer.occluded(origin, light.direction, 0.0f, light.distance * kShadowShortening)) return Vec3f(0.0f);
+  return f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
 }
 
 }  // namespace
@@ -56,11 +57,11 @@ RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<cons
     targets[i] = Vec3f(0.0f);
     Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ (first_index + i));
     const Vec3f wo = point.to_local(point.wo);
-    const bool delta_only = is_delta(point.bsdf);
+    const bool delta_only = is_delta_bsdf(point.bsdf);
     for (int m = 0; m < options.directions; ++m) {
       if (!delta_only) add(i, emitter_sample(context, point, wo, rng, statistics));
       const float u_lobe = rng.uniform();
-      const BsdfSample scattered = sample(point.bsdf, wo, u_lobe, rng.uniform2());
+      const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u_lobe, rng.uniform2());
       if (!scattered.valid || max_component(scattered.weight) <= 0.0f) continue;
       const Vec3f direction = normalize(point.to_world(scattered.wi));
       const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, direction, rng, true, options.max_chain);

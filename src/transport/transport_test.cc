@@ -24,12 +24,13 @@ Scene furnace(const std::string& material, const std::string& emitter, const std
   return scene;
 }
 
-struct Setup {
+struct TestScene {
   Scene scene;
   std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
+  Materials materials{scene};
   Lights lights{scene};
-  TransportContext context{scene, *tracer, lights};
-  explicit Setup(Scene s) : scene(std::move(s)) {}
+  TransportContext context{scene, *tracer, materials, lights};
+  explicit TestScene(Scene s) : scene(std::move(s)) {}
 };
 
 const std::string kGrey = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
@@ -41,7 +42,7 @@ Vec3f mean(const std::vector<Vec3f>& values) {
   return Vec3f(sum / static_cast<double>(values.size()));
 }
 
-std::vector<ShadingPoint> area_points(const Setup& setup, std::size_t n) {
+std::vector<ShadingPoint> area_points(const TestScene& setup, std::size_t n) {
   LhsOptions options;
   options.walks = 0.0;
   std::vector<ShadingPoint> points(n);
@@ -50,7 +51,7 @@ std::vector<ShadingPoint> area_points(const Setup& setup, std::size_t n) {
 }
 
 TEST(RhsEstimator, ConstantCacheInAGreyBoxIsReflectedExactly) {
-  const Setup setup(furnace(kGrey, ""));
+  const TestScene setup(furnace(kGrey, ""));
   const auto points = area_points(setup, 64);
   std::vector<Vec3f> targets(points.size());
   RhsOptions options;
@@ -65,7 +66,7 @@ TEST(RhsEstimator, ConstantCacheInAGreyBoxIsReflectedExactly) {
 }
 
 TEST(RhsEstimator, GlowingBoxGivesAlbedoTimesEmission) {
-  const Setup setup(furnace(kGrey, kGlow));
+  const TestScene setup(furnace(kGrey, kGlow));
   const auto points = area_points(setup, 512);
   std::vector<Vec3f> targets(points.size());
   RhsOptions options;
@@ -75,7 +76,7 @@ TEST(RhsEstimator, GlowingBoxGivesAlbedoTimesEmission) {
 }
 
 TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
-  const Setup setup(furnace(R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/></bsdf>)", kGlow));
+  const TestScene setup(furnace(R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/></bsdf>)", kGlow));
   const auto points = area_points(setup, 512);
   std::vector<Vec3f> targets(points.size());
   RhsOptions options;
@@ -87,7 +88,7 @@ TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
 
 TEST(RhsEstimator, MirrorChainsReachTheCacheBehindThem) {
   // A small perfect mirror sphere in the box: its own target is what the chain finds, here the constant cache.
-  const Setup setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/><point name="center" x="0.4" y="0" z="0"/>
+  const TestScene setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/><point name="center" x="0.4" y="0" z="0"/>
     <bsdf type="conductor"><string name="material" value="none"/></bsdf></shape>)"));
   const auto points = area_points(setup, 2048);
   std::vector<Vec3f> targets(points.size());
@@ -108,7 +109,7 @@ TEST(RhsEstimator, MirrorChainsReachTheCacheBehindThem) {
 }
 
 TEST(RhsEstimator, SameBitsAtAnyThreadCount) {
-  const Setup setup(furnace(kGrey, kGlow));
+  const TestScene setup(furnace(kGrey, kGlow));
   const auto points = area_points(setup, 256);
   std::vector<Vec3f> one(points.size()), two(points.size());
   set_thread_count(1);
@@ -120,7 +121,7 @@ TEST(RhsEstimator, SameBitsAtAnyThreadCount) {
 }
 
 TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
-  const Setup setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/></shape>)"));
+  const TestScene setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/></shape>)"));
   for (const double keep : {0.0, 1.0}) {
     LhsOptions options;
     options.keep_direction = keep;
@@ -142,7 +143,7 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
 }
 
 TEST(LhsSampler, AreaPointsAreUniform) {
-  const Setup setup(furnace(kGrey, ""));
+  const TestScene setup(furnace(kGrey, ""));
   const auto points = area_points(setup, 12000);
   int faces[6] = {};
   for (const ShadingPoint& p : points) {
