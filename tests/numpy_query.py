@@ -1,0 +1,234 @@
+#!/usr/bin/env python3
+"""Evaluates an octrad model (.octrad) from its file alone: numpy and docs/formats.md, nothing of the program.
+
+    python3 tests/numpy_query.py MODEL.octrad points.csv -o out.csv
+
+The same columns in and out as `octrad query`. All arithmetic is in double precision, so differences from the program
+are the program's rounding. tests/test_numpy_query.py compares the two.
+"""
+import argparse
+import json
+import struct
+
+import numpy as np
+
+COLUMNS = ["x", "y", "z", "wox", "woy", "woz", "nx", "ny", "nz", "ar", "ag", "ab", "alpha"]
+DTYPES = {"F32": "<f4", "F16": "<f2", "I32": "<i4", "I64": "<i8", "U8": "u1", "U16": "<u2", "U32": "<u4", "U64": "<u8", "F64": "<f8"}
+
+
+# ---------------------------------------------------------------- file
+
+def read_safetensors(path):
+    """-> (name -> array, metadata)."""
+    raw = open(path, "rb").read()
+    length = struct.unpack("<Q", raw[:8])[0]
+    header = json.loads(raw[8:8 + length])
+    data = memoryview(raw)[8 + length:]
+    metadata = header.pop("__metadata__", {})
+    tensors = {}
+    for name, entry in header.items():
+        begin, end = entry["data_offsets"]
+        tensors[name] = np.frombuffer(data[begin:end], DTYPES[entry["dtype"]]).reshape(entry["shape"])
+    return tensors, metadata
+
+
+# ---------------------------------------------------------------- octahedral map
+
+def octahedral(v):
+    """Directions [n, 3] of any length -> points of the square [-1, 1]^2."""
+    p = v / np.abs(v).sum(axis=1, keepdims=True)
+    sign = np.where(p[:, :2] < 0, -1.0, 1.0)          # the sign of 0 is +1
+    folded = (1 - np.abs(p[:, 1::-1])) * sign
+    return np.where(p[:, 2:3] < 0, folded, p[:, :2])
+
+
+def canonical(i, j, half):
+    """The stored one of the rim vertices that are the same direction: the one that is not negative."""
+    rim_i, rim_j = np.abs(i) == half, np.abs(j) == half
+    return np.where(rim_j, np.abs(i), i), np.where(rim_i, np.abs(j), j)
+
+
+def vertex_row(i, j, resolution):
+    i, j = canonical(i, j, resolution // 2)
+    return (j + resolution // 2) * (resolution + 1) + i + resolution // 2
+
+
+def triangle(u, resolution):
+    """-> three rows of the level's map and their weights, each [n, 3]."""
+    half = resolution // 2
+    scaled = u * half
+    cell = np.clip(np.floor(scaled), -half, half - 1).astype(int)
+    (i, j), (s, t) = cell.T, (scaled - cell).T
+    parallel = (i < 0) != (j < 0)                     # diagonal (i, j) - (i+1, j+1)
+    upper = np.where(parallel, s > t, s + t > 1)
+    cases = [parallel & upper, parallel & ~upper, ~parallel & upper, ~parallel & ~upper]
+    corners = [((0, 0), (1, 1), (1, 0)), ((0, 0), (1, 1), (0, 1)), ((1, 0), (0, 1), (1, 1)), ((1, 0), (0, 1), (0, 0))]
+    weights = [(1 - s, t, s - t), (1 - t, s, t - s), (1 - t, 1 - s, s + t - 1), (s, t, 1 - s - t)]
+    rows = np.stack([vertex_row(i + np.select(cases, [c[k][0] for c in corners]), j + np.select(cases, [c[k][1] for c in corners]), resolution)
+                     for k in range(3)], axis=1)
+    return rows, np.stack([np.select(cases, [w[k] for w in weights]) for k in range(3)], axis=1)
+
+
+def nearest_vertex(u, resolution):
+    half = resolution // 2
+    scaled = u * half
+    cell = np.clip(np.floor(scaled), -half, half - 1).astype(int)
+    i, j = (cell + (scaled - cell >= 0.5)).T
+    return vertex_row(i, j, resolution)[:, None], np.ones((len(u), 1))
+
+
+# ---------------------------------------------------------------- octree
+
+def octree_features(tensors, config, x, w, disparity):
+    """Level features, concatenated: [n, K C]."""
+    levels, interpolation = config["octree"]["levels"], config["octree"]["interpolation"]
+    origin, size = tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
+    p = (x - origin) / size
+    out = []
+    for level in range(1, levels + 1):
+        cells = tensors["octree.level%d.cells" % level].astype(np.int64)
+        table = tensors["octree.level%d.features" % level]
+        resolution, octa = 2 ** (level + 1), 2 ** (levels + 1 - level)
+        number = {tuple(c): k for k, c in enumerate(cells)}
+        g = p * resolution - 0.5
+        base = np.floor(g).astype(int)
+        f = g - base
+        value, total = np.zeros((len(x), table.shape[2])), np.zeros(len(x))
+        for corner in np.ndindex(2, 2, 2):
+            high = f if interpolation == "trilinear" else (f >= 0.5).astype(float)
+            weight = np.prod(np.where(corner, high, 1 - high), axis=1)
+            cell = np.array([number.get(tuple(c), -1) for c in base + corner])
+            use = (weight > 0) & (cell >= 0)
+            if not use.any():
+                continue
+            center = origin + (base + corner + 0.5) * (size / resolution)
+            direction = (x - center) * disparity[:, None] + w
+            u = octahedral(direction[use])
+            rows, barycentric = triangle(u, octa) if config["octa"]["interpolation"] == "barycentric" else nearest_vertex(u, octa)
+            taps = table[cell[use][:, None], rows].astype(float)          # [m, vertices, C]
+            value[use] += weight[use, None] * (taps * barycentric[..., None]).sum(axis=1)
+            total[use] += weight[use]
+        out.append(value / np.where(total > 0, total, 1)[:, None])
+    return np.concatenate(out, axis=1)
+
+
+# ---------------------------------------------------------------- networks
+
+def hash_grid(tensors, prefix, options, p):
+    table, offsets = tensors[prefix + ".table"].astype(float), tensors[prefix + ".offsets"]
+    out = []
+    for level in range(options["levels"]):
+        scale = float(np.float32(options["base"] * options["scale"] ** level - 1))
+        resolution = int(np.ceil(scale)) + 1
+        entries = int(offsets[level + 1] - offsets[level])
+        g = np.clip(p, 0, 1) * scale + 0.5
+        base = np.floor(g).astype(np.int64)
+        f = g - base
+        value = 0.0
+        for corner in np.ndindex(2, 2, 2):
+            x, y, z = (base + corner).T
+            if resolution ** 3 <= entries:
+                index = (x + resolution * (y + resolution * z)) % entries
+            else:
+                index = (x ^ (y * 2654435761 & 0xFFFFFFFF) ^ (z * 805459861 & 0xFFFFFFFF)) % entries
+            value = value + np.prod(np.where(corner, f, 1 - f), axis=1)[:, None] * table[offsets[level] + index]
+        out.append(value)
+    return np.concatenate(out, axis=1)
+
+
+def spherical_harmonics(w):
+    x, y, z = w.T
+    pi = np.pi
+    return np.stack([
+        np.full(len(w), 0.5 / np.sqrt(pi)),
+        -np.sqrt(3 / (4 * pi)) * y, np.sqrt(3 / (4 * pi)) * z, -np.sqrt(3 / (4 * pi)) * x,
+        0.5 * np.sqrt(15 / pi) * x * y, -0.5 * np.sqrt(15 / pi) * y * z, 0.25 * np.sqrt(5 / pi) * (3 * z * z - 1),
+        -0.5 * np.sqrt(15 / pi) * x * z, 0.25 * np.sqrt(15 / pi) * (x * x - y * y),
+        -0.25 * np.sqrt(35 / (2 * pi)) * y * (3 * x * x - y * y), 0.5 * np.sqrt(105 / pi) * x * y * z,
+        -0.25 * np.sqrt(21 / (2 * pi)) * y * (5 * z * z - 1), 0.25 * np.sqrt(7 / pi) * z * (5 * z * z - 3),
+        -0.25 * np.sqrt(21 / (2 * pi)) * x * (5 * z * z - 1), 0.25 * np.sqrt(105 / pi) * z * (x * x - y * y),
+        -0.25 * np.sqrt(35 / (2 * pi)) * x * (x * x - 3 * y * y)], axis=1)
+
+
+def mlp(tensors, prefix, hidden, x):
+    for layer in range(hidden + 1):
+        x = x @ tensors["%s.%d.weight" % (prefix, layer)].astype(float).T
+        if layer < hidden:
+            x = np.maximum(x, 0)
+    return x
+
+
+def squareplus(x):
+    return (10 * x + np.sqrt(100 * x * x + 4)) / 20
+
+
+def exp_linear(x):
+    return np.where(x > 4, np.exp(4) * (1 + x - 4), np.exp(np.minimum(x, 4)))
+
+
+ACTIVATIONS = {"squareplus": squareplus, "exp": exp_linear, "abs": np.abs}
+
+
+# ---------------------------------------------------------------- model
+
+class Model:
+    def __init__(self, path):
+        self.tensors, self.metadata = read_safetensors(path)
+        if self.metadata.get("format") != "octrad" or self.metadata.get("version") != "1":
+            raise ValueError("%s is not an octrad model of format version 1" % path)
+        self.config = json.loads(self.metadata["config"])
+
+    def query(self, points):
+        """points: [n, 13] in the order of COLUMNS -> disparity [n], features [n, F], radiance [n, 3]."""
+        points = np.asarray(points, float)
+        x, wo, n, albedo, alpha = points[:, 0:3], points[:, 3:6], points[:, 6:9], points[:, 9:12], points[:, 12]
+        c, t = self.config, self.tensors
+        mirror = 2 * (wo * n).sum(axis=1, keepdims=True) * n - wo
+        rough = alpha >= c["lookup"]["rough_threshold"]
+        origin, size = t["octree.origin"].astype(float), t["octree.size"].astype(float)
+        p = (x - origin) / size
+        disparity = np.zeros(len(x))
+        if c["field"] == "nr":
+            w = mirror
+            features = hash_grid(t, "nr.grid", c["nr"], p)
+            prefix, hidden, output = "nr.mlp", c["nr"]["hidden"], c["nr"]["output"]
+        else:
+            w = mirror if c["lookup"]["direction"] == "mirror" else wo
+            if c["lookup"]["rough_direction"] == "normal":
+                w = np.where(rough[:, None], n, w)
+            if c["lookup"]["offset"] == "predicted":
+                inputs = hash_grid(t, "disparity.grid", c["disparity"], p)
+                if c["disparity"]["direction"]:
+                    inputs = np.concatenate([inputs, spherical_harmonics(w)], axis=1)
+                unit = 1 / size.max() if c["disparity"]["unit"] == "extent" else 1.0
+                disparity = squareplus(mlp(t, "disparity.mlp", c["disparity"]["hidden"], inputs)[:, 0]) * unit
+            features = octree_features(t, c, x, w, disparity)
+            prefix, hidden, output = "decoder.mlp", c["decoder"]["hidden"], c["decoder"]["output"]
+        position = 2 * p - 1 if c["decoder"]["position"] == "normalized" else x
+        inputs = np.concatenate([features, position, w, n, albedo, alpha[:, None]], axis=1)
+        radiance = ACTIVATIONS[output](mlp(t, prefix, hidden, inputs)) * c["target"]["scale"]
+        if c["target"]["demodulate"] == "albedo":
+            radiance = np.where(rough[:, None], radiance * albedo, radiance)
+        return disparity, features, radiance
+
+
+def read_points(path):
+    with open(path) as file:
+        header = [name.strip() for name in file.readline().split(",")]
+        rows = np.array([[float(v) for v in line.split(",")] for line in file if line.strip()])
+    return rows[:, [header.index(name) for name in COLUMNS]]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("model")
+    parser.add_argument("points")
+    parser.add_argument("-o", "--output", required=True)
+    options = parser.parse_args()
+    disparity, features, radiance = Model(options.model).query(read_points(options.points))
+    names = ["disparity"] + ["f%d" % i for i in range(features.shape[1])] + ["r", "g", "b"]
+    np.savetxt(options.output, np.column_stack([disparity, features, radiance]), fmt="%.9g", delimiter=",", header=",".join(names), comments="")
+
+
+if __name__ == "__main__":
+    main()

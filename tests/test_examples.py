@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Runs every octrad command that README.md, docs/*.md and the --help texts show. Usage: OCTRAD=path/to/octrad test_examples.py
+
+Commands run in a scratch folder, made small: short times, few samples, little pictures. A file that a command reads and
+that nothing before it made is put there first.
+"""
+import os
+import pathlib
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PROGRAM = os.environ.get("OCTRAD", str(ROOT / "build" / "octrad"))
+SMALL = {"--time": "1s", "--spp": "2", "--steps": "5", "--width": "32", "--height": "18", "--crop": "2,2,8,8", "--max-memory": "2G"}
+TINY_MODEL = ["-D", "octree.levels=3", "-D", "train.points=64", "-D", "train.directions=2", "-D", "decoder.width=32", "-D", "nr.log2_table=12"]
+
+
+def octrad(*words, cwd):
+    return subprocess.run([PROGRAM, *words], cwd=cwd, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL)
+
+
+def shell_lines(text):
+    """Commands of the sh blocks of a Markdown text, continued lines joined."""
+    for block in re.findall(r"^```sh\n(.*?)^```", text, re.M | re.S):
+        for line in block.replace("\\\n", " ").splitlines():
+            line = line.strip().removeprefix("$ ")
+            if line and not line.startswith("#"):
+                yield line
+
+
+def help_lines():
+    verbs = re.findall(r"^  (\w+)  ", octrad("--help", cwd=ROOT).stdout.split("Subcommands:")[1], re.M)
+    for verb in verbs:
+        text = octrad(verb, "--help", cwd=ROOT).stdout
+        for line in text.split("Example:\n", 1)[1].strip().splitlines():
+            yield line.strip()
+
+
+def made_small(words):
+    out = []
+    for word in words:
+        previous = out[-1] if out else ""
+        out.append(SMALL.get(previous, word))
+        if previous == "-D" and word.startswith(("octree.levels", "train.")):
+            out[-1] = "checkpoint.every=1m"
+    if out[1] == "train":
+        if "--steps" not in out and "--time" not in out:
+            out += ["--steps", "5"]
+        if "--resume" not in out:
+            out += TINY_MODEL
+    if out[1] == "render" and "--width" not in out and "--height" not in out and "--crop" not in out:
+        out += ["--width", "32"]
+    if out[1] == "render" and "--spp" not in out and "--time" not in out:
+        out += ["--spp", "2"]
+    return out[1:]
+
+
+class Examples(unittest.TestCase):
+    """Tests are added below, one for each source of commands."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.store = tempfile.mkdtemp()
+        box = str(ROOT / "scenes" / "cornell-box" / "scene.xml")
+        for words in (["train", box, "-o", "model.octrad", "--steps", "5", *TINY_MODEL],
+                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "-o", "picture.exr"]):
+            done = octrad(*words, cwd=cls.store)
+            if done.returncode != 0:
+                raise AssertionError("octrad %s: %s" % (shlex.join(words), done.stderr))
+        pathlib.Path(cls.store, "points.csv").write_text(
+            "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0.1,0,0.2,0,1,0,0,1,0,0.7,0.7,0.7,1\n")
+        pathlib.Path(cls.store, "camera.json").write_text('{"origin": [0, 1, 3.9], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40}\n')
+        pathlib.Path(cls.store, "config.json").write_text('{"octree": {"levels": 3}}\n')
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.store)
+
+    def provide(self, folder, words):
+        """Files that the command reads and that are not there."""
+        for previous, word in zip(words, words[1:]):
+            path = folder / word
+            if word.startswith("-") or "=" in word or path.exists():
+                continue
+            if previous in ("-o", "--output", "--errors", "--log-json"):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                if "--resume" not in words:
+                    continue
+            source = {".exr": "picture.exr", ".octrad": "model.octrad", ".csv": "points.csv"}.get(path.suffix)
+            if path.suffix == ".json":
+                source = "config.json" if previous == "--config" else "camera.json"
+            if path.suffix == ".xml":
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(ROOT / "scenes" / "cornell-box" / "scene.xml", path)
+            elif source:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(pathlib.Path(self.store) / source, path)
+
+    def run_lines(self, lines):
+        ran = 0
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = pathlib.Path(scratch)
+            (folder / "scenes").symlink_to(ROOT / "scenes")
+            for line in lines:
+                words = shlex.split(line, comments=True)
+                with self.subTest(line):
+                    if words[0].startswith(("scripts/", "tests/", "scenes/")) or words[0] == "python3":
+                        file = words[1] if words[0] == "python3" else words[0]
+                        self.assertTrue((ROOT / file).is_file(), "%s does not exist" % file)
+                    if words[0] != "octrad":
+                        continue
+                    small = made_small(words)
+                    self.provide(folder, small)
+                    if small[0] == "render" and "--model" in small:
+                        small.append("--force")  # the tiny model that stands in is of another scene
+                    done = octrad(*small, cwd=folder)
+                    self.assertEqual(done.returncode, 0, "octrad %s\n%s" % (shlex.join(small), done.stderr))
+                    ran += 1
+        self.assertGreater(ran, 0, "no octrad command found")
+
+    def test_help(self):
+        self.run_lines(help_lines())
+
+
+def add(path):
+    def test(self):
+        self.run_lines(shell_lines(path.read_text()))
+    setattr(Examples, "test_%s" % path.stem.replace("-", "_").lower(), test)
+
+
+for document in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+    if document.exists() and any(line.startswith("octrad ") for line in shell_lines(document.read_text())):
+        add(document)
+
+if __name__ == "__main__":
+    unittest.main()
