@@ -15,6 +15,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = os.environ.get("OCTRAD", str(ROOT / "build" / "octrad"))
 MANUAL = ROOT / "docs" / "manual.md"
+HYPOTHETICAL = ("velvet", "planes", "my_integrator")  # what docs/extending.md adds in thought
 BEGIN, END = "<!-- keys: written by tests/test_docs.py --write -->\n", "<!-- end of keys -->\n"
 
 
@@ -64,8 +65,9 @@ class Manual(unittest.TestCase):
     def test_files_named_in_the_documents_exist(self):
         for path in [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md")] + sorted((ROOT / "docs").glob("*.md")):
             for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake)/[\w./-]*\w)`", path.read_text()):
-                with self.subTest("%s: %s" % (path.name, name)):
-                    self.assertTrue((ROOT / name).exists())
+                if not any(word in name for word in HYPOTHETICAL):
+                    with self.subTest("%s: %s" % (path.name, name)):
+                        self.assertTrue((ROOT / name).exists())
 
 
 if __name__ == "__main__":
