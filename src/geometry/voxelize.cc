@@ -196,7 +196,7 @@ std::vector<std::vector<Vec3i>> sampled_cells(const Scene& scene, const Domain& 
     for (std::size_t i = begin; i < end; ++i) {
       Rng rng(seed, RngPurpose::occupancy, i);
       const float pick = rng.uniform();
-      const Vec3d p = grid.cells(surfaces.sample(pick, rng.uniform2()).position);
+      const Vec3d p = grid.cells(surfaces.sample_position(pick, rng.uniform2()));
       bits.set({grid.clamp(p.x), grid.clamp(p.y), grid.clamp(p.z)});
     }
   });

@@ -138,6 +138,25 @@ TEST(Voxelize, RefusesNonsense) {
   EXPECT_THROW(SurfaceSampler(Scene{}), InputError);
 }
 
+TEST(SurfaceSampling, PositionAloneIsTheSamePoint) {
+  Scene scene = triangle_soup(40, 1.0f);
+  scene.spheres.push_back({{0.5f, 0.5f, 0.5f}, 0.4f});
+  scene.shapes.push_back({Shape::Kind::sphere, 0, 0, -1, "sphere"});
+  const SurfaceSampler surfaces(scene);
+  int on_sphere = 0;
+  for (int i = 0; i < 2000; ++i) {
+    Rng rng(4, RngPurpose::test, static_cast<unsigned long long>(i));
+    const float pick = i == 0 ? 0.0f : i == 1 ? std::nextafter(1.0f, 0.0f) : rng.uniform();
+    const Vec2f u = rng.uniform2();
+    const SurfaceInteraction si = surfaces.sample(pick, u);
+    EXPECT_LT(length(si.position - surfaces.sample_position(pick, u)), 1e-6f);
+    on_sphere += si.shape == 1;
+  }
+  EXPECT_GT(on_sphere, 0);
+  EXPECT_EQ(surfaces.sample(0.0f, {0, 0}).shape, 0);
+  EXPECT_EQ(surfaces.sample(std::nextafter(1.0f, 0.0f), {0, 0}).shape, 1);
+}
+
 TEST(SurfaceSampling, CountsFollowArea) {
   Scene scene = triangle_soup(3, 1.0f);
   const SurfaceSampler surfaces(scene);
