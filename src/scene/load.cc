@@ -235,7 +235,9 @@ void SceneBuilder::load_files() {
       const std::string message = error.what();
       const std::string prefix = where.text();
       if (message.rfind(prefix, 0) == 0) throw;
-      throw Error(error.code(), prefix + ": " + message);
+      if (error.code() == ExitCode::io) throw IoError(prefix + ": " + message);
+      if (error.code() == ExitCode::out_of_memory) throw MemoryError(prefix + ": " + message);
+      throw InputError(prefix + ": " + message);
     }
   }
 }

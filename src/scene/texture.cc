@@ -48,7 +48,8 @@ struct Cell {
 Cell bilinear_cell(const Texture& t, Vec2f uv) {
   const float x = uv.x * static_cast<float>(t.width) - 0.5f, y = uv.y * static_cast<float>(t.height) - 0.5f;
   const int ix = floor_int(x), iy = floor_int(y);
-  return {ix, iy, std::clamp(x - static_cast<float>(ix), 0.0f, 1.0f), std::clamp(y - static_cast<float>(iy), 0.0f, 1.0f)};
+  const auto fraction = [](float f) { return f > 0.0f ? std::min(f, 1.0f) : 0.0f; };   // 0 for NaN
+  return {ix, iy, fraction(x - static_cast<float>(ix)), fraction(y - static_cast<float>(iy))};
 }
 
 }  // namespace
