@@ -5,19 +5,17 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/rng.h"
 #include "base/threads.h"
 
 namespace octrad {
 namespace {
 
-__extension__ typedef unsigned __int128 Wide;
-
-std::uint64_t fold(std::uint64_t a, std::uint64_t b) {
-  const Wide product = static_cast<Wide>(a) * b;
-  return static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64);
+// One word into the state. For a fixed state this is a bijection of the word and the other way round, so that two inputs
+// that differ in one word never collide in a lane.
+std::uint64_t absorb(std::uint64_t state, std::uint64_t word) {
+  return ((state << 27 | state >> 37) ^ mix64(word + 0x9e3779b97f4a7c15ull)) * 0xe7037ed1a0b428dbull + 1;
 }
-
-constexpr std::uint64_t kOdd[4] = {0xa0761d6478bd642full, 0xe7037ed1a0b428dbull, 0x8ebc6af09c88c6e3ull, 0x589965cc75374cc3ull};
 
 std::uint64_t load64(const unsigned char* p) {
   std::uint64_t v;
@@ -48,24 +46,26 @@ class Hasher {
   std::uint64_t state() const { return state_; }
 
  private:
-  std::uint64_t state_ = kOdd[0];
+  std::uint64_t state_ = 0;
 };
 
 }  // namespace
 
 std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed) {
   const auto* p = static_cast<const unsigned char*>(data);
-  std::uint64_t a = fold(seed ^ kOdd[0], bytes ^ kOdd[1]), b = a ^ kOdd[2];
+  // Four independent lanes keep the multipliers busy.
+  std::uint64_t lanes[4];
+  for (std::uint64_t i = 0; i < 4; ++i) lanes[i] = mix64(seed + i + 1);
   std::size_t left = bytes;
   for (; left >= 32; left -= 32, p += 32) {
-    a = fold(load64(p) ^ kOdd[1], load64(p + 8) ^ a);
-    b = fold(load64(p + 16) ^ kOdd[2], load64(p + 24) ^ b);
+    for (std::size_t i = 0; i < 4; ++i) lanes[i] = absorb(lanes[i], load64(p + 8 * i));
   }
   unsigned char tail[32] = {};
   if (left > 0) std::memcpy(tail, p, left);
-  a = fold(load64(tail) ^ kOdd[1], load64(tail + 8) ^ a);
-  b = fold(load64(tail + 16) ^ kOdd[2], load64(tail + 24) ^ b);
-  return fold(a ^ kOdd[3], b ^ kOdd[1]);
+  for (std::size_t i = 0; i < 4; ++i) lanes[i] = absorb(lanes[i], load64(tail + 8 * i));
+  std::uint64_t hash = absorb(seed, bytes);
+  for (const std::uint64_t lane : lanes) hash = absorb(hash, lane);
+  return mix64(hash);
 }
 
 std::string scene_fingerprint(const Scene& scene) {

@@ -9,7 +9,7 @@
 
 namespace octrad {
 
-// 64-bit hash of `bytes` bytes, the same on every little-endian machine. Multiply-fold mixing (as in wyhash, Wang Yi).
+// 64-bit hash of `bytes` bytes, the same on every little-endian machine. Not for adversaries.
 std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed);
 
 // 16 hex digits over geometry, materials, textures, lights and environment; names, sensors and film do not count.

@@ -9,7 +9,7 @@ namespace octrad {
 namespace {
 
 // Linear sRGB of a spectrum that is 1 at every wavelength (the equal-energy illuminant); what a uniform emitter shows.
-constexpr Vec3f kEqualEnergy{1.204793f, 0.948290f, 0.908943f};
+constexpr Vec3f kEqualEnergy{1.204793f, 0.948290f, 0.908917f};
 
 float decode_srgb(double v) { return static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4)); }
 
