@@ -92,7 +92,7 @@ TEST(Bytes, KnowsTheProcess) {
 }
 
 TEST(Bytes, RefusesOverBudgetRequests) {
-  const std::vector<MemoryItem> items = {{"networks", 1 << 20}, {"features", 1 << 30}};
+  const std::vector<MemoryPart> items = {{"networks", 1 << 20}, {"features", 1 << 30}};
   EXPECT_NO_THROW(require_memory(0, "x", items, ""));
   EXPECT_NO_THROW(require_memory(2u << 30, "x", items, ""));
   try {

@@ -116,15 +116,15 @@ std::uint64_t usable_memory() {
   return usable;
 }
 
-void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryItem>& items, const std::string& advice) {
+void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items, const std::string& advice) {
   std::uint64_t total = 0;
-  for (const MemoryItem& item : items) total += item.bytes;
+  for (const MemoryPart& item : items) total += item.bytes;
   if (budget == 0 || total <= budget) return;
-  std::vector<MemoryItem> sorted = items;
-  std::stable_sort(sorted.begin(), sorted.end(), [](const MemoryItem& a, const MemoryItem& b) { return a.bytes > b.bytes; });
+  std::vector<MemoryPart> sorted = items;
+  std::stable_sort(sorted.begin(), sorted.end(), [](const MemoryPart& a, const MemoryPart& b) { return a.bytes > b.bytes; });
   std::string message = fmt::format("{} needs {} and the budget is {} (--max-memory)", what, format_bytes(static_cast<double>(total)),
                                     format_bytes(static_cast<double>(budget)));
-  for (const MemoryItem& item : sorted) {
+  for (const MemoryPart& item : sorted) {
     if (item.bytes > 0) message += fmt::format("\n  {:>10}  {}", format_bytes(static_cast<double>(item.bytes)), item.name);
   }
   if (!advice.empty()) message += "\n" + advice;

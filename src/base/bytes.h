@@ -26,12 +26,12 @@ std::uint64_t peak_resident_bytes();
 std::uint64_t usable_memory();
 
 // One line of an estimate made before anything is allocated, e.g. {"feature tables", 1270000000}.
-struct MemoryItem {
+struct MemoryPart {
   std::string name;
   std::uint64_t bytes = 0;
 };
 // Throws MemoryError when the items together exceed `budget` bytes (0: no limit). The message lists the items, largest
 // first, and ends with `advice` (lines that name the knobs and what each would save).
-void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryItem>& items, const std::string& advice);
+void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items, const std::string& advice);
 
 }  // namespace octrad

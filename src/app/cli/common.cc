@@ -145,11 +145,17 @@ Config ConfigOptions::resolve() const {
     }
     octrad::apply(config, json, file);
   }
-  for (const std::string& definition : definitions) {
-    const auto [key, value] = split_definition(definition);
-    if (is_config_key(key)) set(config, key, value);
-  }
+  for (const auto& [key, value] : config_definitions()) set(config, key, value);
   return config;
+}
+
+std::vector<std::pair<std::string, std::string>> ConfigOptions::config_definitions() const {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const std::string& definition : definitions) {
+    auto parts = split_definition(definition);
+    if (is_config_key(parts.first)) out.push_back(std::move(parts));
+  }
+  return out;
 }
 
 std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
@@ -157,15 +163,6 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
   for (const std::string& definition : definitions) {
     const auto [key, value] = split_definition(definition);
     if (!is_config_key(key)) out[key] = value;
-  }
-  return out;
-}
-
-std::map<std::string, std::string> parse_scene_definitions(const std::vector<std::string>& definitions) {
-  std::map<std::string, std::string> out;
-  for (const std::string& definition : definitions) {
-    const auto [key, value] = split_definition(definition);
-    out[key] = value;
   }
   return out;
 }

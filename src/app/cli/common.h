@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -43,8 +44,11 @@ struct Program {
 // Adds a subcommand with the common options. `example` is shown at the end of --help.
 CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example);
 
+void add_train(Program& program);
+void add_render(Program& program);
 void add_compare(Program& program);
 void add_info(Program& program);
+void add_query(Program& program);
 void add_tonemap(Program& program);
 
 // A check that does not add itself to the help text (the option's own text says what is accepted).
@@ -73,12 +77,11 @@ struct ConfigOptions {
   void add_to(CLI::App& verb);
   // Preset, then the file, then the definitions that name configuration keys.
   Config resolve() const;
+  // The definitions that name configuration keys, in order (not checked).
+  std::vector<std::pair<std::string, std::string>> config_definitions() const;
   // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration key.
   std::map<std::string, std::string> scene_definitions() const;
 };
-
-// -D for verbs that read a scene but no configuration.
-std::map<std::string, std::string> parse_scene_definitions(const std::vector<std::string>& definitions);
 
 // JSON from a file. Throws IoError, or InputError with the position of a syntax error.
 nlohmann::json read_json_file(const std::string& file);

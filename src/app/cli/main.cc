@@ -61,8 +61,11 @@ int run(int argc, char** argv) {
   program.app.set_version_flag("--version", std::string("octrad ") + kVersion);
   program.app.require_subcommand(1);
   program.app.footer("octrad VERB --help explains a verb and shows an example.");
+  add_train(program);
+  add_render(program);
   add_compare(program);
   add_info(program);
+  add_query(program);
   add_tonemap(program);
   try {
     program.app.parse(argc, argv);

@@ -1,0 +1,184 @@
+// octrad train: trains a radiance cache of a scene.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+
+#include "app/cli/common.h"
+#include "app/cli/loaded_scene.h"
+#include "base/atomic_file.h"
+#include "base/bytes.h"
+#include "base/duration.h"
+#include "base/error.h"
+#include "base/interrupt.h"
+#include "base/log.h"
+#include "base/stopwatch.h"
+#include "image/io.h"
+#include "scene/camera.h"
+#include "train/trainer.h"
+
+namespace octrad::cli {
+namespace {
+
+struct TrainVerbOptions {
+  std::string scene, output;
+  ConfigOptions config;
+  std::string field;
+  long long steps = -1;
+  std::string time;
+  std::string reference;
+  bool resume = false, no_optimizer = false;
+};
+
+// Options that have configuration keys of their own are applied last: they are what the user sees first.
+void apply_options(Config& config, const TrainVerbOptions& o, const CommonOptions& common) {
+  if (!o.field.empty()) set(config, "field", o.field);
+  if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+  if (!o.time.empty()) set(config, "train.time", o.time);
+  if (o.steps >= 0) set(config, "train.steps", std::to_string(o.steps));
+}
+
+// The configuration of a resumed run is the model's; only budgets and the like may be new.
+Config resumed_config(const Model& model, const TrainVerbOptions& o, const CommonOptions& common) {
+  Config wanted = model.info.config;
+  if (!o.config.preset.empty() || !o.config.file.empty()) {
+    wanted = o.config.resolve();
+  } else {
+    for (const auto& [key, value] : o.config.config_definitions()) set(wanted, key, value);
+  }
+  apply_options(wanted, o, common);
+  if (wanted.target_scale == 0.0) wanted.target_scale = model.info.config.target_scale;  // chosen by the first run
+  const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
+  for (std::size_t i = 0; i < was.size(); ++i) {
+    if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end()) continue;
+    throw UsageError(fmt::format("--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
+                                 "checkpoint.every may change)", was[i].key, was[i].value, o.output, now[i].value));
+  }
+  return wanted;
+}
+
+// One line a group of keys.
+void show_config(const Config& config) {
+  std::string group, line;
+  for (const ConfigKey& key : describe(config)) {
+    const std::size_t dot = key.key.find('.');
+    const std::string name = dot == std::string::npos ? "" : key.key.substr(0, dot);
+    if (name != group || line.empty()) {
+      if (!line.empty()) log_info("{}", line);
+      line = name.empty() ? "config " : "  " + name + ":";
+      group = name;
+    }
+    line += fmt::format(" {}={}", dot == std::string::npos ? key.key : key.key.substr(dot + 1), key.value);
+  }
+  log_info("{}", line);
+}
+
+void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
+  require_writable(o.output);
+  Config config = o.config.resolve();
+  apply_options(config, o, common);
+
+  std::optional<Model> resumed;
+  if (o.resume) {
+    if (std::filesystem::exists(o.output)) {
+      resumed = load_model(o.output, true);
+      if (!resumed->has_optimizer) throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
+      config = resumed_config(*resumed, o, common);
+    } else {
+      log_info("{} does not exist yet: starting from the beginning", o.output);
+    }
+  }
+
+  Image reference;
+  if (!o.reference.empty()) reference = read_image(o.reference);
+  const LoadedScene loaded = open_scene(o.scene, o.config.scene_definitions());
+  if (resumed) check_scene(o.output, resumed->info, loaded.scene->file, loaded.scene->fingerprint, false);
+  const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
+
+  TrainOptions options;
+  options.output = o.output;
+  options.save_optimizer = !o.no_optimizer;
+  options.reference = o.reference.empty() ? nullptr : &reference;
+  options.max_memory = static_cast<double>(common.memory_budget());
+  if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
+  options.resume = resumed ? &*resumed : nullptr;
+
+  // With both --steps and --time the schedule follows the steps and the time is a limit.
+  const double limit = o.steps > 0 && !o.time.empty() ? parse_duration(o.time) : 0.0;
+  bool out_of_time = false;
+  Stopwatch watch;
+  options.interrupted = [&] {
+    if (limit > 0.0 && watch.seconds() >= limit) out_of_time = true;
+    return out_of_time || interrupted();
+  };
+
+  show_config(config);
+  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed ? resumed->info.state.step : 0}});
+  if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed->info.state.step));
+
+  Progress progress("train");
+  options.progress = [&](const TrainProgress& p) {
+    if (progress.due()) {
+      std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
+      if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
+      text += fmt::format("  {} points/s  {} queries/s  {}", format_rate(p.points_per_second), format_rate(p.queries_per_second),
+                          format_bytes(static_cast<double>(resident_bytes())));
+      progress.update(p.fraction, text);
+    }
+    if (log) {
+      nlohmann::json line = {{"event", "progress"}, {"step", p.step}, {"seconds", p.seconds}, {"fraction", p.fraction}, {"loss", p.loss},
+                             {"points_per_s", p.points_per_second}, {"rhs_queries_per_s", p.queries_per_second}, {"memory", resident_bytes()}};
+      if (p.validation_mape >= 0.0) line["validation_mape"] = p.validation_mape;
+      log->write(line);
+    }
+  };
+  options.saved = [&](const std::string& file, long long step) {
+    log_verbose("saved {} at step {}", file, format_count(step));
+    if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
+  };
+
+  const TransportContext context{*loaded.scene, *loaded.tracer, *loaded.materials, *loaded.lights};
+  const TrainResult result = train(context, config, options);
+  progress.finish();
+
+  const double seconds = std::max(result.seconds, 1e-9);
+  nlohmann::json report = {{"steps", result.steps}, {"seconds", result.seconds}, {"lhs_samples", result.lhs_samples}, {"rhs_queries", result.rhs_queries},
+                           {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds}, {"loss", result.loss}, {"validation_mape", nullptr},
+                           {"model", o.output}, {"field", config.field}, {"preset", config.preset}, {"interrupted", interrupted()}};
+  if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
+  if (log) {
+    nlohmann::json done = report;
+    done["event"] = "done";
+    log->write(done);
+  }
+  if (interrupted()) log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
+  if (common.json) {
+    print_json(report);
+  } else {
+    log_info("{}: {} steps in {}, loss {:.4f}{}, {} queries/s", o.output, format_count(result.steps), format_duration(result.seconds), result.loss,
+             result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
+             format_rate(static_cast<double>(result.rhs_queries) / seconds));
+  }
+}
+
+}  // namespace
+
+void add_train(Program& program) {
+  auto o = std::make_shared<TrainVerbOptions>();
+  CLI::App* verb = add_verb(program, "train", "Train a radiance cache of a scene.",
+                            "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr");
+  verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
+  verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")->required()->type_name("MODEL.octrad");
+  o->config.add_to(*verb);
+  verb->add_option("--field", o->field, "octaoctree (the default) | nr")->type_name("NAME");
+  verb->add_option("--steps", o->steps, "train N steps")->check(unnamed(CLI::Range(1LL, 100000000LL)))->type_name("N");
+  verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")->type_name("T");
+  verb->add_option("--reference", o->reference, "picture of the scene's first sensor: its error is shown while training")->type_name("REF.exr");
+  verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
+  verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
+  verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
+}
+
+}  // namespace octrad::cli
