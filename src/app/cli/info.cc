@@ -5,11 +5,14 @@
 #include <filesystem>
 
 #include "app/cli/common.h"
+#include "app/cli/loaded_scene.h"
 #include "base/bytes.h"
 #include "base/cpu_info.h"
 #include "base/error.h"
 #include "base/threads.h"
 #include "base/version.h"
+#include "encoding/octaoctree.h"
+#include "geometry/voxelize.h"
 #include "image/io.h"
 #include "model/safetensors.h"
 
@@ -19,6 +22,7 @@ namespace {
 struct InfoOptions {
   std::string file;
   bool keys = false;
+  bool sampled = false;
   ConfigOptions config;
 };
 
@@ -76,6 +80,75 @@ void info_image(const CommonOptions& common, const std::string& file) {
   std::string out = fmt::format("{}: {} x {}\n{}", file, image.width, image.height, format_table(table));
   for (const auto& [key, value] : image.metadata) out += fmt::format("{}: {}\n", key, value);
   print_text(out);
+}
+
+nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); }
+
+// Counts, bounds, lights and the level table of the octree that training would build (Table "levels" of the paper); only
+// the cells are found, nothing is allocated for features.
+void info_scene(const CommonOptions& common, const InfoOptions& options) {
+  const Config config = options.config.resolve();
+  const LoadedScene loaded = open_scene(options.file, options.config.scene_definitions(), false);
+  const Scene& scene = *loaded.scene;
+  const Domain domain = scene_domain(scene.bounds, config.octree_box == "cube");
+  const auto conservative = occupied_cells(scene, domain, config.octree_levels);
+  std::vector<std::vector<Vec3i>> sampled;
+  if (options.sampled || config.octree_occupancy == "sampled") {
+    sampled = sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
+  }
+  const auto& cells = config.octree_occupancy == "sampled" ? sampled : conservative;
+
+  nlohmann::json levels = nlohmann::json::array();
+  std::vector<std::vector<std::string>> table = {{"level", "cells/axis", "octahedral", "cells", "entries", "memory"}};
+  if (!sampled.empty()) table[0].insert(table[0].end(), {"conservative", "sampled"});
+  std::int64_t total_cells = 0, total_entries = 0;
+  const auto bytes_of = [&](std::int64_t entries) { return entries * config.octree_features * static_cast<std::int64_t>(sizeof(float)); };
+  for (int level = 1; level <= config.octree_levels; ++level) {
+    const auto index = static_cast<std::size_t>(level - 1);
+    const auto count = static_cast<std::int64_t>(cells[index].size());
+    const std::int64_t entries = octree_entries(config.octree_levels, level, count);
+    total_cells += count;
+    total_entries += entries;
+    levels.push_back({{"level", level}, {"spatial_resolution", spatial_resolution(level)},
+                      {"octahedral_resolution", octahedral_resolution(config.octree_levels, level)}, {"cells", count}, {"entries", entries},
+                      {"bytes", bytes_of(entries)}, {"cells_conservative", conservative[index].size()}});
+    table.push_back({std::to_string(level), std::to_string(spatial_resolution(level)), std::to_string(octahedral_resolution(config.octree_levels, level)),
+                     format_count(count), format_count(entries), format_bytes(static_cast<double>(bytes_of(entries)))});
+    if (!sampled.empty()) {
+      levels.back()["cells_sampled"] = sampled[index].size();
+      table.back().insert(table.back().end(), {format_count(static_cast<long long>(conservative[index].size())), format_count(static_cast<long long>(sampled[index].size()))});
+    }
+  }
+  table.push_back({"total", "", "", format_count(total_cells), format_count(total_entries), format_bytes(static_cast<double>(bytes_of(total_entries)))});
+
+  const std::size_t lights = scene.area_lights.size() + scene.environments.size();
+  if (common.json) {
+    nlohmann::json cameras = nlohmann::json::array();
+    for (const Camera& c : scene.cameras) {
+      cameras.push_back({{"origin", vector_json(c.origin)}, {"forward", vector_json(c.forward)}, {"up", vector_json(c.up)}, {"fov", c.fov_degrees},
+                         {"width", c.film_width}, {"height", c.film_height}});
+    }
+    print_json({{"file", scene.file}, {"fingerprint", scene.fingerprint}, {"triangles", scene.triangle_count()}, {"spheres", scene.spheres.size()},
+                {"shapes", scene.shapes.size()}, {"materials", scene.materials.size()}, {"textures", scene.textures.size()}, {"lights", lights},
+                {"area_lights", scene.area_lights.size()}, {"environments", scene.environments.size()}, {"cameras", cameras},
+                {"bounds", {{"lower", vector_json(scene.bounds.lower)}, {"upper", vector_json(scene.bounds.upper)}}},
+                {"domain", {{"origin", vector_json(domain.origin)}, {"size", vector_json(domain.size)}}}, {"max_depth", scene.max_depth},
+                {"film", {{"width", scene.film.width}, {"height", scene.film.height}}}, {"levels", levels}, {"entries", total_entries},
+                {"bytes", bytes_of(total_entries)}, {"features", config.octree_features}, {"warnings", scene.warnings}});
+    return;
+  }
+  const auto point = [](Vec3f v) { return fmt::format("({:.4g}, {:.4g}, {:.4g})", v.x, v.y, v.z); };
+  std::string out = fmt::format("{} (fingerprint {})\n", scene.file, scene.fingerprint);
+  out += fmt::format("geometry   {} triangles, {} spheres in {} shapes\n", format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(), scene.shapes.size());
+  out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
+  out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(), scene.environments.size());
+  out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
+  for (const Camera& c : scene.cameras) {
+    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin), point(c.forward), c.fov_degrees, c.film_width, c.film_height);
+  }
+  out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n", scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth),
+                     config.preset, config.octree_levels, config.octree_features, config.octree_box, config.octree_occupancy);
+  print_text(out + format_table(table));
 }
 
 const char* dtype_name(DType type) {
@@ -136,6 +209,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options) {
   if (options.file.empty()) return info_program(common);
   std::string extension = std::filesystem::path(options.file).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".xml") return info_scene(common, options);
   if (extension == ".octrad") return info_model(common, options.file);
   if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg") return info_image(common, options.file);
   throw UsageError(fmt::format("cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)", options.file));
@@ -148,6 +222,7 @@ void add_info(Program& program) {
   CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.", "octrad info scene.xml --preset default -D octree.levels=6");
   verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
+  verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   options->config.add_to(*verb);
   verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options); }; });
 }
