@@ -10,7 +10,7 @@ VERBS = re.findall(r"^  (\w+)  ", run("--help").out.split("Subcommands:")[1], re
 
 class Usage(Case):
     def test_verbs(self):
-        self.assertTrue({"compare", "info", "tonemap"} <= set(VERBS), VERBS)
+        self.assertTrue({"train", "render", "compare", "info", "query", "tonemap"} <= set(VERBS), VERBS)
 
     def test_every_verb_explains_itself(self):
         for verb in VERBS:

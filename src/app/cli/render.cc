@@ -189,17 +189,15 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     if (log) log->write({{"event", "progress"}, {"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
   };
 
+  const TransportContext context{scene, *loaded.tracer, *loaded.materials, *loaded.lights};
   RenderResult result;
   if (o.integrator == "path") {
-    result = render_path({scene, *loaded.tracer, *loaded.materials, *loaded.lights}, options);
+    result = render_path(context, options);
+  } else if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) != kIntegrators.end()) {
+    const CacheMode mode = o.integrator == "lhs" ? CacheMode::lhs : o.integrator == "rhs" ? CacheMode::rhs : CacheMode::deferred;
+    result = render(options, cache_integrator(context, *model->field, config, mode, 1, options.seed));
   } else {
-    const TransportContext context{scene, *loaded.tracer, *loaded.materials, *loaded.lights};
-    if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) == kIntegrators.end()) {
-      result = render_view(options, context, *model->field, config, o.integrator);
-    } else {
-      const CacheMode mode = o.integrator == "lhs" ? CacheMode::lhs : o.integrator == "rhs" ? CacheMode::rhs : CacheMode::deferred;
-      result = render(options, cache_integrator(context, *model->field, config, mode, 1, options.seed));
-    }
+    result = render_view(options, context, *model->field, config, o.integrator);
   }
   progress.finish();
   if (result.counts.non_finite > 0) log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));

@@ -61,18 +61,15 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
 
 // One line a group of keys.
 void show_config(const Config& config) {
-  std::string group, line;
+  std::vector<std::pair<std::string, std::string>> lines = {{"", "config "}};
   for (const ConfigKey& key : describe(config)) {
     const std::size_t dot = key.key.find('.');
-    const std::string name = dot == std::string::npos ? "" : key.key.substr(0, dot);
-    if (name != group || line.empty()) {
-      if (!line.empty()) log_info("{}", line);
-      line = name.empty() ? "config " : "  " + name + ":";
-      group = name;
-    }
-    line += fmt::format(" {}={}", dot == std::string::npos ? key.key : key.key.substr(dot + 1), key.value);
+    const std::string group = dot == std::string::npos ? "" : key.key.substr(0, dot);
+    auto line = std::find_if(lines.begin(), lines.end(), [&](const auto& l) { return l.first == group; });
+    if (line == lines.end()) line = lines.insert(lines.end(), {group, "  " + group + ":"});
+    line->second += " " + key.key.substr(dot == std::string::npos ? 0 : dot + 1) + "=" + (key.value.empty() ? "\"\"" : key.value);
   }
-  log_info("{}", line);
+  for (const auto& [group, line] : lines) log_info("{}", line);
 }
 
 void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
