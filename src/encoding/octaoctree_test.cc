@@ -265,7 +265,8 @@ TEST(OctaOctree, DerivativeMatchesDifferencesInDouble) {
 }
 
 void check_against_definition(OctaOctreeOptions options, int n, int stride) {
-  const Fixture f(options);
+  Fixture f(options);
+  testing::fill_random(f.tree.features(), 17);   // rim duplicates hold other values: reading one would show
   const Queries q = make_queries(f, n, 3);
   const int count = f.tree.feature_count();
   std::vector<float> out(static_cast<std::size_t>(count * stride), -7.0f), recorded(out);
@@ -299,6 +300,10 @@ void check_against_definition(OctaOctreeOptions options, int n, int stride) {
         weights += tap.weight;
         ASSERT_GE(tap.entry, f.tree.level_offset(l + 1));
         ASSERT_LT(tap.entry, l + 1 < options.levels ? f.tree.level_offset(l + 2) : f.tree.entry_count());
+        const int r = level.octahedral_resolution;
+        const int vertex = static_cast<int>((tap.entry - f.tree.level_offset(l + 1)) % ((r + 1) * (r + 1)));
+        const OctaVertex canonical = octa_canonical({vertex % (r + 1) - r / 2, vertex / (r + 1) - r / 2}, r);
+        EXPECT_EQ(octa_vertex_index(canonical.i, canonical.j, r), vertex) << "a rim duplicate was named";
         for (int c = 0; c < options.features; ++c) sum[c] += double(tap.weight) * f.tree.features()[std::size_t{tap.entry} * options.features + c];
       }
       EXPECT_NEAR(weights, stencil.count > 0 ? 1.0 : 0.0, 2e-6);
