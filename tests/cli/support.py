@@ -5,6 +5,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import time
 import unittest
 
 PROGRAM = os.environ.get("OCTRAD", "octrad")
@@ -85,3 +86,58 @@ class Case(unittest.TestCase):
         self.assertIn(text, result.err)
         self.assertEqual(result.out, "")
         return result
+
+
+# A closed box with a lamp, a rough-metal and a mirror-like patch: quick, and every layer has something in it.
+ROOM = """<scene version="3.0.0">
+  <default name="spp" value="4"/>
+  <default name="wall" value="0.5"/>
+  <integrator type="path"><integer name="max_depth" value="6"/></integrator>
+  <sensor type="perspective">
+    <float name="fov" value="60"/>
+    <transform name="to_world"><lookat origin="0, 0, 0.9" target="0, -0.2, 0" up="0, 1, 0"/></transform>
+    <sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>
+    <film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="24"/><rfilter type="box"/></film>
+  </sensor>
+  <bsdf type="twosided" id="white"><bsdf type="diffuse"><rgb name="reflectance" value="$wall, 0.5, 0.4"/></bsdf></bsdf>
+  <bsdf type="twosided" id="metal"><bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="0.2"/></bsdf></bsdf>
+  <shape type="cube" id="room"><ref id="white"/></shape>
+  <shape type="rectangle" id="patch">
+    <transform name="to_world"><scale value="0.5"/><translate x="0" y="0" z="-0.9"/></transform>
+    <ref id="metal"/>
+  </shape>
+  <shape type="rectangle" id="lamp">
+    <transform name="to_world"><rotate x="1" angle="90"/><scale value="0.3"/><translate x="0" y="0.95" z="0"/></transform>
+    <ref id="white"/>
+    <emitter type="area"><rgb name="radiance" value="8, 8, 8"/></emitter>
+  </shape>
+</scene>
+"""
+
+# A cache that trains in a second.
+SMALL = ("-D", "train.points=256", "-D", "train.directions=2", "-D", "octree.levels=3", "-D", "decoder.width=32", "-D", "decoder.hidden=2",
+         "-D", "disparity.log2_table=12", "-D", "train.poses=4", "-q")
+
+
+def read_safetensors(path):
+    """-> metadata, {name: bytes}"""
+    with open(path, "rb") as file:
+        raw = file.read()
+    size = struct.unpack("<Q", raw[:8])[0]
+    header = json.loads(raw[8:8 + size])
+    metadata = header.pop("__metadata__")
+    return metadata, {name: raw[8 + size + t["data_offsets"][0]:8 + size + t["data_offsets"][1]] for name, t in header.items()}
+
+
+def start(*arguments):
+    """A process to send signals to; its error output is kept."""
+    return subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def wait_for(condition, seconds=60):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False

@@ -1,6 +1,7 @@
 // octrad compare: how far pictures are from a reference.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -55,7 +56,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     if (error) throw IoError(fmt::format("cannot make folder {}: {}", options.error_folder, error.message()));
   }
   std::vector<std::uint8_t> mask;
-  if (!std::isnan(options.alpha_below) || !std::isnan(options.alpha_above)) {
+  const bool masked = !std::isnan(options.alpha_below) || !std::isnan(options.alpha_above);
+  if (masked) {
     // Below is exclusive and above inclusive, so that the two halves of one threshold share no pixel and miss none.
     const float above = std::isnan(options.alpha_above) ? -1.0f : std::nextafter(static_cast<float>(options.alpha_above), -1.0f);
     const float below = std::isnan(options.alpha_below) ? std::numeric_limits<float>::infinity() : static_cast<float>(options.alpha_below);
@@ -67,6 +69,14 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   for (std::size_t i = 0; i < options.images.size(); ++i) {
     const std::string& file = options.images[i];
     const Image image = read_image(file);
+    if (masked && std::none_of(mask.begin(), mask.end(), [](std::uint8_t m) { return m != 0; })) {
+      // Expected for a scene without such surfaces: no error, but no numbers either.
+      if (i == 0) log_warning(fmt::format("{}: no pixel has such a roughness", options.reference));
+      images.push_back({{"image", file}, {"mape", nullptr}, {"mape_trimmed", nullptr}, {"mse", nullptr}, {"relmse", nullptr}, {"psnr", nullptr},
+                        {"mean_ratio", nullptr}, {"pixels", 0}, {"non_finite", 0}});
+      table.push_back({file, "-", "-", "-", "-", "-", "-", "0"});
+      continue;
+    }
     Metrics m;
     try {
       m = compare(reference, image, mask);

@@ -172,7 +172,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
     config = model_config(model->info, definitions);
   } else if (!definitions.config_definitions().empty()) {
-    throw UsageError("-D of configuration keys: --integrator path has none");
+    throw UsageError(fmt::format("-D {}: --integrator path has no configuration keys", definitions.config_definitions().front().first));
   }
 
   RenderOptions options = render_options(scene, o, common);

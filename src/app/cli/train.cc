@@ -111,8 +111,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     return out_of_time || interrupted();
   };
 
+  const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
-  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed ? resumed->info.state.step : 0}});
+  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed_step}});
   if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed->info.state.step));
 
   Progress progress("train");
@@ -144,6 +145,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   nlohmann::json report = {{"steps", result.steps}, {"seconds", result.seconds}, {"lhs_samples", result.lhs_samples}, {"rhs_queries", result.rhs_queries},
                            {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds}, {"loss", result.loss}, {"validation_mape", nullptr},
                            {"model", o.output}, {"field", config.field}, {"preset", config.preset}, {"interrupted", interrupted()}};
+  if (resumed && result.steps == resumed_step) report["loss"] = nullptr;  // no step was left to do
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
   if (log) {
     nlohmann::json done = report;

@@ -1,0 +1,166 @@
+"""octrad render --integrator path, and what every integrator shares."""
+import json
+import os
+import signal
+import unittest
+
+from support import ROOM, Case, start, wait_for
+
+LAYERS = ["R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "roughness.Y"]
+
+
+class Render(Case):
+    def setUp(self):
+        super().setUp()
+        self.scene = self.write("room.xml", ROOM)
+        self.out = self.path("out.exr")
+
+    def render(self, *options, out=None):
+        return self.ok("render", self.scene, "-o", out or self.out, "--json", "-q", *options).json()
+
+    def channels(self, file=None):
+        return {c["name"]: c for c in self.ok("info", file or self.out, "--json").json()["channels"]}
+
+    def assert_same_picture(self, a, b):
+        result = self.ok("compare", a, b, "--json").json()["images"][0]
+        self.assertEqual((result["mse"], result["non_finite"]), (0, 0))
+
+    def assert_other_picture(self, a, b):
+        self.assertGreater(self.ok("compare", a, b, "--json").json()["images"][0]["mse"], 0)
+
+    def test_report_and_layers(self):
+        report = self.render("--integrator", "path", "--spp", "4")
+        self.assertEqual((report["width"], report["height"], report["spp"]), (32, 24, 4))
+        for key in ("seconds", "samples_per_s", "rays_per_s"):
+            self.assertGreater(report[key], 0)
+        self.assertEqual(report["queries_per_s"], 0)
+        info = self.ok("info", self.out, "--json").json()
+        self.assertEqual(sorted(c["name"] for c in info["channels"]), sorted(LAYERS))
+        channels = self.channels()
+        self.assertAlmostEqual(channels["roughness.Y"]["min"], 0.2, places=5)
+        self.assertAlmostEqual(channels["albedo.B"]["min"], 0.4, places=5)
+        self.assertEqual(sum(c["non_finite"] for c in channels.values()), 0)
+        self.assertEqual(json.loads(info["metadata"]["octrad.render"])["integrator"], "path")
+        self.assertEqual(json.loads(info["metadata"]["octrad.scene"])["file"], self.scene)
+
+    def test_size(self):
+        for options, size in (((), (32, 24)), (("--width", 16), (16, 12)), (("--height", 48), (64, 48)), (("--width", 10, "--height", 10), (10, 10))):
+            report = self.render("--spp", 1, *options)
+            self.assertEqual((report["width"], report["height"]), size)
+
+    def test_crop_is_part_of_the_picture(self):
+        whole, crop = self.path("whole.exr"), self.path("crop.exr")
+        self.render("--spp", 2, out=whole)
+        report = self.render("--spp", 2, "--crop", "0,0,32,24", out=crop)
+        self.assert_same_picture(whole, crop)
+        report = self.render("--spp", 2, "--crop", "4,5,6,7", out=crop)
+        self.assertEqual((report["width"], report["height"]), (6, 7))
+
+    def test_same_bits_at_any_thread_count_and_other_bits_for_another_seed(self):
+        a, b, c = (self.path(n) for n in ("a.exr", "b.exr", "c.exr"))
+        self.render("--spp", 3, "--threads", 1, out=a)
+        self.render("--spp", 3, "--threads", 4, out=b)
+        self.render("--spp", 3, "--seed", 7, out=c)
+        self.assert_same_picture(a, b)
+        self.assert_other_picture(a, c)
+
+    def test_depth_and_scene_parameters(self):
+        self.render("--max-depth", 1, "--spp", 1)
+        emission_only = self.channels()
+        self.assertIn(emission_only["R"]["max"], (0, 8))
+        a, b = self.path("a.exr"), self.path("b.exr")
+        self.render(out=a)  # the scene's depth is 6
+        self.render("--max-depth", 6, out=b)
+        self.assert_same_picture(a, b)
+        self.render("-D", "wall=0.25", "--spp", 1, out=b)
+        self.assertAlmostEqual(self.channels(b)["albedo.R"]["min"], 0.25, places=5)
+
+    def test_cameras(self):
+        a, b, c = (self.path(n) for n in ("a.exr", "b.exr", "c.exr"))
+        self.render("--spp", 1, out=a)
+        self.render("--spp", 1, "--origin", "0,0,0.9", "--target", "0,-0.2,0", out=b)
+        self.assert_same_picture(a, b)
+        camera = self.write("camera.json", json.dumps({"origin": [0, 0, 0.9], "target": [0, -0.2, 0], "fov": 60}))
+        self.render("--spp", 1, "--camera", camera, out=c)
+        self.assert_same_picture(a, c)
+        self.render("--spp", 1, "--sensor", 0, "--fov", 30, out=c)
+        self.assert_other_picture(a, c)
+        # The camera in the file's metadata is one for --camera.
+        metadata = self.ok("info", c, "--json").json()["metadata"]
+        self.render("--spp", 1, "--camera", self.write("again.json", metadata["octrad.camera"]), out=b)
+        self.assertLess(self.ok("compare", b, c, "--json").json()["images"][0]["mape"], 1e-3)
+
+    def test_time(self):
+        report = self.render("--time", "300ms", "--spp", 1000000)
+        self.assertLess(report["spp"], 1000000)
+        self.assertGreater(report["spp"], 0)
+        self.assertFalse(report["interrupted"])
+
+    def test_masks_share_no_pixel_and_miss_none(self):
+        self.render("--spp", 4)
+        pixels = lambda *o: self.ok("compare", self.out, self.out, "--json", *o).json()["images"][0]["pixels"]
+        below, above = pixels("--alpha-below", 0.5), pixels("--alpha-above", 0.5)
+        self.assertGreater(below, 10)
+        self.assertGreater(above, 10)
+        self.assertEqual(below + above, 32 * 24)
+        self.assertEqual(pixels("--alpha-above", 0.2, "--alpha-below", 0.9), pixels("--alpha-below", 0.9))
+        nothing = self.ok("compare", self.out, self.out, "--json", "--alpha-below", 0.1).json()["images"][0]
+        self.assertEqual((nothing["pixels"], nothing["mape"]), (0, None))
+
+    def test_interrupt_saves_what_is_done(self):
+        log = self.path("log.jsonl")
+        process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", log)
+        self.assertTrue(wait_for(lambda: os.path.exists(log) and os.path.getsize(log) > 0))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn(self.out, err.decode())
+        self.assertGreater(self.channels()["G"]["mean"], 0)
+
+    def test_refusals(self):
+        r = ("render", self.scene, "-o", self.out)
+        self.fails(1, 'did you mean "path"', *r, "--integrator", "paht")
+        self.fails(1, "--model", *r, "--integrator", "lhs")
+        self.fails(1, "--spp", *r, "--spp", "0")
+        self.fails(1, "duration", *r, "--time", "soon")
+        self.fails(1, "--crop", *r, "--crop", "1,2,3")
+        self.fails(1, "crop", *r, "--crop", "30,0,10,10")
+        self.fails(1, "--sensor 3", *r, "--sensor", "3")
+        self.fails(1, "exclude each other", *r, "--sensor", "0", "--origin", "0,0,0", "--target", "0,0,1")
+        self.fails(1, "belong together", *r, "--origin", "0,0,0")
+        self.fails(1, "expected 3 numbers", *r, "--origin", "0,0", "--target", "0,0,1")
+        self.fails(2, "camera.json", *r, "--camera", self.write("camera.json", "{}"))
+        self.fails(3, "none.json", *r, "--camera", self.path("none.json"))
+        self.fails(3, "does not exist", "render", self.scene, "-o", self.path("none/out.exr"))
+        self.fails(3, "none.xml", "render", self.path("none.xml"), "-o", self.out)
+        self.fails(4, "--crop", *r, "--width", "100000", "--max-memory", "1G")
+        self.fails(1, "octree.levels", *r, "-D", "octree.levels=3")
+        result = self.fails(2, "wal", *r, "-D", "wal=0.1")
+        self.assertIn("wall", result.err)
+        self.assertFalse(os.path.exists(self.out))
+
+    def test_broken_scenes_say_where(self):
+        for text, where in ((ROOM.replace("</scene>", ""), "room.xml:"), (ROOM.replace('type="roughconductor"', 'type="roughcondutcor"'), "room.xml:12:"),
+                            (ROOM.replace('type="cube"', 'type="cub"'), "room.xml:13:"), (ROOM.replace('<ref id="metal"/>', '<ref id="meta"/>'), "room.xml:16:"),
+                            (ROOM.replace('value="60"', 'value="wide"'), "room.xml:6:"), ("", "room.xml")):
+            scene = self.write("room.xml", text)
+            self.fails(2, where, "render", scene, "-o", self.out)
+            self.fails(2, where, "info", scene)
+
+    def test_info_of_a_scene(self):
+        info = self.ok("info", self.scene, "--json", "-D", "octree.levels=3").json()
+        self.assertEqual((info["triangles"], info["lights"]), (12 + 2 + 2, 1))
+        self.assertEqual(info["bounds"], {"lower": [-1, -1, -1], "upper": [1, 1, 1]})
+        self.assertEqual([l["level"] for l in info["levels"]], [1, 2, 3])
+        for level in info["levels"]:
+            self.assertEqual(level["spatial_resolution"], 2 ** (level["level"] + 1))
+            self.assertEqual(level["octahedral_resolution"], 2 ** (4 - level["level"]))
+            self.assertEqual(level["entries"], level["cells"] * (level["octahedral_resolution"] + 1) ** 2)
+            self.assertEqual(level["bytes"], level["entries"] * 16)
+            self.assertLessEqual(level["cells"], level["spatial_resolution"] ** 3)
+        self.assertEqual(info["entries"], sum(level["entries"] for level in info["levels"]))
+        self.assertIn("octahedral", self.ok("info", self.scene).out)
+
+
+if __name__ == "__main__":
+    unittest.main()
