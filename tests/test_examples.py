@@ -98,7 +98,8 @@ class Examples(unittest.TestCase):
                 shutil.copy(ROOT / "scenes" / "cornell-box" / "scene.xml", path)
             elif source:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(pathlib.Path(self.store) / source, path)
+                alike = [folder / w for w in words if w.endswith(path.suffix) and (folder / w).exists()]  # pictures to compare have one size
+                shutil.copy(alike[0] if words[0] == "compare" and alike else pathlib.Path(self.store) / source, path)
 
     def run_lines(self, lines):
         ran = 0
