@@ -7,7 +7,6 @@ set -euo pipefail
 packages=(
   g++ cmake ninja-build pkg-config ccache
   libembree-dev libtbb-dev libopenexr-dev libstb-dev libpugixml-dev libcli11-dev libfmt-dev nlohmann-json3-dev libhwy-dev
-  libtinyobjloader-dev
 )
 case "${1:-}" in
   "") ;;
