@@ -93,7 +93,7 @@ const std::vector<Key>& keys() {
       number("train.keep_direction", &C::train_keep_direction, {0, 1}, "share of walk vertices that keep the direction they were reached from"),
       number("train.stop_probability", &C::train_stop_probability, {0, 1, true}, "probability of stopping a walk at a vertex"),
       number("train.max_walk", &C::train_max_walk, {1, 64}, "longest walk"),
-      number("train.poses", &C::train_poses, {0, 100000}, "camera poses generated when the scene has one sensor"),
+      number("train.poses", &C::train_poses, {0, 100000}, "camera poses drawn once for all walks (the sensors count); 0: a fresh one for every walk. Not used with train.cameras"),
       {"train.cameras", &C::train_cameras, {}, {}, false, "JSON file with more camera poses"},
       choice("train.sampler", &C::train_sampler, {"walks", "area", "mixture"}, "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64}, "perfectly specular surfaces that a right-hand-side ray passes"),
@@ -243,6 +243,7 @@ Config preset(const std::string& name) {
   c.target_demodulate = "none";
   c.target_scale = 1.0;
   c.train_sampler = "walks";
+  c.train_poses = 64;
   c.train_walks = 1.0;
   c.loss_normalizer = "symmetric";
   c.adam_mode = "dense";  // the published optimiser is plain Adam: untouched entries keep moving along their decaying moments

@@ -70,7 +70,7 @@ struct Config {
   double train_keep_direction = 0.0;             // share of walk vertices that keep the walk's own wo
   double train_stop_probability = 0.3;
   int train_max_walk = 16;
-  int train_poses = 64;                          // generated camera poses when the scene has one sensor
+  int train_poses = 0;                           // camera poses drawn once; 0: a fresh one for every walk
   std::string train_cameras;                     // JSON file with more camera poses
   std::string train_sampler = "mixture";         // walks | area | mixture
   int train_max_chain = 16;                      // delta surfaces passed by right-hand-side rays

@@ -43,38 +43,40 @@ LhsSampler::LhsSampler(const TransportContext& context, const LhsOptions& option
     : context_(context), options_(options), surfaces_(context.scene), poses_(context.scene.cameras) {
   poses_.insert(poses_.end(), cameras.begin(), cameras.end());
   if (poses_.empty()) throw InputError("the scene has no sensor and no camera file was given: there is nowhere to start walks from");
-  if (poses_.size() == 1) generate_poses();
-}
-
-// Poses in the free space that the first camera can reach: a point part of the way along a short random walk from it,
-// looking in a random direction. Points inside closed objects cannot be reached by such a walk.
-void LhsSampler::generate_poses() {
-  const Camera first = poses_.front();
-  for (int i = 0; static_cast<int>(poses_.size()) < options_.poses && i < 8 * options_.poses; ++i) {
-    Rng rng(options_.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
-    Ray ray = random_ray(first, rng);
-    const int segments = 1 + static_cast<int>(rng.below(3));
-    Vec3f position = ray.origin;
-    bool found = false;
-    for (int s = 0; s < segments; ++s) {
-      const Hit hit = context_.tracer.intersect(ray.origin, ray.direction, 0.0f, kRayInfinity);
-      if (!hit.valid()) break;
-      position = ray.origin + ray.direction * (hit.t * (0.05f + 0.9f * rng.uniform()));
-      found = true;
-      const SurfaceInteraction surface = interact(context_.scene, hit, ray.origin, ray.direction);
-      const Vec3f n = dot(surface.geometric_normal, ray.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
-      ray = {offset_origin(surface.position, surface.geometric_normal, n), cosine_direction(n, rng.uniform2())};
-    }
-    const Vec3f direction = uniform_sphere(rng.uniform2());
-    if (!found) continue;
-    Camera pose = look_at(position, position + direction, std::abs(direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), 90.0f, Camera::FovAxis::x);
-    poses_.push_back(pose);
+  fresh_poses_ = options.poses == 0 && cameras.empty();
+  for (int i = 0; i < 8 * options.poses && static_cast<int>(poses_.size()) < options.poses && cameras.empty(); ++i) {
+    Rng rng(options.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
+    Ray ray;
+    if (!free_ray(rng, ray)) continue;
+    const Vec3f up = std::abs(ray.direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0);
+    poses_.push_back(look_at(ray.origin, ray.origin + ray.direction, up, 90.0f, Camera::FovAxis::x));
   }
 }
 
+// A ray from a point of the free space that the first camera can reach (part of the way along a short random walk from it;
+// nothing inside closed objects can be reached so) in a uniform direction.
+bool LhsSampler::free_ray(Rng& rng, Ray& ray) const {
+  Ray walk = random_ray(poses_.front(), rng);
+  const int segments = 1 + static_cast<int>(rng.below(3));
+  for (int s = 0; s < segments; ++s) {
+    const Hit hit = context_.tracer.intersect(walk.origin, walk.direction, 0.0f, kRayInfinity);
+    if (!hit.valid()) return s > 0;
+    ray.origin = walk.origin + walk.direction * (hit.t * (0.02f + 0.96f * rng.uniform()));
+    ray.direction = uniform_sphere(rng.uniform2());
+    const SurfaceInteraction surface = interact(context_.scene, hit, walk.origin, walk.direction);
+    const Vec3f n = dot(surface.geometric_normal, walk.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
+    walk = {offset_origin(surface.position, surface.geometric_normal, n), cosine_direction(n, rng.uniform2())};
+  }
+  return true;
+}
+
 bool LhsSampler::walk_point(Rng& rng, ShadingPoint& point) const {
-  const Camera& pose = poses_[rng.below(static_cast<std::uint32_t>(poses_.size()))];
-  const Ray ray = random_ray(pose, rng);
+  Ray ray;
+  if (fresh_poses_) {
+    if (!free_ray(rng, ray)) return false;
+  } else {
+    ray = random_ray(poses_[rng.below(static_cast<std::uint32_t>(poses_.size()))], rng);
+  }
   RayEnd end = follow_ray(context_, ray.origin, nullptr, ray.direction, rng, false, options_.max_walk);
   for (int vertex = 0; vertex < options_.max_walk && end.surface; ++vertex) {
     if (rng.uniform() < options_.stop_probability) {

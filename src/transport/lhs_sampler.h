@@ -16,13 +16,13 @@ struct LhsOptions {
   double stop_probability = 0.3;   // of a walk at each vertex
   int max_walk = 16;
   double keep_direction = 0.0;     // share of walk vertices that keep the direction they were reached by as wo
-  int poses = 64;                  // generated when the scene has a single sensor
+  int poses = 0;                   // drawn once, with the sensors among them; 0: a fresh one for every walk. Not with `cameras`
   unsigned long long seed = 0;
 };
 
 class LhsSampler {
  public:
-  // `cameras`: poses that the user named in addition to the scene's sensors.
+  // `cameras`: poses that the user named; with the sensors they replace generated ones.
   LhsSampler(const TransportContext& context, const LhsOptions& options, const std::vector<Camera>& cameras = {});
 
   // `count` points of step `step`; masks decided, never black. Parallel; same bits at any thread count.
@@ -34,12 +34,13 @@ class LhsSampler {
   bool walk_point(Rng& rng, ShadingPoint& point) const;
   bool view_point(Rng& rng, ShadingPoint& point) const;
   bool area_point(Rng& rng, ShadingPoint& point) const;
-  void generate_poses();
+  bool free_ray(Rng& rng, Ray& ray) const;
 
   TransportContext context_;
   LhsOptions options_;
   SurfaceSampler surfaces_;
-  std::vector<Camera> poses_;
+  std::vector<Camera> poses_;      // the first is the scene's own view
+  bool fresh_poses_ = false;
 };
 
 }  // namespace octrad

@@ -125,9 +125,9 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
   for (const double keep : {0.0, 1.0}) {
     LhsOptions options;
     options.keep_direction = keep;
-    options.poses = 16;
+    options.poses = keep > 0.0 ? 16 : 0;
     const LhsSampler sampler(setup.context, options);
-    EXPECT_GE(sampler.poses().size(), 2u);
+    EXPECT_EQ(sampler.poses().size(), keep > 0.0 ? 16u : 1u);
     std::vector<ShadingPoint> points(1000), again(1000);
     sampler.sample(7, points);
     sampler.sample(7, again);
