@@ -6,7 +6,7 @@
 
 namespace octrad {
 
-// Renders with trace_path (options.max_depth, options.rr_depth) into the channels of picture_channels().
+// Renders with trace_paths (options.max_depth, options.rr_depth) into the channels of picture_channels().
 RenderResult render_path(const TransportContext& context, const RenderOptions& options);
 
 }  // namespace octrad

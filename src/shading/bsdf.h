@@ -35,6 +35,8 @@ class Materials {
   ~Materials();
   // Parameters of material `index` (front side) at texture coordinates `uv`; bump mapping is applied by shade().
   Bsdf at(int index, Vec2f uv) const;
+  // Starts loading the texels that at(index, uv) will read.
+  void prefetch(int index, Vec2f uv) const;
 
   struct Record;
   const Record& record(int index) const;

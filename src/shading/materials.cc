@@ -4,8 +4,10 @@
 #include <tuple>
 #include <vector>
 
+#include "base/threads.h"
 #include "shading/bsdf.h"
 #include "shading/bsdf_math.h"
+#include "shading/compact_texture.h"
 #include "shading/fresnel.h"
 #include "shading/rough_transmittance.h"
 
@@ -34,6 +36,7 @@ struct Materials::Record {
   Bsdf constant;                   // every parameter that does not vary over the surface
   std::uint32_t textured = 0;      // slots that do
   const Texture* textures[6] = {};
+  const CompactTexture* compact[6] = {};  // instead, where there is one
   const Texture* bump = nullptr;
   float bump_scale = 1.0f;
   int back = -1;
@@ -42,6 +45,7 @@ struct Materials::Record {
 struct Materials::Impl {
   std::vector<Record> records;
   std::map<std::tuple<int, float, float>, std::unique_ptr<RoughTransmittance>> tables;
+  std::vector<std::unique_ptr<CompactTexture>> compact;  // of the scene's textures, by index
 };
 
 namespace {
@@ -49,6 +53,16 @@ constexpr Slot kSlots[6] = {kReflectance, kSpecularReflectance, kSpecularTransmi
 }
 
 Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
+  impl_->compact.resize(scene.textures.size());
+  std::vector<char> used(scene.textures.size(), 0);
+  for (const Material& m : scene.materials) {
+    for (const int i : {m.reflectance, m.specular_reflectance, m.specular_transmittance, m.alpha_u, m.alpha_v, m.opacity}) {
+      if (i >= 0) used[static_cast<std::size_t>(i)] = 1;
+    }
+  }
+  parallel_for(scene.textures.size(), [&](std::size_t i) {
+    if (used[i]) impl_->compact[i] = CompactTexture::make(scene.textures[i]);
+  });
   for (const Material& m : scene.materials) {
     Record r;
     Bsdf& b = r.constant;
@@ -73,6 +87,7 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
       } else {
         r.textured |= kSlots[i];
         r.textures[i] = &texture;
+        r.compact[i] = impl_->compact[static_cast<std::size_t>(index[i])].get();
       }
     }
     if (m.bump >= 0) {
@@ -102,10 +117,18 @@ Bsdf Materials::at(int index, Vec2f uv) const {
   Bsdf b = r.constant;
   if (r.textured != 0) {
     for (int i = 0; i < 6; ++i) {
-      if (r.textured & kSlots[i]) assign(b, kSlots[i], evaluate(*r.textures[i], uv));
+      if (r.textured & kSlots[i]) assign(b, kSlots[i], r.compact[i] ? r.compact[i]->evaluate(uv) : evaluate(*r.textures[i], uv));
     }
   }
   return b;
+}
+
+void Materials::prefetch(int index, Vec2f uv) const {
+  const Record& r = record(index);
+  if (r.textured == 0) return;
+  for (const CompactTexture* texture : r.compact) {
+    if (texture) texture->prefetch(uv);
+  }
 }
 
 namespace {

@@ -1,5 +1,7 @@
-// Path tracing estimator of the radiance along one ray.
+// Path tracing estimator of the radiance along camera rays.
 #pragma once
+
+#include <span>
 
 #include "base/rng.h"
 #include "transport/context.h"
@@ -24,10 +26,21 @@ struct PathCounters {
   long long rays = 0;              // closest-hit and shadow rays
 };
 
-// Unbiased estimate of the radiance that arrives along `ray`:
-// next-event estimation of one emitter and one BSDF sample at every vertex, combined by the balance heuristic
-// (Veach 1997, section 9.2), so that a light of density p_l reached with f contributes f L / (p_l + p_b) from both.
-// Transparent masks block shadow rays and count as a bounce, as in Mitsuba's `path`.
-Vec3f trace_path(const TransportContext& context, const Ray& ray, const PathLimits& limits, Rng& rng, FirstHit& first, PathCounters& counters);
+// One path: where it starts, its random numbers, and what was found.
+struct PathSample {
+  Ray ray;
+  Rng rng;
+  Vec3f radiance{0, 0, 0};
+  FirstHit first;
+};
+
+// Unbiased estimates of the radiance that arrives along each ray: next-event estimation of one emitter and one BSDF
+// sample at every vertex, combined by the balance heuristic (Veach 1997, section 9.2), so that a light of density p_l
+// reached with f contributes f L / (p_l + p_b) from both. Transparent masks block shadow rays and count as a bounce, as
+// in Mitsuba's `path`.
+//
+// Each result depends on its own ray and random numbers alone; many at once are faster, because the paths take their steps
+// in turn and memory is fetched for one while others compute.
+void trace_paths(const TransportContext& context, const PathLimits& limits, std::span<PathSample> paths, PathCounters& counters);
 
 }  // namespace octrad
