@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 
+#include "base/bytes.h"
 #include "base/error.h"
 #include "encoding/octaoctree.h"
 #include "geometry/voxelize.h"
@@ -18,12 +19,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-std::string gib(double bytes) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2f GiB", bytes / (1024.0 * 1024.0 * 1024.0));
-  return text;
-}
 
 double total_bytes(const std::vector<MemoryItem>& items) {
   double sum = 0.0;
@@ -41,9 +36,9 @@ void check_memory(const Config& config, const FieldDomain& domain, double limit)
   const std::vector<long long> cells = cell_counts(domain);
   const double needed = total_bytes(estimate_memory(config, cells, true));
   if (limit <= 0.0 || needed <= limit) return;
-  std::string message = "training needs about " + gib(needed) + ", more than --max-memory " + gib(limit);
+  std::string message = "training needs about " + format_bytes(needed) + "; the scene leaves " + format_bytes(limit) + " of --max-memory";
   const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
-    message += "; " + knob + " would need " + gib(total_bytes(estimate_memory(changed, changed_cells, true)));
+    message += "; " + knob + " would need " + format_bytes(total_bytes(estimate_memory(changed, changed_cells, true)));
   };
   if (config.field == "octaoctree" && config.octree_levels > 1) {
     Config fewer = config;

@@ -98,7 +98,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   options.output = o.output;
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
-  options.max_memory = static_cast<double>(common.memory_budget());
+  // What the scene takes is gone already; 0 would mean no limit.
+  const std::uint64_t budget = common.memory_budget(), used = resident_bytes();
+  options.max_memory = budget == 0 ? 0.0 : static_cast<double>(budget > used ? budget - used : 1);
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
 
@@ -121,8 +123,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (progress.due()) {
       std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
       if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
-      text += fmt::format("  {} points/s  {} queries/s  {}", format_rate(p.points_per_second), format_rate(p.queries_per_second),
-                          format_bytes(static_cast<double>(resident_bytes())));
+      text += fmt::format("  {} queries/s  {}", format_rate(p.queries_per_second), format_bytes(static_cast<double>(resident_bytes())));
       progress.update(p.fraction, text);
     }
     if (log) {
