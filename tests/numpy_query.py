@@ -20,7 +20,8 @@ DTYPES = {"F32": "<f4", "F16": "<f2", "I32": "<i4", "I64": "<i8", "U8": "u1", "U
 
 def read_safetensors(path):
     """-> (name -> array, metadata)."""
-    raw = open(path, "rb").read()
+    with open(path, "rb") as file:
+        raw = file.read()
     length = struct.unpack("<Q", raw[:8])[0]
     header = json.loads(raw[8:8 + length])
     data = memoryview(raw)[8 + length:]

@@ -52,8 +52,10 @@ def made_small(words):
             out += ["--steps", "5"]
         if "--resume" not in out:
             out += TINY_MODEL
-    if out[1] == "render" and "--width" not in out and "--height" not in out and "--crop" not in out:
-        out += ["--width", "32"]
+    if out[1] == "render":  # one size for all, so that any two can be compared
+        for option in ("--width", "--height"):
+            if option not in out:
+                out += [option, SMALL[option]]
     if out[1] == "render" and "--spp" not in out and "--time" not in out:
         out += ["--spp", "2"]
     return out[1:]
@@ -67,7 +69,7 @@ class Examples(unittest.TestCase):
         cls.store = tempfile.mkdtemp()
         box = str(ROOT / "scenes" / "cornell-box" / "scene.xml")
         for words in (["train", box, "-o", "model.octrad", "--steps", "5", *TINY_MODEL],
-                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "-o", "picture.exr"]):
+                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "--height", "18", "-o", "picture.exr"]):
             done = octrad(*words, cwd=cls.store)
             if done.returncode != 0:
                 raise AssertionError("octrad %s: %s" % (shlex.join(words), done.stderr))
