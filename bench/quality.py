@@ -1,0 +1,68 @@
+#!/usr/bin/env python3
+"""Train both fields for equal seconds and compare their pictures of given views with references: the table of the README.
+
+    bench/quality.py SCENE.xml --time 5m --view scene=ref1.exr --view mirror=ref2.exr,mirror.json -o results.json
+
+A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own sensor. References need the roughness layer
+(bench/reference.py makes them). Prints a table and writes everything, commands included, as JSON. Nothing else should run on
+the machine meanwhile: the budget is wall-clock time.
+"""
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+
+
+def run(command):
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene")
+    parser.add_argument("--octrad", default="build/octrad")
+    parser.add_argument("--fields", default="octaoctree,nr")
+    parser.add_argument("--time", default="5m")
+    parser.add_argument("--seed", default="0")
+    parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures")
+    parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for both fields")
+    parser.add_argument("--view", action="append", required=True, metavar="NAME=REFERENCE[,CAMERA]")
+    parser.add_argument("--pictures", help="folder that keeps the pictures and models")
+    parser.add_argument("-o", "--output")
+    args = parser.parse_args()
+    folder = args.pictures or tempfile.mkdtemp()
+    os.makedirs(folder, exist_ok=True)
+    definitions = [word for d in args.D for word in ("-D", d)]
+    rows = []
+    for field in args.fields.split(","):
+        model = os.path.join(folder, field + ".octrad")
+        trained = run([args.octrad, "train", args.scene, "-o", model, "--preset", "cpu", "--field", field, "--time", args.time, "--seed", args.seed,
+                       "--no-optimizer", "--json", "-q"] + definitions)
+        for view in args.view:
+            name, rest = view.split("=", 1)
+            reference, _, camera = rest.partition(",")
+            size = run([args.octrad, "info", reference, "--json"])
+            picture = os.path.join(folder, f"{field}_{name}.exr")
+            command = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--spp", args.spp, "--width", str(size["width"]),
+                       "--height", str(size["height"]), "-o", picture, "--json", "-q"] + (["--camera", camera] if camera else [])
+            rendered = run(command)
+            everything = run([args.octrad, "compare", reference, picture, "--json"])["images"][0]
+            glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json"])["images"][0]
+            rows.append({"field": field, "view": name, "steps": trained["steps"], "seconds": trained["seconds"],
+                         "rhs_queries_per_s": trained["rhs_queries_per_s"], "mape": everything["mape"], "mape_trimmed": everything["mape_trimmed"],
+                         "mape_glossy": glossy["mape"], "mean_ratio": everything["mean_ratio"], "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"],
+                         "pixels_glossy": glossy["pixels"]})
+    print(f"{'field':<12}{'view':<10}{'steps':>8}{'seconds':>9}{'MAPE':>8}{'trimmed':>9}{'glossy':>8}{'mean':>8}{'Mq/s':>7}")
+    for r in rows:
+        glossy = "-" if r["mape_glossy"] is None else f"{r['mape_glossy']:.4f}"
+        print(f"{r['field']:<12}{r['view']:<10}{r['steps']:>8}{r['seconds']:>9.0f}{r['mape']:>8.4f}{r['mape_trimmed']:>9.4f}{glossy:>8}"
+              f"{r['mean_ratio']:>8.4f}{r['rhs_queries_per_s'] / 1e6:>7.2f}")
+    if args.output:
+        with open(args.output, "w") as out:
+            json.dump({"scene": os.path.basename(os.path.dirname(os.path.abspath(args.scene))), "time": args.time, "keys": args.D, "rows": rows}, out, indent=1)
+            out.write("\n")
+
+
+if __name__ == "__main__":
+    main()
