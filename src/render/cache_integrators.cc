@@ -36,6 +36,7 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
     std::vector<ShadingPoint> bounced;
     std::vector<std::size_t> bounced_by;
     std::vector<Vec3f> bounced_weight;
+    std::vector<unsigned long long> bounced_key;  // a camera sample's own random stream
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const RayEnd end = primary_hit(context, config, samples[i], out[i]);
       counts.rays += end.rays;
@@ -48,6 +49,8 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
         bounced.push_back(end.point);
         bounced_by.push_back(i);
         bounced_weight.push_back(end.throughput);
+        const unsigned long long high = samples[i].rng.bits();
+        bounced_key.push_back((high << 32) | samples[i].rng.bits());
       } else {
         asked.push_back(surface_point(end.point));
         if (traced) {
@@ -69,17 +72,14 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
       rhs.emission_inside = inside;
       rhs.traced_disparity = traced;
       rhs.seed = seed;
+      rhs.keys = bounced_key;
       answers.resize(bounced.size());
       const RadianceQuery query = [&](std::span<const SurfacePoint> points, std::span<Vec3f> values) { field.radiance(points, values); };
-      for (std::size_t b = 0; b < bounced.size(); ++b) {
-        rhs.stream = samples[bounced_by[b]].rng.bits();  // each camera sample has its own directions
-        rhs.stream = (rhs.stream << 32) | samples[bounced_by[b]].rng.bits();
-        const RhsStatistics s = estimate_rhs_block(context, std::span(bounced).subspan(b, 1), rhs, query, std::span(answers).subspan(b, 1), 0);
-        counts.rays += s.rays;
-        counts.queries += s.queries;
-        counts.non_finite += s.non_finite;
-        out[bounced_by[b]].radiance += bounced_weight[b] * answers[b];
-      }
+      const RhsStatistics s = estimate_rhs_serial(context, bounced, rhs, query, answers);
+      counts.rays += s.rays;
+      counts.queries += s.queries;
+      counts.non_finite += s.non_finite;
+      for (std::size_t b = 0; b < bounced.size(); ++b) out[bounced_by[b]].radiance += bounced_weight[b] * answers[b];
     }
     return counts;
   };

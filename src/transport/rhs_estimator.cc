@@ -31,16 +31,9 @@ Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point,
   return f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
 }
 
-}  // namespace
-
-float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal) {
-  const Vec3f direction = reflect(point.wo, point.n);
-  const Hit hit = context.tracer.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
-  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
-}
-
-RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
-                                 const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index) {
+// Points [begin, end): traced first, then all their cache queries at once.
+RhsStatistics estimate_block(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
+                             const RadianceQuery& query, std::span<Vec3f> targets, std::size_t begin, std::size_t end_point) {
   RhsStatistics statistics;
   thread_local std::vector<SurfacePoint> asked;
   thread_local std::vector<Pending> pending;
@@ -52,10 +45,11 @@ RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<cons
     if (is_finite(contribution)) targets[i] += contribution * share;
     else ++statistics.non_finite;
   };
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (std::size_t i = begin; i < end_point; ++i) {
     const ShadingPoint& point = points[i];
     targets[i] = Vec3f(0.0f);
-    Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ (first_index + i));
+    const unsigned long long key = options.keys.empty() ? i : options.keys[i];
+    Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ key);
     const Vec3f wo = point.to_local(point.wo);
     const bool delta_only = is_delta_bsdf(point.bsdf);
     for (int m = 0; m < options.directions; ++m) {
@@ -89,16 +83,36 @@ RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<cons
   return statistics;
 }
 
+std::size_t block_size(const RhsOptions& options) {
+  return std::max<std::size_t>(1, kQueriesPerBlock / static_cast<std::size_t>(options.directions));
+}
+
+}  // namespace
+
+float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal) {
+  const Vec3f direction = reflect(point.wo, point.n);
+  const Hit hit = context.tracer.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
+  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
+}
+
 RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
-                           const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index) {
-  const std::size_t block = std::max<std::size_t>(1, kQueriesPerBlock / static_cast<std::size_t>(options.directions));
+                           const RadianceQuery& query, std::span<Vec3f> targets) {
+  const std::size_t block = block_size(options);
   std::vector<RhsStatistics> statistics((points.size() + block - 1) / block);
   parallel_blocks(points.size(), block, [&](std::size_t begin, std::size_t end) {
-    statistics[begin / block] = estimate_rhs_block(context, points.subspan(begin, end - begin), options, query,
-                                                   targets.subspan(begin, end - begin), first_index + begin);
+    statistics[begin / block] = estimate_block(context, points, options, query, targets, begin, end);
   });
   RhsStatistics total;
   for (const RhsStatistics& s : statistics) total += s;
+  return total;
+}
+
+RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
+                                  const RadianceQuery& query, std::span<Vec3f> targets) {
+  RhsStatistics total;
+  for (std::size_t begin = 0; begin < points.size(); begin += block_size(options)) {
+    total += estimate_block(context, points, options, query, targets, begin, std::min(points.size(), begin + block_size(options)));
+  }
   return total;
 }
 

@@ -19,6 +19,7 @@ struct RhsOptions {
   bool traced_disparity = false;   // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
   unsigned long long seed = 0;
   unsigned long long stream = 0;   // e.g. the step: streams never share random numbers
+  std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch
 };
 
 struct RhsStatistics {
@@ -28,13 +29,13 @@ struct RhsStatistics {
 
 // targets[i] = scattered radiance at points[i] towards its wo, mean of M directions; each is a BSDF sample plus an emitter
 // sample under balance-heuristic MIS. A null `query` means a black cache (direct light and chains only). Parallel; same bits
-// at any thread count. `first_index` offsets the random streams of the points.
+// at any thread count.
 RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
-                           const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index = 0);
+                           const RadianceQuery& query, std::span<Vec3f> targets);
 
-// The same in the caller's thread, all points as one block.
-RhsStatistics estimate_rhs_block(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
-                                 const RadianceQuery& query, std::span<Vec3f> targets, unsigned long long first_index);
+// The same in the caller's thread.
+RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
+                                  const RadianceQuery& query, std::span<Vec3f> targets);
 
 // 1 / distance to the next surface along the mirror direction; 0 where that ray leaves the scene.
 float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal);
