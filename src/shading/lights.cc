@@ -76,6 +76,16 @@ Vec2f mesh_uv(const TriangleMesh& mesh, std::size_t triangle, Vec2f b) {
   return a + (mesh.uvs[static_cast<std::size_t>(t.y)] - a) * b.x + (mesh.uvs[static_cast<std::size_t>(t.z)] - a) * b.y;
 }
 
+// As interact() computes it.
+Vec3f interpolated_normal(const TriangleMesh& mesh, std::size_t triangle, Vec2f b, Vec3f otherwise) {
+  const Vec3i t = mesh.triangles[triangle];
+  const Vec3f n = mesh.normals[static_cast<std::size_t>(t.x)] * (1.0f - b.x - b.y) + mesh.normals[static_cast<std::size_t>(t.y)] * b.x +
+                  mesh.normals[static_cast<std::size_t>(t.z)] * b.y;
+  const float l2 = dot(n, n);
+  if (!(l2 > 1e-12f)) return otherwise;
+  return n * ((mesh.flip_normals ? -1.0f : 1.0f) / std::sqrt(l2));
+}
+
 // Half-angle of the cone under which a sphere is seen: 1 - cos, accurate for small spheres far away.
 float one_minus_cos_max(float radius, float distance2) {
   const float sin2 = std::min(1.0f, radius * radius / distance2);
@@ -95,6 +105,14 @@ struct Lights::Impl {
   LightSample sample_mesh(const Light& l, Vec3f x, Vec2f u) const;
   LightSample sample_sphere(const Light& l, Vec3f x, Vec2f u) const;
 };
+
+ShadowRay shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample) {
+  const Vec3f origin = offset_origin(position, geometric_normal, sample.direction);
+  if (sample.distance >= kEnvironmentDistance) return {origin, sample.direction, sample.distance};
+  const Vec3f d = position - origin + sample.direction * sample.distance;
+  const float l = length(d);
+  return {origin, l > 0.0f ? d / l : sample.direction, l * kShadowShortening};
+}
 
 Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>(scene)) {
   for (const AreaLight& source : scene.area_lights) impl_->area.push_back(make_light(scene, source));
@@ -130,7 +148,7 @@ LightSample Lights::Impl::sample_mesh(const Light& l, Vec3f x, Vec2f u) const {
   s.distance = std::sqrt(distance2);
   if (!(s.distance > 0.0f)) return s;
   s.direction = d / s.distance;
-  const float cos = -dot(s.direction, t.normal);
+  const float cos = -dot(s.direction, l.mesh->normals.empty() ? t.normal : interpolated_normal(*l.mesh, i, b, t.normal));
   if (!(cos > 0.0f)) return s;
   s.pdf = pick * l.inv_area * distance2 / cos;
   s.radiance = l.textured ? evaluate(*l.texture, mesh_uv(*l.mesh, i, b)) : l.radiance;
@@ -196,7 +214,7 @@ LightSample Lights::sample(Vec3f x, float u_pick, Vec2f u) const {
 }
 
 Vec3f Lights::emitted(const SurfaceInteraction& surface, Vec3f wo) const {
-  if (surface.emitter < 0 || !(dot(surface.geometric_normal, wo) > 0.0f)) return {0, 0, 0};
+  if (surface.emitter < 0 || !(dot(surface.shading_normal, wo) > 0.0f)) return {0, 0, 0};
   const Light& l = impl_->area[static_cast<std::size_t>(surface.emitter)];
   return l.textured ? evaluate(*l.texture, surface.uv) : l.radiance;
 }
@@ -214,7 +232,7 @@ float Lights::pdf(Vec3f x, const SurfaceInteraction& surface) const {
   }
   const Vec3f d = surface.position - x;
   const float distance2 = dot(d, d);
-  const float cos = -dot(d, surface.geometric_normal) / std::sqrt(distance2);
+  const float cos = -dot(d, surface.shading_normal) / std::sqrt(distance2);
   return cos > 0.0f ? impl_->pick * l.inv_area * distance2 / cos : 0.0f;
 }
 

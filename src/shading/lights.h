@@ -22,8 +22,20 @@ inline constexpr float kEnvironmentDistance = 1e30f;
 // Shadow rays end this share of the distance before the light (Mitsuba's shadow epsilon).
 inline constexpr float kShadowShortening = 1.0f - 15000.0f * 0x1p-24f;
 
+// A ray from just off a surface to just before the sampled point. It aims at the point itself: keeping the sample's direction
+// from the shifted origin would end behind lights that are close.
+struct ShadowRay {
+  Vec3f origin, direction;
+  float t_max = 0.0f;
+};
+ShadowRay shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample);
+
 // All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
 // cone they subtend, the environment by its radiance. The scene must outlive this object.
+//
+// Meshes with vertex normals emit from the side of the interpolated normal, and densities per area are turned into
+// densities per solid angle by its cosine, both as Mitsuba 3 does. The second is exact for flat lights and as good as the
+// normals agree with the facets elsewhere (low-polygon bulbs are lit a few per cent brighter than their facets would).
 class Lights {
  public:
   explicit Lights(const Scene& scene);

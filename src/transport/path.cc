@@ -29,8 +29,7 @@ struct Walker {
 // A shadow ray that waits for its turn, and what arrives if nothing is in its way.
 struct Connection {
   PathSample* out;
-  Vec3f origin, direction;
-  float distance;
+  ShadowRay ray;
   Vec3f contribution;
 };
 
@@ -68,7 +67,7 @@ class Group {
       alive = kept;
       for (std::size_t i = 0; i < connections_; ++i) {
         const Connection& c = pending_[i];
-        if (!context_.tracer.occluded(c.origin, c.direction, 0.0f, c.distance)) c.out->radiance += c.contribution;
+        if (!context_.tracer.occluded(c.ray.origin, c.ray.direction, 0.0f, c.ray.t_max)) c.out->radiance += c.contribution;
       }
       counters_.rays += static_cast<long long>(connections_);
     }
@@ -142,8 +141,8 @@ class Group {
       if (light.valid) {
         const BsdfValue f = evaluate_bsdf(bsdf, wo, point.to_local(light.direction));
         if (max_component(f.value) > 0.0f) {
-          pending_[connections_++] = {&out, offset_origin(surface.position, surface.geometric_normal, light.direction), light.direction,
-                                      light.distance * kShadowShortening, w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf))};
+          pending_[connections_++] = {&out, shadow_ray(surface.position, surface.geometric_normal, light),
+                                      w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf))};
         }
       }
     }
