@@ -43,7 +43,8 @@ std::uint64_t number_in(const std::string& file) {
 
 std::uint64_t parse_bytes(const std::string& text) {
   const auto refuse = [&]() -> std::uint64_t {
-    throw UsageError(fmt::format("\"{}\" is not an amount of memory: expected bytes or a number with k, M, G or T, such as 512M or 4G", text));
+    throw UsageError(
+        fmt::format("\"{}\" is not an amount of memory: expected bytes or a number with k, M, G or T, such as 512M or 4G", text));
   };
   const char* p = text.c_str();
   if (!((*p >= '0' && *p <= '9') || *p == '.')) return refuse();
@@ -87,9 +88,16 @@ std::string format_count(long long n) {
 std::string format_rate(double r) {
   if (!std::isfinite(r) || r < 0.0) return "?";
   const char* suffix = "";
-  if (r >= 1e9) { r *= 1e-9; suffix = " G"; }
-  else if (r >= 1e6) { r *= 1e-6; suffix = " M"; }
-  else if (r >= 1e3) { r *= 1e-3; suffix = " k"; }
+  if (r >= 1e9) {
+    r *= 1e-9;
+    suffix = " G";
+  } else if (r >= 1e6) {
+    r *= 1e-6;
+    suffix = " M";
+  } else if (r >= 1e3) {
+    r *= 1e-3;
+    suffix = " k";
+  }
   return fmt::format("{:.{}f}{}", r, r < 10.0 ? 2 : r < 100.0 ? 1 : 0, suffix);
 }
 
@@ -112,18 +120,20 @@ std::uint64_t usable_memory() {
   std::uint64_t usable = available + resident_bytes();
   // Control groups: version 2, then version 1 (whose "no limit" is a huge number).
   if (const std::uint64_t limit = number_in("/sys/fs/cgroup/memory.max"); limit > 0) usable = std::min(usable, limit);
-  if (const std::uint64_t limit = number_in("/sys/fs/cgroup/memory/memory.limit_in_bytes"); limit > 0) usable = std::min(usable, limit);
+  if (const std::uint64_t limit = number_in("/sys/fs/cgroup/memory/memory.limit_in_bytes"); limit > 0)
+    usable = std::min(usable, limit);
   return usable;
 }
 
-void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items, const std::string& advice) {
+void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items,
+                    const std::string& advice) {
   std::uint64_t total = 0;
   for (const MemoryPart& item : items) total += item.bytes;
   if (budget == 0 || total <= budget) return;
   std::vector<MemoryPart> sorted = items;
   std::stable_sort(sorted.begin(), sorted.end(), [](const MemoryPart& a, const MemoryPart& b) { return a.bytes > b.bytes; });
-  std::string message = fmt::format("{} needs {} and the budget is {} (--max-memory)", what, format_bytes(static_cast<double>(total)),
-                                    format_bytes(static_cast<double>(budget)));
+  std::string message = fmt::format("{} needs {} and the budget is {} (--max-memory)", what,
+                                    format_bytes(static_cast<double>(total)), format_bytes(static_cast<double>(budget)));
   for (const MemoryPart& item : sorted) {
     if (item.bytes > 0) message += fmt::format("\n  {:>10}  {}", format_bytes(static_cast<double>(item.bytes)), item.name);
   }

@@ -17,7 +17,9 @@ constexpr double kTerminalInterval = 0.25, kPlainInterval = 10.0;  // seconds
 }
 
 Progress::Progress(std::string label)
-    : label_(std::move(label)), interval_(log_is_terminal() ? kTerminalInterval : kPlainInterval), next_(log_is_terminal() ? 0.0 : 2.0) {}
+    : label_(std::move(label)),
+      interval_(log_is_terminal() ? kTerminalInterval : kPlainInterval),
+      next_(log_is_terminal() ? 0.0 : 2.0) {}
 
 Progress::~Progress() { finish(); }
 

@@ -24,9 +24,13 @@ static_assert(std::endian::native == std::endian::little, "tensors are stored li
 constexpr std::size_t kMaxHeader = 100'000'000;  // the reference implementation's limit
 constexpr std::size_t kMaxRank = 16;
 
-struct TypeName { DType type; const char* name; };
-constexpr TypeName kTypes[] = {{DType::f32, "F32"}, {DType::f16, "F16"}, {DType::i32, "I32"}, {DType::i64, "I64"}, {DType::u8, "U8"},
-                               {DType::u16, "U16"}, {DType::u32, "U32"}, {DType::u64, "U64"}, {DType::f64, "F64"}};
+struct TypeName {
+  DType type;
+  const char* name;
+};
+constexpr TypeName kTypes[] = {{DType::f32, "F32"}, {DType::f16, "F16"}, {DType::i32, "I32"},
+                               {DType::i64, "I64"}, {DType::u8, "U8"},   {DType::u16, "U16"},
+                               {DType::u32, "U32"}, {DType::u64, "U64"}, {DType::f64, "F64"}};
 
 const char* type_name(DType type) {
   for (const TypeName& t : kTypes) {
@@ -44,7 +48,8 @@ std::optional<DType> type_of(const std::string& name) {
 
 std::string format_shape(const std::vector<std::int64_t>& shape) {
   std::string out = "[";
-  for (std::size_t i = 0; i < shape.size(); ++i) out += (i > 0 ? ", " : "") + (shape[i] < 0 ? std::string("any") : std::to_string(shape[i]));
+  for (std::size_t i = 0; i < shape.size(); ++i)
+    out += (i > 0 ? ", " : "") + (shape[i] < 0 ? std::string("any") : std::to_string(shape[i]));
   return out + "]";
 }
 
@@ -59,9 +64,14 @@ std::size_t product(const std::vector<std::int64_t>& shape) {
 std::size_t size_of(DType type) {
   switch (type) {
     case DType::u8: return 1;
-    case DType::f16: case DType::u16: return 2;
-    case DType::f32: case DType::i32: case DType::u32: return 4;
-    case DType::i64: case DType::u64: case DType::f64: return 8;
+    case DType::f16:
+    case DType::u16: return 2;
+    case DType::f32:
+    case DType::i32:
+    case DType::u32: return 4;
+    case DType::i64:
+    case DType::u64:
+    case DType::f64: return 8;
   }
   return 0;
 }
@@ -84,7 +94,8 @@ void TensorWriter::write(const std::string& file) const {
   // Widest types first: every tensor is then aligned to its own type in the file and in a mapping of it.
   std::vector<const Entry*> order;
   for (const Entry& entry : entries_) order.push_back(&entry);
-  std::stable_sort(order.begin(), order.end(), [](const Entry* a, const Entry* b) { return size_of(a->type) > size_of(b->type); });
+  std::stable_sort(order.begin(), order.end(),
+                   [](const Entry* a, const Entry* b) { return size_of(a->type) > size_of(b->type); });
 
   nlohmann::ordered_json header;
   if (!metadata_.empty()) header["__metadata__"] = metadata_;
@@ -92,7 +103,8 @@ void TensorWriter::write(const std::string& file) const {
   for (const Entry* entry : order) {
     const std::size_t bytes = product(entry->shape) * size_of(entry->type);
     if (header.contains(entry->name)) throw IoError(fmt::format("cannot write {}: two tensors are named {}", file, entry->name));
-    header[entry->name] = {{"dtype", type_name(entry->type)}, {"shape", entry->shape}, {"data_offsets", {offset, offset + bytes}}};
+    header[entry->name] = {
+        {"dtype", type_name(entry->type)}, {"shape", entry->shape}, {"data_offsets", {offset, offset + bytes}}};
     offset += bytes;
   }
   std::string text = header.is_null() ? "{}" : header.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
@@ -117,17 +129,20 @@ struct TensorReader::Impl {
     if (mapping != MAP_FAILED) munmap(mapping, size);
   }
 
-  [[noreturn]] void refuse(const std::string& why) const { throw InputError(fmt::format("{} is not a usable model file: {}", file, why)); }
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw InputError(fmt::format("{} is not a usable model file: {}", file, why));
+  }
 
   void open_and_map();
   void parse_header();
-  Tensor parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes, std::size_t& begin, std::size_t& end) const;
+  Tensor parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes, std::size_t& begin,
+                      std::size_t& end) const;
 };
 
 void TensorReader::Impl::open_and_map() {
   const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // non-blocking: a pipe must not hang
   if (descriptor < 0) throw IoError(fmt::format("cannot read {}: {}", file, std::strerror(errno)));
-  struct stat info{};
+  struct stat info {};
   const bool regular = fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode);
   size = regular ? static_cast<std::size_t>(info.st_size) : 0;
   if (size > 0) mapping = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
@@ -138,8 +153,8 @@ void TensorReader::Impl::open_and_map() {
   if (mapping == MAP_FAILED) throw IoError(fmt::format("cannot map {}: {}", file, std::strerror(error)));
 }
 
-TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes,
-                                                      std::size_t& begin, std::size_t& end) const {
+TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, const nlohmann::json& entry,
+                                                      std::size_t data_bytes, std::size_t& begin, std::size_t& end) const {
   const auto broken = [&](const std::string& why) { refuse(fmt::format("tensor \"{}\" {}", name, why)); };
   if (!entry.is_object() || !entry.contains("dtype") || !entry.contains("shape") || !entry.contains("data_offsets")) {
     broken("lacks dtype, shape or data_offsets");
@@ -151,12 +166,15 @@ TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, c
   if (!shape.is_array() || shape.size() > kMaxRank) broken("has a shape that is not a list of at most 16 numbers");
   Tensor tensor{*type, {}, nullptr, size_of(*type), 1};
   for (const nlohmann::json& d : shape) {
-    if (!d.is_number_unsigned() || d.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX)) broken("has a shape with something else than non-negative whole numbers");
+    if (!d.is_number_unsigned() || d.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX))
+      broken("has a shape with something else than non-negative whole numbers");
     const auto n = d.get<std::int64_t>();
     tensor.shape.push_back(n);
-    if (__builtin_mul_overflow(tensor.count, n, &tensor.count)) broken(fmt::format("has shape {}, which overflows", format_shape(tensor.shape)));
+    if (__builtin_mul_overflow(tensor.count, n, &tensor.count))
+      broken(fmt::format("has shape {}, which overflows", format_shape(tensor.shape)));
   }
-  if (__builtin_mul_overflow(tensor.bytes, static_cast<std::size_t>(tensor.count), &tensor.bytes)) broken("has a size that overflows");
+  if (__builtin_mul_overflow(tensor.bytes, static_cast<std::size_t>(tensor.count), &tensor.bytes))
+    broken("has a size that overflows");
   const nlohmann::json& offsets = entry["data_offsets"];
   if (!offsets.is_array() || offsets.size() != 2 || !offsets[0].is_number_unsigned() || !offsets[1].is_number_unsigned()) {
     broken("has data_offsets that are not two non-negative whole numbers");
@@ -168,7 +186,8 @@ TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, c
     broken(fmt::format("lies at bytes {} to {} of {} in the file: the file is truncated or damaged", begin, end, data_bytes));
   }
   if (end - begin != tensor.bytes) {
-    broken(fmt::format("holds {} bytes where {} of type {} need {}", end - begin, format_shape(tensor.shape), type_name(*type), tensor.bytes));
+    broken(fmt::format("holds {} bytes where {} of type {} need {}", end - begin, format_shape(tensor.shape), type_name(*type),
+                       tensor.bytes));
   }
   return tensor;
 }
@@ -179,7 +198,8 @@ void TensorReader::Impl::parse_header() {
   if (size < sizeof(length)) refuse("it has only a few bytes");
   std::memcpy(&length, base, sizeof(length));
   if (length > kMaxHeader || length > size - sizeof(length)) {
-    refuse(fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated", length, size));
+    refuse(fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated", length,
+                       size));
   }
   const char* text = base + sizeof(length);
   if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");
@@ -197,19 +217,22 @@ void TensorReader::Impl::parse_header() {
   nlohmann::json header;
   std::vector<std::string> top;
   try {
-    header = nlohmann::json::parse(text, text + length, [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-      if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1) top = names.back();
-      return check(depth, event, parsed);
-    });
-  } catch (const nlohmann::json::exception& error) {
-    refuse(fmt::format("its header is not valid JSON ({})", error.what()));
-  }
+    header =
+        nlohmann::json::parse(text, text + length, [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+          if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1) top = names.back();
+          return check(depth, event, parsed);
+        });
+  } catch (const nlohmann::json::exception& error) { refuse(fmt::format("its header is not valid JSON ({})", error.what())); }
   if (!header.is_object()) refuse("its header is not a JSON object");
   std::sort(top.begin(), top.end());
-  if (const auto twice = std::adjacent_find(top.begin(), top.end()); twice != top.end()) refuse(fmt::format("\"{}\" appears twice in its header", *twice));
+  if (const auto twice = std::adjacent_find(top.begin(), top.end()); twice != top.end())
+    refuse(fmt::format("\"{}\" appears twice in its header", *twice));
 
   const std::size_t data_bytes = size - sizeof(length) - length;
-  struct Extent { std::size_t begin, end; const std::string* name; };
+  struct Extent {
+    std::size_t begin, end;
+    const std::string* name;
+  };
   std::vector<Extent> extents;
   for (const auto& [name, entry] : header.items()) {
     if (name == "__metadata__") {
@@ -232,7 +255,8 @@ void TensorReader::Impl::parse_header() {
     const auto where = tensors.emplace(name, std::move(tensor)).first;
     extents.push_back({begin, end, &where->first});
   }
-  std::sort(extents.begin(), extents.end(), [](const Extent& a, const Extent& b) { return a.begin != b.begin ? a.begin < b.begin : a.end < b.end; });
+  std::sort(extents.begin(), extents.end(),
+            [](const Extent& a, const Extent& b) { return a.begin != b.begin ? a.begin < b.begin : a.end < b.end; });
   std::size_t reached = 0;
   const std::string* previous = nullptr;
   for (const Extent& extent : extents) {
@@ -273,8 +297,8 @@ TensorReader::Tensor TensorReader::get(const std::string& name, DType type, cons
   bool fits = tensor.type == type && tensor.shape.size() == shape.size();
   for (std::size_t i = 0; fits && i < shape.size(); ++i) fits = shape[i] < 0 || shape[i] == tensor.shape[i];
   if (!fits) {
-    impl_->refuse(fmt::format("tensor \"{}\" is {} {} where {} {} is expected", name, type_name(tensor.type), format_shape(tensor.shape), type_name(type),
-                              format_shape(shape)));
+    impl_->refuse(fmt::format("tensor \"{}\" is {} {} where {} {} is expected", name, type_name(tensor.type),
+                              format_shape(tensor.shape), type_name(type), format_shape(shape)));
   }
   return tensor;
 }

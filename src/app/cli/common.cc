@@ -19,9 +19,7 @@ namespace {
 // "key=value" -> both parts.
 std::pair<std::string, std::string> split_definition(const std::string& text) {
   const std::size_t equals = text.find('=');
-  if (equals == std::string::npos || equals == 0) {
-    throw UsageError(fmt::format("-D {}: expected key=value", text));
-  }
+  if (equals == std::string::npos || equals == 0) { throw UsageError(fmt::format("-D {}: expected key=value", text)); }
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
@@ -33,11 +31,13 @@ bool is_config_key(const std::string& name) {
 
 // Columns on screen of UTF-8 text.
 std::size_t display_width(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
 void flush_stdout() {
-  if (std::fflush(stdout) != 0 || std::ferror(stdout)) throw IoError(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+  if (std::fflush(stdout) != 0 || std::ferror(stdout))
+    throw IoError(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
 }
 
 }  // namespace
@@ -65,13 +65,23 @@ void CommonOptions::apply() const {
 CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example) {
   CLI::App* verb = program.app.add_subcommand(name, summary);
   CommonOptions& common = program.common;
-  verb->add_option("--threads", common.threads, "threads to use; 0: all")->check(unnamed(CLI::Range(0, 4096)))->type_name("N")->group("Common");
-  verb->add_option("--seed", common.seed, "of every random number")->check(unnamed(CLI::Range(0LL, 9000000000000000LL)))->type_name("N")->group("Common");
-  verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")->type_name("BYTES")->group("Common");
+  verb->add_option("--threads", common.threads, "threads to use; 0: all")
+      ->check(unnamed(CLI::Range(0, 4096)))
+      ->type_name("N")
+      ->group("Common");
+  verb->add_option("--seed", common.seed, "of every random number")
+      ->check(unnamed(CLI::Range(0LL, 9000000000000000LL)))
+      ->type_name("N")
+      ->group("Common");
+  verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")
+      ->type_name("BYTES")
+      ->group("Common");
   verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
   verb->add_flag("-v,--verbose", common.verbose, "more detail; twice: for debugging")->group("Common");
   verb->add_flag("--json", common.json, "print one JSON object on standard output")->group("Common");
-  verb->add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")->type_name("FILE")->group("Common");
+  verb->add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
+      ->type_name("FILE")
+      ->group("Common");
   verb->footer("Example:\n  " + example);
   return verb;
 }
@@ -133,7 +143,10 @@ void ConfigOptions::add_to(CLI::App& verb) {
   verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
   verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")->type_name("FILE");
   verb.add_option("-D", definitions, "set a configuration key (octree.levels=6) or a parameter of the scene file")
-      ->type_name("KEY=VALUE")->expected(1)->allow_extra_args(false)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 }
 
 Config ConfigOptions::resolve() const {

@@ -30,21 +30,28 @@ void info_program(const CommonOptions& common) {
   const CpuInfo cpu = cpu_info();
   const std::uint64_t memory = usable_memory();
   if (common.json) {
-    print_json({{"version", kVersion}, {"isa", cpu.level}, {"cpu", cpu.model}, {"cpu_features", cpu.features}, {"cores", cpu.logical_cores},
-                {"threads", thread_count()}, {"memory", memory}});
+    print_json({{"version", kVersion},
+                {"isa", cpu.level},
+                {"cpu", cpu.model},
+                {"cpu_features", cpu.features},
+                {"cores", cpu.logical_cores},
+                {"threads", thread_count()},
+                {"memory", memory}});
     return;
   }
   std::string features;
   for (const std::string& f : cpu.features) features += (features.empty() ? "" : " ") + f;
-  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nmemory     {} usable\n", kVersion, cpu.model,
-                         cpu.logical_cores, thread_count(), cpu.level, features, format_bytes(static_cast<double>(memory))));
+  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nmemory     {} usable\n",
+                         kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features,
+                         format_bytes(static_cast<double>(memory))));
 }
 
 void info_keys(const CommonOptions& common, const Config& config) {
   const std::vector<ConfigKey> keys = describe(config);
   if (common.json) {
     nlohmann::json list = nlohmann::json::array();
-    for (const ConfigKey& k : keys) list.push_back({{"key", k.key}, {"value", k.value}, {"accepted", k.accepted}, {"help", k.help}});
+    for (const ConfigKey& k : keys)
+      list.push_back({{"key", k.key}, {"value", k.value}, {"accepted", k.accepted}, {"help", k.help}});
     print_json({{"preset", config.preset}, {"config", to_json(config)}, {"keys", list}});
     return;
   }
@@ -62,7 +69,10 @@ void info_image(const CommonOptions& common, const std::string& file) {
     long long finite = 0, other = 0;
     for (std::size_t i = static_cast<std::size_t>(c); i < image.data.size(); i += image.channels.size()) {
       const double v = image.data[i];
-      if (!std::isfinite(v)) { ++other; continue; }
+      if (!std::isfinite(v)) {
+        ++other;
+        continue;
+      }
       low = std::min(low, v);
       high = std::max(high, v);
       sum += v;
@@ -71,10 +81,12 @@ void info_image(const CommonOptions& common, const std::string& file) {
     const double mean = finite > 0 ? sum / static_cast<double>(finite) : NAN;
     const std::string& name = image.channels[static_cast<std::size_t>(c)];
     channels.push_back({{"name", name}, {"min", low}, {"mean", mean}, {"max", high}, {"non_finite", other}});
-    table.push_back({name, fmt::format("{:.5g}", low), fmt::format("{:.5g}", mean), fmt::format("{:.5g}", high), format_count(other)});
+    table.push_back(
+        {name, fmt::format("{:.5g}", low), fmt::format("{:.5g}", mean), fmt::format("{:.5g}", high), format_count(other)});
   }
   if (common.json) {
-    print_json({{"file", file}, {"width", image.width}, {"height", image.height}, {"channels", channels}, {"metadata", image.metadata}});
+    print_json(
+        {{"file", file}, {"width", image.width}, {"height", image.height}, {"channels", channels}, {"metadata", image.metadata}});
     return;
   }
   std::string out = fmt::format("{}: {} x {}\n{}", file, image.width, image.height, format_table(table));
@@ -102,52 +114,81 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   std::vector<std::vector<std::string>> table = {{"level", "cells/axis", "octahedral", "cells", "entries", "memory"}};
   if (!sampled.empty()) table[0].insert(table[0].end(), {"conservative", "sampled"});
   std::int64_t total_cells = 0, total_entries = 0;
-  const auto bytes_of = [&](std::int64_t entries) { return entries * config.octree_features * static_cast<std::int64_t>(sizeof(float)); };
+  const auto bytes_of = [&](std::int64_t entries) {
+    return entries * config.octree_features * static_cast<std::int64_t>(sizeof(float));
+  };
   for (int level = 1; level <= config.octree_levels; ++level) {
     const auto index = static_cast<std::size_t>(level - 1);
     const auto count = static_cast<std::int64_t>(cells[index].size());
     const std::int64_t entries = octree_entries(config.octree_levels, level, count);
     total_cells += count;
     total_entries += entries;
-    levels.push_back({{"level", level}, {"spatial_resolution", spatial_resolution(level)},
-                      {"octahedral_resolution", octahedral_resolution(config.octree_levels, level)}, {"cells", count}, {"entries", entries},
-                      {"bytes", bytes_of(entries)}, {"cells_conservative", conservative[index].size()}});
-    table.push_back({std::to_string(level), std::to_string(spatial_resolution(level)), std::to_string(octahedral_resolution(config.octree_levels, level)),
-                     format_count(count), format_count(entries), format_bytes(static_cast<double>(bytes_of(entries)))});
+    levels.push_back({{"level", level},
+                      {"spatial_resolution", spatial_resolution(level)},
+                      {"octahedral_resolution", octahedral_resolution(config.octree_levels, level)},
+                      {"cells", count},
+                      {"entries", entries},
+                      {"bytes", bytes_of(entries)},
+                      {"cells_conservative", conservative[index].size()}});
+    table.push_back({std::to_string(level), std::to_string(spatial_resolution(level)),
+                     std::to_string(octahedral_resolution(config.octree_levels, level)), format_count(count),
+                     format_count(entries), format_bytes(static_cast<double>(bytes_of(entries)))});
     if (!sampled.empty()) {
       levels.back()["cells_sampled"] = sampled[index].size();
-      table.back().insert(table.back().end(), {format_count(static_cast<long long>(conservative[index].size())), format_count(static_cast<long long>(sampled[index].size()))});
+      table.back().insert(table.back().end(), {format_count(static_cast<long long>(conservative[index].size())),
+                                               format_count(static_cast<long long>(sampled[index].size()))});
     }
   }
-  table.push_back({"total", "", "", format_count(total_cells), format_count(total_entries), format_bytes(static_cast<double>(bytes_of(total_entries)))});
+  table.push_back({"total", "", "", format_count(total_cells), format_count(total_entries),
+                   format_bytes(static_cast<double>(bytes_of(total_entries)))});
 
   const std::size_t lights = scene.area_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
     for (const Camera& c : scene.cameras) {
-      cameras.push_back({{"origin", vector_json(c.origin)}, {"forward", vector_json(c.forward)}, {"up", vector_json(c.up)}, {"fov", c.fov_degrees},
-                         {"width", c.film_width}, {"height", c.film_height}});
+      cameras.push_back({{"origin", vector_json(c.origin)},
+                         {"forward", vector_json(c.forward)},
+                         {"up", vector_json(c.up)},
+                         {"fov", c.fov_degrees},
+                         {"width", c.film_width},
+                         {"height", c.film_height}});
     }
-    print_json({{"file", scene.file}, {"fingerprint", scene.fingerprint}, {"triangles", scene.triangle_count()}, {"spheres", scene.spheres.size()},
-                {"shapes", scene.shapes.size()}, {"materials", scene.materials.size()}, {"textures", scene.textures.size()}, {"lights", lights},
-                {"area_lights", scene.area_lights.size()}, {"environments", scene.environments.size()}, {"cameras", cameras},
+    print_json({{"file", scene.file},
+                {"fingerprint", scene.fingerprint},
+                {"triangles", scene.triangle_count()},
+                {"spheres", scene.spheres.size()},
+                {"shapes", scene.shapes.size()},
+                {"materials", scene.materials.size()},
+                {"textures", scene.textures.size()},
+                {"lights", lights},
+                {"area_lights", scene.area_lights.size()},
+                {"environments", scene.environments.size()},
+                {"cameras", cameras},
                 {"bounds", {{"lower", vector_json(scene.bounds.lower)}, {"upper", vector_json(scene.bounds.upper)}}},
-                {"domain", {{"origin", vector_json(domain.origin)}, {"size", vector_json(domain.size)}}}, {"max_depth", scene.max_depth},
-                {"film", {{"width", scene.film.width}, {"height", scene.film.height}}}, {"levels", levels}, {"entries", total_entries},
-                {"bytes", bytes_of(total_entries)}, {"features", config.octree_features}, {"warnings", scene.warnings}});
+                {"domain", {{"origin", vector_json(domain.origin)}, {"size", vector_json(domain.size)}}},
+                {"max_depth", scene.max_depth},
+                {"film", {{"width", scene.film.width}, {"height", scene.film.height}}},
+                {"levels", levels},
+                {"entries", total_entries},
+                {"bytes", bytes_of(total_entries)},
+                {"features", config.octree_features},
+                {"warnings", scene.warnings}});
     return;
   }
   const auto point = [](Vec3f v) { return fmt::format("({:.4g}, {:.4g}, {:.4g})", v.x, v.y, v.z); };
   std::string out = fmt::format("{} (fingerprint {})\n", scene.file, scene.fingerprint);
-  out += fmt::format("geometry   {} triangles, {} spheres in {} shapes\n", format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(), scene.shapes.size());
+  out += fmt::format("geometry   {} triangles, {} spheres in {} shapes\n",
+                     format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(), scene.shapes.size());
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
   out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(), scene.environments.size());
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
-    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin), point(c.forward), c.fov_degrees, c.film_width, c.film_height);
+    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin), point(c.forward),
+                       c.fov_degrees, c.film_width, c.film_height);
   }
-  out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n", scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth),
-                     config.preset, config.octree_levels, config.octree_features, config.octree_box, config.octree_occupancy);
+  out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n",
+                     scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), config.preset,
+                     config.octree_levels, config.octree_features, config.octree_box, config.octree_occupancy);
   print_text(out + format_table(table));
 }
 
@@ -176,7 +217,9 @@ void info_model(const CommonOptions& common, const std::string& file) {
   for (const auto& [key, value] : metadata) {
     // config and scene are JSON in a string; step and seed numbers in one.
     nlohmann::json parsed = nlohmann::json::parse(value, nullptr, false);
-    texts[key] = (key == "config" || key == "scene" || key == "step" || key == "seed") && !parsed.is_discarded() ? parsed : nlohmann::json(value);
+    texts[key] = (key == "config" || key == "scene" || key == "step" || key == "seed") && !parsed.is_discarded()
+                     ? parsed
+                     : nlohmann::json(value);
   }
   nlohmann::json tensors = nlohmann::json::array();
   std::vector<std::vector<std::string>> table = {{"tensor", "type", "shape", "bytes"}};
@@ -191,11 +234,13 @@ void info_model(const CommonOptions& common, const std::string& file) {
     table.push_back({name, dtype_name(tensor.type), shape, format_count(static_cast<long long>(tensor.bytes))});
   }
   if (common.json) {
-    nlohmann::json out = {{"file", file}, {"metadata", texts}, {"tensors", tensors}, {"bytes", bytes}, {"optimizer_bytes", optimizer_bytes}};
+    nlohmann::json out = {
+        {"file", file}, {"metadata", texts}, {"tensors", tensors}, {"bytes", bytes}, {"optimizer_bytes", optimizer_bytes}};
     print_json(out);
     return;
   }
-  std::string out = fmt::format("{}: {}, of which {} for resuming\n", file, format_bytes(static_cast<double>(bytes)), format_bytes(static_cast<double>(optimizer_bytes)));
+  std::string out = fmt::format("{}: {}, of which {} for resuming\n", file, format_bytes(static_cast<double>(bytes)),
+                                format_bytes(static_cast<double>(optimizer_bytes)));
   for (const auto& [key, value] : texts.items()) {
     if (key != "config") out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
   }
@@ -208,19 +253,24 @@ void info_verb(const CommonOptions& common, const InfoOptions& options) {
   if (options.keys) return info_keys(common, options.config.resolve());
   if (options.file.empty()) return info_program(common);
   std::string extension = std::filesystem::path(options.file).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (extension == ".xml") return info_scene(common, options);
   if (extension == ".octrad") return info_model(common, options.file);
-  if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg") return info_image(common, options.file);
-  throw UsageError(fmt::format("cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)", options.file));
+  if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg")
+    return info_image(common, options.file);
+  throw UsageError(fmt::format(
+      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)", options.file));
 }
 
 }  // namespace
 
 void add_info(Program& program) {
   auto options = std::make_shared<InfoOptions>();
-  CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.", "octrad info scene.xml --preset default -D octree.levels=6");
-  verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")->type_name("FILE");
+  CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.",
+                            "octrad info scene.xml --preset default -D octree.levels=6");
+  verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")
+      ->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   options->config.add_to(*verb);

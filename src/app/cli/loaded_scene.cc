@@ -21,8 +21,9 @@ LoadedScene open_scene(const std::string& file, const std::map<std::string, std:
     loaded.materials = std::make_unique<Materials>(*loaded.scene);
     loaded.lights = std::make_unique<Lights>(*loaded.scene);
   }
-  log_verbose("{}: {} triangles in {} shapes, parsed in {}, prepared in {}", file, format_count(static_cast<long long>(loaded.scene->triangle_count())),
-              loaded.scene->shapes.size(), format_duration(parsed), format_duration(watch.seconds() - parsed));
+  log_verbose("{}: {} triangles in {} shapes, parsed in {}, prepared in {}", file,
+              format_count(static_cast<long long>(loaded.scene->triangle_count())), loaded.scene->shapes.size(),
+              format_duration(parsed), format_duration(watch.seconds() - parsed));
   return loaded;
 }
 

@@ -37,7 +37,8 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   std::string text = error.what();
   const std::vector<std::string> extra = app.remaining(true);
   // Unknown words first: CLI11 may complain about something that is missing because of them.
-  const auto option = std::find_if(extra.begin(), extra.end(), [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
+  const auto option =
+      std::find_if(extra.begin(), extra.end(), [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
   const bool missing = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
   if (option != extra.end()) {
     const std::string word = option->substr(0, option->find('='));

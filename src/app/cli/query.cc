@@ -24,7 +24,8 @@ struct QueryOptions {
   std::string model, points, output;
 };
 
-constexpr std::array<const char*, 13> kColumns = {"x", "y", "z", "wox", "woy", "woz", "nx", "ny", "nz", "ar", "ag", "ab", "alpha"};
+constexpr std::array<const char*, 13> kColumns = {"x",  "y",  "z",  "wox", "woy", "woz",  "nx",
+                                                  "ny", "nz", "ar", "ag",  "ab",  "alpha"};
 
 std::vector<std::string> split_line(const std::string& line) {
   std::vector<std::string> cells;
@@ -59,7 +60,9 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
       columns = cells.size();
       for (std::size_t i = 0; i < kColumns.size(); ++i) {
         const auto found = std::find(cells.begin(), cells.end(), kColumns[i]);
-        if (found == cells.end()) refuse(fmt::format("the header lacks the column \"{}\"; expected x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha", kColumns[i]));
+        if (found == cells.end())
+          refuse(
+              fmt::format("the header lacks the column \"{}\"; expected x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha", kColumns[i]));
         column[i] = static_cast<std::size_t>(found - cells.begin());
       }
       continue;
@@ -70,7 +73,8 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
       const std::string& cell = cells[column[i]];
       char* stop = nullptr;
       v[i] = std::strtof(cell.c_str(), &stop);
-      if (cell.empty() || *stop != '\0' || !std::isfinite(v[i])) refuse(fmt::format("column {}: \"{}\" is not a finite number", kColumns[i], cell));
+      if (cell.empty() || *stop != '\0' || !std::isfinite(v[i]))
+        refuse(fmt::format("column {}: \"{}\" is not a finite number", kColumns[i], cell));
     }
     SurfacePoint p;
     p.x = {v[0], v[1], v[2]};
@@ -79,7 +83,8 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
     p.albedo = {v[9], v[10], v[11]};
     p.alpha = v[12];
     for (const auto& [name, d] : {std::pair{"wo", p.wo}, std::pair{"n", p.n}}) {
-      if (std::abs(length(d) - 1.0f) > 1e-2f) refuse(fmt::format("{} has length {:.3g}: a unit vector is needed", name, length(d)));
+      if (std::abs(length(d) - 1.0f) > 1e-2f)
+        refuse(fmt::format("{} has length {:.3g}: a unit vector is needed", name, length(d)));
     }
     points.push_back(p);
   }
@@ -93,7 +98,8 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   const Model model = load_model(o.model);
   const std::vector<SurfacePoint> points = read_points(o.points);
   const RadianceField& field = *model.field;
-  if (model.info.config.lookup_offset == "traced") log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
+  if (model.info.config.lookup_offset == "traced")
+    log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
 
   const Stopwatch watch;
   const auto features = static_cast<std::size_t>(field.feature_count());
@@ -135,10 +141,14 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
 
 void add_query(Program& program) {
   auto o = std::make_shared<QueryOptions>();
-  CLI::App* verb = add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv");
+  CLI::App* verb =
+      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv");
   verb->add_option("model", o->model, "trained cache")->required()->type_name("MODEL.octrad");
-  verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")->required()->type_name("IN.csv");
-  verb->add_option("-o,--output", o->output, "CSV with disparity, features and radiance; default: standard output")->type_name("OUT.csv");
+  verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")
+      ->required()
+      ->type_name("IN.csv");
+  verb->add_option("-o,--output", o->output, "CSV with disparity, features and radiance; default: standard output")
+      ->type_name("OUT.csv");
   verb->callback([&program, o] { program.run = [&program, o] { query_verb(program.common, *o); }; });
 }
 

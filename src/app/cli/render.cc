@@ -25,8 +25,8 @@ namespace {
 struct RenderVerbOptions {
   std::string scene, output, integrator, model;
   bool force = false;
-  int spp = 0;                     // 0: the integrator's own
-  int max_depth = -2;              // -2: the scene's
+  int spp = 0;         // 0: the integrator's own
+  int max_depth = -2;  // -2: the scene's
   int rr_depth = 5;
   std::string time;
   int width = 0, height = 0;
@@ -53,18 +53,22 @@ int default_spp(const std::string& integrator) {
 // --camera, --origin ..., or a sensor of the scene. Film size: the camera's own where it has one.
 Camera choose_camera(const Scene& scene, const RenderVerbOptions& o) {
   const bool look = !o.origin.empty() || !o.target.empty();
-  if (look + !o.camera_file.empty() + o.sensor_given > 1) throw UsageError("--sensor, --camera and --origin/--target exclude each other");
+  if (look + !o.camera_file.empty() + o.sensor_given > 1)
+    throw UsageError("--sensor, --camera and --origin/--target exclude each other");
   Camera camera;
   if (!o.camera_file.empty()) {
     const std::vector<Camera> cameras = read_cameras(o.camera_file);
-    if (cameras.size() != 1) throw InputError(fmt::format("{}: holds {} cameras where one is needed", o.camera_file, cameras.size()));
+    if (cameras.size() != 1)
+      throw InputError(fmt::format("{}: holds {} cameras where one is needed", o.camera_file, cameras.size()));
     camera = cameras.front();
   } else if (look) {
     if (o.origin.empty() || o.target.empty()) throw UsageError("--origin and --target belong together");
     const Camera& first = scene.cameras.front();
     const bool own_fov = o.fov > 0.0;
-    camera = look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"), o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
-                     own_fov ? static_cast<float>(o.fov) : first.fov_degrees, own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
+    camera =
+        look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
+                o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
+                own_fov ? static_cast<float>(o.fov) : first.fov_degrees, own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
     camera.near_clip = first.near_clip;
     camera.far_clip = first.far_clip;
   } else {
@@ -89,7 +93,11 @@ nlohmann::json camera_json(const Camera& c) {
   const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
   static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
   const Vec3f target = c.origin + c.forward;
-  return {{"origin", vector(c.origin)}, {"target", vector(target)}, {"up", vector(c.up)}, {"fov", c.fov_degrees}, {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
+  return {{"origin", vector(c.origin)},
+          {"target", vector(target)},
+          {"up", vector(c.up)},
+          {"fov", c.fov_degrees},
+          {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
 }
 
 RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, const CommonOptions& common) {
@@ -101,7 +109,8 @@ RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, con
   if (!o.crop.empty()) {
     const std::vector<double> crop = parse_numbers(o.crop, 4, "--crop");
     for (const double v : crop) {
-      if (v != static_cast<double>(static_cast<int>(v))) throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
+      if (v != static_cast<double>(static_cast<int>(v)))
+        throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
     }
     options.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]), static_cast<int>(crop[3])};
     if (options.crop.width <= 0 || options.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
@@ -118,9 +127,10 @@ RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, con
   // The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is written.
   const double pixels = static_cast<double>(options.width) * options.height;
   const double area = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height : pixels;
-  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", options.width, options.height),
-                 {{"picture", static_cast<std::uint64_t>(area * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float)))}},
-                 "  --width, --height and --crop make it smaller");
+  require_memory(
+      common.memory_budget(), fmt::format("a picture of {} x {} pixels", options.width, options.height),
+      {{"picture", static_cast<std::uint64_t>(area * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float)))}},
+      "  --width, --height and --crop make it smaller");
   return options;
 }
 
@@ -147,13 +157,15 @@ void check_integrator(const RenderVerbOptions& o, const RadianceField* field) {
   if (!field && (is_view("features") || is_view("occupancy"))) return;  // which levels there are, the model says
   std::string list;
   for (const std::string& name : known) list += (list.empty() ? "" : ", ") + name;
-  throw UsageError(fmt::format("unknown integrator \"{}\"{}; there are {}", o.integrator, did_you_mean(o.integrator, known), list));
+  throw UsageError(
+      fmt::format("unknown integrator \"{}\"{}; there are {}", o.integrator, did_you_mean(o.integrator, known), list));
 }
 
 void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
   check_integrator(o, nullptr);
-  if (uses_cache(o.integrator) && o.model.empty()) throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
+  if (uses_cache(o.integrator) && o.model.empty())
+    throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
   if (!uses_cache(o.integrator) && !o.model.empty()) throw UsageError("--integrator path uses no --model");
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
@@ -172,7 +184,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
     config = model_config(model->info, definitions);
   } else if (!definitions.config_definitions().empty()) {
-    throw UsageError(fmt::format("-D {}: --integrator path has no configuration keys", definitions.config_definitions().front().first));
+    throw UsageError(
+        fmt::format("-D {}: --integrator path has no configuration keys", definitions.config_definitions().front().first));
   }
 
   RenderOptions options = render_options(scene, o, common);
@@ -180,11 +193,13 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   options.progress = [&](int spp, double seconds) {
     const double by_samples = options.spp > 0 ? static_cast<double>(spp) / options.spp : 0.0;
     const double by_time = options.seconds > 0.0 ? seconds / options.seconds : 0.0;
-    const double pixels = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height : static_cast<double>(options.width) * options.height;
+    const double pixels = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height
+                                                 : static_cast<double>(options.width) * options.height;
     const double rate = seconds > 0.0 ? pixels * spp / seconds : 0.0;
     if (progress.due()) {
-      progress.update(std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
-                      fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate), format_bytes(static_cast<double>(resident_bytes()))));
+      progress.update(
+          std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
+          fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate), format_bytes(static_cast<double>(resident_bytes()))));
     }
     if (log) log->write({{"event", "progress"}, {"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
   };
@@ -200,13 +215,18 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     result = render_view(options, context, *model->field, config, o.integrator);
   }
   progress.finish();
-  if (result.counts.non_finite > 0) log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
+  if (result.counts.non_finite > 0)
+    log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
 
   result.image.metadata["octrad.version"] = kVersion;
   result.image.metadata["octrad.scene"] = nlohmann::json{{"file", scene.file}, {"fingerprint", scene.fingerprint}}.dump();
   result.image.metadata["octrad.camera"] = camera_json(options.camera).dump();
-  result.image.metadata["octrad.render"] = nlohmann::json{{"integrator", o.integrator}, {"spp", result.spp}, {"max_depth", options.max_depth},
-                                                          {"seed", options.seed}, {"seconds", result.seconds}}.dump();
+  result.image.metadata["octrad.render"] = nlohmann::json{
+      {"integrator", o.integrator},
+      {"spp", result.spp},
+      {"max_depth", options.max_depth},
+      {"seed", options.seed},
+      {"seconds", result.seconds}}.dump();
   if (model) {
     result.image.metadata["octrad.config"] = to_json(config).dump();
     result.image.metadata["octrad.model"] = nlohmann::json{{"file", o.model}, {"step", model->info.state.step}}.dump();
@@ -218,10 +238,16 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   write_exr(o.output, result.image);
 
   const double seconds = std::max(result.seconds, 1e-9);
-  const nlohmann::json report = {{"output", o.output}, {"integrator", o.integrator}, {"width", result.image.width}, {"height", result.image.height},
-                                 {"spp", result.spp}, {"seconds", result.seconds}, {"samples_per_s", static_cast<double>(result.samples) / seconds},
+  const nlohmann::json report = {{"output", o.output},
+                                 {"integrator", o.integrator},
+                                 {"width", result.image.width},
+                                 {"height", result.image.height},
+                                 {"spp", result.spp},
+                                 {"seconds", result.seconds},
+                                 {"samples_per_s", static_cast<double>(result.samples) / seconds},
                                  {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
-                                 {"queries_per_s", static_cast<double>(result.counts.queries) / seconds}, {"non_finite", result.counts.non_finite},
+                                 {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
+                                 {"non_finite", result.counts.non_finite},
                                  {"interrupted", result.interrupted}};
   if (log) {
     nlohmann::json done = report;
@@ -231,9 +257,11 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (common.json) {
     print_json(report);
   } else {
-    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height, result.spp, format_duration(result.seconds),
-             format_rate(static_cast<double>(result.samples) / seconds),
-             result.counts.queries > 0 ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds)) : "",
+    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height, result.spp,
+             format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
+             result.counts.queries > 0
+                 ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds))
+                 : "",
              result.interrupted ? "; interrupted, what was done is saved" : "");
   }
 }
@@ -249,25 +277,52 @@ void add_render(Program& program) {
   verb->add_option("-o,--output", o->output, "EXR file")->required()->type_name("OUT.exr");
   verb->add_option("--integrator", o->integrator,
                    "path, or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
-                   "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")->type_name("NAME");
+                   "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
+      ->type_name("NAME");
   verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
   verb->add_flag("--force", o->force, "use the model although it was trained on another scene");
-  verb->add_option("--spp", o->spp, "samples a pixel; default: path 64, rhs and deferred 16, others 4")->check(unnamed(CLI::Range(1, 1 << 30)))->type_name("N");
-  verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")->type_name("T");
-  verb->add_option("--max-depth", o->max_depth, "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")->check(unnamed(CLI::Range(-1, 1 << 20)))->type_name("D");
-  verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on")->check(unnamed(CLI::Range(1, 1 << 20)))->type_name("D")->capture_default_str();
+  verb->add_option("--spp", o->spp, "samples a pixel; default: path 64, rhs and deferred 16, others 4")
+      ->check(unnamed(CLI::Range(1, 1 << 30)))
+      ->type_name("N");
+  verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")
+      ->type_name("T");
+  verb->add_option("--max-depth", o->max_depth, "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
+      ->check(unnamed(CLI::Range(-1, 1 << 20)))
+      ->type_name("D");
+  verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on")
+      ->check(unnamed(CLI::Range(1, 1 << 20)))
+      ->type_name("D")
+      ->capture_default_str();
   verb->add_option("-D", o->definitions, "set a parameter of the scene file, or render.delta=cache|trace")
-      ->type_name("KEY=VALUE")->expected(1)->allow_extra_args(false)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  verb->add_option("--width", o->width, "pixels; alone, the height follows the sensor's aspect")->check(unnamed(CLI::Range(1, 131072)))->type_name("W")->group("Camera");
-  verb->add_option("--height", o->height, "pixels; alone, the width follows the sensor's aspect")->check(unnamed(CLI::Range(1, 131072)))->type_name("H")->group("Camera");
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  verb->add_option("--width", o->width, "pixels; alone, the height follows the sensor's aspect")
+      ->check(unnamed(CLI::Range(1, 131072)))
+      ->type_name("W")
+      ->group("Camera");
+  verb->add_option("--height", o->height, "pixels; alone, the width follows the sensor's aspect")
+      ->check(unnamed(CLI::Range(1, 131072)))
+      ->type_name("H")
+      ->group("Camera");
   verb->add_option("--crop", o->crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
-  CLI::Option* sensor = verb->add_option("--sensor", o->sensor, "sensor of the scene, from 0")->check(unnamed(CLI::Range(0, 1 << 20)))->type_name("N")->group("Camera");
+  CLI::Option* sensor = verb->add_option("--sensor", o->sensor, "sensor of the scene, from 0")
+                            ->check(unnamed(CLI::Range(0, 1 << 20)))
+                            ->type_name("N")
+                            ->group("Camera");
   verb->add_option("--camera", o->camera_file, "JSON file with origin, target, up, fov")->type_name("FILE")->group("Camera");
   verb->add_option("--origin", o->origin, "look from here")->type_name("X,Y,Z")->group("Camera");
   verb->add_option("--target", o->target, "to here")->type_name("X,Y,Z")->group("Camera");
   verb->add_option("--up", o->up, "with this direction up; default 0,1,0")->type_name("X,Y,Z")->group("Camera");
-  CLI::Option* fov = verb->add_option("--fov", o->fov, "field of view in degrees; default: the first sensor's")->check(unnamed(CLI::Range(0.01, 179.0)))->type_name("DEG")->group("Camera");
-  verb->add_option("--fov-axis", o->fov_axis, "x | y | diagonal | smaller | larger; default x")->type_name("AXIS")->needs(fov)->group("Camera");
+  CLI::Option* fov = verb->add_option("--fov", o->fov, "field of view in degrees; default: the first sensor's")
+                         ->check(unnamed(CLI::Range(0.01, 179.0)))
+                         ->type_name("DEG")
+                         ->group("Camera");
+  verb->add_option("--fov-axis", o->fov_axis, "x | y | diagonal | smaller | larger; default x")
+      ->type_name("AXIS")
+      ->needs(fov)
+      ->group("Camera");
   verb->callback([&program, o, sensor] {
     o->sensor_given = sensor->count() > 0;
     program.run = [&program, o] { render_verb(program.common, *o); };

@@ -53,8 +53,10 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
   for (std::size_t i = 0; i < was.size(); ++i) {
     if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end()) continue;
-    throw UsageError(fmt::format("--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
-                                 "checkpoint.every may change)", was[i].key, was[i].value, o.output, now[i].value));
+    throw UsageError(fmt::format(
+        "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
+        "checkpoint.every may change)",
+        was[i].key, was[i].value, o.output, now[i].value));
   }
   return wanted;
 }
@@ -81,7 +83,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   if (o.resume) {
     if (std::filesystem::exists(o.output)) {
       resumed = load_model(o.output, true);
-      if (!resumed->has_optimizer) throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
+      if (!resumed->has_optimizer)
+        throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
       config = resumed_config(*resumed, o, common);
     } else {
       log_info("{} does not exist yet: starting from the beginning", o.output);
@@ -123,12 +126,19 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (progress.due()) {
       std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
       if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
-      text += fmt::format("  {} queries/s  {}", format_rate(p.queries_per_second), format_bytes(static_cast<double>(resident_bytes())));
+      text += fmt::format("  {} queries/s  {}", format_rate(p.queries_per_second),
+                          format_bytes(static_cast<double>(resident_bytes())));
       progress.update(p.fraction, text);
     }
     if (log) {
-      nlohmann::json line = {{"event", "progress"}, {"step", p.step}, {"seconds", p.seconds}, {"fraction", p.fraction}, {"loss", p.loss},
-                             {"points_per_s", p.points_per_second}, {"rhs_queries_per_s", p.queries_per_second}, {"memory", resident_bytes()}};
+      nlohmann::json line = {{"event", "progress"},
+                             {"step", p.step},
+                             {"seconds", p.seconds},
+                             {"fraction", p.fraction},
+                             {"loss", p.loss},
+                             {"points_per_s", p.points_per_second},
+                             {"rhs_queries_per_s", p.queries_per_second},
+                             {"memory", resident_bytes()}};
       if (p.validation_mape >= 0.0) line["validation_mape"] = p.validation_mape;
       log->write(line);
     }
@@ -143,9 +153,17 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   progress.finish();
 
   const double seconds = std::max(result.seconds, 1e-9);
-  nlohmann::json report = {{"steps", result.steps}, {"seconds", result.seconds}, {"lhs_samples", result.lhs_samples}, {"rhs_queries", result.rhs_queries},
-                           {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds}, {"loss", result.loss}, {"validation_mape", nullptr},
-                           {"model", o.output}, {"field", config.field}, {"preset", config.preset}, {"interrupted", interrupted()}};
+  nlohmann::json report = {{"steps", result.steps},
+                           {"seconds", result.seconds},
+                           {"lhs_samples", result.lhs_samples},
+                           {"rhs_queries", result.rhs_queries},
+                           {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds},
+                           {"loss", result.loss},
+                           {"validation_mape", nullptr},
+                           {"model", o.output},
+                           {"field", config.field},
+                           {"preset", config.preset},
+                           {"interrupted", interrupted()}};
   if (resumed && result.steps == resumed_step) report["loss"] = nullptr;  // no step was left to do
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
   if (log) {
@@ -157,7 +175,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   if (common.json) {
     print_json(report);
   } else {
-    log_info("{}: {} steps in {}, loss {:.4f}{}, {} queries/s", o.output, format_count(result.steps), format_duration(result.seconds), result.loss,
+    log_info("{}: {} steps in {}, loss {:.4f}{}, {} queries/s", o.output, format_count(result.steps),
+             format_duration(result.seconds), result.loss,
              result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
              format_rate(static_cast<double>(result.rhs_queries) / seconds));
   }
@@ -175,7 +194,8 @@ void add_train(Program& program) {
   verb->add_option("--field", o->field, "octaoctree (the default) | nr")->type_name("NAME");
   verb->add_option("--steps", o->steps, "train N steps")->check(unnamed(CLI::Range(1LL, 100000000LL)))->type_name("N");
   verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")->type_name("T");
-  verb->add_option("--reference", o->reference, "picture of the scene's first sensor: its error is shown while training")->type_name("REF.exr");
+  verb->add_option("--reference", o->reference, "picture of the scene's first sensor: its error is shown while training")
+      ->type_name("REF.exr");
   verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
