@@ -15,6 +15,7 @@ constexpr std::size_t kGroup = 32;
 struct Walker {
   PathSample* out = nullptr;
   Vec3f origin, direction;
+  Vec3f vertex;                    // where the last scattering took place: `origin` before it was pushed off the surface
   float t_max = 0.0f;
   Vec3f throughput{1, 1, 1};
   float eta = 1.0f;                // product of relative indices: radiance shrinks by 1 / eta^2 inside glass and comes back
@@ -116,7 +117,7 @@ class Group {
     if (surface.emitter >= 0) {
       const Vec3f emitted = context_.lights.emitted(surface, -w.direction);
       if (max_component(emitted) > 0.0f) {
-        const float weight = w.previous_delta ? 1.0f : w.previous_pdf / (w.previous_pdf + context_.lights.pdf(w.origin, surface));
+        const float weight = w.previous_delta ? 1.0f : w.previous_pdf / (w.previous_pdf + context_.lights.pdf(w.vertex, surface));
         out.radiance += w.throughput * emitted * weight;
       }
     }
@@ -159,6 +160,7 @@ class Group {
       w.throughput *= 1.0f / survive;
     }
     if (!s.null) w.direction = normalize(point.to_world(s.wi));
+    w.vertex = surface.position;
     w.origin = offset_origin(surface.position, surface.geometric_normal, w.direction);
     w.t_max = std::numeric_limits<float>::infinity();
     w.previous_pdf = s.pdf;
