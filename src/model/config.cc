@@ -91,6 +91,8 @@ const std::vector<Key>& keys() {
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
       number("train.view_share", &C::train_view_share, {0, 1}, "share of points on the primary hits of the scene's view (for a fixed camera)"),
       number("train.keep_direction", &C::train_keep_direction, {0, 1}, "share of walk vertices that keep the direction they were reached from"),
+      choice("train.fresh_direction", &C::train_fresh_direction, {"cosine", "uniform"}, "density of the directions that glossy points are seen from"),
+      number("train.glossy_boost", &C::train_glossy_boost, {1, 100}, "how much likelier a glossy point is taken than a rough one"),
       number("train.stop_probability", &C::train_stop_probability, {0, 1, true}, "probability of stopping a walk at a vertex"),
       number("train.max_walk", &C::train_max_walk, {1, 64}, "longest walk"),
       number("train.poses", &C::train_poses, {0, 100000}, "camera poses drawn once for all walks (the sensors count); 0: a fresh one for every walk. Not used with train.cameras"),
@@ -244,6 +246,8 @@ Config preset(const std::string& name) {
   c.target_scale = 1.0;
   c.train_sampler = "walks";
   c.train_poses = 64;
+  c.train_fresh_direction = "cosine";
+  c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
   c.loss_normalizer = "symmetric";
   c.adam_mode = "dense";  // the published optimiser is plain Adam: untouched entries keep moving along their decaying moments

@@ -68,6 +68,8 @@ struct Config {
   double train_walks = 0.9;                      // share of points from camera walks; the rest is area-uniform
   double train_view_share = 0.0;                 // share of points on the primary hits of the scene's view
   double train_keep_direction = 0.0;             // share of walk vertices that keep the walk's own wo
+  std::string train_fresh_direction = "uniform"; // of glossy points: cosine | uniform over the hemisphere
+  double train_glossy_boost = 3.0;               // how much likelier a glossy point is taken than a rough one
   double train_stop_probability = 0.3;
   int train_max_walk = 16;
   int train_poses = 0;                           // camera poses drawn once; 0: a fresh one for every walk

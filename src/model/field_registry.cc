@@ -49,12 +49,13 @@ std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomai
   throw UsageError("unknown field \"" + config.field + "\"" + did_you_mean(config.field, field_names()) + "; known fields: " + known);
 }
 
-std::vector<MemoryItem> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level, bool training) {
+std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level, bool training) {
   // Floats an entry: the value, and for training two moments and a step count (dense Adam is the same state).
-  std::vector<MemoryItem> items;
+  std::vector<MemoryPart> items;
+  const auto add = [&](const std::string& name, double bytes) { items.push_back({name, static_cast<std::uint64_t>(bytes)}); };
   const auto table = [&](const std::string& what, double entries, int features) {
-    items.push_back({what + " features", entries * features * 4.0});
-    if (training) items.push_back({what + " optimiser state", entries * (features * 8.0 + 2.0)});
+    add(what + " features", entries * features * 4.0);
+    if (training) add(what + " optimiser state", entries * (features * 8.0 + 2.0));
   };
   if (config.field == "octaoctree") {
     double entries = 0.0;
@@ -70,7 +71,7 @@ std::vector<MemoryItem> estimate_memory(const Config& config, const std::vector<
   if (training) {
     // A shaded point with its target, its contributions to the tables (about 40 of 64 cells of a query hold surfaces) and upstream gradients.
     const double taps = config.field == "octaoctree" ? config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0 : config.nr_levels * 8.0;
-    items.push_back({"batch", config.train_points * (600.0 + taps * 16.0)});
+    add("batch", config.train_points * (600.0 + taps * 16.0));
   }
   return items;
 }

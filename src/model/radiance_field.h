@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/bytes.h"
 #include "base/surface_point.h"
 #include "model/config.h"
 #include "model/safetensors.h"
@@ -61,7 +62,6 @@ std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomai
 std::vector<std::string> field_names();
 
 // Bytes that training (or only evaluating) such a field allocates, before anything is allocated.
-struct MemoryItem { std::string what; double bytes; };
-std::vector<MemoryItem> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level, bool training);
+std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level, bool training);
 
 }  // namespace octrad

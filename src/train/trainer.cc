@@ -20,9 +20,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-double total_bytes(const std::vector<MemoryItem>& items) {
+double total_bytes(const std::vector<MemoryPart>& parts) {
   double sum = 0.0;
-  for (const MemoryItem& item : items) sum += item.bytes;
+  for (const MemoryPart& part : parts) sum += static_cast<double>(part.bytes);
   return sum;
 }
 
@@ -34,11 +34,10 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
 
 void check_memory(const Config& config, const FieldDomain& domain, double limit) {
   const std::vector<long long> cells = cell_counts(domain);
-  const double needed = total_bytes(estimate_memory(config, cells, true));
-  if (limit <= 0.0 || needed <= limit) return;
-  std::string message = "training needs about " + format_bytes(needed) + "; the scene leaves " + format_bytes(limit) + " of --max-memory";
+  const std::vector<MemoryPart> parts = estimate_memory(config, cells, true);
+  std::string advice;
   const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
-    message += "; " + knob + " would need " + format_bytes(total_bytes(estimate_memory(changed, changed_cells, true)));
+    advice += (advice.empty() ? "" : "; ") + knob + " would need " + format_bytes(total_bytes(estimate_memory(changed, changed_cells, true)));
   };
   if (config.field == "octaoctree" && config.octree_levels > 1) {
     Config fewer = config;
@@ -56,7 +55,7 @@ void check_memory(const Config& config, const FieldDomain& domain, double limit)
     smaller.train_points /= 2;
     saving("train.points=" + std::to_string(smaller.train_points), smaller, cells);
   }
-  throw MemoryError(message);
+  require_memory(static_cast<std::uint64_t>(std::max(0.0, limit)), "training (beside the scene)", parts, advice);
 }
 
 LhsOptions lhs_options(const Config& config) {
@@ -66,6 +65,9 @@ LhsOptions lhs_options(const Config& config) {
   options.stop_probability = config.train_stop_probability;
   options.max_walk = config.train_max_walk;
   options.keep_direction = config.train_keep_direction;
+  options.uniform_glossy = config.train_fresh_direction == "uniform";
+  options.glossy_boost = config.train_glossy_boost;
+  options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   options.poses = config.train_poses;
   options.seed = static_cast<unsigned long long>(config.seed);
   return options;

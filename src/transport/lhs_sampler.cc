@@ -23,13 +23,6 @@ Vec3f cosine_direction(Vec3f n, Vec2f u) {
   return normalize(v);
 }
 
-// The same surface seen from `wo` instead; false where that side is black.
-bool reshade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo, ShadingPoint& point) {
-  point = shade(materials, surface, wo);
-  point.bsdf.opacity = 1.0f;
-  return !point.black;
-}
-
 // Through a uniform pixel of the camera's own film.
 Ray random_ray(const Camera& camera, Rng& rng) {
   const int width = std::max(1, camera.film_width), height = std::max(1, camera.film_height);
@@ -70,6 +63,19 @@ bool LhsSampler::free_ray(Rng& rng, Ray& ray) const {
   return true;
 }
 
+// Shades the surface as seen from a random direction on the side of `n`; false where that side is black. A cosine density
+// hardly ever looks along a surface, but pictures of glossy floors and walls do: hence the uniform alternative.
+bool LhsSampler::fresh_direction(Rng& rng, const SurfaceInteraction& surface, Vec3f n, ShadingPoint& point) const {
+  const Vec2f u = rng.uniform2();
+  point = shade(context_.materials, surface, cosine_direction(n, u));
+  if (options_.uniform_glossy && !point.black && roughness(point.bsdf) < options_.rough_threshold) {
+    const Vec3f wo = uniform_sphere(u);
+    point = shade(context_.materials, surface, dot(wo, n) < 0.0f ? -wo : wo);
+  }
+  point.bsdf.opacity = 1.0f;
+  return !point.black;
+}
+
 bool LhsSampler::walk_point(Rng& rng, ShadingPoint& point) const {
   Ray ray;
   if (fresh_poses_) {
@@ -83,7 +89,7 @@ bool LhsSampler::walk_point(Rng& rng, ShadingPoint& point) const {
       point = end.point;
       if (rng.uniform() < options_.keep_direction) return true;
       const Vec3f n = dot(point.ns, point.wo) < 0.0f ? -point.ns : point.ns;
-      return reshade(context_.materials, end.point.surface, cosine_direction(n, rng.uniform2()), point);
+      return fresh_direction(rng, end.point.surface, n, point);
     }
     const float u_lobe = rng.uniform();
     const BsdfSample scattered = octrad::sample(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
@@ -106,7 +112,7 @@ bool LhsSampler::area_point(Rng& rng, ShadingPoint& point) const {
   const float u_pick = rng.uniform();
   const SurfaceInteraction surface = surfaces_.sample(u_pick, rng.uniform2());
   const float side = rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
-  return reshade(context_.materials, surface, cosine_direction(surface.geometric_normal * side, rng.uniform2()), point);
+  return fresh_direction(rng, surface, surface.geometric_normal * side, point);
 }
 
 void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points) const {
@@ -119,6 +125,10 @@ void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points)
         if (kind < options_.view) found = view_point(rng, points[i]);
         else if (kind < options_.view + options_.walks && t < kTries / 2) found = walk_point(rng, points[i]);
         else found = area_point(rng, points[i]);
+        // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
+        if (found && options_.glossy_boost > 1.0 && t < kTries / 2 && roughness(points[i].bsdf) >= options_.rough_threshold) {
+          found = rng.uniform() * options_.glossy_boost < 1.0;
+        }
       }
       if (!found) throw InputError("no visible surface point found in " + std::to_string(kTries) + " tries: is the scene empty or all one-sided backs?");
     }

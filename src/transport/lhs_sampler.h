@@ -16,6 +16,9 @@ struct LhsOptions {
   double stop_probability = 0.3;   // of a walk at each vertex
   int max_walk = 16;
   double keep_direction = 0.0;     // share of walk vertices that keep the direction they were reached by as wo
+  bool uniform_glossy = false;     // fresh directions of glossy points: uniform over the hemisphere instead of cosine
+  double glossy_boost = 1.0;       // >= 1: how much likelier a glossy point is taken than a rough one
+  float rough_threshold = 0.5f;    // alpha from which a point counts as rough
   int poses = 0;                   // drawn once, with the sensors among them; 0: a fresh one for every walk. Not with `cameras`
   unsigned long long seed = 0;
 };
@@ -35,6 +38,7 @@ class LhsSampler {
   bool view_point(Rng& rng, ShadingPoint& point) const;
   bool area_point(Rng& rng, ShadingPoint& point) const;
   bool free_ray(Rng& rng, Ray& ray) const;
+  bool fresh_direction(Rng& rng, const SurfaceInteraction& surface, Vec3f n, ShadingPoint& point) const;
 
   TransportContext context_;
   LhsOptions options_;

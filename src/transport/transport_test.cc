@@ -142,6 +142,33 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
   }
 }
 
+TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
+  const TestScene setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.6"/><bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>)"));
+  const auto glossy = [&](double boost, bool uniform) {
+    LhsOptions options;
+    options.walks = 0.0;
+    options.glossy_boost = boost;
+    options.uniform_glossy = uniform;
+    std::vector<ShadingPoint> points(6000);
+    LhsSampler(setup.context, options).sample(1, points);
+    double count = 0.0, cosine = 0.0;
+    for (const ShadingPoint& p : points) {
+      if (roughness(p.bsdf) >= 0.5f) continue;
+      count += 1.0;
+      cosine += static_cast<double>(dot(p.ns, p.wo));
+    }
+    return std::pair{count / 6000.0, cosine / count};
+  };
+  // The sphere's outside against the box's inside, by area (samples on the black side of either are drawn again).
+  const double share = 4.0 * 3.14159265 * 0.36 / (4.0 * 3.14159265 * 0.36 + 24.0);
+  const auto [plain, mean_cosine] = glossy(1.0, false);
+  EXPECT_NEAR(plain, share, 0.025);
+  EXPECT_NEAR(mean_cosine, 2.0 / 3.0, 0.03);  // of a cosine density
+  const auto [boosted, mean_uniform] = glossy(3.0, true);
+  EXPECT_NEAR(boosted, 3.0 * share / (3.0 * share + 1.0 - share), 0.03);
+  EXPECT_NEAR(mean_uniform, 0.5, 0.03);
+}
+
 TEST(LhsSampler, AreaPointsAreUniform) {
   const TestScene setup(furnace(kGrey, ""));
   const auto points = area_points(setup, 12000);
