@@ -30,7 +30,7 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
       adam_(mlp_.parameter_count(), adam_options(config)),
       activation_(activation),
       normalizer_(config.loss_normalizer == "symmetric" ? LossNormalizer::symmetric : LossNormalizer::prediction),
-      demodulate_(config.target_demodulate == "albedo"),
+      demodulate_(config.target_demodulate == "albedo" && config.target_emission == "outside"),  // emission does not scale with albedo
       rough_threshold_(static_cast<float>(config.lookup_rough_threshold)),
       position_scale_(1.0f, 1.0f, 1.0f) {
   if (config.decoder_position == "normalized") {

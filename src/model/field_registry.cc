@@ -68,10 +68,13 @@ std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<
   } else {
     table("hash grid", hash_grid_entries(config.nr_levels, config.nr_log2_table, config.nr_base, config.nr_scale), config.nr_features);
   }
+  double cells = 0.0;
+  for (const long long n : cells_per_level) cells += static_cast<double>(n);
+  if (cells > 0.0) add("octree cells and index", cells * 28.0);
   if (training) {
     // A shaded point with its target, its contributions to the tables (about 40 of 64 cells of a query hold surfaces) and upstream gradients.
     const double taps = config.field == "octaoctree" ? config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0 : config.nr_levels * 8.0;
-    add("batch", config.train_points * (600.0 + taps * 16.0));
+    add("batch", config.train_points * (600.0 + taps * 36.0));
   }
   return items;
 }

@@ -136,10 +136,11 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
 }
 
 void NrField::save(TensorWriter& out, bool optimizer) {
+  if (optimizer) make_optimizer();
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   save_hash_grid(out, "nr.grid", grid_);
-  const bool training = optimizer && grid_adam_ != nullptr;
+  const bool training = optimizer;
   save_mlp(out, "nr.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
   if (training) save_adam(out, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }

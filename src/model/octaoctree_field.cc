@@ -229,6 +229,7 @@ std::size_t OctaOctreeField::parameter_count() const {
 }
 
 void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
+  if (optimizer) make_optimizers();  // a run stopped before its first step can be resumed too
   const int width = octree_.options().features;
   octree_.canonicalize_rims();
   for (int l = 1; l <= levels(); ++l) {
@@ -243,7 +244,7 @@ void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   save_hash_grid(out, "disparity.grid", grid_);
-  const bool training = optimizer && octree_adam_ != nullptr;
+  const bool training = optimizer;
   save_mlp(out, "disparity.mlp", disparity_, training ? &disparity_adam_ : nullptr);
   save_mlp(out, "decoder.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
   if (!training) return;

@@ -43,7 +43,9 @@ SampleCounts render_tile(const RenderOptions& o, const SampleFunction& integrato
       for (int i = first; i < first + count; ++i) {
         Rng rng(o.seed, RngPurpose::pixel, static_cast<std::uint64_t>(i) * pixels + pixel);
         const Vec2f u = rng.uniform2();
-        const Vec2f p{static_cast<float>(x) + u.x, static_cast<float>(y) + u.y};
+        // Rounding must not carry a position into the next pixel.
+        const Vec2f p{std::min(static_cast<float>(x) + u.x, std::nextafter(static_cast<float>(x + 1), 0.0f)),
+                      std::min(static_cast<float>(y) + u.y, std::nextafter(static_cast<float>(y + 1), 0.0f))};
         samples.push_back({o.camera.generate(p, o.width, o.height), rng, p});
       }
     }

@@ -98,7 +98,7 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   const auto count = static_cast<std::size_t>(field.feature_count());
   const std::size_t width = count / static_cast<std::size_t>(field.levels());
 
-  // Principal components need all features at once: one pass at the pixels' centres, written by position.
+  // Principal components need all features at once (of the crop): one sample a pixel, written by position.
   std::vector<float> features;
   std::vector<std::size_t> feature_pixel;
   const auto inspect = [&](std::span<CameraSample> samples, std::span<PixelSample> out) {
@@ -138,7 +138,6 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   if (kind.kind == ViewKind::features) {
     once.spp = 1;
     once.seconds = 0.0;
-    once.crop = {};
     const auto pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
     features.assign(pixels * width, 0.0f);
     feature_pixel.assign(pixels, 0);
@@ -154,7 +153,11 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   std::size_t next = 0;
   for (std::size_t p = 0; p < feature_pixel.size(); ++p) {
     if (!feature_pixel[p]) continue;
-    result.image.set_rgb(static_cast<int>(p % static_cast<std::size_t>(options.width)), static_cast<int>(p / static_cast<std::size_t>(options.width)), colors[next++]);
+    const int x = static_cast<int>(p % static_cast<std::size_t>(options.width)) - options.crop.x;
+    const int y = static_cast<int>(p / static_cast<std::size_t>(options.width)) - options.crop.y;
+    const Vec3f color = colors[next++];
+    // A wide reconstruction filter draws samples around the crop too.
+    if (x >= 0 && y >= 0 && x < result.image.width && y < result.image.height) result.image.set_rgb(x, y, color);
   }
   return result;
 }

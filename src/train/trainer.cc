@@ -81,6 +81,7 @@ class Run {
     if (options.resume) {
       field_ = std::move(options.resume->field);
       state_ = options.resume->info.state;
+      bytes_ = 12.0 * static_cast<double>(field_->parameter_count());  // values and two moments
     } else {
       const FieldDomain domain = field_domain(context.scene, config);
       check_memory(config, domain, options.max_memory);
@@ -114,7 +115,8 @@ class Run {
   double bytes_ = 0.0;
   double earlier_seconds_ = 0.0;   // of the runs that this one continues
   Clock::time_point start_;
-  long long non_finite_ = 0;
+  long long non_finite_ = 0;               // gradients dropped
+  long long dropped_contributions_ = 0;    // right-hand-side contributions dropped; they cost light, not stability
   std::vector<ShadingPoint> shading_;
   std::vector<SurfacePoint> points_;
   std::vector<Vec3f> targets_;
@@ -135,7 +137,7 @@ void Run::draw(unsigned long long stream, const ScheduleState& s, const Radiance
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
-  non_finite_ += statistics.non_finite;
+  dropped_contributions_ += statistics.non_finite;
   state_.rhs_queries += statistics.queries;
   state_.lhs_samples += s.points;
   for (std::size_t i = 0; i < n; ++i) {
@@ -214,7 +216,7 @@ TrainResult Run::go() {
     const FieldStep step = field_->train(points_, targets_, s.epsilon, s.rate_scale);
     non_finite_ += step.non_finite;
     if (!std::isfinite(step.loss)) stop_non_finite("the loss is not finite");
-    if (non_finite_ > config_.adam_max_non_finite) stop_non_finite(std::to_string(non_finite_) + " values were not finite (adam.max_non_finite)");
+    if (non_finite_ > config_.adam_max_non_finite) stop_non_finite(std::to_string(non_finite_) + " gradients were not finite (adam.max_non_finite)");
     ++state_.step;
     smoothed = smoothed < 0.0 ? step.loss : smoothed + (step.loss - smoothed) * 0.02;
     const double seconds = seconds_since(start_);
@@ -249,6 +251,7 @@ TrainResult Run::go() {
   result.lhs_samples = state_.lhs_samples;
   result.rhs_queries = state_.rhs_queries;
   result.loss = std::max(0.0, smoothed);
+  result.dropped_contributions = dropped_contributions_;
   result.field = std::move(field_);
   return result;
 }

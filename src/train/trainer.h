@@ -42,6 +42,7 @@ struct TrainResult {
   double seconds = 0.0;
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = 0.0;
+  long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
   double validation_mape = -1.0;   // of the finished model against the reference
   bool interrupted = false;
   std::unique_ptr<RadianceField> field;

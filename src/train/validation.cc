@@ -16,13 +16,15 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const long long total = static_cast<long long>(reference.width) * reference.height;
   const long long stride = std::max<long long>(1, (total + max_pixels - 1) / max_pixels);
   for (long long p = 0; p < total; p += stride) {
-    const int x = static_cast<int>(p % reference.width), y = static_cast<int>(p / reference.width);
+    // One pixel of each stride, at a random place in it: a stride that divides the width must not pick columns.
+    const long long chosen = std::min(total - 1, p + static_cast<long long>(mix64(static_cast<unsigned long long>(p) + 1) % static_cast<unsigned long long>(stride)));
+    const int x = static_cast<int>(chosen % reference.width), y = static_cast<int>(chosen / reference.width);
     Pixel pixel{reference.rgb(x, y, r), Vec3f(0.0f)};
     Rng rng(static_cast<unsigned long long>(config.seed), RngPurpose::validation, static_cast<unsigned long long>(p));
     for (int s = 0; s < spp; ++s) {
       const Vec2f u = rng.uniform2();
       const Ray ray = camera.generate({static_cast<float>(x) + u.x, static_cast<float>(y) + u.y}, reference.width, reference.height);
-      const RayEnd end = follow_ray(context, ray.origin, nullptr, ray.direction, rng, false, config.train_max_chain);
+      const RayEnd end = follow_ray(context, ray.origin, nullptr, ray.direction, rng, false, config.train_max_chain, ray.t_max);
       const bool outside = config.target_emission == "outside" || !end.surface || end.point.surface.emitter < 0;
       if (outside) pixel.known += end.first_emitted + end.emitted;
       if (!end.surface) continue;

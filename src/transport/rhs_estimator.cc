@@ -64,7 +64,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       const float mis = scattered.delta ? 1.0f : scattered.pdf / (scattered.pdf + end.first_light_pdf);
       add(i, scattered.weight * (end.first_emitted * mis + end.emitted));
       if (!end.surface || !query) continue;
-      if (options.emission_inside && end.point.surface.emitter >= 0) continue;
+      // What such a prediction holds is emission, and that was counted above; a lamp's dark back is asked as any surface.
+      if (options.emission_inside && end.point.surface.emitter >= 0 && max_component(context.lights.emitted(end.point.surface, end.point.wo)) > 0.0f) continue;
       SurfacePoint where = surface_point(end.point);
       if (options.traced_disparity) {
         where.disparity = traced_disparity(context, where, end.point.surface.geometric_normal);

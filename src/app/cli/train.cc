@@ -151,6 +151,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const TransportContext context{*loaded.scene, *loaded.tracer, *loaded.materials, *loaded.lights};
   const TrainResult result = train(context, config, options);
   progress.finish();
+  if (result.dropped_contributions > 0) {
+    log_warning(fmt::format("{} contributions to targets were not finite and count as black", format_count(result.dropped_contributions)));
+  }
 
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"steps", result.steps},
