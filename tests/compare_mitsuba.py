@@ -4,8 +4,7 @@
     python3 tests/compare_mitsuba.py SCENE.xml [--octrad build/octrad] [--width 160] [--spp 512] [--max-depth 8] [-o folder]
 
 Needs `pip install mitsuba numpy` (and an LLVM for the fast variant; --variant scalar_rgb needs none). Both renderers make several
-independent pictures (--runs) of spp/runs samples; the spread over the runs gives the noise of every block of --block pixels
-(clipped at neither end: a light seen by chance counts). Printed: the ratio of the means, the standard deviation of the
+independent pictures (--runs) of spp/runs samples; the spread over the runs gives the noise of every block of --block pixels. Printed: the ratio of the means, the standard deviation of the
 z-scores of all blocks (1 where only noise is left), and the blocks that deviate most. Fails (exit 1) when
   - the means of the pictures differ by more than 1 % and 3 standard errors, or
   - a block differs by more than 1 % and by more standard errors than chance gives among so many blocks (Student's t).

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstring>
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <string>
@@ -48,46 +49,60 @@ void sphere_bounds(const RTCBoundsFunctionArguments* args) {
 }
 
 // Nearest distance in [t_min, t_max] or a negative number.
-double intersect_sphere(const Sphere& s, const RTCRay& ray) {
-  const Vec3d o = Vec3d(Vec3f(ray.org_x, ray.org_y, ray.org_z)) - Vec3d(s.center);
-  const Vec3d d(Vec3f(ray.dir_x, ray.dir_y, ray.dir_z));
+double intersect_sphere(const Sphere& s, Vec3f origin, Vec3f direction, float t_min, float t_max) {
+  const Vec3d o = Vec3d(origin) - Vec3d(s.center), d(direction);
   const double r = static_cast<double>(s.radius);
   const double a = dot(d, d), b = dot(o, d);
   const Vec3d closest = o - d * (b / a);  // of the line to the centre: keeps the discriminant accurate far away
   const double h = r * r - dot(closest, closest);
   if (h < 0.0) return -1.0;
   const double root = std::sqrt(h / a), mid = -b / a;
-  const double t_near = static_cast<double>(ray.tnear), t_far = static_cast<double>(ray.tfar);
+  const double t_near = static_cast<double>(t_min), t_far = static_cast<double>(t_max);
   if (mid - root >= t_near) return mid - root <= t_far ? mid - root : -1.0;
   if (mid + root >= t_near && mid + root <= t_far) return mid + root;
   return -1.0;
 }
 
+// Embree calls these with single rays and with packets of any width.
 void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
-  if (args->N != 1 || !args->valid[0]) return;
-  RTCRayHit& rh = *reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const double t = intersect_sphere(sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID), rh.ray);
-  if (t < 0.0) return;
-  rh.ray.tfar = static_cast<float>(t);
-  rh.hit.geomID = args->geomID;
-  rh.hit.primID = args->primID;
-  rh.hit.instID[0] = args->context->instID[0];
-  rh.hit.u = rh.hit.v = 0.0f;
+  const unsigned n = args->N;
+  RTCRayN* ray = RTCRayHitN_RayN(args->rayhit, n);
+  RTCHitN* hit = RTCRayHitN_HitN(args->rayhit, n);
+  const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
+  for (unsigned i = 0; i < n; ++i) {
+    if (!args->valid[i]) continue;
+    const double t = intersect_sphere(sphere, {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+                                      {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
+                                      RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
+    if (t < 0.0) continue;
+    RTCRayN_tfar(ray, n, i) = static_cast<float>(t);
+    RTCHitN_geomID(hit, n, i) = args->geomID;
+    RTCHitN_primID(hit, n, i) = args->primID;
+    RTCHitN_instID(hit, n, i, 0) = args->context->instID[0];
+    RTCHitN_u(hit, n, i) = RTCHitN_v(hit, n, i) = 0.0f;
+  }
 }
 
 void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
-  if (args->N != 1 || !args->valid[0]) return;
-  RTCRay& ray = *reinterpret_cast<RTCRay*>(args->ray);
-  if (intersect_sphere(sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID), ray) >= 0.0) {
-    ray.tfar = -std::numeric_limits<float>::infinity();
+  const unsigned n = args->N;
+  RTCRayN* ray = args->ray;
+  const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
+  for (unsigned i = 0; i < n; ++i) {
+    if (!args->valid[i]) continue;
+    const double t = intersect_sphere(sphere, {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+                                      {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
+                                      RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
+    if (t >= 0.0) RTCRayN_tfar(ray, n, i) = -std::numeric_limits<float>::infinity();
   }
 }
 
 class EmbreeTracer final : public Tracer {
  public:
-  explicit EmbreeTracer(const Scene& scene) {
-    device_.reset(rtcNewDevice(nullptr));
+  EmbreeTracer(const Scene& scene, const std::string& config) {
+    device_.reset(rtcNewDevice(config.c_str()));
     if (!device_) fail(rtcGetDeviceError(nullptr), "cannot create a device");
+    if (rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) packet_ = 16;
+    else if (rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED)) packet_ = 8;
     scene_.reset(rtcNewScene(device_.get()));
     rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_HIGH);
@@ -114,19 +129,7 @@ class EmbreeTracer final : public Tracer {
     rh.hit.primID = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(scene_.get(), &context, &rh);
-    Hit hit;
-    if (rh.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-    hit.t = rh.ray.tfar;
-    if (rh.hit.geomID == sphere_geometry_) {
-      hit.shape = spheres_.shapes[rh.hit.primID];
-      hit.primitive = 0;
-    } else {
-      hit.shape = shape_of_[rh.hit.geomID];
-      hit.primitive = static_cast<int>(rh.hit.primID);
-      hit.u = rh.hit.u;
-      hit.v = rh.hit.v;
-    }
-    return hit;
+    return make_hit(rh.hit.geomID, rh.hit.primID, rh.ray.tfar, rh.hit.u, rh.hit.v);
   }
 
   bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
@@ -138,7 +141,87 @@ class EmbreeTracer final : public Tracer {
     return ray.tfar < 0.0f;
   }
 
+  void intersect(std::span<const RayQuery> rays, Hit* hits) const override {
+    switch (packet_) {
+      case 16: return intersect_packets<16, RTCRayHit16>(rays, hits, rtcIntersect16);
+      case 8: return intersect_packets<8, RTCRayHit8>(rays, hits, rtcIntersect8);
+      default: return Tracer::intersect(rays, hits);
+    }
+  }
+
+  void occluded(std::span<const RayQuery> rays, unsigned char* blocked) const override {
+    switch (packet_) {
+      case 16: return occluded_packets<16, RTCRay16>(rays, blocked, rtcOccluded16);
+      case 8: return occluded_packets<8, RTCRay8>(rays, blocked, rtcOccluded8);
+      default: return Tracer::occluded(rays, blocked);
+    }
+  }
+
  private:
+  Hit make_hit(unsigned geometry, unsigned primitive, float t, float u, float v) const {
+    Hit hit;
+    if (geometry == RTC_INVALID_GEOMETRY_ID) return hit;
+    hit.t = t;
+    if (geometry == sphere_geometry_) {
+      hit.shape = spheres_.shapes[primitive];
+      hit.primitive = 0;
+    } else {
+      hit.shape = shape_of_[geometry];
+      hit.primitive = static_cast<int>(primitive);
+      hit.u = u;
+      hit.v = v;
+    }
+    return hit;
+  }
+
+  template <std::size_t N, typename RayHit, typename Function>
+  void intersect_packets(std::span<const RayQuery> rays, Hit* hits, Function trace) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    for (std::size_t first = 0; first < rays.size(); first += N) {
+      const std::size_t n = std::min(N, rays.size() - first);
+      alignas(64) int valid[N];
+      RayHit rh;
+      set_packet<N>(rh.ray, valid, rays.subspan(first, n));
+      for (std::size_t i = 0; i < N; ++i) rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+      for (std::size_t i = 0; i < N; ++i) rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+      trace(valid, scene_.get(), &context, &rh);
+      for (std::size_t i = 0; i < n; ++i) {
+        hits[first + i] = make_hit(rh.hit.geomID[i], rh.hit.primID[i], rh.ray.tfar[i], rh.hit.u[i], rh.hit.v[i]);
+      }
+    }
+  }
+
+  template <std::size_t N, typename Ray, typename Function>
+  void occluded_packets(std::span<const RayQuery> rays, unsigned char* blocked, Function trace) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    for (std::size_t first = 0; first < rays.size(); first += N) {
+      const std::size_t n = std::min(N, rays.size() - first);
+      alignas(64) int valid[N];
+      Ray ray;
+      set_packet<N>(ray, valid, rays.subspan(first, n));
+      trace(valid, scene_.get(), &context, &ray);
+      for (std::size_t i = 0; i < n; ++i) blocked[first + i] = ray.tfar[i] < 0.0f ? 1 : 0;
+    }
+  }
+
+  template <std::size_t N, typename Ray>
+  static void set_packet(Ray& ray, int* valid, std::span<const RayQuery> rays) {
+    for (std::size_t i = 0; i < N; ++i) {
+      const RayQuery& q = rays[i < rays.size() ? i : 0];
+      valid[i] = i < rays.size() ? -1 : 0;
+      ray.org_x[i] = q.origin.x; ray.org_y[i] = q.origin.y; ray.org_z[i] = q.origin.z;
+      ray.dir_x[i] = q.direction.x; ray.dir_y[i] = q.direction.y; ray.dir_z[i] = q.direction.z;
+      ray.tnear[i] = 0.0f;
+      ray.tfar[i] = q.t_max;
+      ray.time[i] = 0.0f;
+      ray.mask[i] = ~0u;
+      ray.id[i] = 0;
+      ray.flags[i] = 0;
+    }
+  }
+
   static void set_ray(RTCRay& ray, Vec3f o, Vec3f d, float t_min, float t_max) {
     ray.org_x = o.x; ray.org_y = o.y; ray.org_z = o.z;
     ray.dir_x = d.x; ray.dir_y = d.y; ray.dir_z = d.z;
@@ -188,10 +271,13 @@ class EmbreeTracer final : public Tracer {
   SphereSet spheres_;
   std::vector<int> shape_of_;      // Embree geometry -> shape
   unsigned sphere_geometry_ = RTC_INVALID_GEOMETRY_ID;
+  int packet_ = 1;                 // rays that the machine traces at once
 };
 
 }  // namespace
 
-std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene) { return std::make_unique<EmbreeTracer>(scene); }
+std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene, const std::string& device_config) {
+  return std::make_unique<EmbreeTracer>(scene, device_config);
+}
 
 }  // namespace octrad

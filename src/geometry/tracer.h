@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <string>
 
 #include "scene/scene.h"
 
@@ -16,15 +18,24 @@ struct Hit {
   bool valid() const { return shape >= 0; }
 };
 
+// A ray of many.
+struct RayQuery {
+  Vec3f origin, direction;
+  float t_max = 0.0f;
+};
+
 class Tracer {
  public:
   virtual ~Tracer() = default;
   virtual Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const = 0;
   virtual bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const = 0;
+  // Many rays at once, each from 0 to its t_max: hits[i] or blocked[i] (0 or 1) for rays[i]. The same results up to rounding.
+  virtual void intersect(std::span<const RayQuery> rays, Hit* hits) const;
+  virtual void occluded(std::span<const RayQuery> rays, unsigned char* blocked) const;
 };
 
-// The scene must outlive the tracer.
-std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene);
+// The scene must outlive the tracer. `device_config`: Embree's own settings, such as "isa=avx2" (for tests).
+std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene, const std::string& device_config = "");
 
 // Geometry of a hit point. Normals are on the side of the surface's own orientation, not flipped to the ray.
 struct SurfaceInteraction {

@@ -55,7 +55,7 @@ struct RenderResult {
 };
 
 // Every sample depends on (seed, pixel, number of the sample) alone and sums are formed in double in a fixed order: the same
-// bits for a seed at any thread count, and a crop holds the bits of that part of the whole picture. The size of a pass
+// bits for a seed at any thread count, and a crop holds that part of the whole picture. The size of a pass
 // (some 100,000 samples, at least one a pixel) does not depend on time either. Samples that are not finite count as black
 // (SampleCounts::non_finite). Throws UsageError for sizes, crops and budgets that make no sense.
 RenderResult render(const RenderOptions& options, const SampleFunction& integrator);

@@ -35,6 +35,7 @@ class Materials {
   ~Materials();
   // Parameters of material `index` (front side) at texture coordinates `uv`; bump mapping is applied by shade().
   Bsdf at(int index, Vec2f uv) const;
+  void at(int index, Vec2f uv, Bsdf& out) const;
   // Starts loading the texels that at(index, uv) will read.
   void prefetch(int index, Vec2f uv) const;
 

@@ -22,25 +22,28 @@ OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
   return v;
 }
 
-OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
-  BsdfSample s;
-  if (b.opacity < 1.0f) {
-    if (u_lobe >= b.opacity) {
-      s.wi = -wo;
-      s.weight = Vec3f(1.0f);
-      s.pdf = 1.0f - b.opacity;
-      s.delta = s.null = s.transmission = s.valid = true;
-      return s;
-    }
-    u_lobe /= b.opacity;
-    if (u_lobe > 0.99999994f) u_lobe = 0.99999994f;
-  }
+OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model) \
-  case BsdfType::name: s = Model::sample(b, wo, u_lobe, u); break;
+  case BsdfType::name: return Model::sample(b, wo, u_lobe, u);
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
   }
+  return {};
+}
+
+OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  if (b.opacity >= 1.0f && !b.bumped) return sample_model(b, wo, u_lobe, u);
+  if (u_lobe >= b.opacity) {
+    BsdfSample s;
+    s.wi = -wo;
+    s.weight = Vec3f(1.0f);
+    s.pdf = 1.0f - b.opacity;
+    s.delta = s.null = s.transmission = s.valid = true;
+    return s;
+  }
+  u_lobe /= b.opacity;
+  BsdfSample s = sample_model(b, wo, u_lobe < 0.99999994f ? u_lobe : 0.99999994f, u);
   s.pdf *= b.opacity;
   if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
   return s;

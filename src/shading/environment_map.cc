@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/threads.h"
+
 namespace octrad {
 namespace {
 
@@ -27,30 +29,69 @@ EnvironmentMap::EnvironmentMap(const Environment& environment)
   // zero everywhere, so such maps are sampled uniformly.
   if (height_ < 2) return;
   const std::size_t w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
-  weights_.resize(w * h);
+  sines_.resize(h);
   for (std::size_t y = 0; y < h; ++y) {
-    const double sin_theta = std::sin(3.14159265358979323846 * static_cast<double>(y) / static_cast<double>(h - 1));
-    for (std::size_t x = 0; x < w; ++x) {
-      weights_[y * w + x] = std::max(0.0f, luminance(map_.pixels[y * w + x])) * std::max(0.0f, static_cast<float>(sin_theta));
-    }
+    sines_[y] = std::max(0.0f, static_cast<float>(std::sin(3.14159265358979323846 * static_cast<double>(y) / static_cast<double>(h - 1))));
   }
-  row_cdf_.resize(h - 1);
-  cell_cdf_.resize((h - 1) * w);
+  rows_.resize(h - 1);
+  cells_.resize((h - 1) * w);
+  std::vector<double> row_weights(h - 1);
+  parallel_for(h - 1, [&](std::size_t y) {
+    std::vector<double> weights(w);
+    const int iy = static_cast<int>(y);
+    for (std::size_t x = 0; x < w; ++x) {
+      const int ix = static_cast<int>(x), n = x + 1 == w ? 0 : ix + 1;
+      weights[x] = 0.25 * (static_cast<double>(weight(ix, iy)) + static_cast<double>(weight(n, iy)) + static_cast<double>(weight(ix, iy + 1)) +
+                           static_cast<double>(weight(n, iy + 1)));
+      row_weights[y] += weights[x];
+    }
+    build_alias(weights.data(), width_, cells_.data() + y * w);
+  });
+  build_alias(row_weights.data(), height_ - 1, rows_.data());
   double total = 0.0;
-  for (std::size_t y = 0; y + 1 < h; ++y) {
-    double row = 0.0;
-    for (std::size_t x = 0; x < w; ++x) {
-      const std::size_t n = x + 1 == w ? 0 : x + 1;
-      row += 0.25 * (static_cast<double>(weights_[y * w + x]) + static_cast<double>(weights_[y * w + n]) +
-                     static_cast<double>(weights_[(y + 1) * w + x]) + static_cast<double>(weights_[(y + 1) * w + n]));
-      cell_cdf_[y * w + x] = static_cast<float>(row);
-    }
-    total += row;
-    row_cdf_[y] = static_cast<float>(total);
-  }
+  for (const double r : row_weights) total += r;
   if (total > 0.0) inv_integral_ = static_cast<float>(static_cast<double>((h - 1) * w) / total);
   // The mean over the sphere: integral of weight over (u, v), times 2 pi^2, over 4 pi.
   mean_ = static_cast<float>(total / static_cast<double>((h - 1) * w) * 3.14159265358979323846 / 2.0);
+}
+
+void EnvironmentMap::build_alias(const double* weights, int count, Alias* out) {
+  double total = 0.0;
+  for (int i = 0; i < count; ++i) total += weights[i];
+  std::vector<double> scaled(static_cast<std::size_t>(count));
+  std::vector<int> small, large;
+  for (int i = 0; i < count; ++i) {
+    const double s = total > 0.0 ? weights[i] * count / total : 1.0;
+    scaled[static_cast<std::size_t>(i)] = s;
+    (s < 1.0 ? small : large).push_back(i);
+  }
+  while (!small.empty() && !large.empty()) {
+    const int s = small.back(), l = large.back();
+    small.pop_back();
+    out[s] = {static_cast<float>(scaled[static_cast<std::size_t>(s)]), l};
+    double& rest = scaled[static_cast<std::size_t>(l)];
+    rest -= 1.0 - scaled[static_cast<std::size_t>(s)];
+    if (rest < 1.0) {
+      large.pop_back();
+      small.push_back(l);
+    }
+  }
+  for (const std::vector<int>* rest : {&small, &large}) {
+    for (const int i : *rest) out[i] = {1.0f, i};
+  }
+}
+
+int EnvironmentMap::pick(const Alias* table, int count, float& u) {
+  const float x = u * static_cast<float>(count);
+  const int i = std::min(static_cast<int>(x), count - 1);
+  const float rest = std::min(x - static_cast<float>(i), kOneMinus);
+  const Alias a = table[i];
+  if (rest < a.keep) {
+    u = std::min(rest / a.keep, kOneMinus);
+    return i;
+  }
+  u = std::min((rest - a.keep) / (1.0f - a.keep), kOneMinus);
+  return a.other;
 }
 
 Vec3f EnvironmentMap::to_world(Vec3f v) const {
@@ -93,9 +134,8 @@ float EnvironmentMap::bilinear_weight(const Cell& c) const {
 
 Vec3f EnvironmentMap::bilinear_radiance(const Cell& c) const {
   const int n = c.x + 1 == width_ ? 0 : c.x + 1;
-  const Vec3f* row0 = map_.pixels.data() + static_cast<std::size_t>(c.y) * static_cast<std::size_t>(width_);
-  const Vec3f* row1 = row0 + width_;
-  return (row0[c.x] * (1.0f - c.fx) + row0[n] * c.fx) * (1.0f - c.fy) + (row1[c.x] * (1.0f - c.fx) + row1[n] * c.fx) * c.fy;
+  return (texel(c.x, c.y) * (1.0f - c.fx) + texel(n, c.y) * c.fx) * (1.0f - c.fy) +
+         (texel(c.x, c.y + 1) * (1.0f - c.fx) + texel(n, c.y + 1) * c.fx) * c.fy;
 }
 
 Vec3f EnvironmentMap::radiance(Vec3f direction) const {
@@ -120,6 +160,33 @@ float EnvironmentMap::pdf(Vec3f direction) const {
   return bilinear_weight(cell(direction_to_uv(d))) * inv_integral_ / (2.0f * kPi * kPi * sin_theta);
 }
 
+Vec3f EnvironmentMap::radiance(Vec3f direction, float& density) const {
+  if (height_ < 2) {
+    density = 0.25f * kInvPi;
+    return radiance(direction);
+  }
+  const Vec3f d = to_map(direction);
+  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+  const Cell c = cell(direction_to_uv(d));
+  density = sin_theta > 0.0f ? bilinear_weight(c) * inv_integral_ / (2.0f * kPi * kPi * sin_theta) : 0.0f;
+  return bilinear_radiance(c);
+}
+
+void EnvironmentMap::prefetch_table(Vec2f u) const {
+  if (height_ < 2) return;
+  const int y = pick(rows_.data(), height_ - 1, u.y);
+  const int x = std::min(static_cast<int>(u.x * static_cast<float>(width_)), width_ - 1);
+  __builtin_prefetch(cells_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + x);
+}
+
+void EnvironmentMap::prefetch_pixels(Vec2f u) const {
+  if (height_ < 2) return;
+  const std::size_t y = static_cast<std::size_t>(pick(rows_.data(), height_ - 1, u.y)), w = static_cast<std::size_t>(width_);
+  const std::size_t x = static_cast<std::size_t>(pick(cells_.data() + y * w, width_, u.x));
+  __builtin_prefetch(map_.pixels.data() + y * w + x);
+  __builtin_prefetch(map_.pixels.data() + (y + 1) * w + x);
+}
+
 EnvironmentMap::Sample EnvironmentMap::sample(Vec2f u) const {
   Sample s;
   if (height_ < 2) {
@@ -132,23 +199,13 @@ EnvironmentMap::Sample EnvironmentMap::sample(Vec2f u) const {
   if (!(inv_integral_ > 0.0f)) return s;
   // A cell in proportion to its integral (its four corners' mean), then a point of the bilinear density inside it. The
   // remainder of each random number is used again.
-  const float target_row = std::min(u.y, kOneMinus) * row_cdf_.back();
-  const std::size_t y = static_cast<std::size_t>(
-      std::min<std::ptrdiff_t>(std::upper_bound(row_cdf_.begin(), row_cdf_.end(), target_row) - row_cdf_.begin(), height_ - 2));
-  const float below_row = y > 0 ? row_cdf_[y - 1] : 0.0f;
-  const float rest_y = std::clamp((target_row - below_row) / (row_cdf_[y] - below_row), 0.0f, kOneMinus);
-  const float* cells = cell_cdf_.data() + y * static_cast<std::size_t>(width_);
-  const float target = std::min(u.x, kOneMinus) * cells[width_ - 1];
-  const std::size_t x = static_cast<std::size_t>(std::min<std::ptrdiff_t>(std::upper_bound(cells, cells + width_, target) - cells, width_ - 1));
-  const float below = x > 0 ? cells[x - 1] : 0.0f;
-  const float rest_x = std::clamp((target - below) / (cells[x] - below), 0.0f, kOneMinus);
   Cell c;
-  c.x = static_cast<int>(x);
-  c.y = static_cast<int>(y);
+  c.y = pick(rows_.data(), height_ - 1, u.y);
+  c.x = pick(cells_.data() + static_cast<std::size_t>(c.y) * static_cast<std::size_t>(width_), width_, u.x);
   const int n = c.x + 1 == width_ ? 0 : c.x + 1;
   const float w00 = weight(c.x, c.y), w10 = weight(n, c.y), w01 = weight(c.x, c.y + 1), w11 = weight(n, c.y + 1);
-  c.fy = sample_linear(w00 + w10, w01 + w11, rest_y);
-  c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), rest_x);
+  c.fy = sample_linear(w00 + w10, w01 + w11, u.y);
+  c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), u.x);
   const float phi = (static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(width_) * 2.0f * kPi;
   const float theta = (static_cast<float>(c.y) + c.fy) / static_cast<float>(height_ - 1) * kPi;
   const float sin_theta = std::sin(theta);

@@ -102,11 +102,12 @@ struct Lights::Impl {
   float pick = 0.0f;               // probability of each emitter
 
   explicit Impl(const Scene& s) : scene(s) {}
+  std::size_t index(float u_pick) const { return static_cast<std::size_t>(std::min(static_cast<int>(u_pick * static_cast<float>(count)), count - 1)); }
   LightSample sample_mesh(const Light& l, Vec3f x, Vec2f u) const;
   LightSample sample_sphere(const Light& l, Vec3f x, Vec2f u) const;
 };
 
-ShadowRay shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample) {
+RayQuery shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample) {
   const Vec3f origin = offset_origin(position, geometric_normal, sample.direction);
   if (sample.distance >= kEnvironmentDistance) return {origin, sample.direction, sample.distance};
   const Vec3f d = position - origin + sample.direction * sample.distance;
@@ -198,7 +199,7 @@ LightSample Lights::Impl::sample_sphere(const Light& l, Vec3f x, Vec2f u) const 
 
 LightSample Lights::sample(Vec3f x, float u_pick, Vec2f u) const {
   if (impl_->count == 0) return {};
-  const std::size_t i = static_cast<std::size_t>(std::min(static_cast<int>(u_pick * static_cast<float>(impl_->count)), impl_->count - 1));
+  const std::size_t i = impl_->index(u_pick);
   if (i < impl_->area.size()) {
     const Light& l = impl_->area[i];
     return l.sphere ? impl_->sample_sphere(l, x, u) : impl_->sample_mesh(l, x, u);
@@ -211,6 +212,24 @@ LightSample Lights::sample(Vec3f x, float u_pick, Vec2f u) const {
   s.pdf = impl_->pick * e.pdf;
   s.valid = e.pdf > 0.0f;
   return s;
+}
+
+void Lights::prefetch_first(float u_pick, Vec2f u) const {
+  if (impl_->environment && impl_->index(u_pick) >= impl_->area.size()) impl_->environment->prefetch_table(u);
+}
+
+void Lights::prefetch_second(float u_pick, Vec2f u) const {
+  if (impl_->environment && impl_->index(u_pick) >= impl_->area.size()) impl_->environment->prefetch_pixels(u);
+}
+
+Vec3f Lights::environment(Vec3f direction, float& pdf) const {
+  if (!impl_->environment) {
+    pdf = 0.0f;
+    return Vec3f(0.0f);
+  }
+  const Vec3f radiance = impl_->environment->radiance(direction, pdf);
+  pdf *= impl_->pick;
+  return radiance;
 }
 
 Vec3f Lights::emitted(const SurfaceInteraction& surface, Vec3f wo) const {

@@ -24,11 +24,7 @@ inline constexpr float kShadowShortening = 1.0f - 15000.0f * 0x1p-24f;
 
 // A ray from just off a surface to just before the sampled point. It aims at the point itself: keeping the sample's direction
 // from the shifted origin would end behind lights that are close.
-struct ShadowRay {
-  Vec3f origin, direction;
-  float t_max = 0.0f;
-};
-ShadowRay shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample);
+RayQuery shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample);
 
 // All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
 // cone they subtend, the environment by its radiance. The scene must outlive this object.
@@ -42,12 +38,17 @@ class Lights {
   ~Lights();
   // Draws a point on an emitter as seen from `x`.
   LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
+  // Start loading what sample() will read for these numbers: call the first some hundred cycles before the second, and
+  // that as long before sample(). They do nothing for lights that need little.
+  void prefetch_first(float u_pick, Vec2f u) const;
+  void prefetch_second(float u_pick, Vec2f u) const;
   // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
   Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;
   float pdf(Vec3f x, const SurfaceInteraction& surface) const;
   // Environment radiance and density along a unit direction that hit nothing.
   Vec3f environment(Vec3f direction) const;
   float environment_pdf(Vec3f direction) const;
+  Vec3f environment(Vec3f direction, float& pdf) const;
   bool has_environment() const;
   bool empty() const;
 

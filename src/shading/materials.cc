@@ -113,14 +113,18 @@ Materials::~Materials() = default;
 const Materials::Record& Materials::record(int index) const { return impl_->records[static_cast<std::size_t>(index)]; }
 
 Bsdf Materials::at(int index, Vec2f uv) const {
-  const Record& r = record(index);
-  Bsdf b = r.constant;
-  if (r.textured != 0) {
-    for (int i = 0; i < 6; ++i) {
-      if (r.textured & kSlots[i]) assign(b, kSlots[i], r.compact[i] ? r.compact[i]->evaluate(uv) : evaluate(*r.textures[i], uv));
-    }
-  }
+  Bsdf b;
+  at(index, uv, b);
   return b;
+}
+
+void Materials::at(int index, Vec2f uv, Bsdf& b) const {
+  const Record& r = record(index);
+  b = r.constant;
+  if (r.textured == 0) return;
+  for (int i = 0; i < 6; ++i) {
+    if (r.textured & kSlots[i]) assign(b, kSlots[i], r.compact[i] ? r.compact[i]->evaluate(uv) : evaluate(*r.textures[i], uv));
+  }
 }
 
 void Materials::prefetch(int index, Vec2f uv) const {
@@ -161,7 +165,7 @@ ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface
     material = record->back;
     record = &materials.record(material);
   }
-  p.bsdf = materials.at(material, surface.uv);
+  materials.at(material, surface.uv, p.bsdf);
   p.bsdf.two_sided = two_sided;
   if (record->bump) n = bumped_normal(*record->bump, record->bump_scale, surface);
   const Vec3f s = surface.dp_du - n * dot(n, surface.dp_du);

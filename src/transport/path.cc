@@ -3,14 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <memory>
 
 #include "shading/bsdf_math.h"
 
 namespace octrad {
 namespace {
 
-// Paths that walk together: enough to hide memory latency, few enough that their state stays in the first caches.
-constexpr std::size_t kGroup = 32;
+// Paths that walk together: enough to hide memory latency and to fill packets of rays, few enough that their state stays in
+// the near caches.
+constexpr std::size_t kGroup = 128;
 
 struct Walker {
   PathSample* out = nullptr;
@@ -23,6 +25,8 @@ struct Walker {
   bool previous_delta = true;      // no next-event estimation could have found what this ray finds
   int depth = 0;
   float passed = 0.0f;             // distance of masked surfaces already passed, for the first hit's depth
+  float u_pick = 0.0f;
+  Vec2f u_light;
   Hit hit;
   SurfaceInteraction surface;
 };
@@ -30,45 +34,51 @@ struct Walker {
 // A shadow ray that waits for its turn, and what arrives if nothing is in its way.
 struct Connection {
   PathSample* out;
-  ShadowRay ray;
   Vec3f contribution;
 };
 
+// Records are built in place (construct_at), not assigned: reading a fresh copy in wide pieces would wait for the narrow
+// stores that made it.
 class Group {
  public:
-  Group(const TransportContext& context, const PathLimits& limits, PathCounters& counters) : context_(context), limits_(limits), counters_(counters) {}
+  Group(const TransportContext& context, const PathLimits& limits, PathCounters& counters)
+      : context_(context), limits_(limits), counters_(counters), environment_(context.lights.has_environment()) {}
 
   void run(std::span<PathSample> paths) {
     for (std::size_t i = 0; i < paths.size(); ++i) {
       Walker& w = walkers_[i];
-      w = Walker{};
+      std::construct_at(&w);
       w.out = &paths[i];
       w.origin = paths[i].ray.origin;
       w.direction = paths[i].ray.direction;
       w.t_max = paths[i].ray.t_max;
     }
     std::size_t alive = limits_.max_depth == 0 ? 0 : paths.size();
+    for (std::size_t i = 0; i < alive; ++i) active_[i] = &walkers_[i];
     while (alive > 0) {
+      for (std::size_t i = 0; i < alive; ++i) rays_[i] = {active_[i]->origin, active_[i]->direction, active_[i]->t_max};
+      context_.tracer.intersect(std::span(rays_.data(), alive), hits_.data());
       for (std::size_t i = 0; i < alive; ++i) {
-        Walker& w = walkers_[i];
-        w.hit = context_.tracer.intersect(w.origin, w.direction, 0.0f, w.t_max);
+        Walker& w = *active_[i];
+        w.hit = hits_[i];
         prefetch_triangle(w.hit);
+        if (environment_) prefetch_light(w);
       }
       counters_.rays += static_cast<long long>(alive);
-      for (std::size_t i = 0; i < alive; ++i) prefetch_vertices(walkers_[i].hit);
-      for (std::size_t i = 0; i < alive; ++i) locate(walkers_[i]);
+      for (std::size_t i = 0; i < alive; ++i) {
+        prefetch_vertices(active_[i]->hit);
+        if (environment_) context_.lights.prefetch_second(active_[i]->u_pick, active_[i]->u_light);
+      }
+      for (std::size_t i = 0; i < alive; ++i) locate(*active_[i]);
       connections_ = 0;
       std::size_t kept = 0;
       for (std::size_t i = 0; i < alive; ++i) {
-        Walker& w = walkers_[i];
-        if (!w.hit.valid() || !scatter(w)) continue;
-        if (kept != i) walkers_[kept] = w;
-        ++kept;
+        if (active_[i]->hit.valid() && scatter(*active_[i])) active_[kept++] = active_[i];
       }
       alive = kept;
+      context_.tracer.occluded(std::span(shadow_rays_.data(), connections_), blocked_.data());
       for (std::size_t i = 0; i < connections_; ++i) {
-        const Connection& c = pending_[i];
-        if (!context_.tracer.occluded(c.ray.origin, c.ray.direction, 0.0f, c.ray.t_max)) c.out->radiance += c.contribution;
+        if (!blocked_[i]) pending_[i].out->radiance += pending_[i].contribution;
       }
       counters_.rays += static_cast<long long>(connections_);
     }
@@ -96,15 +106,23 @@ class Group {
     }
   }
 
+  // Environments are sampled from tables that do not fit into caches: their random numbers are drawn early.
+  void prefetch_light(Walker& w) const {
+    w.u_pick = w.out->rng.uniform();
+    w.u_light = w.out->rng.uniform2();
+    context_.lights.prefetch_first(w.u_pick, w.u_light);
+  }
+
   // The surface that was hit, or the light of the environment.
   void locate(Walker& w) {
     if (!w.hit.valid()) {
       if (!context_.lights.has_environment()) return;
-      const float weight = w.previous_delta ? 1.0f : w.previous_pdf / (w.previous_pdf + context_.lights.environment_pdf(w.direction));
-      w.out->radiance += w.throughput * context_.lights.environment(w.direction) * weight;
+      float light_pdf = 0.0f;
+      const Vec3f radiance = w.previous_delta ? context_.lights.environment(w.direction) : context_.lights.environment(w.direction, light_pdf);
+      w.out->radiance += w.throughput * radiance * (w.previous_pdf / (w.previous_pdf + light_pdf));
       return;
     }
-    w.surface = interact(context_.scene, w.hit, w.origin, w.direction);
+    std::construct_at(&w.surface, interact(context_.scene, w.hit, w.origin, w.direction));
     context_.materials.prefetch(w.surface.material, w.surface.uv);
   }
 
@@ -137,13 +155,18 @@ class Group {
     if (last || point.black) return false;
 
     if (!is_delta_bsdf(bsdf) && !context_.lights.empty()) {
-      const float u_pick = rng.uniform();
-      const LightSample light = context_.lights.sample(surface.position, u_pick, rng.uniform2());
+      if (!environment_) {
+        w.u_pick = rng.uniform();
+        w.u_light = rng.uniform2();
+      }
+      const LightSample light = context_.lights.sample(surface.position, w.u_pick, w.u_light);
       if (light.valid) {
         const BsdfValue f = evaluate_bsdf(bsdf, wo, point.to_local(light.direction));
         if (max_component(f.value) > 0.0f) {
-          pending_[connections_++] = {&out, shadow_ray(surface.position, surface.geometric_normal, light),
-                                      w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf))};
+          std::construct_at(&shadow_rays_[connections_], shadow_ray(surface.position, surface.geometric_normal, light));
+          Connection& c = pending_[connections_++];
+          c.out = &out;
+                    c.contribution = w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
         }
       }
     }
@@ -173,7 +196,12 @@ class Group {
   const TransportContext& context_;
   const PathLimits& limits_;
   PathCounters& counters_;
+  bool environment_;
   std::array<Walker, kGroup> walkers_;
+  std::array<Walker*, kGroup> active_{};
+  std::array<RayQuery, kGroup> rays_, shadow_rays_;
+  std::array<Hit, kGroup> hits_;
+  std::array<unsigned char, kGroup> blocked_;
   std::array<Connection, kGroup> pending_;
   std::size_t connections_ = 0;
 };

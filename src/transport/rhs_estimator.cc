@@ -25,7 +25,7 @@ Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point,
   const Vec3f wi = point.to_local(light.direction);
   const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
   if (max_component(f.value) <= 0.0f) return Vec3f(0.0f);
-  const ShadowRay ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
+  const RayQuery ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
   ++statistics.rays;
   if (context.tracer.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) return Vec3f(0.0f);
   return f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
