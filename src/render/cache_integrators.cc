@@ -42,8 +42,8 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
       counts.rays += end.rays;
       const bool bounce = end.surface && (mode == CacheMode::rhs || (mode == CacheMode::deferred && roughness(end.point.bsdf) < rough));
       // A field trained on total radiance holds the emission of what it is asked about; everything else is added here.
-      const bool emission_known = end.surface && inside && !bounce && end.point.surface.emitter >= 0;
-      if (!emission_known) out[i].radiance += end.first_emitted + end.emitted;
+      const bool emission_known = end.surface && inside && !bounce;
+      out[i].radiance += emission_known ? end.passed_emitted : end.first_emitted + end.emitted;
       if (!end.surface) continue;
       if (bounce) {
         bounced.push_back(end.point);

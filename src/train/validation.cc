@@ -25,8 +25,8 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
       const Vec2f u = rng.uniform2();
       const Ray ray = camera.generate({static_cast<float>(x) + u.x, static_cast<float>(y) + u.y}, reference.width, reference.height);
       const RayEnd end = follow_ray(context, ray.origin, nullptr, ray.direction, rng, false, config.train_max_chain, ray.t_max);
-      const bool outside = config.target_emission == "outside" || !end.surface || end.point.surface.emitter < 0;
-      if (outside) pixel.known += end.first_emitted + end.emitted;
+      const bool outside = config.target_emission == "outside" || !end.surface;
+      pixel.known += outside ? end.first_emitted + end.emitted : end.passed_emitted;  // the rest is in the prediction
       if (!end.surface) continue;
       SurfacePoint point = surface_point(end.point);
       if (config.lookup_offset == "traced") point.disparity = traced_disparity(context, point, end.point.surface.geometric_normal);

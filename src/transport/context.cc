@@ -34,8 +34,11 @@ RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* 
       return end;
     }
     const SurfaceInteraction surface = interact(context.scene, hit, origin, direction);
+    end.passed_emitted = end.first_emitted + end.emitted;
+    end.own_emitted = Vec3f(0.0f);
     if (surface.emitter >= 0) {
       const Vec3f radiance = context.lights.emitted(surface, -direction);
+      end.own_emitted = radiance;
       if (first) {
         end.first_emitted = radiance;
         end.first_light_pdf = context.lights.pdf(position, surface);

@@ -15,6 +15,7 @@ constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kern
 struct Pending {
   std::size_t target;
   Vec3f weight;
+  Vec3f counted;                   // what the answer holds and was added already
 };
 
 // Direct light by emitter sampling, balance heuristic against BSDF sampling.
@@ -64,21 +65,25 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       const float mis = scattered.delta ? 1.0f : scattered.pdf / (scattered.pdf + end.first_light_pdf);
       add(i, scattered.weight * (end.first_emitted * mis + end.emitted));
       if (!end.surface || !query) continue;
-      // What such a prediction holds is emission, and that was counted above; a lamp's dark back is asked as any surface.
-      if (options.emission_inside && end.point.surface.emitter >= 0 && max_component(context.lights.emitted(end.point.surface, end.point.wo)) > 0.0f) continue;
       SurfacePoint where = surface_point(end.point);
       if (options.traced_disparity) {
         where.disparity = traced_disparity(context, where, end.point.surface.geometric_normal);
         ++statistics.rays;
       }
       asked.push_back(where);
-      pending.push_back({i, scattered.weight * end.throughput});
+      pending.push_back({i, scattered.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
     }
   }
   if (!asked.empty()) {
     answers.resize(asked.size());
     query(asked, answers);
-    for (std::size_t q = 0; q < asked.size(); ++q) add(pending[q].target, pending[q].weight * answers[q]);
+    for (std::size_t q = 0; q < asked.size(); ++q) {
+      // A lamp's prediction is emission and reflected light; the emission was counted above, under MIS. Reflected light is never
+      // negative, so the clamp only brings an estimate of it nearer to the truth.
+      Vec3f reflected = answers[q];
+      if (max_component(pending[q].counted) > 0.0f) reflected = max(reflected - pending[q].counted, Vec3f(0.0f));
+      add(pending[q].target, pending[q].weight * reflected);
+    }
     statistics.queries += static_cast<long long>(asked.size());
   }
   return statistics;

@@ -9,13 +9,14 @@
 
 namespace octrad {
 
-// Predicted radiance of surface points without their own emission: what transport knows of a radiance field.
+// Predicted radiance of surface points, without their own emission unless RhsOptions::emission_inside says so: what transport
+// knows of a radiance field.
 using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::span<Vec3f>)>;
 
 struct RhsOptions {
   int directions = 16;             // M
   int max_chain = 16;              // delta surfaces passed by a BSDF ray
-  bool emission_inside = false;    // predictions of emitters hold their emission (target.emission = inside): do not ask there
+  bool emission_inside = false;    // predictions of emitters hold their emission (target.emission = inside): it is taken off again
   bool traced_disparity = false;   // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
   unsigned long long seed = 0;
   unsigned long long stream = 0;   // e.g. the step: streams never share random numbers

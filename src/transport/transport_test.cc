@@ -75,6 +75,44 @@ TEST(RhsEstimator, GlowingBoxGivesAlbedoTimesEmission) {
   EXPECT_NEAR(mean(targets).x, 0.5f, 0.01f);  // emitter and BSDF sampling together count every direction once
 }
 
+TEST(RhsEstimator, LampsReflectToo) {
+  // Every wall emits 1 and, says the cache, reflects 2: 0.5 (1 + 2) arrives whether the cache's answer holds the emission or not.
+  const TestScene setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  for (const bool inside : {false, true}) {
+    RhsOptions options;
+    options.directions = 64;
+    options.emission_inside = inside;
+    const auto cache = [inside](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+      for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(inside ? 3.0f : 2.0f);
+    };
+    estimate_rhs(setup.context, points, options, cache, targets);
+    EXPECT_NEAR(mean(targets).x, 1.5f, 0.01f) << "inside: " << inside;
+  }
+  // An untrained cache, which knows nothing of the emission, takes away no light that was sampled.
+  RhsOptions options;
+  options.directions = 64;
+  options.emission_inside = true;
+  estimate_rhs(setup.context, points, options, [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) { std::fill_n(out.begin(), asked.size(), Vec3f(0.0f)); },
+               targets);
+  EXPECT_NEAR(mean(targets).x, 0.5f, 0.01f);
+}
+
+TEST(FollowRay, EmissionOfTheEndIsToldFromWhatWasPassed) {
+  // Two lamps above the origin, the nearer one behind a mask that lets everything pass.
+  const TestScene setup(furnace(kGrey, "", R"(<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="180"/><translate z="0.3"/></transform>
+    <bsdf type="mask"><float name="opacity" value="0"/><bsdf type="diffuse"/></bsdf><emitter type="area"><rgb name="radiance" value="2"/></emitter></shape>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="180"/><translate z="0.6"/></transform>
+    <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>)"));
+  Rng rng(1, RngPurpose::test, 0);
+  const RayEnd end = follow_ray(setup.context, Vec3f(0.1f, 0.2f, 0.0f), nullptr, Vec3f(0.0f, 0.0f, 1.0f), rng, false, 16);
+  ASSERT_TRUE(end.surface);
+  EXPECT_FLOAT_EQ(end.first_emitted.x + end.emitted.x, 7.0f);
+  EXPECT_FLOAT_EQ(end.passed_emitted.x, 2.0f);
+  EXPECT_FLOAT_EQ(end.own_emitted.x, 5.0f);
+}
+
 TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
   const TestScene setup(furnace(R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/></bsdf>)", kGlow));
   const auto points = area_points(setup, 512);
