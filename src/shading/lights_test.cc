@@ -134,6 +134,45 @@ TEST(Lights, DensityOfHitAgreesWithSampling) {
   EXPECT_GT(misses, 500);
 }
 
+// The side that emits is that of the interpolated normals where a mesh has any (here they contradict the facets and lean),
+// and that of the facets otherwise; sampling and hits agree on it, on the radiance and on the density.
+TEST(Lights, VertexNormalsDecideWhichSideEmits) {
+  for (const bool vertex_normals : {false, true}) {
+    SCOPED_TRACE(vertex_normals);
+    SceneMaker maker;
+    TriangleMesh m;
+    m.positions = {{-1, -1, 1}, {1, -1, 1}, {1, 1, 1}, {-1, 1, 1}};
+    m.triangles = {{0, 1, 2}, {0, 2, 3}};  // facets look along +z
+    if (vertex_normals) m.normals = {normalize(Vec3f(-0.5f, 0, -1)), normalize(Vec3f(0.5f, 0, -1)), normalize(Vec3f(0.5f, 0.2f, -1)), normalize(Vec3f(0, 0, -1))};
+    maker.scene.meshes.push_back(m);
+    maker.shape(Shape::Kind::mesh, 0, maker.diffuse(Vec3f(0.5f)), Vec3f(2.0f));
+    const auto tracer = make_embree_tracer(maker.scene);
+    const Lights lights(maker.scene);
+    for (const bool above : {false, true}) {
+      SCOPED_TRACE(above);
+      const Vec3f x{0.1f, -0.2f, above ? 2.5f : -0.5f};
+      const bool lit = above != vertex_normals;
+      Rng rng(9, RngPurpose::test, 1);
+      int agreed = 0;
+      for (int i = 0; i < 200; ++i) {
+        const float pick = rng.uniform();
+        const LightSample s = lights.sample(x, pick, rng.uniform2());
+        EXPECT_EQ(s.valid, lit);
+        const Vec3f target{2.0f * rng.uniform() - 1.0f, 2.0f * rng.uniform() - 1.0f, 1.0f};
+        const Vec3f direction = s.valid ? s.direction : normalize(target - x);
+        const Hit hit = tracer->intersect(x, direction, 0.0f, 1e30f);
+        if (!hit.valid()) continue;
+        const SurfaceInteraction surface = interact(maker.scene, hit, x, direction);
+        EXPECT_EQ(lights.emitted(surface, -direction), Vec3f(lit ? 2.0f : 0.0f));
+        EXPECT_EQ(lights.emitted(surface, -direction), s.valid ? s.radiance : Vec3f(0.0f));
+        EXPECT_NEAR(lights.pdf(x, surface), s.valid ? s.pdf : 0.0f, 1e-3f * s.pdf);
+        ++agreed;
+      }
+      EXPECT_GT(agreed, 190);
+    }
+  }
+}
+
 // Directions drawn on a mesh of unequal triangles follow the density that a ray finds there.
 TEST(Lights, MeshSamplesFollowTheirDensity) {
   SceneMaker maker;
