@@ -1,19 +1,21 @@
 #include "render/cache_integrators.h"
 
+#include <optional>
+
 #include "base/error.h"
 #include "transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
 
-// First hit of a camera sample, its attributes and the light that needs no field.
+// Where a camera sample's ray ends, and the attributes of its first hit: of a mirror, also where the ray goes on.
 RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
+  std::optional<ShadingPoint> first;
   const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, config.render_delta == "trace", config.train_max_chain,
-                                sample.ray.t_max);
-  if (!end.surface && !end.escaped) return end;
-  if (end.surface) {
-    const SurfacePoint point = surface_point(end.point);
-    out.albedo = point.albedo;
+                                sample.ray.t_max, &first);
+  if (first) {
+    const SurfacePoint point = surface_point(*first);
+    out.albedo = first->black ? Vec3f(0.0f) : point.albedo;
     out.normal = point.n;
     out.depth = length(point.x - sample.ray.origin);
     out.roughness = point.alpha;

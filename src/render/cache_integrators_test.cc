@@ -126,6 +126,24 @@ TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
   }
 }
 
+TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
+  Box box;
+  const RenderResult cached = box.picture(CacheMode::lhs, 1, 1);
+  box.config.render_delta = "trace";
+  const RenderResult traced = box.picture(CacheMode::lhs, 1, 1);
+  int mirror = 0;
+  for (const char* layer : {"albedo.R", "normal.X", "normal.Z", "depth.Z", "roughness.Y"}) {
+    const int c = cached.image.channel(layer);
+    for (int y = 0; y < 24; ++y) {
+      for (int x = 0; x < 32; ++x) EXPECT_EQ(traced.image.at(x, y, c), cached.image.at(x, y, c)) << layer << " " << x << "," << y;
+    }
+  }
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) mirror += on_sphere(traced.image, x, y);
+  }
+  EXPECT_GT(mirror, 20);
+}
+
 TEST(Views, DisparityTracedFeaturesOccupancy) {
   const Box box;
   const RenderResult disparity = render_view(box.options(1), box.context, box.field, box.config, "disparity");

@@ -15,7 +15,7 @@ SurfacePoint surface_point(const ShadingPoint& shading) {
 }
 
 RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* geometric_normal, Vec3f direction, Rng& rng,
-                  bool follow_delta, int max_chain, float t_max) {
+                  bool follow_delta, int max_chain, float t_max, std::optional<ShadingPoint>* first_surface) {
   RayEnd end;
   Vec3f origin = geometric_normal ? offset_origin(position, *geometric_normal, direction) : position;
   for (int passed = 0; passed <= max_chain; ++passed) {
@@ -47,7 +47,10 @@ RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* 
       }
     }
     end.point = shade(context.materials, surface, -direction);
-    if (end.point.black) return end;
+    if (end.point.black) {
+      if (first_surface && !*first_surface) *first_surface = end.point;
+      return end;
+    }
     if (end.point.bsdf.opacity < 1.0f) {
       if (rng.uniform() >= end.point.bsdf.opacity) {  // straight through: the opacity is the probability, so the weight is 1
         origin = offset_origin(surface.position, surface.geometric_normal, direction);
@@ -55,6 +58,7 @@ RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* 
       }
       end.point.bsdf.opacity = 1.0f;
     }
+    if (first_surface && !*first_surface) *first_surface = end.point;
     if (!follow_delta || !is_delta_bsdf(end.point.bsdf)) {
       end.surface = true;
       return end;

@@ -1,6 +1,8 @@
 // What every estimator needs to trace light: the scene, something that casts rays, its materials and lights.
 #pragma once
 
+#include <optional>
+
 #include "base/rng.h"
 #include "base/surface_point.h"
 #include "geometry/tracer.h"
@@ -37,8 +39,10 @@ struct RayEnd {
   int rays = 0;
 };
 
-// Follows a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is null.
+// Follows a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is null. `first`, if given,
+// becomes the first surface that no mask let the ray pass, also where the ray goes on (a mirror) or is absorbed.
 RayEnd follow_ray(const TransportContext& context, Vec3f position, const Vec3f* geometric_normal, Vec3f direction, Rng& rng,
-                  bool follow_delta, int max_chain, float t_max = kRayInfinity);
+                  bool follow_delta, int max_chain, float t_max = kRayInfinity,
+                  std::optional<ShadingPoint>* first = nullptr);
 
 }  // namespace octrad
