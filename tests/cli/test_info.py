@@ -13,7 +13,10 @@ class Info(Case):
         self.assertEqual(info["threads"], 1)
         self.assertRegex(info["version"], r"^\d+\.\d+\.\d+$")
         self.assertTrue(info["isa"])
-        self.assertIn(info["version"], self.ok("info").out)
+        self.assertRegex(info["simd"], r"^[A-Z][A-Z0-9_]+$")
+        text = self.ok("info").out
+        self.assertIn(info["version"], text)
+        self.assertRegex(text, r"SIMD +" + info["simd"] + " ")
 
     def test_keys(self):
         info = self.ok("info", "--keys", "--json").json()

@@ -15,6 +15,7 @@
 #include "geometry/voxelize.h"
 #include "image/io.h"
 #include "model/safetensors.h"
+#include "network/mlp_kernels.h"
 
 namespace octrad::cli {
 namespace {
@@ -32,6 +33,7 @@ void info_program(const CommonOptions& common) {
   if (common.json) {
     print_json({{"version", kVersion},
                 {"isa", cpu.level},
+                {"simd", network_simd_name()},
                 {"cpu", cpu.model},
                 {"cpu_features", cpu.features},
                 {"cores", cpu.logical_cores},
@@ -41,8 +43,8 @@ void info_program(const CommonOptions& common) {
   }
   std::string features;
   for (const std::string& f : cpu.features) features += (features.empty() ? "" : " ") + f;
-  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nmemory     {} usable\n",
-                         kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features,
+  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nSIMD       {} (the kernels in use)\nmemory     {} usable\n",
+                         kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features, network_simd_name(),
                          format_bytes(static_cast<double>(memory))));
 }
 
