@@ -163,6 +163,7 @@ TEST_F(BaseFiles, AtomicFileReportsAFullDisk) {
 
 TEST(Interrupt, FirstSignalSetsAFlag) {
   install_interrupt_handler();
+  defer_interrupts();
   set_interrupted(0);
   EXPECT_FALSE(interrupted());
   raise(SIGTERM);
@@ -171,21 +172,28 @@ TEST(Interrupt, FirstSignalSetsAFlag) {
   set_interrupted(0);
 }
 
-TEST(Interrupt, SecondSignalEndsWith130) {
+// The exit code of a process that gets `count` signals and would end with 7 by itself.
+int exit_code_after_signals(int count, bool defer) {
   const pid_t child = fork();
   if (child == 0) {
     const int null = open("/dev/null", O_WRONLY);
     dup2(null, STDERR_FILENO);
     install_interrupt_handler();
-    raise(SIGINT);
-    raise(SIGINT);
+    if (defer) defer_interrupts();
+    for (int i = 0; i < count; ++i) raise(SIGINT);
     _exit(7);
   }
   int status = 0;
-  ASSERT_EQ(waitpid(child, &status, 0), child);
-  ASSERT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 130);
+  if (waitpid(child, &status, 0) != child || !WIFEXITED(status)) return -1;
+  return WEXITSTATUS(status);
 }
+
+TEST(Interrupt, FirstSignalEndsWith130WhileThereIsNothingToSave) {
+  EXPECT_EQ(exit_code_after_signals(1, false), 130);
+  EXPECT_EQ(exit_code_after_signals(1, true), 7);
+}
+
+TEST(Interrupt, SecondSignalEndsWith130) { EXPECT_EQ(exit_code_after_signals(2, true), 130); }
 
 TEST_F(BaseFiles, JsonLinesCanBeFollowedAndAppended) {
   {

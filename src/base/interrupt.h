@@ -3,8 +3,12 @@
 
 namespace octrad {
 
-// The first SIGINT or SIGTERM only sets a flag; the second one ends the process at once with exit code 130.
+// From now on SIGINT and SIGTERM say so and end the process at once with exit code 130: nothing is lost yet.
 void install_interrupt_handler();
+
+// Call when there begins to be something to save (again does no harm): from now on the first signal only sets a flag, and
+// the second one ends the process at once.
+void defer_interrupts();
 
 // Whether a signal has arrived. Cheap and thread-safe.
 bool interrupted();

@@ -117,6 +117,20 @@ class Render(Case):
         self.assertIn(self.out, err.decode())
         self.assertGreater(self.channels()["G"]["mean"], 0)
 
+    def test_interrupt_while_loading_ends_at_once(self):
+        pipe = self.path("pipe.xml")
+        os.mkfifo(pipe)
+        model = self.path("m.octrad")
+        for sent in (signal.SIGINT, signal.SIGTERM):
+            for verb in (("render", pipe, "-o", self.out), ("train", pipe, "-o", model)):
+                process = start(*verb)
+                with open(pipe, "w"):  # returns when the program opens its end: it is loading, and never gets a byte
+                    process.send_signal(sent)
+                    _, err = process.communicate(timeout=60)
+                self.assertEqual(process.returncode, 130, err)
+                self.assertIn("before there was anything to save", err.decode())
+        self.assertFalse(os.path.exists(self.out) or os.path.exists(model))
+
     def test_refusals(self):
         r = ("render", self.scene, "-o", self.out)
         self.fails(1, 'did you mean "path"', *r, "--integrator", "paht")

@@ -205,6 +205,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   };
 
   const TransportContext context{scene, *loaded.tracer, *loaded.materials, *loaded.lights};
+  defer_interrupts();  // from here on there is a picture to save
   RenderResult result;
   if (o.integrator == "path") {
     result = render_path(context, options);

@@ -115,6 +115,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (limit > 0.0 && watch.seconds() >= limit) out_of_time = true;
     return out_of_time || interrupted();
   };
+    defer_interrupts();  // first asked before the first step: up to there nothing is to be saved
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
