@@ -224,6 +224,12 @@ FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span
   return step;
 }
 
+std::vector<long long> OctaOctreeField::cells_per_level() const {
+  std::vector<long long> counts;
+  for (int level = 1; level <= levels(); ++level) counts.push_back(static_cast<long long>(octree_.cells(level).size()));
+  return counts;
+}
+
 std::size_t OctaOctreeField::parameter_count() const {
   return octree_.features().size() + grid_.table().size() + disparity_.parameter_count() + decoder_.mlp().parameter_count();
 }

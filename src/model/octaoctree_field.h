@@ -24,6 +24,7 @@ class OctaOctreeField : public RadianceField {
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
   int levels() const override { return octree_.options().levels; }
+  std::vector<long long> cells_per_level() const override;
   void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const override;
   void save(TensorWriter& out, bool optimizer) override;
   bool load(const TensorReader& in, bool optimizer) override;

@@ -48,6 +48,8 @@ class RadianceField {
   virtual Vec3f normalized(Vec3f x) const = 0;
   virtual int feature_count() const = 0;
   virtual int levels() const = 0;
+  // Occupied cells of each level, for estimate_memory() (none for fields without an octree).
+  virtual std::vector<long long> cells_per_level() const { return {}; }
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features, std::span<float> disparity) const = 0;
 
   // Adds tensors under the names of method section 13. The memory they view belongs to the field.

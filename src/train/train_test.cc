@@ -132,6 +132,24 @@ TEST(Train, OverBudgetRequestsNameTheKnobs) {
   }
 }
 
+TEST(Train, OverBudgetIsRefusedOnResumeToo) {
+  Box box;
+  const std::string file = temporary("budget.octrad");
+  TrainOptions options;
+  options.output = file;
+  train(box.context, short_run(2), options);
+  Model model = load_model(file, true);
+  model.info.config.train_steps = 4;
+  options.resume = &model;
+  options.max_memory = 1e4;
+  EXPECT_THROW(train(box.context, model.info.config, options), MemoryError);
+  model = load_model(file, true);
+  model.info.config.train_steps = 4;
+  options.max_memory = 1e9;
+  EXPECT_EQ(train(box.context, model.info.config, options).steps, 4);
+  std::filesystem::remove(file);
+}
+
 TEST(Train, NonFiniteValuesStopTheRunWithItsStep) {
   Box box;
   Config config = short_run(2000);

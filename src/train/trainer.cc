@@ -32,8 +32,9 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
   return counts;
 }
 
-void check_memory(const Config& config, const FieldDomain& domain, double limit) {
-  const std::vector<long long> cells = cell_counts(domain);
+// Returns the estimate. Throws MemoryError when it is above `limit` (0: none), with advice unless the run continues another,
+// whose sizes are fixed.
+double check_memory(const Config& config, const std::vector<long long>& cells, double limit, bool continues) {
   const std::vector<MemoryPart> parts = estimate_memory(config, cells, true);
   std::string advice;
   const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
@@ -55,7 +56,9 @@ void check_memory(const Config& config, const FieldDomain& domain, double limit)
     smaller.train_points /= 2;
     saving("train.points=" + std::to_string(smaller.train_points), smaller, cells);
   }
+  if (continues) advice = "a run that continues keeps the sizes of its model";
   require_memory(static_cast<std::uint64_t>(std::max(0.0, limit)), "training (beside the scene)", parts, advice);
+  return total_bytes(parts);
 }
 
 LhsOptions lhs_options(const Config& config) {
@@ -81,11 +84,10 @@ class Run {
     if (options.resume) {
       field_ = std::move(options.resume->field);
       state_ = options.resume->info.state;
-      bytes_ = 12.0 * static_cast<double>(field_->parameter_count());  // values and two moments
+      bytes_ = check_memory(config, field_->cells_per_level(), options.max_memory, true);
     } else {
       const FieldDomain domain = field_domain(context.scene, config);
-      check_memory(config, domain, options.max_memory);
-      bytes_ = total_bytes(estimate_memory(config, cell_counts(domain), true));
+      bytes_ = check_memory(config, cell_counts(domain), options.max_memory, false);
       field_ = make_field(config, domain);
       choose_exposure();
     }

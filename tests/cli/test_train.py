@@ -140,6 +140,8 @@ class Train(Case):
         result = self.fails(4, "octree.levels=", "train", self.scene, "-o", self.model, "--max-memory", "8M")
         self.assertIn("octree.features=", result.err)
         self.assertFalse(os.path.exists(self.model))
+        self.train("--steps", 2)
+        self.fails(4, "the budget is", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 4, "--max-memory", "8M")
 
     def test_refusals(self):
         t = ("train", self.scene, "-o", self.model)

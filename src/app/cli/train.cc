@@ -80,9 +80,12 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   apply_options(config, o, common);
 
   std::optional<Model> resumed;
+  std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
   if (o.resume) {
     if (std::filesystem::exists(o.output)) {
+      const std::uint64_t before = resident_bytes();
       resumed = load_model(o.output, true);
+      held = std::max(resident_bytes(), before) - before;
       if (!resumed->has_optimizer)
         throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
       config = resumed_config(*resumed, o, common);
@@ -102,7 +105,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
   // What the scene takes is gone already; 0 would mean no limit.
-  const std::uint64_t budget = common.memory_budget(), used = resident_bytes();
+  const std::uint64_t budget = common.memory_budget(), resident = resident_bytes(), used = resident - std::min(resident, held);
   options.max_memory = budget == 0 ? 0.0 : static_cast<double>(budget > used ? budget - used : 1);
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
@@ -112,10 +115,10 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   bool out_of_time = false;
   Stopwatch watch;
   options.interrupted = [&] {
+    defer_interrupts();  // first asked before the first step: up to there nothing is to be saved
     if (limit > 0.0 && watch.seconds() >= limit) out_of_time = true;
     return out_of_time || interrupted();
   };
-    defer_interrupts();  // first asked before the first step: up to there nothing is to be saved
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
