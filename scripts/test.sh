@@ -114,6 +114,9 @@ if [ $fast = 0 ]; then
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick
 
+  step "Rays: own tree against Embree, a million in each shared scene"
+  check "rays" env OCTRAD_TEST_RAYS=1000000 build-test/test_geometry --gtest_filter='*Bvh8SharedScenes*'
+
   step "Build with the address and undefined-behaviour sanitizers"
   targets=$(cd build-test && ls test_* | tr '\n' ' ')
   TARGETS=$targets scripts/build.sh build-sanitize -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_SANITIZE=address,undefined \

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "geometry/sphere_math.h"
 #include "geometry/tracer.h"
 
 namespace octrad {
@@ -29,7 +30,6 @@ using DevicePtr = std::unique_ptr<std::remove_pointer_t<RTCDevice>, DeviceReleas
 using ScenePtr = std::unique_ptr<std::remove_pointer_t<RTCScene>, SceneRelease>;
 
 // Spheres are user geometry: Embree's own sphere points report distances that are too coarse to start new rays from.
-// Distances are computed in double from the sphere's centre.
 struct SphereSet {
   const Scene* scene;
   std::vector<int> shapes;         // primitive -> shape
@@ -40,27 +40,12 @@ const Sphere& sphere_of(const SphereSet& set, unsigned primitive) {
   return set.scene->spheres[static_cast<std::size_t>(shape.geometry)];
 }
 
-void sphere_bounds(const RTCBoundsFunctionArguments* args) {
+void set_bounds(const RTCBoundsFunctionArguments* args) {
   const Sphere& s = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
-  const float r = s.radius * (1.0f + 1e-5f);
+  const Bounds3f box = sphere_bounds(s.center, s.radius);
   RTCBounds& b = *args->bounds_o;
-  b.lower_x = s.center.x - r; b.lower_y = s.center.y - r; b.lower_z = s.center.z - r;
-  b.upper_x = s.center.x + r; b.upper_y = s.center.y + r; b.upper_z = s.center.z + r;
-}
-
-// Nearest distance in [t_min, t_max] or a negative number.
-double intersect_sphere(const Sphere& s, Vec3f origin, Vec3f direction, float t_min, float t_max) {
-  const Vec3d o = Vec3d(origin) - Vec3d(s.center), d(direction);
-  const double r = static_cast<double>(s.radius);
-  const double a = dot(d, d), b = dot(o, d);
-  const Vec3d closest = o - d * (b / a);  // of the line to the centre: keeps the discriminant accurate far away
-  const double h = r * r - dot(closest, closest);
-  if (h < 0.0) return -1.0;
-  const double root = std::sqrt(h / a), mid = -b / a;
-  const double t_near = static_cast<double>(t_min), t_far = static_cast<double>(t_max);
-  if (mid - root >= t_near) return mid - root <= t_far ? mid - root : -1.0;
-  if (mid + root >= t_near && mid + root <= t_far) return mid + root;
-  return -1.0;
+  b.lower_x = box.lower.x; b.lower_y = box.lower.y; b.lower_z = box.lower.z;
+  b.upper_x = box.upper.x; b.upper_y = box.upper.y; b.upper_z = box.upper.z;
 }
 
 // Embree calls these with single rays and with packets of any width.
@@ -71,7 +56,8 @@ void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
   const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
   for (unsigned i = 0; i < n; ++i) {
     if (!args->valid[i]) continue;
-    const double t = intersect_sphere(sphere, {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+    const double t = intersect_sphere(sphere.center, sphere.radius,
+                                      {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
                                       {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
                                       RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
     if (t < 0.0) continue;
@@ -89,7 +75,8 @@ void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
   const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
   for (unsigned i = 0; i < n; ++i) {
     if (!args->valid[i]) continue;
-    const double t = intersect_sphere(sphere, {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+    const double t = intersect_sphere(sphere.center, sphere.radius,
+                                      {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
                                       {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
                                       RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
     if (t >= 0.0) RTCRayN_tfar(ray, n, i) = -std::numeric_limits<float>::infinity();
@@ -253,7 +240,7 @@ class EmbreeTracer final : public Tracer {
     RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(spheres_.shapes.size()));
     rtcSetGeometryUserData(geometry, &spheres_);
-    rtcSetGeometryBoundsFunction(geometry, [](const RTCBoundsFunctionArguments* args) { sphere_bounds(args); }, nullptr);
+    rtcSetGeometryBoundsFunction(geometry, [](const RTCBoundsFunctionArguments* args) { set_bounds(args); }, nullptr);
     rtcSetGeometryIntersectFunction(geometry, sphere_intersect);
     rtcSetGeometryOccludedFunction(geometry, sphere_occluded);
     rtcCommitGeometry(geometry);

@@ -1,22 +1,16 @@
-// Ray casting against a Scene: closest hit and occlusion. Only embree_tracer.cc knows Embree.
+// Ray casting against a Scene: closest hit and occlusion. Only embree_tracer.cc knows Embree. Rays that leave a surface
+// start at offset_origin (geometry/offset_math.h).
 #pragma once
 
 #include <memory>
 #include <span>
 #include <string>
 
+#include "geometry/hit.h"
+#include "geometry/offset_math.h"
 #include "scene/scene.h"
 
 namespace octrad {
-
-// Raw intersection. `primitive` and barycentrics (u, v) refer to the shape's mesh; spheres give the surface point itself.
-struct Hit {
-  int shape = -1;                  // -1: nothing hit
-  int primitive = -1;
-  float t = 0.0f;
-  float u = 0.0f, v = 0.0f;
-  bool valid() const { return shape >= 0; }
-};
 
 // A ray of many.
 struct RayQuery {
@@ -49,9 +43,5 @@ struct SurfaceInteraction {
 };
 
 SurfaceInteraction interact(const Scene& scene, const Hit& hit, Vec3f origin, Vec3f direction);
-
-// Origin for a ray leaving `position` towards `direction`, pushed off the surface so that it does not meet it again
-// (Waechter & Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", or Mitsuba's epsilon).
-Vec3f offset_origin(Vec3f position, Vec3f geometric_normal, Vec3f direction);
 
 }  // namespace octrad
