@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "base/sobol_math.h"
 #include "base/threads.h"
 #include "shading/bsdf_math.h"
 
@@ -19,9 +20,8 @@ struct Pending {
 };
 
 // Direct light by emitter sampling, balance heuristic against BSDF sampling.
-Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point, Vec3f wo, Rng& rng, RhsStatistics& statistics) {
-  const float u_pick = rng.uniform();
-  const LightSample light = context.lights.sample(point.surface.position, u_pick, rng.uniform2());
+Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u, RhsStatistics& statistics) {
+  const LightSample light = context.lights.sample(point.surface.position, u.u1, u.u2);
   if (!light.valid || light.pdf <= 0.0f) return Vec3f(0.0f);
   const Vec3f wi = point.to_local(light.direction);
   const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
@@ -53,10 +53,11 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
     Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ key);
     const Vec3f wo = point.to_local(point.wo);
     const bool delta_only = is_delta_bsdf(point.bsdf);
+    const SobolSet light_set(rng), bsdf_set(rng);  // M stratified samples of each: less noise than M independent ones
     for (int m = 0; m < options.directions; ++m) {
-      if (!delta_only) add(i, emitter_sample(context, point, wo, rng, statistics));
-      const float u_lobe = rng.uniform();
-      const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u_lobe, rng.uniform2());
+      if (!delta_only) add(i, emitter_sample(context, point, wo, light_set(static_cast<std::uint32_t>(m)), statistics));
+      const SobolSet::Sample u = bsdf_set(static_cast<std::uint32_t>(m));
+      const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u.u1, u.u2);
       if (!scattered.valid || max_component(scattered.weight) <= 0.0f) continue;
       const Vec3f direction = normalize(point.to_world(scattered.wi));
       const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, direction, rng, true, options.max_chain);
