@@ -229,6 +229,9 @@ Config preset(const std::string& name) {
   c.train_points = 65536;
   c.train_directions = 32;
   c.train_quarters = true;
+  c.adam_beta2 = 0.999;         // the shorter memory and lower rates of `cpu` go with its small batches
+  c.adam_rate_features = 1e-2;
+  c.adam_rate_networks = 3e-3;
   if (name == "default") {
     c.nr_output = "exp";
     return c;

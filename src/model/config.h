@@ -16,7 +16,7 @@ struct Config {
   std::string field = "octaoctree";              // octaoctree | nr
 
   // Octree and encoding (method sections 2-4).
-  int octree_levels = 5;                         // K, 1..9
+  int octree_levels = 6;                         // K, 1..9
   int octree_features = 4;                       // C per level: 2, 4 or 8
   std::string octree_box = "cube";               // axis | cube
   std::string octree_occupancy = "conservative"; // conservative | sampled
@@ -62,8 +62,8 @@ struct Config {
   // Training (method section 7).
   int train_steps = 0;                           // 0: until train_time is over
   double train_seconds = 300.0;                  // "train.time"; used when train_steps is 0
-  int train_points = 1024;                       // N, left-hand-side points a step
-  int train_directions = 16;                     // M, right-hand-side directions a point
+  int train_points = 512;                        // N, left-hand-side points a step
+  int train_directions = 8;                      // M, right-hand-side directions a point
   bool train_quarters = false;                   // halve N and double M every quarter
   double train_walks = 0.9;                      // share of points from camera walks; the rest is area-uniform
   double train_view_share = 0.0;                 // share of points on the primary hits of the scene's view
@@ -81,8 +81,8 @@ struct Config {
   std::string loss_normalizer = "prediction";    // symmetric | prediction
   double loss_epsilon_first = 0.1, loss_epsilon_last = 0.0125;
   std::string adam_mode = "touched";             // touched | dense
-  double adam_beta1 = 0.9, adam_beta2 = 0.999, adam_epsilon = 1e-8;
-  double adam_rate_features = 1e-2, adam_rate_networks = 3e-3, adam_rate_grids = 3e-3;
+  double adam_beta1 = 0.9, adam_beta2 = 0.99, adam_epsilon = 1e-8;
+  double adam_rate_features = 6e-3, adam_rate_networks = 2e-3, adam_rate_grids = 3e-3;
   int adam_warmup = 100;                         // steps
   double adam_decay_start = 0.3;                 // fraction of the budget from which the rate decays (1: constant)
   double adam_decay_to = 0.02;                   // cosine to this share of the rate

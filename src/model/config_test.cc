@@ -32,9 +32,9 @@ TEST(Config, PresetsSayWhatTheyStandFor) {
   EXPECT_EQ(full.loss_normalizer, "prediction");
   EXPECT_EQ(full.decoder_output, "exp");
   const Config cpu = preset("cpu");
-  EXPECT_EQ(cpu.octree_levels, 5);
-  EXPECT_EQ(cpu.train_points, 1024);
-  EXPECT_EQ(cpu.train_directions, 16);
+  EXPECT_EQ(cpu.octree_levels, 6);
+  EXPECT_EQ(cpu.train_points, 512);
+  EXPECT_EQ(cpu.train_directions, 8);
   for (const char* name : {"paper", "default", "cpu"}) EXPECT_EQ(preset(name).preset, name);
   EXPECT_NE(message([] { preset("papper"); }).find("did you mean \"paper\""), std::string::npos);
 }

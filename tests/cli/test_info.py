@@ -24,10 +24,10 @@ class Info(Case):
         keys = {k["key"]: k["value"] for k in info["keys"]}
         for key in ("octree.levels", "octree.features", "checkpoint.every", "disparity.base"):
             self.assertIn(key, keys)
-        self.assertEqual(keys["octree.levels"], "5")
+        self.assertEqual(keys["octree.levels"], "6")
         paper = self.ok("info", "--keys", "--json", "--preset", "paper", "-D", "checkpoint.every=3s", "-D", "octree.levels=6").json()["config"]
         self.assertEqual((paper["octree"]["levels"], paper["checkpoint"]["every"], paper["train"]["steps"]), (6, 3.0, 20000))
-        self.assertIn("octree.levels = 5", self.ok("info", "--keys").out)
+        self.assertIn("octree.levels = 6", self.ok("info", "--keys").out)
 
     def test_resolved_config_reads_back(self):
         for preset in ("paper", "default", "cpu"):
