@@ -48,6 +48,14 @@ void set_bounds(const RTCBoundsFunctionArguments* args) {
   b.upper_x = box.upper.x; b.upper_y = box.upper.y; b.upper_z = box.upper.z;
 }
 
+// Of ray `i` of a packet of `n`; negative: missed.
+double distance_to(const Sphere& sphere, RTCRayN* ray, unsigned n, unsigned i) {
+  return intersect_sphere(sphere.center, sphere.radius,
+                          {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+                          {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
+                          RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
+}
+
 // Embree calls these with single rays and with packets of any width.
 void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
   const unsigned n = args->N;
@@ -56,10 +64,7 @@ void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
   const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
   for (unsigned i = 0; i < n; ++i) {
     if (!args->valid[i]) continue;
-    const double t = intersect_sphere(sphere.center, sphere.radius,
-                                      {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
-                                      {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
-                                      RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
+    const double t = distance_to(sphere, ray, n, i);
     if (t < 0.0) continue;
     RTCRayN_tfar(ray, n, i) = static_cast<float>(t);
     RTCHitN_geomID(hit, n, i) = args->geomID;
@@ -75,10 +80,7 @@ void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
   const Sphere& sphere = sphere_of(*static_cast<const SphereSet*>(args->geometryUserPtr), args->primID);
   for (unsigned i = 0; i < n; ++i) {
     if (!args->valid[i]) continue;
-    const double t = intersect_sphere(sphere.center, sphere.radius,
-                                      {RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
-                                      {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
-                                      RTCRayN_tnear(ray, n, i), RTCRayN_tfar(ray, n, i));
+    const double t = distance_to(sphere, ray, n, i);
     if (t >= 0.0) RTCRayN_tfar(ray, n, i) = -std::numeric_limits<float>::infinity();
   }
 }

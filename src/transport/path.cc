@@ -166,7 +166,7 @@ class Group {
           std::construct_at(&shadow_rays_[connections_], shadow_ray(surface.position, surface.geometric_normal, light));
           Connection& c = pending_[connections_++];
           c.out = &out;
-                    c.contribution = w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
+          c.contribution = w.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
         }
       }
     }

@@ -79,8 +79,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
     answers.resize(asked.size());
     query(asked, answers);
     for (std::size_t q = 0; q < asked.size(); ++q) {
-      // A lamp's prediction is emission and reflected light; the emission was counted above, under MIS. Reflected light is never
-      // negative, so the clamp only brings an estimate of it nearer to the truth.
+      // A lamp's prediction is emission and reflected light; the emission was counted above, under MIS. The clamp keeps out
+      // negative light; what it cuts off is a small bright bias where the prediction of a lamp is noisy.
       Vec3f reflected = answers[q];
       if (max_component(pending[q].counted) > 0.0f) reflected = max(reflected - pending[q].counted, Vec3f(0.0f));
       add(pending[q].target, pending[q].weight * reflected);
