@@ -119,7 +119,7 @@ if [ $fast = 0 ]; then
 
   step "Build with the address and undefined-behaviour sanitizers"
   targets=$(cd build-test && ls test_* | tr '\n' ' ')
-  TARGETS=$targets scripts/build.sh build-sanitize -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_SANITIZE=address,undefined \
+  TARGETS=$targets scripts/build.sh build-sanitize -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_CUDA=off -DOCTRAD_SANITIZE=address,undefined \
     -DCMAKE_CXX_FLAGS_RELEASE="-O1" >"$logs/build-sanitize" 2>&1 || { tail -n 60 "$logs/build-sanitize"; fatal "the sanitizer build"; }
 
   step "Unit tests under the sanitizers"

@@ -12,14 +12,14 @@ import sys
 SOURCE = pathlib.Path(__file__).resolve().parent.parent / "src"
 
 # Room -> rooms it may include, besides itself.
-ALLOWED = {"base": set(), "image": {"base"}}
+ALLOWED = {"base": set(), "image": {"base"}, "device": {"base"}}
 ALLOWED["scene"] = ALLOWED["image"] | {"image"}
-ALLOWED["geometry"] = ALLOWED["scene"] | {"scene"}
+ALLOWED["geometry"] = ALLOWED["scene"] | {"scene", "device"}
 ALLOWED["shading"] = ALLOWED["geometry"] | {"geometry"}
 ALLOWED["transport"] = ALLOWED["shading"] | {"shading"}
-ALLOWED["encoding"] = {"base"}
-ALLOWED["network"] = {"base"}
-ALLOWED["model"] = {"base", "encoding", "network"}
+ALLOWED["encoding"] = {"base", "device"}
+ALLOWED["network"] = {"base", "device"}
+ALLOWED["model"] = {"base", "device", "encoding", "network"}
 ALLOWED["train"] = ALLOWED["transport"] | ALLOWED["model"] | {"transport", "model"}
 ALLOWED["render"] = set(ALLOWED["train"])
 ALLOWED["app"] = ALLOWED["train"] | {"train", "render"}

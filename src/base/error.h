@@ -34,6 +34,10 @@ struct IoError : Error {
 struct MemoryError : Error {
   explicit MemoryError(const std::string& message) : Error(ExitCode::out_of_memory, message) {}
 };
+// A GPU that cannot be used: no driver, too old a driver, lost in the middle.
+struct DeviceError : Error {
+  explicit DeviceError(const std::string& message) : Error(ExitCode::device, message) {}
+};
 
 // " (did you mean \"x\"?)" for the candidate closest to `word` by edit distance, or "" when none is close.
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates);

@@ -1,0 +1,112 @@
+#include "device/host_stream.h"
+
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <unordered_map>
+#include <utility>
+
+#include "base/bytes.h"
+#include "base/cpu_info.h"
+#include "base/error.h"
+#include "base/threads.h"
+
+namespace octrad {
+namespace {
+
+constexpr std::size_t kBlock = 256;      // items of a launch that one thread takes at a time
+constexpr std::size_t kAlignment = 256;  // as cudaMalloc
+
+struct HostGraph : LaunchGraph {
+  std::vector<std::function<void()>> work;
+};
+
+struct HostEvent : StreamEvent {
+  std::chrono::steady_clock::time_point time = std::chrono::steady_clock::now();
+};
+
+class HostStream : public Stream {
+ public:
+  ~HostStream() override {
+    for (const auto& [memory, bytes] : sizes_) std::free(memory);
+  }
+  bool on_device() const override { return false; }
+  DeviceInfo info() const override {
+    DeviceInfo info;
+    info.name = "host";
+    info.total_bytes = info.free_bytes = static_cast<std::size_t>(usable_memory());
+    return info;
+  }
+
+  void* allocate(std::size_t bytes, const std::string& what) override {
+    if (capture_) throw DeviceError("allocation of " + what + " inside a recorded graph");
+    void* memory = std::aligned_alloc(kAlignment, (bytes + kAlignment - 1) / kAlignment * kAlignment);
+    if (memory == nullptr) throw MemoryError("no memory for " + what + " (" + format_bytes(static_cast<double>(bytes)) + ")");
+    sizes_[memory] = bytes;
+    allocated_ += bytes;
+    if (allocated_ > peak_) peak_ = allocated_;
+    return memory;
+  }
+  void release(void* memory) noexcept override {
+    const auto found = sizes_.find(memory);
+    if (found == sizes_.end()) return;
+    allocated_ -= found->second;
+    sizes_.erase(found);
+    std::free(memory);
+  }
+  std::size_t allocated_bytes() const override { return allocated_; }
+  std::size_t peak_bytes() const override { return peak_; }
+
+  void upload(void* to, const void* from, std::size_t bytes) override {
+    if (capture_) throw DeviceError("an upload inside a recorded graph");
+    std::memcpy(to, from, bytes);
+  }
+  void download(void* to, const void* from, std::size_t bytes) override {
+    if (capture_) throw DeviceError("a download inside a recorded graph");
+    std::memcpy(to, from, bytes);
+  }
+  void copy(void* to, const void* from, std::size_t bytes) override {
+    run([=] { std::memmove(to, from, bytes); });
+  }
+  void fill(void* memory, int byte, std::size_t bytes) override {
+    run([=] { std::memset(memory, byte, bytes); });
+  }
+  void synchronize() override {}
+
+  void begin_capture() override {
+    if (capture_) throw DeviceError("a graph is being recorded already");
+    capture_ = std::make_unique<HostGraph>();
+  }
+  std::unique_ptr<LaunchGraph> end_capture() override {
+    if (!capture_) throw DeviceError("no graph is being recorded");
+    return std::move(capture_);
+  }
+  void replay(LaunchGraph& graph) override {
+    for (const auto& work : static_cast<HostGraph&>(graph).work) run(work);
+  }
+
+  std::unique_ptr<StreamEvent> record() override { return std::make_unique<HostEvent>(); }
+  double milliseconds(StreamEvent& from, StreamEvent& to) override {
+    return std::chrono::duration<double, std::milli>(static_cast<HostEvent&>(to).time - static_cast<HostEvent&>(from).time).count();
+  }
+
+  void run(std::function<void()> work) {
+    if (capture_) capture_->work.push_back(std::move(work));
+    else work();
+  }
+
+ private:
+  std::unordered_map<void*, std::size_t> sizes_;
+  std::size_t allocated_ = 0, peak_ = 0;
+  std::unique_ptr<HostGraph> capture_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stream> make_host_stream() { return std::make_unique<HostStream>(); }
+
+void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t, std::size_t)>& body) {
+  static_cast<HostStream&>(stream).run([=] { parallel_blocks(n, kBlock, body); });
+}
+
+}  // namespace octrad

@@ -1,0 +1,14 @@
+// What launch.h needs of the host stream.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+#include "device/stream.h"
+
+namespace octrad {
+
+// Runs body over blocks of [0, n) now, or records it while the stream captures. `stream` must be a host stream.
+void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t begin, std::size_t end)>& body);
+
+}  // namespace octrad

@@ -1,0 +1,77 @@
+// launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads. For files named *_device.cc:
+// they compile as CUDA where octrad is built with it, and as plain C++ otherwise; both know the host stream.
+//
+// A functor is a trivially copyable struct with `OCTRAD_HD void operator()(std::uint32_t i) const`; pointers in it point
+// to memory of the stream. Items that write to the same place use atomic_add or atomic_append below.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "base/hd.h"
+#include "device/host_stream.h"
+#include "device/stream.h"
+#if defined(__CUDACC__)
+#include "device/cuda_stream.h"
+#endif
+
+namespace octrad {
+
+#if defined(__CUDACC__)
+template <typename F>
+__global__ void __launch_bounds__(F::kBlock) launch_kernel(std::uint32_t n, F f) {
+  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  if (i < n) f(i);
+}
+#endif
+
+// Functors derive from this; another block size or a name for error messages and timings shadow these.
+struct Kernel {
+  static constexpr unsigned kBlock = 128;
+};
+
+template <typename F>
+void launch(Stream& stream, std::size_t n, const F& functor) {
+  static_assert(std::is_trivially_copyable_v<F>);
+  if (n == 0) return;
+#if defined(__CUDACC__)
+  if (stream.on_device()) {
+    const auto count = static_cast<std::uint32_t>(n);
+    launch_kernel<F><<<(count + F::kBlock - 1) / F::kBlock, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    check_launch(stream);
+    return;
+  }
+#endif
+  host_launch(stream, n, [functor](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) functor(static_cast<std::uint32_t>(i));
+  });
+}
+
+// Adds and returns the old value. Sums of floats depend on the order in which items come.
+template <typename T>
+OCTRAD_HD inline T atomic_add(T* at, T value) {
+#if defined(__CUDA_ARCH__)
+  return atomicAdd(at, value);
+#else
+  if constexpr (std::is_integral_v<T>) {
+    return __atomic_fetch_add(at, value, __ATOMIC_RELAXED);
+  } else {
+    T old;
+    __atomic_load(at, &old, __ATOMIC_RELAXED);
+    T sum = old + value;
+    while (!__atomic_compare_exchange(at, &old, &sum, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) sum = old + value;
+    return old;
+  }
+#endif
+}
+
+OCTRAD_HD inline std::uint32_t atomic_or(std::uint32_t* at, std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return atomicOr(at, bits);
+#else
+  return __atomic_fetch_or(at, bits, __ATOMIC_RELAXED);
+#endif
+}
+
+}  // namespace octrad
