@@ -34,6 +34,8 @@ if(OCTRAD_CUDA STREQUAL "auto" OR OCTRAD_CUDA)
     if(CCACHE AND NOT CMAKE_CUDA_COMPILER_LAUNCHER)
       set(CMAKE_CUDA_COMPILER_LAUNCHER ${CCACHE})
     endif()
+    # Keeps what the assembler says of each kernel beside the object file.
+    list(PREPEND CMAKE_CUDA_COMPILER_LAUNCHER ${PROJECT_SOURCE_DIR}/cmake/ptxas_report.sh)
     message(STATUS "CUDA ${CMAKE_CUDA_COMPILER_VERSION} for ${CMAKE_CUDA_ARCHITECTURES}")
   elseif(NOT OCTRAD_CUDA STREQUAL "auto")
     message(FATAL_ERROR "OCTRAD_CUDA is on, but no nvcc was found; put it on the PATH or set CMAKE_CUDA_COMPILER")
@@ -43,7 +45,7 @@ if(OCTRAD_CUDA STREQUAL "auto" OR OCTRAD_CUDA)
 endif()
 
 # CMake 3.25 does not know C++20 for this nvcc: the standard is a plain option.
-set(OCTRAD_CUDA_FLAGS -std=c++20 --expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra,-ffp-contract=off -lineinfo)
+set(OCTRAD_CUDA_FLAGS -std=c++20 --expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra,-ffp-contract=off -Xptxas=-v -lineinfo)
 if(OCTRAD_WERROR)
   list(APPEND OCTRAD_CUDA_FLAGS -Werror=all-warnings)
 endif()

@@ -57,7 +57,12 @@ count() {
     failed=$((failed + 1)); printf '  FAILED   %s: ran no test\n' "$name"
   else
     printf '  ok       %-32s %4d passed %s\n' "$name" "$p" "$([ "$s" = 0 ] || echo "$s skipped")"
-    grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | sort -u | head -n 5 | sed 's/^/             /'
+    # Tests that need a GPU end in /Cuda: one line for all of a program.
+    local cuda
+    cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+/Cuda$' "$log" || true)
+    [ "$cuda" = 0 ] || printf '             SKIPPED: %d tests on a GPU: no CUDA device\n' "$cuda"
+    grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | grep -vE '/Cuda|^SKIPPED: no CUDA device' | sort -u | head -n 5 |
+      sed 's/^/             /'
   fi
 }
 check() {  # check NAME COMMAND...
@@ -88,8 +93,8 @@ else
   git checkout -q -- 'scenes/*.ply' 'scenes/*.png' 2>/dev/null || true
 fi
 
-step "Build: optimised, assertions on, warnings are errors"
-TARGETS=all scripts/build.sh build-test -DOCTRAD_ASSERTS=ON -DOCTRAD_WERROR=ON -DOCTRAD_TESTS=ON >"$logs/build" 2>&1 ||
+step "Build: optimised, assertions on, warnings are errors; with CUDA where nvcc is (for one architecture where no GPU is)"
+TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -DOCTRAD_WERROR=ON -DOCTRAD_TESTS=ON >"$logs/build" 2>&1 ||
   { tail -n 60 "$logs/build"; fatal "the build"; }
 export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
 
