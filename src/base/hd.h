@@ -6,3 +6,10 @@
 #else
 #define OCTRAD_HD
 #endif
+
+// Before a loop of constant length whose arrays must stay in registers.
+#if defined(__CUDA_ARCH__)
+#define OCTRAD_UNROLL _Pragma("unroll")
+#else
+#define OCTRAD_UNROLL
+#endif

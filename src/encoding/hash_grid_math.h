@@ -44,15 +44,18 @@ template <typename T>
 OCTRAD_HD inline void hash_grid_taps(const HashGridLevelView& level, Vec3<T> p, std::uint32_t* entry, T* weight) {
   std::uint32_t base[3];
   T f[3];
+  OCTRAD_UNROLL
   for (int a = 0; a < 3; ++a) {
     const T g = clamp_unit(p[a]) * static_cast<T>(level.scale) + T(0.5);
     const T i = std::floor(g);
     base[a] = static_cast<std::uint32_t>(i);
     f[a] = g - i;
   }
+  OCTRAD_UNROLL
   for (int c = 0; c < 8; ++c) {
     const std::uint32_t o[3] = {static_cast<std::uint32_t>(c & 1), static_cast<std::uint32_t>(c >> 1 & 1), static_cast<std::uint32_t>(c >> 2 & 1)};
     T w = T(1);
+    OCTRAD_UNROLL
     for (int a = 0; a < 3; ++a) w *= o[a] ? f[a] : T(1) - f[a];
     entry[c] = level.first_entry + hash_grid_entry(level, base[0] + o[0], base[1] + o[1], base[2] + o[2]);
     weight[c] = w;

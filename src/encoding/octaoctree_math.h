@@ -38,8 +38,12 @@ template <typename T>
 struct CellStencil {
   int count = 0;                            // 0: nothing here
   std::uint32_t cell[8];                    // numbers within the level
-  T weight[8];
-  Vec3<T> offset[8];
+  T weight[8];                              // 0: this corner does not count
+  Vec3<T> low, high;                        // x - c_j of the corners 0 and 7
+
+  OCTRAD_HD Vec3<T> offset(int corner) const {
+    return {corner & 1 ? high.x : low.x, corner >> 1 & 1 ? high.y : low.y, corner >> 2 & 1 ? high.z : low.z};
+  }
 };
 
 // p: position normalised to the domain. Cells count that lie inside the grid, are occupied and have a trilinear weight
@@ -47,35 +51,40 @@ struct CellStencil {
 template <typename T>
 OCTRAD_HD inline CellStencil<T> cell_stencil(const OctreeLevelView& level, Vec3<T> p, bool trilinear) {
   CellStencil<T> r;
+  OCTRAD_UNROLL
+  for (int corner = 0; corner < 8; ++corner) r.weight[corner] = T(0);
   const T resolution = static_cast<T>(level.spatial_resolution);
   const Vec3<T> g = p * resolution - Vec3<T>(T(0.5));
   // Outside by a cell or more, or not a number: no corner lies in the grid.
-  for (int a = 0; a < 3; ++a) {
-    if (!(g[a] >= T(-1) && g[a] <= resolution)) return r;
-  }
+  if (!(g.x >= T(-1) && g.x <= resolution && g.y >= T(-1) && g.y <= resolution && g.z >= T(-1) && g.z <= resolution)) return r;
   const Vec3<T> base{std::floor(g.x), std::floor(g.y), std::floor(g.z)};
   const Vec3<T> f = g - base;
   const Vec3<T> edge(level.cell_size);
+  r.low = f * edge;                         // exact to rounding of f, no cancellation
+  r.high = (f - Vec3<T>(T(1))) * edge;
+  const int x = static_cast<int>(base.x), y = static_cast<int>(base.y), z = static_cast<int>(base.z);
   T sum = T(0);
+  OCTRAD_UNROLL
   for (int corner = 0; corner < 8; ++corner) {
     const int o[3] = {corner & 1, corner >> 1 & 1, corner >> 2 & 1};
     T weight = T(1);
-    Vec3<T> offset;
+    OCTRAD_UNROLL
     for (int a = 0; a < 3; ++a) {
       const T high = trilinear ? f[a] : (f[a] >= T(0.5) ? T(1) : T(0));
       weight *= o[a] ? high : T(1) - high;
-      offset[a] = (f[a] - static_cast<T>(o[a])) * edge[a];   // x - c_j: exact to rounding of f, no cancellation
     }
     if (!(weight > T(0))) continue;
-    const std::int64_t cell = level.index.find(static_cast<int>(base.x) + o[0], static_cast<int>(base.y) + o[1], static_cast<int>(base.z) + o[2]);
+    const std::int64_t cell = level.index.find(x + o[0], y + o[1], z + o[2]);
     if (cell < 0) continue;
-    r.cell[r.count] = static_cast<std::uint32_t>(cell);
-    r.weight[r.count] = weight;
-    r.offset[r.count] = offset;
+    r.cell[corner] = static_cast<std::uint32_t>(cell);
+    r.weight[corner] = weight;
     ++r.count;
     sum += weight;
   }
-  for (int j = 0; j < r.count; ++j) r.weight[j] /= sum;
+  OCTRAD_UNROLL
+  for (int corner = 0; corner < 8; ++corner) {
+    if (r.weight[corner] > T(0)) r.weight[corner] /= sum;
+  }
   return r;
 }
 
@@ -86,9 +95,12 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
   const CellStencil<T> stencil = cell_stencil(level, p, view.trilinear);
   const int resolution = level.octahedral_resolution;
   const std::uint32_t map_size = static_cast<std::uint32_t>((resolution + 1) * (resolution + 1));
-  for (int j = 0; j < stencil.count; ++j) {
+  OCTRAD_UNROLL
+  for (int j = 0; j < 8; ++j) {
+    if (!(stencil.weight[j] > T(0))) continue;
     const std::uint32_t map = level.first_entry + stencil.cell[j] * map_size;
-    const Vec3<T> v = stencil.offset[j] * d + w;             // parallax: the direction seen from the cell's centre
+    const Vec3<T> offset = stencil.offset(j);
+    const Vec3<T> v = offset * d + w;                        // parallax: the direction seen from the cell's centre
     const OctaProjection<T> projection = octa_project(v);
     if (!view.barycentric) {
       const OctaVertex a = octa_nearest(projection.u, resolution);
@@ -96,7 +108,8 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
       continue;
     }
     const OctaTriangle<T> triangle = octa_triangle(projection.u, resolution);
-    const Vec2<T> velocity = octa_velocity(projection, v, stencil.offset[j]) * static_cast<T>(resolution / 2);
+    const Vec2<T> velocity = octa_velocity(projection, v, offset) * static_cast<T>(resolution / 2);
+    OCTRAD_UNROLL
     for (int k = 0; k < 3; ++k) {
       const OctaVertex a = triangle.vertex[k];
       visit(map + static_cast<std::uint32_t>(octa_vertex_index(a.i, a.j, resolution)), stencil.weight[j] * triangle.weight[k],

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/half.h"
 #include "base/rng.h"
 #include "base/threads.h"
 
@@ -13,18 +14,6 @@ template <typename T>
 void read_into(const TensorReader& in, const std::string& name, DType type, const std::vector<std::int64_t>& shape, T* out) {
   const auto t = in.get(name, type, shape);
   std::memcpy(out, t.data, t.bytes);
-}
-
-float half_to_float(std::uint16_t h) {
-  const std::uint32_t sign = (h & 0x8000u) << 16, exponent = (h >> 10) & 31u, mantissa = h & 0x3ffu;
-  if (exponent == 0) {
-    const float value = static_cast<float>(mantissa) * 0x1p-24f;
-    return sign ? -value : value;
-  }
-  const std::uint32_t bits = sign | (exponent == 31 ? 0x7f800000u : (exponent + 112) << 23) | (mantissa << 13);
-  float value;
-  std::memcpy(&value, &bits, sizeof(value));
-  return value;
 }
 
 }  // namespace
@@ -59,7 +48,7 @@ void read_floats(const TensorReader& in, const std::string& name, const std::vec
   }
   const auto t = in.get(name, DType::f16, shape);
   const auto* half = static_cast<const std::uint16_t*>(t.data);
-  for (std::int64_t i = 0; i < t.count; ++i) out[static_cast<std::size_t>(i)] = half_to_float(half[i]);
+  for (std::int64_t i = 0; i < t.count; ++i) out[static_cast<std::size_t>(i)] = to_float(Half{half[i]});
 }
 
 void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
