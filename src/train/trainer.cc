@@ -10,9 +10,8 @@
 #include "base/error.h"
 #include "encoding/octaoctree.h"
 #include "geometry/voxelize.h"
+#include "train/engine.h"
 #include "train/validation.h"
-#include "transport/lhs_sampler.h"
-#include "transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
@@ -61,37 +60,24 @@ double check_memory(const Config& config, const std::vector<long long>& cells, d
   return total_bytes(parts);
 }
 
-LhsOptions lhs_options(const Config& config) {
-  LhsOptions options;
-  options.walks = config.train_sampler == "area" ? 0.0 : config.train_sampler == "walks" ? 1.0 : config.train_walks * (1.0 - config.train_view_share);
-  options.view = config.train_view_share;
-  options.stop_probability = config.train_stop_probability;
-  options.max_walk = config.train_max_walk;
-  options.keep_direction = config.train_keep_direction;
-  options.uniform_glossy = config.train_fresh_direction == "uniform";
-  options.glossy_boost = config.train_glossy_boost;
-  options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  options.poses = config.train_poses;
-  options.seed = static_cast<unsigned long long>(config.seed);
-  return options;
-}
-
 // One training run: everything that lives from the first step to the last.
 class Run {
  public:
   Run(const TransportContext& context, const Config& config, const TrainOptions& options)
-      : context_(context), config_(config), options_(options), sampler_(context, lhs_options(config), options.cameras) {
+      : context_(context), config_(config), options_(options) {
+    auto batches = std::make_unique<BatchSource>(context, config_, options.cameras);
+    std::unique_ptr<RadianceField> field;
     if (options.resume) {
-      field_ = std::move(options.resume->field);
+      field = std::move(options.resume->field);
       state_ = options.resume->info.state;
-      bytes_ = check_memory(config, field_->cells_per_level(), options.max_memory, true);
+      bytes_ = check_memory(config, field->cells_per_level(), options.max_memory, true);
     } else {
       const FieldDomain domain = field_domain(context.scene, config);
       bytes_ = check_memory(config, cell_counts(domain), options.max_memory, false);
-      field_ = make_field(config, domain);
-      choose_exposure();
+      field = make_field(config, domain);
+      field->set_target_scale(static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
     }
-    query_ = [this](std::span<const SurfacePoint> points, std::span<Vec3f> out) { field_->radiance(points, out); };
+    engine_ = make_cpu_engine(std::move(batches), std::move(field));
     if (options.reference) {
       validation_ = std::make_unique<Validation>(context, *options.reference, config, 8192, 2);
     }
@@ -100,74 +86,24 @@ class Run {
   TrainResult go();
 
  private:
-  void draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
-  void choose_exposure();
   void checkpoint(bool optimizer);
   double fraction() const;
-  [[noreturn]] void stop_non_finite(const std::string& why);
+  void settle();
+  [[noreturn]] void stop_non_finite(long long step, const std::string& why);
 
   TransportContext context_;
   Config config_;
   const TrainOptions& options_;
-  LhsSampler sampler_;
-  std::unique_ptr<RadianceField> field_;
+  std::unique_ptr<TrainEngine> engine_;
   std::unique_ptr<Validation> validation_;
-  RadianceQuery query_;
   TrainingState state_;
   double bytes_ = 0.0;
   double earlier_seconds_ = 0.0;   // of the runs that this one continues
   Clock::time_point start_;
+  double smoothed_ = -1.0;                 // loss; below 0 before the first step
   long long non_finite_ = 0;               // gradients dropped
   long long dropped_contributions_ = 0;    // right-hand-side contributions dropped; they cost light, not stability
-  std::vector<ShadingPoint> shading_;
-  std::vector<SurfacePoint> points_;
-  std::vector<Vec3f> targets_;
 };
-
-// Draws a batch and estimates its targets.
-void Run::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
-  const auto n = static_cast<std::size_t>(s.points);
-  shading_.resize(n);
-  points_.resize(n);
-  targets_.resize(n);
-  sampler_.sample(stream, shading_);
-  RhsOptions rhs;
-  rhs.directions = s.directions;
-  rhs.max_chain = config_.train_max_chain;
-  rhs.emission_inside = config_.target_emission == "inside";
-  rhs.traced_disparity = config_.lookup_offset == "traced";
-  rhs.seed = static_cast<unsigned long long>(config_.seed);
-  rhs.stream = stream;
-  const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
-  dropped_contributions_ += statistics.non_finite;
-  state_.rhs_queries += statistics.queries;
-  state_.lhs_samples += s.points;
-  for (std::size_t i = 0; i < n; ++i) {
-    points_[i] = surface_point(shading_[i]);
-    const SurfaceInteraction& surface = shading_[i].surface;
-    if (rhs.traced_disparity) points_[i].disparity = traced_disparity(context_, points_[i], surface.geometric_normal);
-    if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
-  }
-}
-
-// target.scale = 0: the mean luminance of direct light over a few batches, so that the network's outputs start near 1.
-void Run::choose_exposure() {
-  double scale = config_.target_scale;
-  if (scale <= 0.0) {
-    ScheduleState s = schedule(config_, 0, 0.0);
-    s.points = std::min(s.points, 4096);
-    double sum = 0.0;
-    long long count = 0;
-    for (unsigned long long batch = 0; batch < 4; ++batch) {
-      draw((1ull << 62) + batch, s, nullptr);
-      for (const Vec3f& t : targets_) sum += std::min(luminance(t), 100.0f);
-      count += s.points;
-    }
-    scale = sum > 0.0 ? sum / static_cast<double>(count) : 1.0;
-    state_ = TrainingState{};
-  }
-  field_->set_target_scale(static_cast<float>(scale));
-}
 
 double Run::fraction() const {
   if (config_.train_steps > 0) return std::min(1.0, static_cast<double>(state_.step) / config_.train_steps);
@@ -181,20 +117,40 @@ void Run::checkpoint(bool optimizer) {
   info.scene_file = context_.scene.file;
   info.scene_fingerprint = context_.scene.fingerprint;
   info.state = state_;
-  save_model(options_.output, *field_, info, optimizer);
+  save_model(options_.output, engine_->field(), info, optimizer);
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
 
-void Run::stop_non_finite(const std::string& why) {
-  std::string message = "step " + std::to_string(state_.step) + ": " + why;
+// Takes over what the engine's steps since the last call reported.
+void Run::settle() {
+  const StepReport report = engine_->collect();
+  state_.rhs_queries += report.rhs_queries;
+  dropped_contributions_ += report.dropped;
+  non_finite_ += report.non_finite;
+  long long step = state_.step - static_cast<long long>(report.losses.size());
+  for (const double loss : report.losses) {
+    if (!std::isfinite(loss)) stop_non_finite(step, "the loss is not finite");
+    smoothed_ = smoothed_ < 0.0 ? loss : smoothed_ + (loss - smoothed_) * 0.02;
+    ++step;
+  }
+  if (non_finite_ > config_.adam_max_non_finite) {
+    stop_non_finite(state_.step - 1, std::to_string(non_finite_) + " gradients were not finite (adam.max_non_finite)");
+  }
+}
+
+void Run::stop_non_finite(long long step, const std::string& why) {
+  std::string message = "step " + std::to_string(step) + ": " + why;
   if (!options_.output.empty()) {
     const std::string file = options_.output + ".bad-batch.csv";
     std::ofstream out(file);
+    std::vector<SurfacePoint> points;
+    std::vector<Vec3f> targets;
+    engine_->last_batch(points, targets);
     out << "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha,tr,tg,tb\n";
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      const SurfacePoint& p = points_[i];
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const SurfacePoint& p = points[i];
       for (const Vec3f& v : {p.x, p.wo, p.n, p.albedo}) out << v.x << ',' << v.y << ',' << v.z << ',';
-      out << p.alpha << ',' << targets_[i].x << ',' << targets_[i].y << ',' << targets_[i].z << '\n';
+      out << p.alpha << ',' << targets[i].x << ',' << targets[i].y << ',' << targets[i].z << '\n';
     }
     message += "; the batch is in " + file + ", and " + options_.output + " is the last good checkpoint, if one was written";
   }
@@ -207,24 +163,25 @@ TrainResult Run::go() {
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
   double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds, next_validation = 5.0;
-  double smoothed = -1.0, mape = -1.0;
+  double mape = -1.0;
+  int waiting = 0;                 // steps asked for and not yet reported
   while (fraction() < 1.0) {
     if (options_.interrupted && options_.interrupted()) {
       result.interrupted = true;
+      settle();
       break;
     }
     const ScheduleState s = schedule(config_, state_.step, fraction());
-    draw(static_cast<unsigned long long>(state_.step), s, query_);
-    const FieldStep step = field_->train(points_, targets_, s.epsilon, s.rate_scale);
-    non_finite_ += step.non_finite;
-    if (!std::isfinite(step.loss)) stop_non_finite("the loss is not finite");
-    if (non_finite_ > config_.adam_max_non_finite) stop_non_finite(std::to_string(non_finite_) + " gradients were not finite (adam.max_non_finite)");
+    engine_->step(state_.step, s);
     ++state_.step;
-    smoothed = smoothed < 0.0 ? step.loss : smoothed + (step.loss - smoothed) * 0.02;
+    state_.lhs_samples += s.points;
+    if (++waiting < engine_->steps_between_reports() && fraction() < 1.0) continue;
+    waiting = 0;
+    settle();
     const double seconds = seconds_since(start_);
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
-      mape = validation_->mape(*field_);
+      mape = validation_->mape(*engine_);
       next_validation = seconds_since(start_) + std::max(5.0, 0.02 * config_.train_seconds);
     }
     if (options_.progress && seconds >= next_progress) {
@@ -233,7 +190,7 @@ TrainResult Run::go() {
       p.steps = config_.train_steps;
       p.seconds = state_.seconds;
       p.fraction = fraction();
-      p.loss = smoothed;
+      p.loss = smoothed_;
       p.validation_mape = mape;
       p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries) / seconds;
       p.points_per_second = static_cast<double>(state_.step - first_step) * s.points / seconds;
@@ -247,14 +204,14 @@ TrainResult Run::go() {
     }
   }
   checkpoint(options_.save_optimizer || result.interrupted);
-  if (options_.reference) result.validation_mape = Validation(context_, *options_.reference, config_, 1 << 20, 4).mape(*field_);
+  if (options_.reference) result.validation_mape = Validation(context_, *options_.reference, config_, 1 << 20, 4).mape(*engine_);
   result.steps = state_.step;
   result.seconds = state_.seconds;
   result.lhs_samples = state_.lhs_samples;
   result.rhs_queries = state_.rhs_queries;
-  result.loss = std::max(0.0, smoothed);
+  result.loss = std::max(0.0, smoothed_);
   result.dropped_contributions = dropped_contributions_;
-  result.field = std::move(field_);
+  result.field = engine_->release_field();
   return result;
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "base/threads.h"
 #include "transport/rhs_estimator.h"
 
 namespace octrad {
@@ -37,11 +36,9 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   }
 }
 
-double Validation::mape(const RadianceField& field) const {
+double Validation::mape(TrainEngine& engine) const {
   std::vector<Vec3f> predicted(points_.size());
-  parallel_blocks(points_.size(), 512, [&](std::size_t begin, std::size_t end) {
-    field.radiance(std::span(points_).subspan(begin, end - begin), std::span(predicted).subspan(begin, end - begin));
-  });
+  engine.radiance(points_, predicted);
   std::vector<Vec3f> sum(pixels_.size());
   for (std::size_t i = 0; i < pixels_.size(); ++i) sum[i] = pixels_[i].known;
   for (std::size_t i = 0; i < points_.size(); ++i) sum[owner_[i]] += predicted[i];

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "image/image.h"
-#include "model/radiance_field.h"
+#include "train/engine.h"
 #include "transport/context.h"
 
 namespace octrad {
@@ -15,7 +15,7 @@ class Validation {
   Validation(const TransportContext& context, const Image& reference, const Config& config, int max_pixels, int spp);
 
   // MAPE of method section 10: mean of |I - R| / (R + 0.01) over the pixels and RGB.
-  double mape(const RadianceField& field) const;
+  double mape(TrainEngine& engine) const;
 
  private:
   struct Pixel { Vec3f reference, known; };  // known: emission and environment seen directly
