@@ -1,9 +1,15 @@
-// What a ray met. Plain data, for host and device.
+// A ray to cast, and what it met. Plain data, for host and device.
 #pragma once
 
-#include "base/hd.h"
+#include "base/vec.h"
 
 namespace octrad {
+
+// From 0 to t_max.
+struct RayQuery {
+  Vec3f origin, direction;
+  float t_max = 0.0f;
+};
 
 // Raw intersection. `primitive` and barycentrics (u, v) refer to the shape's mesh; spheres give the surface point itself.
 struct Hit {

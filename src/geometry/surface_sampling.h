@@ -4,7 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "geometry/tracer.h"
+#include "geometry/surface_sampling_math.h"
+#include "scene/scene.h"
 
 namespace octrad {
 
@@ -13,21 +14,23 @@ class SurfaceSampler {
   // Throws InputError for a scene without area. The scene must outlive the sampler.
   explicit SurfaceSampler(const Scene& scene);
 
+  SurfaceSampler(const SurfaceSampler&) = delete;
+  SurfaceSampler& operator=(const SurfaceSampler&) = delete;
+
   // u_pick and u in [0, 1): which triangle or sphere, and where on it. SurfaceInteraction::t is 0.
   SurfaceInteraction sample(float u_pick, Vec2f u) const;
   // Only where that point lies; several times as fast.
   Vec3f sample_position(float u_pick, Vec2f u) const;
-  double total_area() const { return total_area_; }        // square world units
+  double total_area() const { return view_.total_area; }   // square world units
+  // The tables as surface_sampling_math.h reads them.
+  const SurfaceSamplerView& view() const { return view_; }
 
  private:
-  struct Element { int shape, primitive; };
-  Element pick(float u_pick) const;
-
-  const Scene& scene_;
-  std::vector<Element> elements_;
-  std::vector<double> cumulative_;   // area up to and including each element
-  std::vector<std::uint32_t> guide_; // first element whose share ends after i / size (Chen & Asau 1974)
-  double total_area_ = 0.0;
+  std::vector<SurfaceElement> elements_;
+  std::vector<double> cumulative_;
+  std::vector<std::uint32_t> guide_;
+  std::vector<ShapeView> shapes_;
+  SurfaceSamplerView view_;
 };
 
 }  // namespace octrad

@@ -8,15 +8,10 @@
 
 #include "geometry/hit.h"
 #include "geometry/offset_math.h"
+#include "geometry/surface_interaction.h"
 #include "scene/scene.h"
 
 namespace octrad {
-
-// A ray of many.
-struct RayQuery {
-  Vec3f origin, direction;
-  float t_max = 0.0f;
-};
 
 class Tracer {
  public:
@@ -31,17 +26,7 @@ class Tracer {
 // The scene must outlive the tracer. `device_config`: Embree's own settings, such as "isa=avx2" (for tests).
 std::unique_ptr<Tracer> make_embree_tracer(const Scene& scene, const std::string& device_config = "");
 
-// Geometry of a hit point. Normals are on the side of the surface's own orientation, not flipped to the ray.
-struct SurfaceInteraction {
-  Vec3f position;
-  Vec3f geometric_normal;          // unit
-  Vec3f shading_normal;            // unit, interpolated (before bump mapping)
-  Vec2f uv;
-  Vec3f dp_du, dp_dv;
-  int shape = -1, material = -1, emitter = -1;
-  float t = 0.0f;
-};
-
+// Geometry of a hit point.
 SurfaceInteraction interact(const Scene& scene, const Hit& hit, Vec3f origin, Vec3f direction);
 
 }  // namespace octrad

@@ -5,13 +5,9 @@
 #include <vector>
 
 #include "base/vec.h"
+#include "scene/ray.h"
 
 namespace octrad {
-
-struct Ray {
-  Vec3f origin, direction;         // direction has unit length
-  float t_max = 1e30f;             // far clipping plane; hits beyond it do not count
-};
 
 struct Camera {
   Vec3f origin{0, 0, 0};

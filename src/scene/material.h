@@ -5,11 +5,9 @@
 #include <string>
 
 #include "base/vec.h"
+#include "scene/material_types.h"
 
 namespace octrad {
-
-enum class BsdfType { diffuse, plastic, roughplastic, conductor, roughconductor, dielectric, thindielectric };
-enum class MicrofacetDistribution { beckmann, ggx };
 
 struct Material {
   std::string id;

@@ -10,6 +10,7 @@
 #include "base/vec.h"
 #include "scene/camera.h"
 #include "scene/material.h"
+#include "scene/sphere.h"
 #include "scene/texture.h"
 
 namespace octrad {
@@ -21,13 +22,6 @@ struct TriangleMesh {
   std::vector<Vec2f> uvs;          // per vertex; empty: barycentric coordinates as Mitsuba does
   std::vector<Vec3i> triangles;    // vertex indices
   bool flip_normals = false;       // geometric normal is -(p1-p0)x(p2-p0)
-};
-
-struct Sphere {
-  Vec3f center;
-  float radius = 1.0f;
-  bool flip_normals = false;
-  float to_local[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row-major rotation world -> object, for uv
 };
 
 struct Shape {

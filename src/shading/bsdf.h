@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
-#include "base/frame.h"
 #include "geometry/tracer.h"
 #include "scene/scene.h"
 #include "shading/bsdf_types.h"
+#include "shading/materials_math.h"
 
 namespace octrad {
 
@@ -35,28 +35,17 @@ class Materials {
   ~Materials();
   // Parameters of material `index` (front side) at texture coordinates `uv`; bump mapping is applied by shade().
   Bsdf at(int index, Vec2f uv) const;
-  void at(int index, Vec2f uv, Bsdf& out) const;
-  // Starts loading the texels that at(index, uv) will read.
+  // Starts loading the texels that shade() will read.
   void prefetch(int index, Vec2f uv) const;
-
-  struct Record;
-  const Record& record(int index) const;
+  // The tables as materials_math.h reads them: a record a material, a view a texture of the scene.
+  const MaterialsView& view() const { return view_; }
+  std::size_t size() const;
+  std::size_t texture_count() const;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
-};
-
-// A shaded hit: geometry, frame flipped to the side of wo on two-sided surfaces, bump applied, textures evaluated.
-struct ShadingPoint {
-  SurfaceInteraction surface;
-  Vec3f ns, s, t;                  // shading frame in world space (left-handed where a two-sided surface was flipped)
-  Vec3f wo;                        // world
-  Bsdf bsdf;
-  bool front = true;               // seen from the side of the geometric normal
-  bool black = false;              // back of a one-sided opaque surface: scatters nothing
-  Vec3f to_local(Vec3f v) const { return {dot(v, s), dot(v, t), dot(v, ns)}; }
-  Vec3f to_world(Vec3f v) const { return s * v.x + t * v.y + ns * v.z; }
+  MaterialsView view_;
 };
 
 // `wo`: unit, world space, away from the surface. Sides are told by the shading normal, as Mitsuba does.

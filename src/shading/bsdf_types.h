@@ -5,7 +5,7 @@
 #pragma once
 
 #include "base/vec.h"
-#include "scene/material.h"
+#include "scene/material_types.h"
 
 namespace octrad {
 

@@ -16,34 +16,21 @@ class CompactTexture {
   // pictures that hold more than 256 different numbers (all made from files of 8 bits fit).
   static std::unique_ptr<CompactTexture> make(const Texture& texture);
 
+  CompactTexture() = default;
+  CompactTexture(const CompactTexture&) = delete;
+  CompactTexture& operator=(const CompactTexture&) = delete;
+
   // The same bits as octrad::evaluate(texture, uv).
-  Vec3f evaluate(Vec2f uv) const;
-  // Starts loading what evaluate(uv) will read.
-  void prefetch(Vec2f uv) const;
+  Vec3f evaluate(Vec2f uv) const { return evaluate_texture(view_, uv); }
+  // Starts loading what evaluate_texture(view, uv) will read, of a view with tiles.
+  static void prefetch(const TextureView& view, Vec2f uv);
+  const TextureView& view() const { return view_; }
+  std::size_t tile_count() const { return tiles_.size(); }
 
  private:
-  struct Texel {
-    std::uint8_t r, g, b, unused;
-  };
-  struct alignas(64) Tile {
-    Texel texels[16];              // 4 x 4, row by row
-  };
-  struct Cell {
-    int x0, y0, x1, y1;            // texels, wrapped
-    float fx, fy;
-  };
-  Cell cell(Vec2f uv) const;
-  const Texel& texel(int x, int y) const {
-    return tiles_[static_cast<std::size_t>(y >> 2) * columns_ + static_cast<std::size_t>(x >> 2)].texels[(y & 3) * 4 + (x & 3)];
-  }
-  Vec3f color(const Texel& t) const { return {palette_[t.r], palette_[t.g], palette_[t.b]}; }
-
-  float to_uv_[6];
-  int width_ = 0, height_ = 0;
-  bool nearest_ = false, clamp_ = false;
-  std::size_t columns_ = 0;
-  float palette_[256];
-  std::vector<Tile> tiles_;
+  float palette_[kPaletteSize] = {};
+  std::vector<TexelTile> tiles_;
+  TextureView view_;
 };
 
 }  // namespace octrad

@@ -35,7 +35,7 @@ TEST(CompactTexture, SameBitsAsTheTexture) {
       for (int i = 0; i < 5000; ++i) {
         const Vec2f uv = rng.uniform2() * 6.0f - Vec2f{3.0f, 3.0f};
         ASSERT_EQ(compact->evaluate(uv), evaluate(t, uv)) << uv.x << " " << uv.y;
-        compact->prefetch(uv);
+        CompactTexture::prefetch(compact->view(), uv);
       }
       for (const Vec2f uv : {Vec2f{0, 0}, Vec2f{1, 1}, Vec2f{-1, 2}, Vec2f{1e20f, 0.5f}, Vec2f{NAN, 0.5f}, Vec2f{INFINITY, -INFINITY}}) {
         const Vec3f a = compact->evaluate(uv), b = evaluate(t, uv);

@@ -2,29 +2,12 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
 #include "geometry/tracer.h"
 #include "scene/scene.h"
+#include "shading/lights_math.h"
 
 namespace octrad {
-
-struct LightSample {
-  Vec3f direction;                 // unit, from the reference point to the light
-  float distance = 0.0f;           // to the sampled point (kEnvironmentDistance for the environment)
-  Vec3f radiance;                  // emitted towards the reference point
-  float pdf = 0.0f;                // solid angle at the reference point, times the probability of picking the light
-  bool valid = false;
-};
-
-inline constexpr float kEnvironmentDistance = 1e30f;
-
-// Shadow rays end this share of the distance before the light (Mitsuba's shadow epsilon).
-inline constexpr float kShadowShortening = 1.0f - 15000.0f * 0x1p-24f;
-
-// A ray from just off a surface to just before the sampled point. It aims at the point itself: keeping the sample's direction
-// from the shifted origin would end behind lights that are close.
-RayQuery shadow_ray(Vec3f position, Vec3f geometric_normal, const LightSample& sample);
 
 // All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
 // cone they subtend, the environment by its radiance. The scene must outlive this object.
@@ -49,12 +32,15 @@ class Lights {
   Vec3f environment(Vec3f direction) const;
   float environment_pdf(Vec3f direction) const;
   Vec3f environment(Vec3f direction, float& pdf) const;
-  bool has_environment() const;
-  bool empty() const;
+  bool has_environment() const { return view_.has_environment(); }
+  bool empty() const { return view_.count == 0; }
+  // The tables as lights_math.h reads them; `textures` holds all of the scene, by index.
+  const LightsView& view() const { return view_; }
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+  LightsView view_;
 };
 
 }  // namespace octrad

@@ -2,7 +2,7 @@
 // (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces").
 #pragma once
 
-#include "scene/material.h"
+#include "scene/material_types.h"
 #include "shading/warp.h"
 
 namespace octrad {
