@@ -63,6 +63,12 @@ function(octrad_flags target)
   endif()
 endfunction()
 
+# What cuda_stream.cu says of the program.
+if(OCTRAD_CUDA_FOUND)
+  string(REPLACE ";" "," architectures "${CMAKE_CUDA_ARCHITECTURES}")
+  set_source_files_properties(src/device/cuda_stream.cu PROPERTIES COMPILE_DEFINITIONS "OCTRAD_CUDA_ARCHITECTURES=\"${architectures}\"")
+endif()
+
 # Sets the language of the files that either compiler takes.
 function(octrad_device_sources)
   if(OCTRAD_CUDA_FOUND)

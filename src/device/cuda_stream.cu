@@ -151,6 +151,7 @@ DeviceSurvey survey_devices() {
   int runtime = 0, driver = 0, count = 0;
   cudaRuntimeGetVersion(&runtime);
   survey.runtime = version(runtime);
+  survey.architectures = OCTRAD_CUDA_ARCHITECTURES;
   cudaDriverGetVersion(&driver);
   if (driver > 0) survey.driver = version(driver);
   const cudaError_t status = cudaGetDeviceCount(&count);

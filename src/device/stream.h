@@ -23,6 +23,7 @@ struct DeviceInfo {
 struct DeviceSurvey {
   std::vector<DeviceInfo> devices;
   std::string driver, runtime;     // CUDA versions, "13.0"; empty where absent
+  std::string architectures;       // that this program was compiled for: "75-real,90"; empty without CUDA
   std::string why_none;
 };
 DeviceSurvey survey_devices();

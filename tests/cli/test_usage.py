@@ -19,7 +19,7 @@ class Usage(Case):
                 example = re.search(r"Example:\n((?:  .*\n?)+)", text)
                 self.assertIsNotNone(example, text)
                 options = set(re.findall(r"(?<![\w-])(--?[A-Za-z][\w-]*)", text.split("Example:")[0]))
-                for common in ("--threads", "--seed", "--max-memory", "--json", "-q", "-v", "--log-json"):
+                for common in ("--threads", "--seed", "--max-memory", "--device", "--json", "-q", "-v", "--log-json"):
                     self.assertIn(common, options)
                 for line in example.group(1).strip().splitlines():
                     words = shlex.split(line)
@@ -46,6 +46,8 @@ class Usage(Case):
         self.fails(1, "--seed", "info", "--seed", "1.5")
         self.fails(1, "amount of memory", "info", "--max-memory", "4X")
         self.fails(1, "above 0", "info", "--max-memory", "0")
+        for word in ("gpu", "cuda:", "cuda:-1", "cuda:x", "cpu:0", ""):
+            self.fails(1, "expected auto, cpu, cuda or cuda:N", "info", "--device", word)
         self.fails(1, "required", "compare")
 
     def test_closed_output_is_an_io_error(self):

@@ -55,15 +55,25 @@ std::unique_ptr<JsonLines> CommonOptions::open_log(bool append) const {
   return log_json.empty() ? nullptr : std::make_unique<JsonLines>(log_json, append);
 }
 
+DeviceChoice CommonOptions::choose_device() const {
+  const DeviceChoice choice = octrad::choose_device(parse_device(device), support);
+  if (choice.cuda) log_info("device {} ({})", choice.name, choice.why);
+  else log_verbose("device {} ({})", choice.name, choice.why);
+  return choice;
+}
+
 void CommonOptions::apply() const {
   const int level = static_cast<int>(LogLevel::normal) + verbose - quiet;
   set_log_level(static_cast<LogLevel>(std::clamp(level, static_cast<int>(LogLevel::quiet), static_cast<int>(LogLevel::debug))));
   if (threads > 0) set_thread_count(threads);
   memory_budget();  // refuses nonsense before any work
+  if (!support.cuda) choose_device();
+  else if (parse_device(device).kind == DeviceRequest::Kind::cuda) octrad::choose_device(parse_device(device), support);
 }
 
-CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example) {
+CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example, Devices devices) {
   CLI::App* verb = program.app.add_subcommand(name, summary);
+  if (devices == Devices::cuda) program.device_verbs.insert(name);
   CommonOptions& common = program.common;
   verb->add_option("--threads", common.threads, "threads to use; 0: all")
       ->check(unnamed(CLI::Range(0, 4096)))
@@ -75,6 +85,9 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
       ->group("Common");
   verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")
       ->type_name("BYTES")
+      ->group("Common");
+  verb->add_option("--device", common.device, "auto (the default), cpu, cuda or cuda:N; octrad info says what there is")
+      ->type_name("DEVICE")
       ->group("Common");
   verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
   verb->add_flag("-v,--verbose", common.verbose, "more detail; twice: for debugging")->group("Common");

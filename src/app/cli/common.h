@@ -8,11 +8,13 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "base/progress.h"
 #include "base/vec.h"
+#include "device/choose.h"
 #include "model/config.h"
 
 namespace octrad::cli {
@@ -22,6 +24,8 @@ struct CommonOptions {
   int threads = 0;                 // 0: all
   long long seed = -1;             // -1: not given
   std::string max_memory;          // "4G"; empty: what the machine can give
+  std::string device = "auto";
+  DeviceSupport support;           // of the verb that runs
   int quiet = 0, verbose = 0;
   bool json = false;
   std::string log_json;
@@ -30,7 +34,10 @@ struct CommonOptions {
   std::uint64_t memory_budget() const;
   // The --log-json file, null if not asked for.
   std::unique_ptr<JsonLines> open_log(bool append = false) const;
-  // Applies threads and verbosity; called once, after parsing.
+  // The device that the verb works on, by --device and what the machine has; says so when that is a GPU, and with -v always.
+  // Throws DeviceError when one is asked for that cannot be used.
+  DeviceChoice choose_device() const;
+  // Applies threads and verbosity, and refuses nonsense and devices that cannot be used; called once, after parsing.
   void apply() const;
 };
 
@@ -39,10 +46,15 @@ struct Program {
   CLI::App app;
   CommonOptions common;
   std::function<void()> run;
+  std::set<std::string> device_verbs;  // verbs that have a path on CUDA devices
 };
 
+// Whether a verb's work can be done on a CUDA device: for the others `auto` takes the CPU, and asking for a device is an error.
+enum class Devices { cpu, cuda };
+
 // Adds a subcommand with the common options. `example` is shown at the end of --help.
-CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example);
+CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example,
+                   Devices devices = Devices::cpu);
 
 void add_train(Program& program);
 void add_render(Program& program);
@@ -50,6 +62,7 @@ void add_compare(Program& program);
 void add_info(Program& program);
 void add_query(Program& program);
 void add_tonemap(Program& program);
+void add_selftest(Program& program);
 
 // A check that does not add itself to the help text (the option's own text says what is accepted).
 template <typename Validator>

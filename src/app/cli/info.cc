@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "base/version.h"
+#include "device/choose.h"
 #include "encoding/octaoctree.h"
 #include "geometry/voxelize.h"
 #include "image/io.h"
@@ -27,25 +28,72 @@ struct InfoOptions {
   ConfigOptions config;
 };
 
-void info_program(const CommonOptions& common) {
+// What the machine has for --device, and what the verbs that can use it get without one.
+nlohmann::json devices_json(const DeviceSurvey& survey, const DeviceChoice& choice, const std::set<std::string>& verbs) {
+  nlohmann::json devices = nlohmann::json::array();
+  for (const DeviceInfo& d : survey.devices) {
+    devices.push_back({{"device", fmt::format("cuda:{}", d.index)},
+                       {"name", d.name},
+                       {"compute_capability", fmt::format("{}.{}", d.major, d.minor)},
+                       {"multiprocessors", d.multiprocessors},
+                       {"memory", d.total_bytes},
+                       {"l2", d.l2_bytes},
+                       {"shared_memory", d.shared_bytes},
+                       {"usable", runs_on(survey.architectures, d.major, d.minor)}});
+  }
+  const auto known = [](const std::string& text) { return text.empty() ? nlohmann::json(nullptr) : nlohmann::json(text); };
+  return {{"built_with_cuda", built_with_cuda()},
+          {"architectures", known(survey.architectures)},
+          {"runtime", known(survey.runtime)},
+          {"driver", known(survey.driver)},
+          {"devices", devices},
+          {"why_none", known(survey.why_none)},
+          {"device_verbs", verbs},
+          {"auto", {{"device", choice.name}, {"why", choice.why}}}};
+}
+
+std::string devices_text(const DeviceSurvey& survey, const DeviceChoice& choice, const std::set<std::string>& verbs) {
+  std::string out = "CUDA       ";
+  if (built_with_cuda()) {
+    out += fmt::format("runtime {}, built for {}; driver {}\n", survey.runtime, survey.architectures,
+                       survey.driver.empty() ? "none" : "for " + survey.driver);
+  } else {
+    out += "not built in\n";
+  }
+  for (const DeviceInfo& d : survey.devices) {
+    out += fmt::format("cuda:{:<5} {}, compute capability {}.{}, {} multiprocessors, {}\n", d.index, d.name, d.major, d.minor, d.multiprocessors,
+                       format_bytes(static_cast<double>(d.total_bytes)));
+  }
+  std::string list;
+  for (const std::string& verb : verbs) list += (list.empty() ? "" : ", ") + verb;
+  return out + fmt::format("--device   auto is {} ({}); verbs with a GPU path: {}\n", choice.name, choice.why, list);
+}
+
+void info_program(const CommonOptions& common, std::set<std::string> device_verbs) {
+  device_verbs.erase("info");          // it only looks
   const CpuInfo cpu = cpu_info();
   const std::uint64_t memory = usable_memory();
+  const DeviceSurvey survey = survey_devices();
+  const DeviceChoice choice = choose_device(parse_device(common.device), common.support, survey);
   if (common.json) {
-    print_json({{"version", kVersion},
+    nlohmann::json report = {{"version", kVersion},
                 {"isa", cpu.level},
                 {"simd", network_simd_name()},
                 {"cpu", cpu.model},
                 {"cpu_features", cpu.features},
                 {"cores", cpu.logical_cores},
                 {"threads", thread_count()},
-                {"memory", memory}});
+                {"memory", memory}};
+    report.update(devices_json(survey, choice, device_verbs));
+    print_json(report);
     return;
   }
   std::string features;
   for (const std::string& f : cpu.features) features += (features.empty() ? "" : " ") + f;
   print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nSIMD       {} (the kernels in use)\nmemory     {} usable\n",
                          kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features, network_simd_name(),
-                         format_bytes(static_cast<double>(memory))));
+                         format_bytes(static_cast<double>(memory))) +
+             devices_text(survey, choice, device_verbs));
 }
 
 void info_keys(const CommonOptions& common, const Config& config) {
@@ -251,9 +299,9 @@ void info_model(const CommonOptions& common, const std::string& file) {
   print_text(out);
 }
 
-void info_verb(const CommonOptions& common, const InfoOptions& options) {
+void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
   if (options.keys) return info_keys(common, options.config.resolve());
-  if (options.file.empty()) return info_program(common);
+  if (options.file.empty()) return info_program(common, device_verbs);
   std::string extension = std::filesystem::path(options.file).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -270,13 +318,13 @@ void info_verb(const CommonOptions& common, const InfoOptions& options) {
 void add_info(Program& program) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.",
-                            "octrad info scene.xml --preset default -D octree.levels=6");
+                            "octrad info scene.xml --preset default -D octree.levels=6", Devices::cuda);
   verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")
       ->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   options->config.add_to(*verb);
-  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options); }; });
+  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs); }; });
 }
 
 }  // namespace octrad::cli

@@ -68,6 +68,7 @@ int run(int argc, char** argv) {
   add_info(program);
   add_query(program);
   add_tonemap(program);
+  add_selftest(program);
   try {
     program.app.parse(argc, argv);
   } catch (const CLI::Success& success) {
@@ -76,6 +77,8 @@ int run(int argc, char** argv) {
     log_error(explain(program.app, error));
     return static_cast<int>(ExitCode::usage);
   }
+  const std::string verb = program.app.get_subcommands().front()->get_name();
+  program.common.support = {"octrad " + verb, program.device_verbs.count(verb) > 0};
   program.common.apply();
   program.run();
   return interrupted() ? static_cast<int>(ExitCode::interrupted) : 0;

@@ -1,0 +1,211 @@
+// octrad selftest: kernels against the definitions of the CPU, then what the device can do. On the CPU the same kernels run on
+// the host stream: that proves them, and says nothing about the speed of a GPU.
+#include <fmt/format.h>
+
+#include <cctype>
+#include <ctime>
+#include <random>
+
+#include "app/cli/common.h"
+#include "app/cli/loaded_scene.h"
+#include "app/selftest/selftest.h"
+#include "base/atomic_file.h"
+#include "base/bytes.h"
+#include "base/cpu_info.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/stopwatch.h"
+#include "base/threads.h"
+#include "base/version.h"
+
+namespace octrad::cli {
+namespace {
+
+using namespace selftest;
+
+struct SelftestOptions {
+  std::string scene, output, only;
+  bool quick = false, no_benchmarks = false;
+  std::vector<std::string> definitions;
+};
+
+bool chosen(const SelftestOptions& o, const char* name) {
+  const auto lower = [](std::string text) {
+    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+  };
+  return o.only.empty() || lower(name).find(lower(o.only)) != std::string::npos;
+}
+
+// JSON has no infinity.
+nlohmann::json number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json("infinite"); }
+
+nlohmann::json device_json(const Stream& stream, const DeviceChoice& choice) {
+  if (!stream.on_device()) {
+    const CpuInfo cpu = cpu_info();
+    return {{"device", "host"}, {"name", cpu.model}, {"isa", cpu.level}, {"threads", thread_count()}};
+  }
+  const DeviceInfo d = stream.info();
+  const DeviceSurvey survey = survey_devices();
+  return {{"device", choice.name},
+          {"name", d.name},
+          {"compute_capability", fmt::format("{}.{}", d.major, d.minor)},
+          {"multiprocessors", d.multiprocessors},
+          {"memory", d.total_bytes},
+          {"free_memory", d.free_bytes},
+          {"l2", d.l2_bytes},
+          {"driver", survey.driver},
+          {"runtime", survey.runtime},
+          {"built_for", survey.architectures}};
+}
+
+std::string date_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
+}
+
+std::string row(const std::string& name, const std::string& text) { return fmt::format("  {:<36} {}\n", name, text); }
+
+void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
+  if (!o.output.empty()) require_writable(o.output);
+  const Stopwatch watch;
+  const DeviceChoice choice = common.choose_device();
+  const std::unique_ptr<Stream> stream = choice.cuda ? choice.make_stream() : make_host_stream();
+  const std::string on = stream->on_device() ? choice.name : "host";
+  std::random_device random;
+  const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random();
+
+  LoadedScene loaded;
+  ConfigOptions definitions;
+  definitions.definitions = o.definitions;
+  if (!o.scene.empty()) {
+    loaded = open_scene(o.scene, definitions.scene_definitions());
+  } else {
+    loaded.scene = std::make_unique<Scene>(built_in_scene(seed));
+    loaded.tracer = make_embree_tracer(*loaded.scene);
+  }
+  const Bvh8 bvh = build_bvh8(*loaded.scene);
+  const Context context{*stream, seed, *loaded.scene, *loaded.tracer, bvh, o.scene.empty() ? nullptr : &loaded, o.quick};
+
+  std::string text = stream->on_device()
+                         ? fmt::format("selftest on {} ({})\n", choice.name, stream->info().name)
+                         : fmt::format("selftest on the host, standing in for a GPU ({})\n", choice.why);
+  text += fmt::format("seed {}, scene {}: {} triangles\n\nKernels against the CPU's definitions\n", seed, loaded.scene->file,
+                      format_count(static_cast<long long>(loaded.scene->triangle_count())));
+  nlohmann::json check_list = nlohmann::json::array(), benchmark_list = nlohmann::json::array(), stage_list = nlohmann::json::array(),
+                 skipped = nlohmann::json::array();
+  const auto skip = [&](const char* name, const std::string& why) { skipped.push_back({{"name", name}, {"why", why}}); };
+
+  std::size_t failed = 0, passed = 0;
+  for (const Check& check : checks()) {
+    if (!chosen(o, check.name)) continue;
+    log_verbose("{}", check.name);
+    const CheckResult r = check.run(context);
+    (r.passed ? passed : failed) += 1;
+    check_list.push_back({{"name", check.name},
+                          {"on", on},
+                          {"error", r.error},
+                          {"items", r.items},
+                          {"p50", number(r.p50)},
+                          {"p99", number(r.p99)},
+                          {"p99.9", number(r.p999)},
+                          {"max", number(r.max)},
+                          {"tolerance", r.tolerance},
+                          {"allowed_above", r.allowed},
+                          {"above", r.above},
+                          {"passed", r.passed}});
+    text += row(check.name, fmt::format("{}  {}: p99.9 {:.2g}, max {:.2g}; at most {:.2g}{}", r.passed ? "ok    " : "FAILED", r.error, r.p999, r.max,
+                                        r.tolerance, r.allowed > 0.0 ? fmt::format(" for all but {:.3g} %", 100.0 * r.allowed) : ""));
+  }
+
+  if (!o.no_benchmarks) text += stream->on_device() ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n";
+  for (const Benchmark& benchmark : benchmarks()) {
+    if (o.no_benchmarks || !chosen(o, benchmark.name)) continue;
+    if (benchmark.run == nullptr) {
+      skip(benchmark.name, benchmark.missing);
+      continue;
+    }
+    log_verbose("{}", benchmark.name);
+    const BenchmarkResult r = benchmark.run(context);
+    nlohmann::json sizes = nlohmann::json::object();
+    for (const auto& [key, value] : r.sizes) sizes[key] = value;
+    benchmark_list.push_back({{"name", benchmark.name},
+                              {"on", on},
+                              {"rate", r.rate},
+                              {"unit", r.unit},
+                              {"median_ms", r.median_ms},
+                              {"min_ms", r.min_ms},
+                              {"max_ms", r.max_ms},
+                              {"runs", r.runs},
+                              {"sizes", sizes}});
+    text += row(benchmark.name, fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms, stream->on_device() ? "" : ", host"));
+  }
+
+  for (const Stage& stage : stages()) {
+    if (o.no_benchmarks || !chosen(o, stage.name)) continue;
+    if (stage.run == nullptr) {
+      skip(stage.name, stage.missing);
+    } else if (context.loaded == nullptr) {
+      skip(stage.name, "it needs a scene with materials: octrad selftest SCENE.xml");
+    } else {
+      log_verbose("{}", stage.name);
+      nlohmann::json result = stage.run(context);
+      result["name"] = stage.name;
+      result["on"] = on;
+      text += row(stage.name, result.dump());
+      stage_list.push_back(std::move(result));
+    }
+  }
+  if (!skipped.empty()) text += "\nSkipped\n";
+  for (const auto& s : skipped) text += row(s["name"], s["why"]);
+  if (passed + failed + benchmark_list.size() + stage_list.size() + skipped.size() == 0) {
+    throw UsageError(fmt::format("--only {}: no check or benchmark has this in its name", o.only));
+  }
+  text += fmt::format("\n{} passed, {} failed, {} skipped\n", passed, failed, skipped.size());
+
+  const nlohmann::json report = {{"version", kVersion},
+                                 {"date", date_now()},
+                                 {"device", device_json(*stream, choice)},
+                                 {"emulated", !stream->on_device()},
+                                 {"why", choice.why},
+                                 {"seed", seed},
+                                 {"scene", {{"file", loaded.scene->file}, {"triangles", loaded.scene->triangle_count()}}},
+                                 {"checks", check_list},
+                                 {"benchmarks", benchmark_list},
+                                 {"stages", stage_list},
+                                 {"skipped", skipped},
+                                 {"passed", failed == 0},
+                                 {"peak_bytes", stream->peak_bytes()},
+                                 {"seconds", watch.seconds()}};
+  if (!o.output.empty()) {
+    AtomicFile out(o.output);
+    out.write(report.dump(2) + "\n");
+    out.commit();
+  }
+  if (common.json) print_json(report);
+  else print_text(text);
+  if (failed > 0) throw DeviceError(fmt::format("{} of {} checks failed on {}; seed {}", failed, passed + failed, on, seed));
+}
+
+}  // namespace
+
+void add_selftest(Program& program) {
+  auto o = std::make_shared<SelftestOptions>();
+  CLI::App* verb = add_verb(program, "selftest", "Check the kernels of a device against the CPU, and measure them.",
+                            "octrad selftest --device auto --quick\n  octrad selftest scene.xml --json -o selftest.json", Devices::cuda);
+  verb->add_option("scene", o->scene, "Mitsuba 3 scene for rays and stages; default: one that is built in")->type_name("SCENE.xml");
+  verb->add_option("-o,--output", o->output, "JSON file with everything")->type_name("OUT.json");
+  verb->add_option("--only", o->only, "only checks and benchmarks with this in their name")->type_name("TEXT");
+  verb->add_flag("--quick", o->quick, "small sizes on a GPU too");
+  verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
+  verb->add_option("-D", o->definitions, "set a parameter of the scene file")
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  verb->callback([&program, o] { program.run = [&program, o] { selftest_verb(program.common, *o); }; });
+}
+
+}  // namespace octrad::cli

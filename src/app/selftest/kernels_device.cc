@@ -1,0 +1,204 @@
+#include "app/selftest/kernels.h"
+
+#include "base/rng.h"
+#include "base/sobol_math.h"
+#include "device/launch.h"
+#include "encoding/octahedral_math.h"
+#include "encoding/spherical_harmonics_math.h"
+
+namespace octrad::selftest {
+namespace {
+
+struct SelftestRng : Kernel {
+  std::uint64_t seed;
+  std::uint32_t* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    Rng rng(seed, RngPurpose::test, i);
+    rng.bits();
+    out[i] = rng.bits();
+  }
+};
+
+struct SelftestSobol : Kernel {
+  std::uint32_t* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const { sobol3(i, out + 3 * static_cast<std::size_t>(i)); }
+};
+
+struct SelftestOctahedral : Kernel {
+  const Vec3f* directions;
+  Vec2f* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = octa_project(directions[i]).u; }
+};
+
+struct SelftestSphericalHarmonics : Kernel {
+  const Vec3f* directions;
+  float* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const { spherical_harmonics(directions[i], out + 16 * static_cast<std::size_t>(i)); }
+};
+
+struct SelftestHashGrid : Kernel {
+  HashGridView grid;
+  const Vec3f* positions;
+  float* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    for (int l = 0; l < grid.levels; ++l) {
+      std::uint32_t entry[8];
+      float weight[8];
+      hash_grid_taps(grid.level[l], positions[i], entry, weight);
+      float sum = 0.0f;
+      for (int c = 0; c < 8; ++c) sum += weight[c] * grid.table[entry[c] * static_cast<std::size_t>(grid.features)];
+      out[static_cast<std::size_t>(i) * static_cast<std::size_t>(grid.levels) + static_cast<std::size_t>(l)] = sum;
+    }
+  }
+};
+
+struct SelftestAdam : Kernel {
+  AdamConstants constants;
+  float rate, second;
+  const float* gradients;
+  float *parameters, *m, *v;
+  OCTRAD_HD void operator()(std::uint32_t i) const { parameters[i] = adam_update(parameters[i], gradients[i], m[i], v[i], constants, rate, second); }
+};
+
+struct SelftestAtomics : Kernel {
+  const std::uint32_t* values;
+  std::uint32_t* counts;
+  float* sum;
+  std::uint32_t* flags;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    atomic_add(&counts[values[i] & 7u], std::uint32_t{1});
+    atomic_add(sum, 1.0f);
+    atomic_or(flags, 1u << (values[i] & 7u));
+  }
+};
+
+struct SelftestClosest : Kernel {
+  Bvh8View bvh;
+  const DeviceRay* rays;
+  Hit* hits;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const DeviceRay r = rays[i];
+    hits[i] = bvh8_intersect(bvh, r.origin, r.direction, 0.0f, r.t_max);
+  }
+};
+
+struct SelftestOccluded : Kernel {
+  Bvh8View bvh;
+  const DeviceRay* rays;
+  std::uint32_t* blocked;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const DeviceRay r = rays[i];
+    blocked[i] = bvh8_occluded(bvh, r.origin, r.direction, 0.0f, r.t_max) ? 1u : 0u;
+  }
+};
+
+// Where access k of item i goes: cheap, and without a pattern that caches could use.
+OCTRAD_HD inline std::uint32_t place(std::uint32_t i, int k, std::uint32_t mask) {
+  return static_cast<std::uint32_t>(mix64((static_cast<std::uint64_t>(i) << 3) + static_cast<std::uint64_t>(k) + 1)) & mask;
+}
+
+struct SelftestSectorReads : Kernel {
+  const Sector* table;
+  std::uint32_t mask;
+  float* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    Sector sectors[kAccesses];
+    for (int k = 0; k < kAccesses; ++k) sectors[k] = table[place(i, k, mask)];
+    float sum = 0.0f;
+    for (int k = 0; k < kAccesses; ++k) {
+      for (int j = 0; j < 8; ++j) sum += sectors[k].values[j];
+    }
+    out[i] = sum;
+  }
+};
+
+struct SelftestGathers : Kernel {
+  const float* table;
+  std::uint32_t mask;
+  float* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    float sum = 0.0f;
+    for (int k = 0; k < kAccesses; ++k) sum += table[place(i, k, mask)];
+    out[i] = sum;
+  }
+};
+
+struct SelftestScatter : Kernel {
+  float* table;
+  std::uint32_t mask;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    for (int k = 0; k < kAccesses; ++k) atomic_add(table + place(i, k, mask), 1.0f);
+  }
+};
+
+// One reduction of 16 bytes where the GPU has it (compute capability 9.0), else four.
+OCTRAD_HD inline void add_four(float* at) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  atomicAdd(reinterpret_cast<float4*>(at), make_float4(1.0f, 1.0f, 1.0f, 1.0f));
+#else
+  for (int j = 0; j < 4; ++j) atomic_add(at + j, 1.0f);
+#endif
+}
+
+struct SelftestScatter4 : Kernel {
+  float* table;
+  std::uint32_t mask;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    for (int k = 0; k < kAccesses; ++k) add_four(table + 4 * static_cast<std::size_t>(place(i, k, mask)));
+  }
+};
+
+struct SelftestNothing : Kernel {
+  OCTRAD_HD void operator()(std::uint32_t) const {}
+};
+
+}  // namespace
+
+void run_rng(Stream& stream, std::size_t n, std::uint64_t seed, std::uint32_t* out) { launch(stream, n, SelftestRng{{}, seed, out}); }
+
+void run_sobol(Stream& stream, std::size_t n, std::uint32_t* out) { launch(stream, n, SelftestSobol{{}, out}); }
+
+void run_octahedral(Stream& stream, std::size_t n, const Vec3f* directions, Vec2f* out) {
+  launch(stream, n, SelftestOctahedral{{}, directions, out});
+}
+
+void run_spherical_harmonics(Stream& stream, std::size_t n, const Vec3f* directions, float* out) {
+  launch(stream, n, SelftestSphericalHarmonics{{}, directions, out});
+}
+
+void run_hash_grid(Stream& stream, std::size_t n, const HashGridView& grid, const Vec3f* positions, float* out) {
+  launch(stream, n, SelftestHashGrid{{}, grid, positions, out});
+}
+
+void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, float rate, float second, const float* gradients, float* parameters,
+              float* m, float* v) {
+  launch(stream, n, SelftestAdam{{}, constants, rate, second, gradients, parameters, m, v});
+}
+
+void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum, std::uint32_t* flags) {
+  launch(stream, n, SelftestAtomics{{}, values, counts, sum, flags});
+}
+
+void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits) {
+  launch(stream, n, SelftestClosest{{}, bvh, rays, hits});
+}
+
+void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
+  launch(stream, n, SelftestOccluded{{}, bvh, rays, blocked});
+}
+
+void run_sector_reads(Stream& stream, std::size_t n, const Sector* table, std::uint32_t mask, float* out) {
+  launch(stream, n, SelftestSectorReads{{}, table, mask, out});
+}
+
+void run_gathers(Stream& stream, std::size_t n, const float* table, std::uint32_t mask, float* out) {
+  launch(stream, n, SelftestGathers{{}, table, mask, out});
+}
+
+void run_scatter(Stream& stream, std::size_t n, float* table, std::uint32_t mask) { launch(stream, n, SelftestScatter{{}, table, mask}); }
+
+void run_scatter4(Stream& stream, std::size_t n, float* table, std::uint32_t mask) { launch(stream, n, SelftestScatter4{{}, table, mask}); }
+
+void run_nothing(Stream& stream) { launch(stream, 1, SelftestNothing{}); }
+
+}  // namespace octrad::selftest

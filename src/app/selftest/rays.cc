@@ -1,0 +1,115 @@
+#include "app/selftest/rays.h"
+
+#include "base/rng.h"
+#include "geometry/offset_math.h"
+#include "geometry/surface_sampling.h"
+
+namespace octrad::selftest {
+namespace {
+
+void add_shape(Scene& scene, Shape::Kind kind, std::size_t geometry) {
+  Shape shape;
+  shape.kind = kind;
+  shape.geometry = static_cast<int>(geometry);
+  scene.shapes.push_back(shape);
+}
+
+void add_corners(TriangleMesh& mesh, Vec3f a, Vec3f b, Vec3f c) {
+  const int first = static_cast<int>(mesh.positions.size());
+  mesh.positions.insert(mesh.positions.end(), {a, b, c});
+  mesh.triangles.push_back({first, first + 1, first + 2});
+}
+
+Vec3f random_point(Rng& rng, float size) { return {size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f)}; }
+
+}  // namespace
+
+Scene built_in_scene(std::uint64_t seed) {
+  constexpr int kTriangles = 20'000, kSpheres = 50;
+  Scene scene;
+  scene.file = "(built in)";
+  Rng rng(seed, RngPurpose::test, 0);
+  TriangleMesh room, soup;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const float side : {-1.0f, 1.0f}) {
+      const auto corner = [&](float u, float v) {
+        Vec3f p;
+        p[axis] = side;
+        p[(axis + 1) % 3] = u;
+        p[(axis + 2) % 3] = v;
+        return p;
+      };
+      add_corners(room, corner(-1, -1), corner(1, -1), corner(1, 1));
+      add_corners(room, corner(-1, -1), corner(1, 1), corner(-1, 1));
+    }
+  }
+  for (int i = 0; i < kTriangles; ++i) {
+    const Vec3f p = random_point(rng, 1.8f);
+    const float size = 0.2f * rng.uniform() * rng.uniform();
+    add_corners(soup, p, p + random_point(rng, size), p + random_point(rng, size));
+  }
+  for (TriangleMesh* mesh : {&room, &soup}) {
+    add_shape(scene, Shape::Kind::mesh, scene.meshes.size());
+    scene.meshes.push_back(std::move(*mesh));
+  }
+  for (int i = 0; i < kSpheres; ++i) {
+    Sphere sphere;
+    sphere.center = random_point(rng, 1.6f);
+    sphere.radius = 0.01f + 0.1f * rng.uniform();
+    add_shape(scene, Shape::Kind::sphere, scene.spheres.size());
+    scene.spheres.push_back(sphere);
+  }
+  scene.bounds.lower = {-1, -1, -1};
+  scene.bounds.upper = {1, 1, 1};
+  return scene;
+}
+
+std::vector<RayQuery> incoherent_rays(const Scene& scene, std::size_t n, std::uint64_t seed) {
+  const SurfaceSampler sampler(scene);
+  std::vector<RayQuery> rays(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    Rng rng(seed, RngPurpose::test, i);
+    const float pick = rng.uniform();
+    const SurfaceInteraction s = sampler.sample(pick, rng.uniform2());
+    const Vec3f d = uniform_direction(rng.uniform2());
+    rays[i] = {offset_origin(s.position, s.geometric_normal, d), d, 1e30f};
+  }
+  return rays;
+}
+
+std::vector<HashGridLevelView> hash_grid_levels() {
+  constexpr std::uint32_t kTable = 1u << 16;
+  std::vector<HashGridLevelView> levels;
+  std::uint32_t first = 0;
+  for (std::uint32_t r = 16; r <= 1024; r *= 4) {
+    HashGridLevelView level;
+    level.scale = static_cast<float>(r) - 1.0f;
+    level.resolution = r;
+    level.first_entry = first;
+    level.dense = r * r * r <= kTable;
+    level.entries = level.dense ? r * r * r : kTable;
+    first += level.entries;
+    levels.push_back(level);
+  }
+  return levels;
+}
+
+RayFixture::RayFixture(const Context& context, std::size_t n, bool finite)
+    : host_(incoherent_rays(context.scene, n, context.seed)),
+      rays_(context.stream, n, "rays"),
+      nodes_(context.stream, std::span<const Bvh8Node>(context.bvh.nodes), "the ray tracing tree"),
+      primitives_(context.stream, std::span<const Bvh8Primitive>(context.bvh.primitives), "the ray tracing tree") {
+  const float size = length(context.scene.bounds.upper - context.scene.bounds.lower);
+  std::vector<DeviceRay> rays(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (finite) host_[i].t_max = size * 0.5f * Rng(context.seed + 1, RngPurpose::test, i).uniform();
+    rays[i] = {host_[i].origin, host_[i].t_max, host_[i].direction, 0.0f};
+  }
+  rays_.upload(rays);
+}
+
+Bvh8View RayFixture::bvh() const {
+  return {nodes_.data(), primitives_.data(), static_cast<std::uint32_t>(nodes_.size()), static_cast<std::uint32_t>(primitives_.size())};
+}
+
+}  // namespace octrad::selftest

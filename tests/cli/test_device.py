@@ -1,0 +1,59 @@
+"""--device on a machine with or without a GPU, and what octrad info says about it."""
+import os
+import unittest
+
+from support import ROOM, Case, write_hdr
+
+
+class Device(Case):
+    def info(self, *options):
+        return self.ok("info", "--json", *options).json()
+
+    def test_info_says_what_there_is(self):
+        info = self.info()
+        self.assertEqual(info["built_with_cuda"], info["runtime"] is not None)
+        self.assertEqual(info["built_with_cuda"], info["architectures"] is not None)
+        self.assertEqual(info["devices"] == [], info["why_none"] is not None)
+        self.assertIn("selftest", info["device_verbs"])
+        usable = [d for d in info["devices"] if d["usable"]]
+        self.assertEqual(info["auto"]["device"], usable[0]["device"] if usable else "cpu")
+        if not info["devices"]:
+            self.assertEqual(info["auto"]["why"], info["why_none"])
+        text = self.ok("info").out
+        self.assertIn("CUDA ", text)
+        self.assertIn("auto is " + info["auto"]["device"], text)
+
+    def test_cpu_can_always_be_asked_for(self):
+        self.assertEqual(self.info("--device", "cpu")["auto"], {"device": "cpu", "why": "asked for"})
+
+    def test_a_device_that_is_not_there(self):
+        info = self.info()
+        if not info["devices"]:
+            for word in ("cuda", "cuda:0", "cuda:3"):
+                self.fails(5, "--device %s: %s" % (word, info["why_none"]), "info", "--device", word)
+                self.fails(5, info["why_none"], "selftest", "--device", word)
+        else:
+            self.fails(5, "there is no device %d" % len(info["devices"]), "info", "--device", "cuda:%d" % len(info["devices"]))
+
+    def test_verbs_that_run_on_the_cpu_only_say_so(self):
+        info = self.info()
+        why = "runs on the CPU only" if any(d["usable"] for d in info["devices"]) else info["why_none"] or "compute capability"
+        picture = self.path("a.hdr")
+        write_hdr(picture, 4, 2, lambda x, y: (0.5, 0.5, 0.5))
+        scene = self.write("room.xml", ROOM)
+        for verb, words in (("compare", [picture, picture]), ("tonemap", [picture, "-o", self.path("a.png")]),
+                            ("train", [scene, "-o", self.path("m.octrad"), "--steps", "1"]), ("render", [scene, "-o", self.path("a.exr"), "--spp", "1"])):
+            if verb not in info["device_verbs"]:
+                with self.subTest(verb=verb):
+                    self.fails(5, why, verb, *words, "--device", "cuda")
+                    self.assertEqual(set(os.listdir(self.folder)), {"a.hdr", "room.xml"})
+
+    def test_work_says_its_device(self):
+        scene = self.write("room.xml", ROOM)
+        for word in ("auto", "cpu"):
+            if word == "cpu" or self.info()["auto"]["device"] == "cpu":
+                self.assertIn("device cpu (", self.ok("render", scene, "-o", self.path("a.exr"), "--spp", "1", "-v", "--device", word).err)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,62 @@
+"""octrad selftest: its report, on the host stream and on a GPU where there is one."""
+import json
+import unittest
+
+from support import ROOM, Case
+
+
+class Selftest(Case):
+    def test_checks_pass_and_are_reported(self):
+        report = self.ok("selftest", "--quick", "--no-benchmarks", "--json", "--seed", "7").json()
+        self.assertTrue(report["passed"])
+        self.assertEqual(report["seed"], 7)
+        self.assertEqual(report["emulated"], report["device"]["device"] == "host")
+        names = [c["name"] for c in report["checks"]]
+        self.assertGreaterEqual(len(names), 10)
+        self.assertEqual(len(names), len(set(names)))
+        for check in report["checks"]:
+            with self.subTest(check["name"]):
+                self.assertTrue(check["passed"])
+                self.assertGreater(check["items"], 0)
+                self.assertLessEqual(check["p50"], check["p99"])
+                self.assertLessEqual(check["above"], check["allowed_above"])
+
+    def test_the_seed_is_fresh_and_repeats(self):
+        def run(*options):
+            return self.ok("selftest", "--device", "cpu", "--no-benchmarks", "--only", "sum", "--json", *options).json()
+
+        first, second = run(), run()
+        self.assertNotEqual(first["seed"], second["seed"])
+        again = run("--seed", str(first["seed"]))
+        self.assertEqual(again["checks"], first["checks"])
+
+    def test_host_figures_are_marked(self):
+        file = self.path("out.json")
+        result = self.ok("selftest", "--device", "cpu", "--only", "sort", "-o", file)
+        self.assertIn("no figure of a GPU", result.out)
+        with open(file, encoding="utf-8") as out:
+            report = json.load(out)
+        self.assertTrue(report["emulated"])
+        self.assertEqual([b["name"] for b in report["benchmarks"]], ["sort"])
+        for entry in report["benchmarks"] + report["checks"]:
+            self.assertEqual(entry["on"], "host")
+        self.assertGreater(report["benchmarks"][0]["rate"], 0)
+
+    def test_what_cannot_run_is_listed(self):
+        report = self.ok("selftest", "--device", "cpu", "--only", "frame", "--json").json()
+        self.assertEqual([s["name"] for s in report["skipped"]] + [s["name"] for s in report["stages"]], ["frame"])
+        for entry in report["skipped"]:
+            self.assertTrue(entry["why"])
+
+    def test_a_scene(self):
+        scene = self.write("room.xml", ROOM)
+        report = self.ok("selftest", scene, "--quick", "--only", "embree", "--json").json()
+        self.assertEqual(report["scene"]["triangles"], 16)
+        self.assertEqual(len(report["checks"]), 2)
+        self.fails(3, "none.xml", "selftest", self.path("none.xml"))
+        self.fails(1, "has this in its name", "selftest", "--only", "nonsense")
+        self.fails(3, "none", "selftest", "--only", "sort", "-o", self.path("none/out.json"))
+
+
+if __name__ == "__main__":
+    unittest.main()
