@@ -14,7 +14,6 @@
 namespace octrad {
 namespace {
 
-constexpr std::size_t kBlock = 256;      // items of a launch that one thread takes at a time
 constexpr std::size_t kAlignment = 256;  // as cudaMalloc
 
 struct HostGraph : LaunchGraph {
@@ -105,8 +104,8 @@ class HostStream : public Stream {
 
 std::unique_ptr<Stream> make_host_stream() { return std::make_unique<HostStream>(); }
 
-void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t, std::size_t)>& body) {
-  static_cast<HostStream&>(stream).run([=] { parallel_blocks(n, kBlock, body); });
+void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t, std::size_t)>& body, std::size_t block) {
+  static_cast<HostStream&>(stream).run([=] { parallel_blocks(n, block, body); });
 }
 
 }  // namespace octrad
