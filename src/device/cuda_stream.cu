@@ -160,6 +160,8 @@ DeviceSurvey survey_devices() {
     survey.why_none = "no NVIDIA driver is installed";
   } else if (status == cudaErrorInsufficientDriver) {
     survey.why_none = "the NVIDIA driver supports CUDA " + survey.driver + "; this program needs " + survey.runtime;
+  } else if (status == cudaErrorNoDevice) {
+    survey.why_none = "the NVIDIA driver found no CUDA device";
   } else if (status != cudaSuccess) {
     survey.why_none = std::string("CUDA: ") + cudaGetErrorString(status);
   } else if (count == 0) {

@@ -1,8 +1,30 @@
 """--device on a machine with or without a GPU, and what octrad info says about it."""
 import os
+import shutil
+import subprocess
 import unittest
+from unittest import mock
 
 from support import ROOM, Case, write_hdr
+
+# A driver library that answers what a machine without a working GPU would: a version, and "no device" to everything else.
+DRIVER = r"""
+#include <stdint.h>
+#include <string.h>
+static int none(void) { return 100; }
+int cuInit(unsigned flags) { return 100; }
+int cuDriverGetVersion(int* version) { *version = VERSION; return 0; }
+int cuGetProcAddress(const char* name, void** function, int version, uint64_t flags) {
+  if (strcmp(name, "cuDriverGetVersion") == 0) *function = (void*)cuDriverGetVersion;
+  else if (strncmp(name, "cuGetProcAddress", 16) == 0) *function = (void*)cuGetProcAddress;
+  else *function = (void*)none;
+  return 0;
+}
+int cuGetProcAddress_v2(const char* name, void** function, int version, uint64_t flags, int* result) {
+  if (result) *result = 0;
+  return cuGetProcAddress(name, function, version, flags);
+}
+"""
 
 
 class Device(Case):
@@ -34,6 +56,24 @@ class Device(Case):
                 self.fails(5, info["why_none"], "selftest", "--device", word)
         else:
             self.fails(5, "there is no device %d" % len(info["devices"]), "info", "--device", "cuda:%d" % len(info["devices"]))
+
+    @unittest.skipUnless(shutil.which("cc"), "no C compiler")
+    def test_drivers_that_are_of_no_use(self):
+        if not self.info()["built_with_cuda"]:
+            self.skipTest("built without CUDA")
+        source, library = self.write("driver.c", DRIVER), self.path("libcuda.so.1")
+        scene = self.write("room.xml", ROOM)
+        with mock.patch.dict(os.environ, LD_LIBRARY_PATH=self.folder):
+            for version, why in ((None, "no NVIDIA driver is installed"), (13090, "the NVIDIA driver found no CUDA device"),
+                                 (12040, "the NVIDIA driver supports CUDA 12.4; this program needs 13.")):
+                with self.subTest(version=version):
+                    code = self.write("empty.c", "int nothing;") if version is None else source
+                    subprocess.run(["cc", "-w", "-shared", "-fPIC", "-DVERSION=%s" % version, code, "-o", library], check=True)
+                    info = self.info()
+                    self.assertEqual(info["devices"], [])
+                    self.assertIn(why, info["auto"]["why"])
+                    self.fails(5, why, "info", "--device", "cuda")
+                    self.ok("render", scene, "-o", self.path("a.exr"), "--spp", "1")
 
     def test_verbs_that_run_on_the_cpu_only_say_so(self):
         info = self.info()

@@ -23,6 +23,8 @@ namespace {
 
 using namespace selftest;
 
+constexpr const char* kNeedsScene = "it needs a scene with materials: octrad selftest SCENE.xml";
+
 struct SelftestOptions {
   std::string scene, output, only;
   bool quick = false, no_benchmarks = false;
@@ -101,6 +103,10 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   std::size_t failed = 0, passed = 0;
   for (const Check& check : checks()) {
     if (!chosen(o, check.name)) continue;
+    if (check.needs_scene && context.loaded == nullptr) {
+      skip(check.name, kNeedsScene);
+      continue;
+    }
     log_verbose("{}", check.name);
     const CheckResult r = check.run(context);
     (r.passed ? passed : failed) += 1;
@@ -148,7 +154,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
     if (stage.run == nullptr) {
       skip(stage.name, stage.missing);
     } else if (context.loaded == nullptr) {
-      skip(stage.name, "it needs a scene with materials: octrad selftest SCENE.xml");
+      skip(stage.name, kNeedsScene);
     } else {
       log_verbose("{}", stage.name);
       nlohmann::json result = stage.run(context);

@@ -2,6 +2,7 @@
 #include <bit>
 #include <numeric>
 
+#include "app/selftest/entries.h"
 #include "app/selftest/kernels.h"
 #include "app/selftest/rays.h"
 #include "app/selftest/selftest.h"
@@ -16,7 +17,8 @@ namespace {
 constexpr int kRuns = 9;
 constexpr double kEnough = 2.0;      // seconds; slower work runs less often, three times at least
 
-// Median of several runs after a warm one, by the stream's own clock. `count`: what one run does, in `unit` times seconds.
+}  // namespace
+
 BenchmarkResult measure(const Context& c, double count, const std::string& unit, const std::function<void()>& work) {
   work();
   c.stream.synchronize();
@@ -38,6 +40,8 @@ BenchmarkResult measure(const Context& c, double count, const std::string& unit,
   r.rate = r.median_ms > 0.0 ? count / (r.median_ms * 1e-3) : 0.0;
   return r;
 }
+
+namespace {
 
 // Largest power of two of items of this size within the bytes wanted and a quarter of what is free.
 std::size_t table_items(const Context& c, std::size_t wanted_bytes, std::size_t item_bytes) {
@@ -141,7 +145,7 @@ BenchmarkResult graph_launches(const Context& c) {
   return r;
 }
 
-constexpr const char* kNoField = "the field has no device kernels yet";
+constexpr const char* kNoDecoder = "the decoder has no device kernels yet";
 
 constexpr Benchmark kBenchmarks[] = {
     {"copy", copy_memory},
@@ -154,8 +158,8 @@ constexpr Benchmark kBenchmarks[] = {
     {"launches in a graph", graph_launches},
     {"rays, closest hit, incoherent", closest},
     {"rays, occlusion, incoherent", occlusion},
-    {"feature lookup", nullptr, kNoField},
-    {"decoder", nullptr, kNoField},
+    {"feature lookup", benchmark_lookup},
+    {"decoder", nullptr, kNoDecoder},
 };
 
 }  // namespace

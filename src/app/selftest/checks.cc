@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 
+#include "app/selftest/entries.h"
 #include "app/selftest/kernels.h"
 #include "app/selftest/rays.h"
 #include "app/selftest/selftest.h"
@@ -287,6 +288,9 @@ constexpr Check kChecks[] = {
     {"closest hit, Embree", check_closest_embree},
     {"closest hit, same tree on the CPU", check_closest_cpu},
     {"occlusion, Embree", check_occluded},
+    {"feature lookup, floats", check_lookup_floats},
+    {"feature lookup, halves", check_lookup_halves},
+    {"materials and lights", check_shading, true},
 };
 
 }  // namespace

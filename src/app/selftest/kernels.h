@@ -11,6 +11,7 @@
 #include "geometry/bvh8_math.h"
 #include "geometry/hit.h"
 #include "network/adam_math.h"
+#include "shading/device_world.h"
 
 namespace octrad::selftest {
 
@@ -40,6 +41,9 @@ void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std
 // Rays from 0 to t_max.
 void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits);
 void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked);
+
+// shading_numbers() of each ray at its hit; u: six numbers a ray, out: kShadingNumbers a ray.
+void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out);
 
 // Memory: kAccesses places of a table of mask + 1 entries (a power of two) for each item, at random.
 inline constexpr int kAccesses = 8;

@@ -1,5 +1,6 @@
 #include "app/selftest/kernels.h"
 
+#include "app/selftest/shading_numbers.h"
 #include "base/rng.h"
 #include "base/sobol_math.h"
 #include "device/launch.h"
@@ -89,6 +90,18 @@ struct SelftestOccluded : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const DeviceRay r = rays[i];
     blocked[i] = bvh8_occluded(bvh, r.origin, r.direction, 0.0f, r.t_max) ? 1u : 0u;
+  }
+};
+
+struct SelftestShading : Kernel {
+  DeviceWorld world;
+  const DeviceRay* rays;
+  const Hit* hits;
+  const float* u;
+  float* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const std::size_t item = i;
+    shading_numbers(world, hits[i], rays[i].origin, rays[i].direction, u + 6 * item, out + kShadingNumbers * item);
   }
 };
 
@@ -185,6 +198,10 @@ void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const Devic
 
 void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
   launch(stream, n, SelftestOccluded{{}, bvh, rays, blocked});
+}
+
+void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out) {
+  launch(stream, n, SelftestShading{{}, world, rays, hits, u, out});
 }
 
 void run_sector_reads(Stream& stream, std::size_t n, const Sector* table, std::uint32_t mask, float* out) {

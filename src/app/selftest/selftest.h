@@ -59,6 +59,7 @@ class Errors {
 struct Check {
   const char* name;
   CheckResult (*run)(const Context&);
+  bool needs_scene = false;        // one with materials: Context::loaded
 };
 std::span<const Check> checks();
 

@@ -1,0 +1,19 @@
+// Entries of the lists in checks.cc and benchmarks.cc that have a file of their own.
+#pragma once
+
+#include "app/selftest/selftest.h"
+
+namespace octrad::selftest {
+
+// field.cc: look-ups of features.
+CheckResult check_lookup_floats(const Context& context);
+CheckResult check_lookup_halves(const Context& context);
+BenchmarkResult benchmark_lookup(const Context& context);
+
+// shading.cc: materials and lights at the ends of rays. Needs Context::loaded.
+CheckResult check_shading(const Context& context);
+
+// benchmarks.cc. Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
+BenchmarkResult measure(const Context& context, double count, const std::string& unit, const std::function<void()>& work);
+
+}  // namespace octrad::selftest
