@@ -145,8 +145,6 @@ BenchmarkResult graph_launches(const Context& c) {
   return r;
 }
 
-constexpr const char* kNoDecoder = "the decoder has no device kernels yet";
-
 constexpr Benchmark kBenchmarks[] = {
     {"copy", copy_memory},
     {"random 32-byte reads, small table", sector_reads_small},
@@ -159,7 +157,8 @@ constexpr Benchmark kBenchmarks[] = {
     {"rays, closest hit, incoherent", closest},
     {"rays, occlusion, incoherent", occlusion},
     {"feature lookup", benchmark_lookup},
-    {"decoder", nullptr, kNoDecoder},
+    {"decoder", benchmark_decoder},
+    {"decoder, forward and backward", benchmark_decoder_training},
 };
 
 }  // namespace

@@ -290,6 +290,7 @@ constexpr Check kChecks[] = {
     {"occlusion, Embree", check_occluded},
     {"feature lookup, floats", check_lookup_floats},
     {"feature lookup, halves", check_lookup_halves},
+    {"decoder", check_decoder},
     {"materials and lights", check_shading, true},
 };
 

@@ -10,6 +10,11 @@ CheckResult check_lookup_floats(const Context& context);
 CheckResult check_lookup_halves(const Context& context);
 BenchmarkResult benchmark_lookup(const Context& context);
 
+// network.cc: the decoder's network, 45 -> 4 x 128 -> 3.
+CheckResult check_decoder(const Context& context);
+BenchmarkResult benchmark_decoder(const Context& context);
+BenchmarkResult benchmark_decoder_training(const Context& context);
+
 // shading.cc: materials and lights at the ends of rays. Needs Context::loaded.
 CheckResult check_shading(const Context& context);
 
