@@ -13,3 +13,10 @@
 #else
 #define OCTRAD_UNROLL
 #endif
+
+// Before an OCTRAD_HD template whose arguments may also be types of the host alone.
+#if defined(__CUDACC__)
+#define OCTRAD_HD_OR_HOST _Pragma("nv_exec_check_disable")
+#else
+#define OCTRAD_HD_OR_HOST
+#endif

@@ -24,6 +24,7 @@ enum class RngPurpose : std::uint64_t {
   occupancy = 6,   // sampled octree construction
   poses = 7,       // generated camera poses
   validation = 8,
+  chain = 9,       // right-hand-side rays through masks and over mirrors and glass
   test = 100,
 };
 

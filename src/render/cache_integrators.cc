@@ -1,7 +1,5 @@
 #include "render/cache_integrators.h"
 
-#include <optional>
-
 #include "base/error.h"
 #include "transport/rhs_estimator.h"
 
@@ -10,16 +8,10 @@ namespace {
 
 // Where a camera sample's ray ends, and the attributes of its first hit: of a mirror, also where the ray goes on.
 RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
-  std::optional<ShadingPoint> first;
+  FirstHit first;
   const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, config.render_delta == "trace", config.train_max_chain,
                                 sample.ray.t_max, &first);
-  if (first) {
-    const SurfacePoint point = surface_point(*first);
-    out.albedo = first->black ? Vec3f(0.0f) : point.albedo;
-    out.normal = point.n;
-    out.depth = length(point.x - sample.ray.origin);
-    out.roughness = point.alpha;
-  }
+  out = {Vec3f(0.0f), first.albedo, first.normal, first.depth, first.roughness};
   return end;
 }
 

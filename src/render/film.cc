@@ -11,25 +11,17 @@ const std::vector<std::string>& picture_channels() {
   return names;
 }
 
-ReconstructionFilter::ReconstructionFilter(const Film& film) : type_(film.filter), radius_(film.filter_radius) {
-  if (!(radius_ > 0.0f)) {
-    radius_ = type_ == Film::Filter::box ? 0.5f : (type_ == Film::Filter::tent ? 1.0f : 4.0f * film.filter_stddev);
+ReconstructionFilter::ReconstructionFilter(const Film& film) {
+  shape_.type = film.filter == Film::Filter::box ? FilterShape::Type::box : film.filter == Film::Filter::tent ? FilterShape::Type::tent : FilterShape::Type::gaussian;
+  shape_.radius = film.filter_radius;
+  if (!(shape_.radius > 0.0f)) {
+    shape_.radius = shape_.type == FilterShape::Type::box ? 0.5f : (shape_.type == FilterShape::Type::tent ? 1.0f : 4.0f * film.filter_stddev);
   }
-  box_ = type_ == Film::Filter::box && radius_ <= 0.5f;
-  if (type_ == Film::Filter::gaussian) {
-    exponent_ = -0.5f / (film.filter_stddev * film.filter_stddev);
-    floor_ = std::exp(exponent_ * radius_ * radius_);
+  box_ = shape_.type == FilterShape::Type::box && shape_.radius <= 0.5f;
+  if (shape_.type == FilterShape::Type::gaussian) {
+    shape_.exponent = -0.5f / (film.filter_stddev * film.filter_stddev);
+    shape_.floor = std::exp(shape_.exponent * shape_.radius * shape_.radius);
   }
-}
-
-float ReconstructionFilter::operator()(float d) const {
-  const float a = std::fabs(d);
-  switch (type_) {
-    case Film::Filter::box: return a <= radius_ ? 1.0f : 0.0f;
-    case Film::Filter::tent: return std::max(0.0f, 1.0f - a / radius_);
-    case Film::Filter::gaussian: return a < radius_ ? std::max(0.0f, std::exp(exponent_ * d * d) - floor_) : 0.0f;
-  }
-  return 0.0f;
 }
 
 FilmBuffer::FilmBuffer(int x0, int y0, int width, int height)
@@ -38,37 +30,18 @@ FilmBuffer::FilmBuffer(int x0, int y0, int width, int height)
 
 void FilmBuffer::clear() { std::fill(sums_.begin(), sums_.end(), 0.0); }
 
-namespace {
-
-inline void accumulate(double* to, const PixelSample& s, double weight) {
-  to[0] += weight * static_cast<double>(s.radiance.x);
-  to[1] += weight * static_cast<double>(s.radiance.y);
-  to[2] += weight * static_cast<double>(s.radiance.z);
-  to[3] += weight * static_cast<double>(s.albedo.x);
-  to[4] += weight * static_cast<double>(s.albedo.y);
-  to[5] += weight * static_cast<double>(s.albedo.z);
-  to[6] += weight * static_cast<double>(s.normal.x);
-  to[7] += weight * static_cast<double>(s.normal.y);
-  to[8] += weight * static_cast<double>(s.normal.z);
-  to[9] += weight * static_cast<double>(s.depth);
-  to[10] += weight * static_cast<double>(s.roughness);
-  to[11] += weight;
-}
-
-}  // namespace
-
-void FilmBuffer::add_to_pixel(int x, int y, const PixelSample& sample) { accumulate(pixel(x, y), sample, 1.0); }
+void FilmBuffer::add_to_pixel(int x, int y, const PixelSample& sample) { accumulate_sample(pixel(x, y), 1, sample, 1.0); }
 
 void FilmBuffer::add(const ReconstructionFilter& filter, Vec2f p, const PixelSample& sample) {
-  const float r = filter.radius();
-  const int xa = std::max(x0_, static_cast<int>(std::ceil(p.x - r - 0.5f))), xb = std::min(x0_ + width_ - 1, static_cast<int>(std::floor(p.x + r - 0.5f)));
-  const int ya = std::max(y0_, static_cast<int>(std::ceil(p.y - r - 0.5f))), yb = std::min(y0_ + height_ - 1, static_cast<int>(std::floor(p.y + r - 0.5f)));
+  const FilterShape& shape = filter.shape();
+  const int xa = std::max(x0_, shape.first(p.x)), xb = std::min(x0_ + width_ - 1, shape.last(p.x));
+  const int ya = std::max(y0_, shape.first(p.y)), yb = std::min(y0_ + height_ - 1, shape.last(p.y));
   for (int y = ya; y <= yb; ++y) {
-    const float wy = filter(static_cast<float>(y) + 0.5f - p.y);
+    const float wy = shape(static_cast<float>(y) + 0.5f - p.y);
     if (wy == 0.0f) continue;
     for (int x = xa; x <= xb; ++x) {
-      const float w = wy * filter(static_cast<float>(x) + 0.5f - p.x);
-      if (w > 0.0f) accumulate(pixel(x, y), sample, static_cast<double>(w));
+      const float w = wy * shape(static_cast<float>(x) + 0.5f - p.x);
+      if (w > 0.0f) accumulate_sample(pixel(x, y), 1, sample, static_cast<double>(w));
     }
   }
 }

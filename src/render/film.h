@@ -6,19 +6,11 @@
 #include <vector>
 
 #include "image/image.h"
+#include "render/film_math.h"
 #include "scene/scene.h"
 
 namespace octrad {
 
-// What an integrator finds for one camera ray. Attributes are those of the first hit (method section 1); the values here
-// where nothing is hit.
-struct PixelSample {
-  Vec3f radiance{0, 0, 0}, albedo{0, 0, 0}, normal{0, 0, 0};
-  float depth = 0.0f;              // distance along the ray
-  float roughness = 1.0f;
-};
-
-inline constexpr int kPictureChannelCount = 11;
 // R, G, B, albedo.R ..., normal.X ..., depth.Z, roughness.Y
 const std::vector<std::string>& picture_channels();
 
@@ -28,16 +20,13 @@ class ReconstructionFilter {
  public:
   // Radius 0 means the type's usual one: box 1/2, tent 1, gaussian 4 standard deviations.
   explicit ReconstructionFilter(const Film& film);
-  float radius() const { return radius_; }
+  float radius() const { return shape_.radius; }
   bool is_box() const { return box_; }
-  // At signed distance `d` in pixels.
-  float operator()(float d) const;
+  const FilterShape& shape() const { return shape_; }
 
  private:
-  Film::Filter type_;
-  float radius_;
+  FilterShape shape_;
   bool box_;                       // reaches exactly one pixel
-  float exponent_ = 0.0f, floor_ = 0.0f;
 };
 
 // Sums of filtered samples over a window of the picture.
@@ -61,9 +50,11 @@ class FilmBuffer {
 
   // Weighted means; pixels without samples are 0.
   Image image() const;
+  // The sums, kFilmNumbers a pixel.
+  std::vector<double>& sums() { return sums_; }
 
  private:
-  static constexpr std::size_t kStride = kPictureChannelCount + 1;  // channels, then weight
+  static constexpr std::size_t kStride = kFilmNumbers;
   double* pixel(int x, int y) {
     return sums_.data() + (static_cast<std::size_t>(y - y0_) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x - x0_)) * kStride;
   }

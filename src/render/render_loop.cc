@@ -36,18 +36,10 @@ template <typename Put>
 SampleCounts render_tile(const RenderOptions& o, const SampleFunction& integrator, const Window& w, int first, int count, const Put& put) {
   std::vector<CameraSample> samples;  // not thread_local: an integrator that runs in parallel inside may start other tiles in between
   samples.reserve(static_cast<std::size_t>(w.x1 - w.x0) * static_cast<std::size_t>(w.y1 - w.y0) * static_cast<std::size_t>(count));
-  const std::uint64_t pixels = static_cast<std::uint64_t>(o.width) * static_cast<std::uint64_t>(o.height);
+  const CameraView view = o.camera.view(o.width, o.height);
   for (int y = w.y0; y < w.y1; ++y) {
     for (int x = w.x0; x < w.x1; ++x) {
-      const std::uint64_t pixel = static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(o.width) + static_cast<std::uint64_t>(x);
-      for (int i = first; i < first + count; ++i) {
-        Rng rng(o.seed, RngPurpose::pixel, static_cast<std::uint64_t>(i) * pixels + pixel);
-        const Vec2f u = rng.uniform2();
-        // Rounding must not carry a position into the next pixel.
-        const Vec2f p{std::min(static_cast<float>(x) + u.x, std::nextafter(static_cast<float>(x + 1), 0.0f)),
-                      std::min(static_cast<float>(y) + u.y, std::nextafter(static_cast<float>(y + 1), 0.0f))};
-        samples.push_back({o.camera.generate(p, o.width, o.height), rng, p});
-      }
+      for (int i = first; i < first + count; ++i) samples.push_back(camera_sample(view, o.seed, x, y, i));
     }
   }
   std::vector<PixelSample> found(samples.size());

@@ -31,13 +31,6 @@ struct RenderOptions {
   std::function<void(int spp_done, double seconds)> progress;  // after each pass
 };
 
-// One primary ray, from the near to the far clipping plane, with the random stream of its pixel and sample.
-struct CameraSample {
-  Ray ray;
-  Rng rng;                         // what comes after the position
-  Vec2f position;                  // on the film, pixels
-};
-
 struct SampleCounts {
   long long rays = 0, queries = 0, non_finite = 0;
 };

@@ -89,7 +89,7 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
 
 }  // namespace
 
-Ray Camera::generate(Vec2f pixel, int width, int height) const {
+CameraView Camera::view(int width, int height) const {
   const float aspect = static_cast<float>(width) / static_cast<float>(height);
   float tan_x = std::tan(fov_degrees * (0.5f * kPi / 180.0f));
   bool along_y = fov_axis == FovAxis::y;
@@ -97,11 +97,7 @@ Ray Camera::generate(Vec2f pixel, int width, int height) const {
   if (fov_axis == FovAxis::larger) along_y = aspect < 1.0f;
   if (along_y) tan_x *= aspect;
   if (fov_axis == FovAxis::diagonal) tan_x /= std::sqrt(1.0f + 1.0f / (aspect * aspect));
-  const float x = pixel.x / static_cast<float>(width) + principal_point_offset.x;
-  const float y = pixel.y / static_cast<float>(height) + principal_point_offset.y;
-  const Vec3f to_plane = forward + right * ((2.0f * x - 1.0f) * tan_x) + up * ((1.0f - 2.0f * y) * (tan_x / aspect));   // depth 1
-  const float l = length(to_plane);
-  return {origin + to_plane * near_clip, to_plane / l, (far_clip - near_clip) * l};
+  return {origin, right, up, forward, principal_point_offset, tan_x, tan_x / aspect, near_clip, far_clip - near_clip, width, height};
 }
 
 Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis) {

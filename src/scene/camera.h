@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "base/vec.h"
-#include "scene/ray.h"
+#include "scene/camera_math.h"
 
 namespace octrad {
 
@@ -21,7 +20,8 @@ struct Camera {
 
   // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
   // on the near clipping plane, as in Mitsuba 3.
-  Ray generate(Vec2f pixel, int width, int height) const;
+  Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
+  CameraView view(int width, int height) const;
 };
 
 // Camera at `origin` looking at `target`. Throws InputError when the points and `up` define no view.

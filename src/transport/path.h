@@ -3,24 +3,10 @@
 
 #include <span>
 
-#include "base/rng.h"
 #include "transport/context.h"
+#include "transport/path_math.h"
 
 namespace octrad {
-
-struct PathLimits {
-  int max_depth = -1;              // Mitsuba's meaning: 1 emission only, 2 direct light, ...; -1 unlimited
-  int rr_depth = 5;                // Russian roulette from this many scattering events on
-};
-
-// Attributes of the first surface seen (method section 1); where a mask lets the ray pass, of the one behind it.
-struct FirstHit {
-  bool valid = false;              // false: the ray met nothing; the rest keeps these values
-  Vec3f albedo{0, 0, 0};
-  Vec3f normal{0, 0, 0};           // shading normal, on the side of the viewer
-  float depth = 0.0f;              // distance along the ray
-  float roughness = 1.0f;
-};
 
 struct PathCounters {
   long long rays = 0;              // closest-hit and shadow rays

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "base/sobol_math.h"
 #include "base/threads.h"
-#include "shading/bsdf_math.h"
+#include "transport/rhs_math.h"
 
 namespace octrad {
 namespace {
@@ -18,19 +17,6 @@ struct Pending {
   Vec3f weight;
   Vec3f counted;                   // what the answer holds and was added already
 };
-
-// Direct light by emitter sampling, balance heuristic against BSDF sampling.
-Vec3f emitter_sample(const TransportContext& context, const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u, RhsStatistics& statistics) {
-  const LightSample light = context.lights.sample(point.surface.position, u.u1, u.u2);
-  if (!light.valid || light.pdf <= 0.0f) return Vec3f(0.0f);
-  const Vec3f wi = point.to_local(light.direction);
-  const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
-  if (max_component(f.value) <= 0.0f) return Vec3f(0.0f);
-  const RayQuery ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  ++statistics.rays;
-  if (context.tracer.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) return Vec3f(0.0f);
-  return f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
-}
 
 // Points [begin, end): traced first, then all their cache queries at once.
 RhsStatistics estimate_block(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
@@ -50,21 +36,26 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
     const ShadingPoint& point = points[i];
     targets[i] = Vec3f(0.0f);
     const unsigned long long key = options.keys.empty() ? i : options.keys[i];
-    Rng rng(options.seed, RngPurpose::rhs, mix64(options.stream * 0x9e3779b97f4a7c15ull + 1) ^ key);
+    Rng rng = rhs_generator(options.seed, options.stream, key);
     const Vec3f wo = point.to_local(point.wo);
     const bool delta_only = is_delta_bsdf(point.bsdf);
     const SobolSet light_set(rng), bsdf_set(rng);  // M stratified samples of each: less noise than M independent ones
     for (int m = 0; m < options.directions; ++m) {
-      if (!delta_only) add(i, emitter_sample(context, point, wo, light_set(static_cast<std::uint32_t>(m)), statistics));
-      const SobolSet::Sample u = bsdf_set(static_cast<std::uint32_t>(m));
-      const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u.u1, u.u2);
-      if (!scattered.valid || max_component(scattered.weight) <= 0.0f) continue;
-      const Vec3f direction = normalize(point.to_world(scattered.wi));
-      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, direction, rng, true, options.max_chain);
+      const auto index = static_cast<std::uint32_t>(m);
+      if (!delta_only) {
+        EmitterSample light = sample_emitter(context, point, wo, light_set(index));
+        if (light.valid) {
+          ++statistics.rays;
+          if (context.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max)) light.contribution = Vec3f(0.0f);
+          add(i, light.contribution);
+        }
+      }
+      const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
+      if (!bounce.valid) continue;
+      if (options.chain_streams) rng = rhs_chain_generator(options.seed, options.stream, key, index);
+      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, bounce.direction, rng, true, options.max_chain);
       statistics.rays += end.rays;
-      // Emission met first competes with emitter sampling; a delta lobe or a surface passed on the way rules that out.
-      const float mis = scattered.delta ? 1.0f : scattered.pdf / (scattered.pdf + end.first_light_pdf);
-      add(i, scattered.weight * (end.first_emitted * mis + end.emitted));
+      add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
       SurfacePoint where = surface_point(end.point);
       if (options.traced_disparity) {
@@ -72,18 +63,14 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
         ++statistics.rays;
       }
       asked.push_back(where);
-      pending.push_back({i, scattered.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
+      pending.push_back({i, bounce.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
     }
   }
   if (!asked.empty()) {
     answers.resize(asked.size());
     query(asked, answers);
     for (std::size_t q = 0; q < asked.size(); ++q) {
-      // A lamp's prediction is emission and reflected light; the emission was counted above, under MIS. The clamp keeps out
-      // negative light; what it cuts off is a small bright bias where the prediction of a lamp is noisy.
-      Vec3f reflected = answers[q];
-      if (max_component(pending[q].counted) > 0.0f) reflected = max(reflected - pending[q].counted, Vec3f(0.0f));
-      add(pending[q].target, pending[q].weight * reflected);
+      add(pending[q].target, answer_contribution(pending[q].weight, answers[q], pending[q].counted));
     }
     statistics.queries += static_cast<long long>(asked.size());
   }
@@ -95,12 +82,6 @@ std::size_t block_size(const RhsOptions& options) {
 }
 
 }  // namespace
-
-float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal) {
-  const Vec3f direction = reflect(point.wo, point.n);
-  const Hit hit = context.tracer.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
-  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
-}
 
 RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
                            const RadianceQuery& query, std::span<Vec3f> targets) {

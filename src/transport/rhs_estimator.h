@@ -17,6 +17,7 @@ struct RhsOptions {
   int directions = 16;             // M
   int max_chain = 16;              // delta surfaces passed by a BSDF ray
   bool emission_inside = false;    // predictions of emitters hold their emission (target.emission = inside): it is taken off again
+  bool chain_streams = false;      // masks, mirrors and glass draw from a stream of each direction, as on devices, not of each point
   bool traced_disparity = false;   // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
   unsigned long long seed = 0;
   unsigned long long stream = 0;   // e.g. the step: streams never share random numbers
@@ -37,8 +38,5 @@ RhsStatistics estimate_rhs(const TransportContext& context, std::span<const Shad
 // The same in the caller's thread.
 RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points, const RhsOptions& options,
                                   const RadianceQuery& query, std::span<Vec3f> targets);
-
-// 1 / distance to the next surface along the mirror direction; 0 where that ray leaves the scene.
-float traced_disparity(const TransportContext& context, const SurfacePoint& point, Vec3f geometric_normal);
 
 }  // namespace octrad
