@@ -1,0 +1,8 @@
+#include "shading/device_world.h"
+#include "transport/lhs_kernels.h"
+
+namespace octrad {
+
+template class LhsOn<DeviceWorld>;
+
+}  // namespace octrad
