@@ -1,5 +1,6 @@
 #include "encoding/hash_grid.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -24,6 +25,15 @@ void check(const HashGridOptions& o) {
 }
 
 }  // namespace
+
+std::int64_t hash_grid_entries(const HashGridOptions& options) {
+  double total = 0.0;
+  for (int l = 0; l < options.levels; ++l) {
+    const double r = std::ceil(options.base * std::pow(options.growth, l) - 1.0) + 1.0;
+    total += std::min(r * r * r, std::ldexp(1.0, options.log2_table));
+  }
+  return static_cast<std::int64_t>(total);
+}
 
 HashGrid::HashGrid(const HashGridOptions& options) : options_(options) {
   check(options);

@@ -21,6 +21,9 @@ struct HashGridOptions {
   double growth = 2.0;
 };
 
+// Vectors that such a grid holds (HashGrid::entry_count() of the same options), without making it.
+std::int64_t hash_grid_entries(const HashGridOptions& options);
+
 class HashGrid {
  public:
   // Table zeroed. Throws InputError for options out of range, MemoryError.

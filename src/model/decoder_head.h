@@ -8,6 +8,7 @@
 
 #include "base/surface_point.h"
 #include "model/config.h"
+#include "model/decoder_math.h"
 #include "model/field_storage.h"
 #include "network/activations_math.h"
 #include "network/adam.h"
@@ -16,22 +17,14 @@
 
 namespace octrad {
 
-// Direction with which a field is looked up at a point (method section 1).
-enum class RoughDirection { normal, mirror };
-struct LookupRule {
-  bool mirror = true;              // lookup.direction: mirror | outgoing
-  RoughDirection rough = RoughDirection::normal;
-  float rough_threshold = 0.5f;
-};
 LookupRule lookup_rule(const Config& config);
-Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point);
 
 // decoder.output or nr.output by name.
 Activation output_activation(const std::string& name);
 
 class DecoderHead {
  public:
-  static constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
+  static constexpr int kPointInputs = octrad::kPointInputs;
 
   DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation, Vec3f origin,
               Vec3f size, unsigned long long stream);
@@ -49,18 +42,15 @@ class DecoderHead {
   DenseAdam& adam() { return adam_; }
   void set_target_scale(float scale) { target_scale_ = scale; }
   float target_scale() const { return target_scale_; }
+  const DecoderRules& rules() const { return rules_; }
 
  private:
-  Vec3f factor(const SurfacePoint& point) const;  // exposure times demodulation
+  Vec3f factor(const SurfacePoint& point) const { return decoder_factor(rules_, point.albedo, point.alpha, target_scale_); }
 
   Mlp mlp_;
   DenseAdam adam_;
-  Activation activation_;
-  LossNormalizer normalizer_;
-  bool demodulate_;
-  float rough_threshold_;
+  DecoderRules rules_;
   float target_scale_ = 1.0f;
-  Vec3f position_scale_, position_offset_;  // decoder input = x * scale + offset
 };
 
 // Rounds a batch up to whole kernel tiles.

@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "base/error.h"
 #include "model/nr_field.h"
 #include "model/octaoctree_field.h"
@@ -23,14 +21,7 @@ constexpr Entry kFields[] = {
     {"nr", make<NrField>},
 };
 
-double hash_grid_entries(int levels, int log2_table, int base, double growth) {
-  double total = 0.0;
-  for (int l = 0; l < levels; ++l) {
-    const double r = std::ceil(base * std::pow(growth, l) - 1.0) + 1.0;
-    total += std::min(r * r * r, std::ldexp(1.0, log2_table));
-  }
-  return total;
-}
+double entries_of(const HashGridOptions& options) { return static_cast<double>(hash_grid_entries(options)); }
 
 }  // namespace
 
@@ -63,10 +54,10 @@ std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<
       entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
     }
     table("octree", entries, config.octree_features);
-    table("disparity grid", hash_grid_entries(config.disparity_levels, config.disparity_log2_table, config.disparity_base, config.disparity_scale),
+    table("disparity grid", entries_of(disparity_grid_options(config)),
           config.disparity_features);
   } else {
-    table("hash grid", hash_grid_entries(config.nr_levels, config.nr_log2_table, config.nr_base, config.nr_scale), config.nr_features);
+    table("hash grid", entries_of(nr_grid_options(config)), config.nr_features);
   }
   double cells = 0.0;
   for (const long long n : cells_per_level) cells += static_cast<double>(n);

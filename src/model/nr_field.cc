@@ -11,6 +11,10 @@ constexpr int kChunk = 128;
 
 }  // namespace
 
+HashGridOptions nr_grid_options(const Config& config) {
+  return {config.nr_levels, config.nr_features, config.nr_log2_table, config.nr_base, config.nr_scale};
+}
+
 struct NrField::Encoded {
   int stride = 0;
   std::vector<Vec3f> p, w;
@@ -23,7 +27,7 @@ NrField::NrField(const Config& config, const FieldDomain& domain)
     : config_(config),
       origin_(domain.origin),
       size_(domain.size),
-      grid_(HashGridOptions{config.nr_levels, config.nr_features, config.nr_log2_table, config.nr_base, config.nr_scale}),
+      grid_(nr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, output_activation(config.nr_output), domain.origin, domain.size, 4) {
   initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
 }

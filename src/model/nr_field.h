@@ -11,6 +11,8 @@
 
 namespace octrad {
 
+HashGridOptions nr_grid_options(const Config& config);
+
 class NrField : public RadianceField {
  public:
   NrField(const Config& config, const FieldDomain& domain);
@@ -28,10 +30,17 @@ class NrField : public RadianceField {
   bool load(const TensorReader& in, bool optimizer) override;
   std::size_t parameter_count() const override { return grid_.table().size() + decoder_.mlp().parameter_count(); }
 
+  // What the field is made of, for its counterpart on a device.
+  Vec3f origin() const { return origin_; }
+  Vec3f size() const { return size_; }
+  HashGrid& grid() { return grid_; }
+  DecoderHead& decoder() { return decoder_; }
+  SparseAdam* grid_adam() { return grid_adam_.get(); }     // null until make_optimizer()
+  void make_optimizer();
+
  private:
   struct Encoded;
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
-  void make_optimizer();
 
   Config config_;
   Vec3f origin_, size_;

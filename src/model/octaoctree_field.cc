@@ -16,7 +16,11 @@ OctaOctreeOptions octree_options(const Config& config) {
   return {config.octree_levels, config.octree_features, config.octree_interpolation == "trilinear", config.octa_interpolation == "barycentric"};
 }
 
-HashGridOptions disparity_grid(const Config& config) {
+float* row(std::vector<float>& rows, int r, int stride) { return rows.data() + static_cast<std::ptrdiff_t>(r) * stride; }
+
+}  // namespace
+
+HashGridOptions disparity_grid_options(const Config& config) {
   return {config.disparity_levels, config.disparity_features, config.disparity_log2_table, config.disparity_base, config.disparity_scale};
 }
 
@@ -24,10 +28,6 @@ MlpShape disparity_shape(const Config& config) {
   const int inputs = config.disparity_levels * config.disparity_features + (config.disparity_direction ? kSphericalHarmonics : 0);
   return {inputs, config.disparity_width, config.disparity_hidden, 1};
 }
-
-float* row(std::vector<float>& rows, int r, int stride) { return rows.data() + static_cast<std::ptrdiff_t>(r) * stride; }
-
-}  // namespace
 
 struct OctaOctreeField::Encoded {
   int stride = 0;
@@ -50,11 +50,11 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
     : config_(config),
       origin_(domain.origin),
       size_(domain.size),
-      rule_(lookup_rule(config)),
+      rule_(octrad::lookup_rule(config)),
       offset_(config.lookup_offset == "predicted" ? Offset::predicted : config.lookup_offset == "none" ? Offset::none : Offset::traced),
       disparity_unit_(config.disparity_unit == "extent" ? 1.0f / max_component(domain.size) : 1.0f),
       octree_(octree_options(config), domain.occupied_cells, domain.origin, domain.size),
-      grid_(disparity_grid(config)),
+      grid_(disparity_grid_options(config)),
       disparity_(disparity_shape(config)),
       decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden,
                output_activation(config.decoder_output), domain.origin, domain.size, 1),

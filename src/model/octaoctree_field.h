@@ -12,6 +12,10 @@
 
 namespace octrad {
 
+// Parts of such a field.
+HashGridOptions disparity_grid_options(const Config& config);
+MlpShape disparity_shape(const Config& config);
+
 class OctaOctreeField : public RadianceField {
  public:
   OctaOctreeField(const Config& config, const FieldDomain& domain);
@@ -30,15 +34,27 @@ class OctaOctreeField : public RadianceField {
   bool load(const TensorReader& in, bool optimizer) override;
   std::size_t parameter_count() const override;
 
- private:
+  // What the field is made of, for its counterpart on a device.
   enum class Offset { predicted, none, traced };
+  Offset offset() const { return offset_; }
+  const LookupRule& lookup_rule() const { return rule_; }
+  float disparity_unit() const { return disparity_unit_; }
+  OctaOctree& octree() { return octree_; }
+  HashGrid& grid() { return grid_; }
+  Mlp& disparity() { return disparity_; }
+  DenseAdam& disparity_adam() { return disparity_adam_; }
+  DecoderHead& decoder() { return decoder_; }
+  SparseAdam* octree_adam() { return octree_adam_.get(); }  // null until make_optimizers()
+  SparseAdam* grid_adam() { return grid_adam_.get(); }
+  void make_optimizers();
+
+ private:
   struct Encoded;   // a chunk of queries on its way through the field
   struct Gradients; // what a group of queries contributes to one optimiser step
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first, std::size_t batch,
                   double epsilon, Encoded& e, Gradients& gradients);
-  void make_optimizers();
 
   Config config_;
   Vec3f origin_, size_;

@@ -126,7 +126,7 @@ struct EndStep : Kernel {
   unsigned long long* touched;
 
   OCTRAD_HD void operator()(std::uint32_t) const {
-    atomic_add(touched, static_cast<unsigned long long>(count != nullptr ? *count : entries));
+    if (touched != nullptr) *touched += count != nullptr ? *count : entries;
     if (count != nullptr) *count = 0;
   }
 };
@@ -157,7 +157,7 @@ struct SumRun : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const std::uint32_t row = rows[i];
     if (row == kNoRow || (i > 0 && rows[i - 1] == row)) return;
-    Row<C> sum{};
+    Row<C> sum = reinterpret_cast<const Row<C>*>(gradient)[row];
     for (std::uint32_t k = i; k < capacity && rows[k] == row; ++k) {
       const std::uint32_t slot = slots[k], item = slot / taps, level = item / n;
       const float scale = scales[slot];
@@ -182,7 +182,7 @@ void with_width(int features, F&& f) {
 constexpr std::size_t kUploadPart = std::size_t{1} << 24;      // floats that wait on the device to be rounded
 
 std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
-  return options.training && !options.dense ? std::min(entries, options.slots) : 0;
+  return options.training && !options.dense ? std::min(entries, options.touches) : 0;
 }
 
 }  // namespace

@@ -45,7 +45,8 @@ struct DeviceTableOptions {
   bool training = false;
   bool dense = false;              // Adam over every entry
   bool sorted = false;             // contributions summed in a fixed order
-  std::size_t slots = 0;           // most contributions of a step
+  std::size_t touches = 0;         // most entries that a step can touch (at most all)
+  std::size_t slots = 0;           // most contributions between begin_sorted() and sum_sorted()
   AdamOptions adam;
 };
 
@@ -70,9 +71,9 @@ class DeviceTable {
   void begin_sorted(Stream& stream);
   KeepForSort keep() const { return {slot_rows_.data(), slot_scales_.data()}; }
   // Sums what keep() was given by entry, in the order of slots: slot s of `taps` an item adds its scale times the features
-  // of item s / taps = level n + i, upstream[level features + c][i].
+  // of item s / taps = level n + i, upstream[level features + c][i]. Adds to what the step has summed before.
   void sum_sorted(Stream& stream, int taps, std::uint32_t n, int levels, const float* upstream, std::size_t upstream_stride);
-  // Applies the gradient and clears it.
+  // Applies the gradient and clears it. The counters, in device memory, are added to; touched may be null.
   void step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite, unsigned long long* touched);
 
  private:

@@ -90,7 +90,7 @@ TEST_P(DeviceAdam, TableStepsAreThoseOfTheCpu) {
       options.training = true;
       options.dense = dense;
       options.sorted = sorted;
-      options.slots = taps;
+      options.slots = options.touches = taps;
       options.adam = options_;
       DeviceTable device(*stream_, entries, C, options, "test");
       device.upload(*stream_, table, &cpu);
@@ -154,7 +154,7 @@ TEST_P(DeviceAdam, MemoryIsWhatWasEstimated) {
       DeviceTableOptions options;
       options.training = training;
       options.sorted = sorted && training;
-      options.slots = 50'000;
+      options.slots = options.touches = 50'000;
       const std::size_t before = stream_->allocated_bytes();
       const DeviceTable table(*stream_, 100'000, 4, options, "test");
       const double took = static_cast<double>(stream_->allocated_bytes() - before);

@@ -37,7 +37,7 @@ class DeviceMlp {
   // The same, keeping the activations for backward. n <= train_rows.
   void forward_keep(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n);
   // After forward_keep on the same inputs: gradient at the linear outputs d_out [outputs][stride], taken times scale[0] (in
-  // device memory; a power of 2 that brings the largest near 1000, so that halves hold them) while they are halves, and
+  // device memory; a power of 2 that brings the largest near 16, so that halves hold them and what layers make of them) while they are halves, and
   // times scale[1] = 1 / scale[0] afterwards. Writes the gradient at the first d_inputs inputs to d_in, unless that is 0,
   // and adds the weights' gradient to gradient() if `add`, else replaces it. The same bits every time.
   void backward(Stream& stream, HalfRows in, FloatRows d_out, const float* scale, FloatRows d_in, int d_inputs, std::uint32_t n, bool add);

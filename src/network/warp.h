@@ -54,9 +54,10 @@ class HostWarp {
     return w;
   }
   OCTRAD_HD static Word where_positive(const Float& low, const Float& high, const Word& h) {
+    const auto one = [](float x) { return to_float(to_half(x < -kLargestHalf ? -kLargestHalf : (x > kLargestHalf ? kLargestHalf : x))); };
     Word w;
     for (int lane = 0; lane < kWarp; ++lane) {
-      w.v[lane] = {h.v[lane].x > 0.0f ? to_float(to_half(low.v[lane])) : 0.0f, h.v[lane].y > 0.0f ? to_float(to_half(high.v[lane])) : 0.0f};
+      w.v[lane] = {h.v[lane].x > 0.0f ? one(low.v[lane]) : 0.0f, h.v[lane].y > 0.0f ? one(high.v[lane]) : 0.0f};
     }
     return w;
   }
@@ -151,9 +152,13 @@ class CudaWarp {
   }
   OCTRAD_HD static Word where_positive(Float low, Float high, Word h) {
 #if defined(__CUDA_ARCH__)
-    __half2 both;
-    memcpy(&both, &h, sizeof(both));
-    return pack_halves(low, high) & __hgt2_mask(both, __half2half2(__ushort_as_half(0)));
+    const __half2 most = __half2half2(__ushort_as_half(0x7bff));
+    __half2 mask;
+    memcpy(&mask, &h, sizeof(mask));
+    const __half2 value = __hmax2(__hmin2(__floats2half2_rn(low, high), most), __hneg2(most));
+    Word word;
+    memcpy(&word, &value, sizeof(word));
+    return word & __hgt2_mask(mask, __half2half2(__ushort_as_half(0)));
 #else
     return pack_halves(low, high) & h;   // never run
 #endif
