@@ -6,33 +6,6 @@
 #include "base/error.h"
 
 namespace octrad {
-namespace {
-
-std::uint8_t to_byte(float unit) { return static_cast<std::uint8_t>(std::lround(std::clamp(unit, 0.0f, 1.0f) * 255.0f)); }
-
-}  // namespace
-
-float encode_srgb(float linear) {
-  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
-}
-
-float decode_srgb(float encoded) {
-  return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
-}
-
-float tonemap(float value, const ToneMapping& mapping) {
-  float v = value * std::exp2(mapping.exposure);
-  if (!(v > 0.0f)) return 0.0f;  // negative or NaN
-  if (mapping.curve == ToneMapping::Curve::log1p) v = std::log1p(v);
-  v = std::min(v, 1.0f);
-  switch (mapping.encoding) {
-    case ToneMapping::Encoding::srgb: return encode_srgb(v);
-    case ToneMapping::Encoding::gamma: return std::pow(v, 1.0f / mapping.gamma);
-    case ToneMapping::Encoding::linear: break;
-  }
-  return v;
-}
-
 Image8 tonemap(const Image& image, const ToneMapping& mapping, const std::string& layer) {
   const Image rgb = extract_rgb(image, layer);
   Image8 out(rgb.width, rgb.height, 3);

@@ -33,6 +33,12 @@ struct RenderOptions {
 
 struct SampleCounts {
   long long rays = 0, queries = 0, non_finite = 0;
+  SampleCounts& operator+=(const SampleCounts& b) {
+    rays += b.rays;
+    queries += b.queries;
+    non_finite += b.non_finite;
+    return *this;
+  }
 };
 
 // Fills out[i] for samples[i], the samples of one tile; called from several threads for some hundred to a few thousand samples.
@@ -52,5 +58,27 @@ struct RenderResult {
 // (some 100,000 samples, at least one a pixel) does not depend on time either. Samples that are not finite count as black
 // (SampleCounts::non_finite). Throws UsageError for sizes, crops and budgets that make no sense.
 RenderResult render(const RenderOptions& options, const SampleFunction& integrator);
+
+// What render() consists of, for integrators that are not called tile by tile (render/device_render.h).
+
+// A part of the picture, half-open.
+struct PictureWindow {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  int width() const { return x1 - x0; }
+  int height() const { return y1 - y0; }
+};
+
+struct PassPlan {
+  ReconstructionFilter filter;
+  int reach = 0;                   // of the filter beyond a sample's own pixel
+  PictureWindow crop;              // what is returned
+  PictureWindow window;            // what is sampled: pixels around the crop reach into it
+};
+// Throws as render() does.
+PassPlan plan_passes(const RenderOptions& options);
+
+// Calls pass(first, count), which takes samples [first, first + count) of every pixel of the window, until the budget is used up
+// or the user interrupts. Passes of 1, 1, 2, 4, ... samples a pixel up to `largest`. Fills spp, seconds, samples, interrupted.
+RenderResult run_passes(const RenderOptions& options, const PassPlan& plan, int largest, const std::function<void(int first, int count)>& pass);
 
 }  // namespace octrad

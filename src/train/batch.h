@@ -20,6 +20,7 @@ class BatchSource {
   // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, asking `query` where
   // the bounce ends. Replaces points() and targets().
   RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
+  const LhsSampler& sampler() const { return sampler_; }
   const std::vector<SurfacePoint>& points() const { return points_; }
   const std::vector<Vec3f>& targets() const { return targets_; }
 

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "encoding/octaoctree.h"
 #include "geometry/voxelize.h"
-#include "train/engine.h"
+#include "train/device_engine.h"
 #include "train/validation.h"
 
 namespace octrad {
@@ -31,13 +31,23 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
   return counts;
 }
 
+// What training allocates before anything is: on the device where there is one.
+using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
+
+MemoryEstimate memory_estimate(const TrainOptions& options) {
+  if (!options.stream) return [](const Config& config, const std::vector<long long>& cells) { return estimate_memory(config, cells, true); };
+  DeviceEngineOptions device;
+  device.deterministic = options.deterministic;
+  return [device](const Config& config, const std::vector<long long>& cells) { return estimate_device_training(config, cells, device); };
+}
+
 // Returns the estimate. Throws MemoryError when it is above `limit` (0: none), with advice unless the run continues another,
 // whose sizes are fixed.
-double check_memory(const Config& config, const std::vector<long long>& cells, double limit, bool continues) {
-  const std::vector<MemoryPart> parts = estimate_memory(config, cells, true);
+double check_memory(const MemoryEstimate& estimate, const Config& config, const std::vector<long long>& cells, double limit, bool continues) {
+  const std::vector<MemoryPart> parts = estimate(config, cells);
   std::string advice;
   const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
-    advice += (advice.empty() ? "" : "; ") + knob + " would need " + format_bytes(total_bytes(estimate_memory(changed, changed_cells, true)));
+    advice += (advice.empty() ? "" : "; ") + knob + " would need " + format_bytes(total_bytes(estimate(changed, changed_cells)));
   };
   if (config.field == "octaoctree" && config.octree_levels > 1) {
     Config fewer = config;
@@ -70,14 +80,20 @@ class Run {
     if (options.resume) {
       field = std::move(options.resume->field);
       state_ = options.resume->info.state;
-      bytes_ = check_memory(config, field->cells_per_level(), options.max_memory, true);
+      bytes_ = check_memory(memory_estimate(options), config, field->cells_per_level(), options.max_memory, true);
     } else {
       const FieldDomain domain = field_domain(context.scene, config);
-      bytes_ = check_memory(config, cell_counts(domain), options.max_memory, false);
+      bytes_ = check_memory(memory_estimate(options), config, cell_counts(domain), options.max_memory, false);
       field = make_field(config, domain);
       field->set_target_scale(static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
     }
-    engine_ = make_cpu_engine(std::move(batches), std::move(field));
+    if (options.stream) {
+      DeviceEngineOptions device;
+      device.deterministic = options.deterministic;
+      engine_ = make_device_engine(*options.stream, context, config_, batches->sampler(), std::move(field), device);
+    } else {
+      engine_ = make_cpu_engine(std::move(batches), std::move(field));
+    }
     if (options.reference) {
       validation_ = std::make_unique<Validation>(context, *options.reference, config, 8192, 2);
     }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "device/stream.h"
 #include "image/image.h"
 #include "model/config.h"
 #include "model/model_file.h"
@@ -29,7 +30,9 @@ struct TrainOptions {
   std::string output;              // model file; checkpoints go to the same name
   bool save_optimizer = true;      // in the final file (checkpoints always have it)
   const Image* reference = nullptr;// of the scene's first camera, any resolution
-  double max_memory = 0.0;         // bytes; 0: no limit
+  double max_memory = 0.0;         // bytes of the device (or of the computer, without one); 0: no limit
+  Stream* stream = nullptr;        // where to train; null: on the CPU
+  bool deterministic = false;      // on a device: the same bits every time, at a cost (the CPU always is)
   std::vector<Camera> cameras;     // poses in addition to the scene's
   Model* resume = nullptr;         // continue this model (its field is moved from)
   std::function<bool()> interrupted;

@@ -21,6 +21,7 @@ class LhsSampler {
 
   const std::vector<Camera>& poses() const { return poses_; }
   // The same as lhs_point() takes them, and whether every walk starts from a pose of its own instead.
+  const SurfaceSampler& surfaces() const { return surfaces_; }
   std::span<const CameraView> views() const { return views_; }
   bool fresh_poses() const { return fresh_poses_; }
 

@@ -51,6 +51,10 @@ std::uint64_t CommonOptions::memory_budget() const {
   return usable_memory() / 10 * 9;  // what is left keeps the machine responsive; 0 (unknown) means no limit
 }
 
+std::uint64_t CommonOptions::memory_budget(const Stream& stream) const {
+  return max_memory.empty() ? stream.info().free_bytes / 10 * 9 : memory_budget();
+}
+
 std::unique_ptr<JsonLines> CommonOptions::open_log(bool append) const {
   return log_json.empty() ? nullptr : std::make_unique<JsonLines>(log_json, append);
 }
@@ -73,7 +77,7 @@ void CommonOptions::apply() const {
 
 CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example, Devices devices) {
   CLI::App* verb = program.app.add_subcommand(name, summary);
-  if (devices == Devices::cuda) program.device_verbs.insert(name);
+  program.devices[name] = devices;
   CommonOptions& common = program.common;
   verb->add_option("--threads", common.threads, "threads to use; 0: all")
       ->check(unnamed(CLI::Range(0, 4096)))

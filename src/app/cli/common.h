@@ -32,6 +32,8 @@ struct CommonOptions {
 
   bool has_seed() const { return seed >= 0; }
   std::uint64_t memory_budget() const;
+  // The same for the memory of a device: 90 % of what is free there by default.
+  std::uint64_t memory_budget(const Stream& stream) const;
   // The --log-json file, null if not asked for.
   std::unique_ptr<JsonLines> open_log(bool append = false) const;
   // The device that the verb works on, by --device and what the machine has; says so when that is a GPU, and with -v always.
@@ -41,16 +43,24 @@ struct CommonOptions {
   void apply() const;
 };
 
+// Whether a verb's work can be done on a CUDA device: never (asking for one is an error), when asked for, or also by `auto`.
+enum class Devices { cpu, on_request, cuda };
+
 // A verb adds its subcommand to `program`; the chosen one's action is put into `run` while parsing.
 struct Program {
   CLI::App app;
   CommonOptions common;
   std::function<void()> run;
-  std::set<std::string> device_verbs;  // verbs that have a path on CUDA devices
-};
+  std::map<std::string, Devices> devices;  // of each verb
 
-// Whether a verb's work can be done on a CUDA device: for the others `auto` takes the CPU, and asking for a device is an error.
-enum class Devices { cpu, cuda };
+  std::set<std::string> device_verbs() const {  // those with a path on CUDA devices
+    std::set<std::string> verbs;
+    for (const auto& [verb, where] : devices) {
+      if (where != Devices::cpu) verbs.insert(verb);
+    }
+    return verbs;
+  }
+};
 
 // Adds a subcommand with the common options. `example` is shown at the end of --help.
 CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example,

@@ -324,7 +324,7 @@ void add_info(Program& program) {
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   options->config.add_to(*verb);
-  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs); }; });
+  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs()); }; });
 }
 
 }  // namespace octrad::cli

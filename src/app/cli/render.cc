@@ -15,6 +15,7 @@
 #include "base/version.h"
 #include "image/io.h"
 #include "model/model_file.h"
+#include "render/device_render.h"
 #include "render/cache_integrators.h"
 #include "render/path_integrator.h"
 #include "scene/camera.h"
@@ -38,6 +39,7 @@ struct RenderVerbOptions {
   std::string fov_axis = "x";
   std::string camera_file;
   std::vector<std::string> definitions;
+  int frames = 0;
 };
 
 const std::vector<std::string> kIntegrators = {"path", "lhs", "rhs", "deferred"};
@@ -167,6 +169,12 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (uses_cache(o.integrator) && o.model.empty())
     throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
   if (!uses_cache(o.integrator) && !o.model.empty()) throw UsageError("--integrator path uses no --model");
+  const DeviceChoice device = common.choose_device();
+  if (device.cuda && std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) == kIntegrators.end()) {
+    throw DeviceError(fmt::format("--device {}: the view \"{}\" runs on the CPU only", device.name, o.integrator));
+  }
+  const std::unique_ptr<Stream> stream = device.make_stream();
+  if (o.frames > 0 && !stream) throw UsageError("--frames measures frames of a GPU: it needs --device cuda");
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
   ConfigOptions definitions;
@@ -207,7 +215,12 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   const TransportContext context{scene, *loaded.tracer, *loaded.materials, *loaded.lights};
   defer_interrupts();  // from here on there is a picture to save
   RenderResult result;
-  if (o.integrator == "path") {
+  std::optional<FrameTimes> frames;
+  if (stream) {
+    DeviceRenderer renderer(*stream, context, options, model ? model->field.get() : nullptr, config, o.integrator, common.memory_budget(*stream));
+    if (o.frames > 0) frames = renderer.time_frames(o.frames);
+    result = renderer.render();
+  } else if (o.integrator == "path") {
     result = render_path(context, options);
   } else if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) != kIntegrators.end()) {
     const CacheMode mode = o.integrator == "lhs" ? CacheMode::lhs : o.integrator == "rhs" ? CacheMode::rhs : CacheMode::deferred;
@@ -239,7 +252,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   write_exr(o.output, result.image);
 
   const double seconds = std::max(result.seconds, 1e-9);
-  const nlohmann::json report = {{"output", o.output},
+  nlohmann::json report = {{"output", o.output},
                                  {"integrator", o.integrator},
                                  {"width", result.image.width},
                                  {"height", result.image.height},
@@ -250,6 +263,11 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
                                  {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
                                  {"non_finite", result.counts.non_finite},
                                  {"interrupted", result.interrupted}};
+  report["device"] = device.name;
+  if (frames) {
+    report["frames"] = {{"count", o.frames}, {"median_ms", frames->median}, {"p95_ms", frames->p95}, {"stages_ms", nlohmann::json::object()}};
+    for (const auto& [stage, ms] : frames->stages) report["frames"]["stages_ms"][stage] = ms;
+  }
   if (log) {
     nlohmann::json done = report;
     done["event"] = "done";
@@ -258,6 +276,11 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (common.json) {
     print_json(report);
   } else {
+    if (frames) {
+      std::string split;
+      for (const auto& [stage, ms] : frames->stages) split += fmt::format("{}{} {:.3f}", split.empty() ? "" : ", ", stage, ms);
+      log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95, split);
+    }
     log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height, result.spp,
              format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
              result.counts.queries > 0
@@ -273,7 +296,8 @@ void add_render(Program& program) {
   auto o = std::make_shared<RenderVerbOptions>();
   CLI::App* verb = add_verb(program, "render", "Render a scene, path traced or from a trained cache.",
                             "octrad render scene.xml --integrator lhs --model room.octrad --width 512 -o lhs.exr\n"
-                            "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr");
+                            "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr",
+                            Devices::on_request);
   verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "EXR file")->required()->type_name("OUT.exr");
   verb->add_option("--integrator", o->integrator,
@@ -287,6 +311,9 @@ void add_render(Program& program) {
       ->type_name("N");
   verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")
       ->type_name("T");
+  verb->add_option("--frames", o->frames, "on a GPU: also render this many frames and print the median time, its 95th percentile and its parts")
+      ->check(unnamed(CLI::Range(1, 1 << 20)))
+      ->type_name("N");
   verb->add_option("--max-depth", o->max_depth, "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
       ->check(unnamed(CLI::Range(-1, 1 << 20)))
       ->type_name("D");

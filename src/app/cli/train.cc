@@ -28,7 +28,7 @@ struct TrainVerbOptions {
   long long steps = -1;
   std::string time;
   std::string reference;
-  bool resume = false, no_optimizer = false;
+  bool resume = false, no_optimizer = false, deterministic = false;
 };
 
 // Options that have configuration keys of their own are applied last: they are what the user sees first.
@@ -76,6 +76,8 @@ void show_config(const Config& config) {
 
 void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   require_writable(o.output);
+  const DeviceChoice device = common.choose_device();
+  const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
 
@@ -107,6 +109,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   // What the scene takes is gone already; 0 would mean no limit.
   const std::uint64_t budget = common.memory_budget(), resident = resident_bytes(), used = resident - std::min(resident, held);
   options.max_memory = budget == 0 ? 0.0 : static_cast<double>(budget > used ? budget - used : 1);
+  options.stream = stream.get();
+  options.deterministic = o.deterministic;
+  if (stream) options.max_memory = static_cast<double>(common.memory_budget(*stream));
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
 
@@ -194,7 +199,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
 void add_train(Program& program) {
   auto o = std::make_shared<TrainVerbOptions>();
   CLI::App* verb = add_verb(program, "train", "Train a radiance cache of a scene.",
-                            "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr");
+                            "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr",
+                            Devices::on_request);
   verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")->required()->type_name("MODEL.octrad");
   o->config.add_to(*verb);
@@ -204,6 +210,7 @@ void add_train(Program& program) {
   verb->add_option("--reference", o->reference, "picture of the scene's first sensor: its error is shown while training")
       ->type_name("REF.exr");
   verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
+  verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
 }

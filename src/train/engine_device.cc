@@ -1,0 +1,202 @@
+// A step is one tiny launch that sets its constants and one recorded graph for its shape of batch; nothing is read back until the
+// loop asks for a report.
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "base/error.h"
+#include "device/array.h"
+#include "device/launch.h"
+#include "geometry/bvh8.h"
+#include "geometry/surface_sampling.h"
+#include "model/device_field.h"
+#include "shading/device_scene.h"
+#include "train/device_engine.h"
+#include "transport/device_memory.h"
+#include "transport/lhs_device.h"
+#include "transport/rhs_device.h"
+
+namespace octrad {
+namespace {
+
+// What one step reads, in device memory.
+struct StepInput {
+  unsigned long long step = 0;
+  StepConstants constants;
+};
+
+struct SetStep : Kernel {
+  StepInput value;
+  StepInput* to;
+  OCTRAD_HD void operator()(std::uint32_t) const { *to = value; }
+};
+
+constexpr int kStepsBetweenReports = 16;
+constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
+
+std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
+
+// Right-hand-side slots of the largest step: points halve while directions double, but small batches stop halving.
+std::size_t most_slots(const Config& config) {
+  std::size_t most = 0;
+  for (const double fraction : {0.0, 0.25, 0.5, 0.75}) {
+    const ScheduleState s = schedule(config, 0, fraction);
+    most = std::max(most, static_cast<std::size_t>(s.points) * static_cast<std::size_t>(s.directions));
+  }
+  return most;
+}
+
+DeviceFieldOptions field_options(const Config& config, const DeviceEngineOptions& options) {
+  DeviceFieldOptions field;
+  field.max_points = std::min(most_slots(config), options.max_queries);
+  field.max_train_points = most_points(config);
+  field.deterministic = options.deterministic;
+  field.half_features = options.half_features;
+  return field;
+}
+
+class DeviceEngine : public TrainEngine {
+ public:
+  DeviceEngine(Stream& stream, const TransportContext& context, const Config& config, const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
+               const DeviceEngineOptions& options)
+      : stream_(stream),
+        config_(config),
+        traced_(config.lookup_offset == "traced"),
+        scene_(stream, {context.scene, context.materials, context.lights, build_bvh8(context.scene), &sampler.surfaces()}),
+        lhs_(stream, scene_.world(), lhs_options(config), sampler.views(), sampler.fresh_poses(), most_points(config)),
+        rhs_(stream, scene_.world(), most_slots(config), traced_),
+        field_(std::move(field)),
+        device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
+        input_(stream, 1, "a step's constants"),
+        answers_(stream, most_slots(config), "answers of the cache"),
+        targets_(stream, most_points(config), "targets") {
+    rhs_options_.max_chain = config.train_max_chain;
+    rhs_options_.emission_inside = config.target_emission == "inside";
+    rhs_options_.own_emission = rhs_options_.emission_inside;
+    rhs_options_.seed = static_cast<unsigned long long>(config.seed);
+  }
+
+  void step(long long step, const ScheduleState& s) override {
+    StepInput input;
+    input.step = static_cast<unsigned long long>(step);
+    input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale)};
+    launch(stream_, 1, SetStep{{}, input, input_.data()});
+    const std::pair<int, int> shape{s.points, s.directions};
+    last_points_ = static_cast<std::size_t>(s.points);
+    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
+    if (graph) {
+      stream_.replay(*graph);
+      return;
+    }
+    // The first step of a shape runs as it is: what is set up once must not be recorded.
+    if (seen_.insert(shape).second) {
+      run(s);
+      return;
+    }
+    stream_.begin_capture();
+    run(s);
+    graph = stream_.end_capture();
+    stream_.replay(*graph);
+  }
+
+  int steps_between_reports() const override { return kStepsBetweenReports; }
+
+  StepReport collect() override {
+    DeviceTrainReport trained = device_field_->collect();
+    const TraceCounts traced = rhs_.take_counts();
+    if (lhs_.take_missing() > 0) throw InputError(no_lhs_point());
+    StepReport report;
+    report.losses = std::move(trained.losses);
+    report.rhs_queries = static_cast<long long>(traced.queries);
+    report.dropped = static_cast<long long>(traced.non_finite);
+    report.non_finite = trained.non_finite;
+    stale_ = stale_ || trained.steps > 0;
+    return report;
+  }
+
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
+    if (asked_.stride() == 0) {
+      asked_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
+      told_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
+    }
+    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * asked_.stride());
+    const SurfacePointArray host{planes.data(), asked_.stride()};
+    for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+      const std::size_t n = std::min(kQueryChunk, points.size() - begin);
+      for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
+      stream_.upload(asked_.points().data, planes.data(), planes.size() * sizeof(float));
+      device_field_->radiance(asked_.points(), nullptr, n, told_.data());
+      told_.download(out.subspan(begin, n));
+    }
+  }
+
+  RadianceField& field() override {
+    if (stale_) device_field_->download_to(*field_);
+    stale_ = false;
+    return *field_;
+  }
+  std::unique_ptr<RadianceField> release_field() override {
+    field();
+    return std::move(field_);
+  }
+
+  void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
+    const SurfacePointArray device = lhs_.surface_points();
+    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * device.stride);
+    stream_.download(planes.data(), device.data, planes.size() * sizeof(float));
+    const SurfacePointArray host{planes.data(), device.stride};
+    points.clear();
+    for (std::size_t i = 0; i < last_points_; ++i) points.push_back(host.load(i));
+    targets.resize(last_points_);
+    targets_.download(std::span<Vec3f>(targets));
+  }
+
+ private:
+  void run(const ScheduleState& s) {
+    const auto n = static_cast<std::size_t>(s.points);
+    lhs_.run(&input_.data()->step, n, traced_);
+    rhs_options_.directions = s.directions;
+    const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
+    rhs_.trace(points, rhs_options_);
+    device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions), answers_.data());
+    rhs_.reduce(points, rhs_options_, answers_.data(), targets_.data());
+    device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
+    stale_ = true;
+  }
+
+  Stream& stream_;
+  const Config config_;
+  bool traced_;
+  DeviceScene scene_;
+  DeviceLhs lhs_;
+  DeviceRhs rhs_;
+  DeviceRhsOptions rhs_options_;
+  std::unique_ptr<RadianceField> field_;
+  std::unique_ptr<DeviceField> device_field_;
+  bool stale_ = false;             // field_ lacks what the device learnt since
+  DeviceArray<StepInput> input_;
+  DeviceArray<Vec3f> answers_, targets_;
+  std::size_t last_points_ = 0;
+  std::set<std::pair<int, int>> seen_;
+  std::map<std::pair<int, int>, std::unique_ptr<LaunchGraph>> graphs_;
+  PlaneArray asked_;
+  DeviceArray<Vec3f> told_;
+};
+
+}  // namespace
+
+std::vector<MemoryPart> estimate_device_training(const Config& config, const std::vector<long long>& cells_per_level, const DeviceEngineOptions& options) {
+  std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
+  const std::size_t slots = most_slots(config), points = most_points(config);
+  parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, config.lookup_offset == "traced") + slots * sizeof(Vec3f)});
+  parts.push_back({"left-hand-side points", DeviceLhs::bytes(points) + points * sizeof(Vec3f)});
+  return parts;
+}
+
+std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const TransportContext& context, const Config& config, const LhsSampler& sampler,
+                                                std::unique_ptr<RadianceField> field, const DeviceEngineOptions& options) {
+  return std::make_unique<DeviceEngine>(stream, context, config, sampler, std::move(field), options);
+}
+
+}  // namespace octrad
