@@ -1,6 +1,10 @@
 // The path tracer on streams against trace_paths(), sample by sample.
 #include "transport/path_device.h"
 
+#include <filesystem>
+
+#include "scene/files_test_helper.h"
+#include "scene/load.h"
 #include "transport/device_test_helper.h"
 #include "transport/path.h"
 
@@ -133,6 +137,29 @@ TEST_P(DevicePaths, EmptyScenes) {
     expect_cpu_paths(*stream, setup, tracer.samples(), tracer.take_rays(), job, {-1, 5});
     EXPECT_EQ(fetch_samples(*stream, tracer.samples(), 1).radiance[0].x > 0.0f, sky);
   }
+}
+
+// Real scenes: textures, bump maps, coats, many lights, deep trees.
+TEST_P(DevicePaths, SharedScenes) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  int found = 0;
+  for (const char* name : {"cornell-box", "kitchen"}) {
+    const std::filesystem::path file = shared_folder() / "scenes" / name / "scene.xml";
+    if (!std::filesystem::exists(file)) continue;
+    SCOPED_TRACE(name);
+    ++found;
+    Scene scene = load_scene(file.string());
+    scene.cameras.front().film_width = 48;
+    scene.cameras.front().film_height = 32;
+    const DeviceSetup setup(*stream, std::move(scene));
+    const CameraJob job = testing::whole_picture(setup.scene, 2);
+    DevicePathTracer tracer(*stream, setup.world(), job.size());
+    tracer.set(job);
+    tracer.run({8, 5});
+    expect_cpu_paths(*stream, setup, tracer.samples(), tracer.take_rays(), job, {8, 5});
+  }
+  if (found == 0) GTEST_SKIP() << "no shared scenes in " << shared_folder();
 }
 
 TEST_P(DevicePaths, MemoryIsWhatWasSaid) {
