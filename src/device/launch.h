@@ -20,7 +20,7 @@ namespace octrad {
 
 #if defined(__CUDACC__)
 template <typename F>
-__global__ void __launch_bounds__(F::kBlock) launch_kernel(std::uint32_t n, F f) {
+__global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_kernel(std::uint32_t n, F f) {
   const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
   if (i < n) f(i);
 }
@@ -29,6 +29,7 @@ __global__ void __launch_bounds__(F::kBlock) launch_kernel(std::uint32_t n, F f)
 // Functors derive from this; another block size or a name for error messages and timings shadow these.
 struct Kernel {
   static constexpr unsigned kBlock = 128;
+  static constexpr unsigned kMinBlocks = 0;      // blocks that must fit on a multiprocessor; 0: the assembler decides, and may spill
 };
 
 template <typename F>

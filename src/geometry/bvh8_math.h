@@ -56,6 +56,13 @@ struct Bvh8View {
 
 namespace bvh8_detail {
 
+// On the host only: in a kernel the call would cost registers in the innermost loop.
+OCTRAD_HD inline void check([[maybe_unused]] bool holds) {
+#if !defined(__CUDA_ARCH__)
+  assert(holds);
+#endif
+}
+
 OCTRAD_HD inline float multiply(float a, float b) {
 #if defined(__CUDA_ARCH__)
   return __fmul_rn(a, b);          // never part of a fused multiply-add
@@ -313,10 +320,10 @@ OCTRAD_HD inline Hit bvh8_trace(const Bvh8View& bvh, Vec3f origin, Vec3f directi
     const unsigned slot = order ^ ray.octant;
     const std::uint32_t index = group.base + count_bits((group.masks >> 8) & ((1u << slot) - 1u));
     if ((group.masks & 0xffu) != 0) {
-      assert(depth < kBvh8StackSize);
+      check(depth < kBvh8StackSize);
       stack[depth++] = group;
     }
-    assert(index < bvh.node_count);
+    check(index < bvh.node_count);
     const Bvh8Node node = load(bvh.nodes + index);
     const unsigned slots = bvh8_slots(node, ray, t_min, t_max), nodes = node.exponents >> 24;
     for (unsigned leaves = permute(slots & ~nodes, ray.octant); leaves != 0; leaves &= leaves - 1) {

@@ -9,8 +9,9 @@
 namespace octrad {
 
 inline MeshView mesh_view(const TriangleMesh& mesh) {
-  return {mesh.positions.data(), mesh.normals.empty() ? nullptr : mesh.normals.data(), mesh.uvs.empty() ? nullptr : mesh.uvs.data(),
-          mesh.triangles.data(), mesh.flip_normals};
+  const Vec3f* normals = mesh.normals.empty() ? nullptr : mesh.normals.data();
+  const Vec2f* uvs = mesh.uvs.empty() ? nullptr : mesh.uvs.data();
+  return {mesh.positions.data(), normals, uvs, mesh.triangles.data(), mesh.flip_normals};
 }
 
 inline ShapeView shape_view(const Scene& scene, std::size_t index) {

@@ -91,7 +91,8 @@ OCTRAD_HD inline TexelCell texel_cell(const TextureSettings& t, Vec2f surface_uv
 }
 
 OCTRAD_HD inline const TexelIndices& texel_indices(const TextureView& t, int x, int y) {
-  return t.tiles[static_cast<std::size_t>(y >> 2) * static_cast<std::size_t>(t.columns) + static_cast<std::size_t>(x >> 2)].texels[(y & 3) * 4 + (x & 3)];
+  const TexelTile& tile = t.tiles[static_cast<std::size_t>(y >> 2) * static_cast<std::size_t>(t.columns) + static_cast<std::size_t>(x >> 2)];
+  return tile.texels[(y & 3) * 4 + (x & 3)];
 }
 
 template <bool kTiles>

@@ -157,7 +157,8 @@ std::vector<MaterialRecord> place_records(const Materials& materials, const Plan
   return records;
 }
 
-std::vector<LightRecord> place_lights(const LightsView& lights, const std::vector<ShapeView>& shapes, const Plan& plan, const Block& block) {
+std::vector<LightRecord> place_lights(const LightsView& lights, const std::vector<ShapeView>& shapes, const Plan& plan,
+                                      const Block& block) {
   std::vector<LightRecord> records(lights.area, lights.area + lights.area_count);
   for (std::size_t i = 0; i < records.size(); ++i) {
     records[i].shape = shapes[static_cast<std::size_t>(records[i].shape_index)];

@@ -128,6 +128,7 @@ struct Describe : Kernel {
 
 // The chain of a primary ray, as a G-buffer takes it.
 struct CastAndShade : Kernel {
+  static constexpr unsigned kMinBlocks = 4;
   DeviceWorld world;
   const Probe* probes;
   float* numbers;                  // [7][stride]

@@ -13,7 +13,9 @@
 namespace octrad {
 
 // Parameters that a texture may drive.
-enum MaterialSlot : int { kReflectanceSlot, kSpecularReflectanceSlot, kSpecularTransmittanceSlot, kAlphaUSlot, kAlphaVSlot, kOpacitySlot, kMaterialSlots };
+enum MaterialSlot : int {
+  kReflectanceSlot, kSpecularReflectanceSlot, kSpecularTransmittanceSlot, kAlphaUSlot, kAlphaVSlot, kOpacitySlot, kMaterialSlots
+};
 
 struct MaterialRecord {
   Bsdf constant;                   // every parameter that does not vary over the surface
