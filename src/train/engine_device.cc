@@ -84,6 +84,7 @@ class DeviceEngine : public TrainEngine {
     launch(stream_, 1, SetStep{{}, input, input_.data()});
     const std::pair<int, int> shape{s.points, s.directions};
     last_points_ = static_cast<std::size_t>(s.points);
+    stale_ = true;
     std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
     if (graph) {
       stream_.replay(*graph);
@@ -111,7 +112,6 @@ class DeviceEngine : public TrainEngine {
     report.rhs_queries = static_cast<long long>(traced.queries);
     report.dropped = static_cast<long long>(traced.non_finite);
     report.non_finite = trained.non_finite;
-    stale_ = stale_ || trained.steps > 0;
     return report;
   }
 
@@ -162,7 +162,6 @@ class DeviceEngine : public TrainEngine {
     device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions), answers_.data());
     rhs_.reduce(points, rhs_options_, answers_.data(), targets_.data());
     device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
-    stale_ = true;
   }
 
   Stream& stream_;

@@ -28,8 +28,7 @@ struct DeviceRhsPoints {
 };
 
 // Two parts with the cache's answers in between: trace() fills queries(), reduce() sums up each point's targets in the order
-// of the CPU, which estimates the same with RhsOptions::chain_streams. Everything is allocated by the constructor; both can be
-// recorded.
+// of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 template <typename World>
 class RhsOn {
  public:

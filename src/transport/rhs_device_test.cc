@@ -124,7 +124,6 @@ void expect_right_hand_sides(Stream& stream, const RhsCase& c) {
   options.max_chain = 6;
   options.emission_inside = c.inside;
   options.traced_disparity = c.traced;
-  options.chain_streams = true;
   options.seed = 11;
   options.stream = number;
   options.keys = keys;
@@ -192,37 +191,6 @@ TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
   expect_right_hand_sides(*stream, {false, true, true, false, true, true, 8});
   expect_right_hand_sides(*stream, {false, true, false, false, false, false, 8});
   expect_right_hand_sides(*stream, {false, false, false, false, false, true, 4});
-}
-
-// A stream of its own for each direction changes which numbers are drawn, not what they are drawn for.
-TEST(ChainStreams, AreAsGoodAsOne) {
-  const auto stream = make_host_stream();
-  const DeviceSetup setup(*stream, testing::room());
-  const LhsSampler sampler(setup.context, {});
-  std::vector<ShadingPoint> points(256);
-  sampler.sample(1, points);
-  Vec3d means[2], squares[2];
-  const int rounds = 40;
-  for (int own = 0; own < 2; ++own) {
-    for (int r = 0; r < rounds; ++r) {
-      RhsOptions options;
-      options.directions = 8;
-      options.chain_streams = own == 1;
-      options.stream = static_cast<unsigned long long>(2 * r + own);
-      std::vector<Vec3f> targets(points.size());
-      estimate_rhs(setup.context, points, options, [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
-        for (std::size_t i = 0; i < asked.size(); ++i) out[i] = answer(asked[i]);
-      }, targets);
-      Vec3d mean;
-      for (const Vec3f& t : targets) mean += Vec3d(t) / static_cast<double>(targets.size());
-      means[own] += mean / static_cast<double>(rounds);
-      squares[own] += mean * mean / static_cast<double>(rounds);
-    }
-  }
-  for (int k = 0; k < 3; ++k) {
-    const double variance = (squares[0][k] - means[0][k] * means[0][k] + squares[1][k] - means[1][k] * means[1][k]) / rounds;
-    EXPECT_NEAR(means[0][k], means[1][k], 4.0 * std::sqrt(variance)) << k;
-  }
 }
 
 TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {

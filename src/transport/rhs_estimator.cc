@@ -52,8 +52,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       }
       const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
       if (!bounce.valid) continue;
-      if (options.chain_streams) rng = rhs_chain_generator(options.seed, options.stream, key, index);
-      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, bounce.direction, rng, true, options.max_chain);
+      Rng chain = rhs_chain_generator(options.seed, options.stream, key, index);
+      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, bounce.direction, chain, true, options.max_chain);
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;

@@ -17,7 +17,6 @@ struct RhsOptions {
   int directions = 16;             // M
   int max_chain = 16;              // delta surfaces passed by a BSDF ray
   bool emission_inside = false;    // predictions of emitters hold their emission (target.emission = inside): it is taken off again
-  bool chain_streams = false;      // masks, mirrors and glass draw from a stream of each direction, as on devices, not of each point
   bool traced_disparity = false;   // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
   unsigned long long seed = 0;
   unsigned long long stream = 0;   // e.g. the step: streams never share random numbers
