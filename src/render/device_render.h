@@ -22,16 +22,17 @@ struct FrameTimes {
 
 class DeviceRenderer {
  public:
-  // integrator: path, or with a field lhs, rhs or deferred (one direction a sample, as on the CPU). Samples are taken in jobs
-  // that fit into `max_memory` bytes (0: no limit) beside scene and field; throws MemoryError where not even one row does.
-  // The stream, the context and options must outlive it.
+  // integrator: path, or with a field lhs, rhs or deferred (one direction a sample, as on the CPU), or one of its views. Samples
+  // are taken in jobs that fit into `max_memory` bytes (0: no limit) beside scene and field; throws MemoryError where not even
+  // one row does, UsageError for a view that the field does not have. The stream, the field and the context must outlive it.
   DeviceRenderer(Stream& stream, const TransportContext& context, const RenderOptions& options, RadianceField* field, const Config& config,
                  const std::string& integrator, std::uint64_t max_memory);
   ~DeviceRenderer();
 
   // As octrad::render() on the CPU: the same samples, sums in double in a fixed order.
   RenderResult render();
-  // `count` frames of options.spp samples a pixel, tone-mapped to 8 bits. Throws MemoryError unless a whole frame is one job.
+  // `count` frames of options.spp samples a pixel, tone-mapped to 8 bits. Throws MemoryError unless a whole frame is one job, and
+  // UsageError for views.
   FrameTimes time_frames(int count);
 
  private:

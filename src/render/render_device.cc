@@ -8,6 +8,7 @@
 #include "geometry/bvh8.h"
 #include "image/tonemap_math.h"
 #include "model/device_field.h"
+#include "render/device_integrator.h"
 #include "render/device_render.h"
 #include "render/film_device.h"
 #include "shading/device_scene.h"
@@ -21,22 +22,7 @@ namespace {
 constexpr std::size_t kMostSamples = std::size_t{1} << 21;   // of a job: enough to fill any device
 constexpr int kWarmFrames = 10;
 
-// Called between the stages of a job with the name of the one that ended.
-using StageMark = std::function<void(const char*)>;
-
-// Finds what the samples of a job see.
-class Integrator {
- public:
-  virtual ~Integrator() = default;
-  // What the next run() sees; not while the stream records.
-  virtual void set(const CameraJob& job) = 0;
-  virtual void run(std::size_t samples, const StageMark& mark) = 0;
-  virtual const CameraJob* job() const = 0;        // device memory
-  virtual SamplePlanes samples() const = 0;
-  virtual SampleCounts take_counts() = 0;          // since the last call
-};
-
-class PathIntegrator : public Integrator {
+class PathIntegrator : public DeviceIntegrator {
  public:
   PathIntegrator(Stream& stream, const DeviceWorld& world, const PathLimits& limits, std::size_t capacity) : tracer_(stream, world, capacity), limits_(limits) {}
   void set(const CameraJob& job) override { tracer_.set(job); }
@@ -57,7 +43,7 @@ class PathIntegrator : public Integrator {
   PathLimits limits_;
 };
 
-class CacheIntegrator : public Integrator {
+class CacheIntegrator : public DeviceIntegrator {
  public:
   CacheIntegrator(Stream& stream, const DeviceWorld& world, DeviceField& field, const Config& config, GBufferOptions::Bounce bounce, unsigned long long seed,
                   std::size_t capacity)
@@ -140,19 +126,25 @@ double percentile(std::vector<double> values, double share) {
 
 void ignore(const char*) {}
 
+RenderOptions one_sample(RenderOptions options) {
+  options.spp = 1;
+  options.seconds = 0.0;
+  return options;
+}
+
 }  // namespace
 
 struct DeviceRenderer::Impl {
   Stream& stream;
-  const RenderOptions& options;
+  RenderOptions options;
   PassPlan plan;
   std::size_t capacity = 0;
   std::unique_ptr<DeviceScene> scene;
   std::unique_ptr<DeviceField> field;
-  std::unique_ptr<Integrator> integrator;
+  std::unique_ptr<DeviceIntegrator> integrator;
   std::unique_ptr<DeviceFilm> film;
 
-  Impl(Stream& s, const RenderOptions& o) : stream(s), options(o), plan(plan_passes(o)) {}
+  Impl(Stream& s, const RenderOptions& o) : stream(s), options(o), plan(plan_passes(options)) {}
 
   std::size_t columns() const { return static_cast<std::size_t>(plan.window.width()); }
   std::size_t pixels() const { return columns() * static_cast<std::size_t>(plan.window.height()); }
@@ -173,9 +165,10 @@ struct DeviceRenderer::Impl {
 
 DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, const RenderOptions& options, RadianceField* field, const Config& config,
                                const std::string& integrator, std::uint64_t max_memory)
-    : impl_(std::make_unique<Impl>(stream, options)) {
+    : impl_(std::make_unique<Impl>(stream, integrator.rfind("features", 0) == 0 ? one_sample(options) : options)) {
   Impl& r = *impl_;
   const bool path = integrator == "path", bounces = integrator == "rhs" || integrator == "deferred", traced = config.lookup_offset == "traced";
+  const bool view = !path && !bounces && integrator != "lhs";
   const PictureWindow& crop = r.plan.crop;
   const Bvh8 bvh = build_bvh8(context.scene);
   const SceneTables tables{context.scene, context.materials, context.lights, bvh};
@@ -184,9 +177,10 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, 
     if (!path) parts = estimate_device_memory(config, field->cells_per_level(), {capacity});
     parts.push_back({"scene", DeviceScene::bytes(tables)});
     parts.push_back({"film", DeviceFilm::bytes(crop.width(), crop.height())});
-    parts.push_back({"samples in flight", path ? DevicePathTracer::bytes(capacity)
-                                               : DeviceGBuffer::bytes(capacity, bounces, traced) + capacity * sizeof(Vec3f) +
-                                                     (bounces ? DeviceRhs::bytes(capacity, traced) + 2 * capacity * sizeof(Vec3f) : 0)});
+    parts.push_back({"samples in flight", path   ? DevicePathTracer::bytes(capacity)
+                                          : view ? view_integrator_bytes(*field, config, integrator, capacity)
+                                                 : DeviceGBuffer::bytes(capacity, bounces, traced) + capacity * sizeof(Vec3f) +
+                                                       (bounces ? DeviceRhs::bytes(capacity, traced) + 2 * capacity * sizeof(Vec3f) : 0)});
     return parts;
   };
   const auto total = [&](std::size_t capacity) {
@@ -194,7 +188,7 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, 
     for (const MemoryPart& part : memory(capacity)) sum += part.bytes;
     return sum;
   };
-  r.capacity = std::clamp(r.pixels() * static_cast<std::size_t>(std::max(1, options.spp)), r.columns(), std::max(kMostSamples, r.columns()));
+  r.capacity = std::clamp(r.pixels() * static_cast<std::size_t>(std::max(1, r.options.spp)), r.columns(), std::max(kMostSamples, r.columns()));
   while (max_memory > 0 && total(r.capacity) > max_memory && r.capacity > r.columns()) r.capacity = std::max(r.columns(), r.capacity / 2);
   require_memory(max_memory, "the picture", memory(r.capacity), "  --width, --height and --crop make it smaller");
 
@@ -204,9 +198,10 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, 
     r.integrator = std::make_unique<PathIntegrator>(stream, world, PathLimits{options.max_depth, options.rr_depth}, r.capacity);
   } else {
     r.field = make_device_field(stream, *field, config, {r.capacity});
+    if (view) r.integrator = make_view_integrator(stream, world, *r.field, *field, config, integrator, r.options, r.capacity);
     using Bounce = GBufferOptions::Bounce;
     const Bounce bounce = integrator == "rhs" ? Bounce::all : integrator == "deferred" ? Bounce::glossy : Bounce::none;
-    r.integrator = std::make_unique<CacheIntegrator>(stream, world, *r.field, config, bounce, options.seed, r.capacity);
+    if (!view) r.integrator = std::make_unique<CacheIntegrator>(stream, world, *r.field, config, bounce, options.seed, r.capacity);
   }
   r.film = std::make_unique<DeviceFilm>(stream, crop.x0, crop.y0, crop.width(), crop.height(), options.film);
 }
@@ -231,6 +226,7 @@ RenderResult DeviceRenderer::render() {
   result.counts = r.integrator->take_counts();
   result.counts.non_finite += static_cast<long long>(r.film->take_non_finite());
   result.image = r.film->image();
+  r.integrator->finish(result);
   result.width = result.image.width;
   result.height = result.image.height;
   return result;
@@ -239,6 +235,7 @@ RenderResult DeviceRenderer::render() {
 FrameTimes DeviceRenderer::time_frames(int count) {
   Impl& r = *impl_;
   const int spp = std::max(1, r.options.spp);
+  if (!r.integrator->can_be_recorded()) throw UsageError("frames are timed of path, lhs, rhs and deferred only");
   if (r.pixels() * static_cast<std::size_t>(spp) > r.capacity) {
     throw MemoryError("a frame of " + std::to_string(spp) + " samples a pixel does not fit into device memory at once; use fewer samples or a smaller picture");
   }

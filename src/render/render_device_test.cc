@@ -138,6 +138,34 @@ TEST_P(RenderOnStream, CachedPicturesAreThoseOfTheCpu) {
   }
 }
 
+TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  RenderOptions options = box.options(2);
+  for (const std::string& view : view_names(*box.field)) {
+    for (const bool cropped : {false, true}) {
+      options.crop = cropped ? Crop{10, 5, 20, 11} : Crop{};
+      const RenderResult cpu = render_view(options, box.context, *box.field, box.config, view);
+      DeviceRenderer renderer(*stream, box.context, options, box.field.get(), box.config, view, 0);
+      const RenderResult device = renderer.render();
+      ASSERT_EQ(device.image.width, cpu.image.width);
+      EXPECT_EQ(device.spp, cpu.spp) << view;
+      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << view;
+      for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
+        EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 3e-2 : 1e-2) << view << " " << channel;
+      }
+      double brightness = 0.0;
+      for (int y = 0; y < cpu.image.height; ++y) {
+        for (int x = 0; x < cpu.image.width; ++x) brightness += static_cast<double>(cpu.image.at(x, y, 0));
+      }
+      EXPECT_GT(brightness, 0.0) << view;
+      EXPECT_THROW(renderer.time_frames(1), UsageError);
+    }
+  }
+  EXPECT_THROW(DeviceRenderer(*stream, box.context, options, box.field.get(), box.config, "features9", 0), UsageError);
+}
+
 TEST_P(RenderOnStream, FramesAreTimedByStage) {
   const auto stream = testing::stream_or_skip(GetParam());
   if (!stream) GTEST_SKIP() << testing::kNoDevice;

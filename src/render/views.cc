@@ -4,35 +4,11 @@
 
 #include "base/error.h"
 #include "render/cache_integrators.h"
+#include "render/view_parts.h"
 #include "transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
-
-struct ViewKind {
-  enum { disparity, traced, features, occupancy } kind;
-  int level = 0;
-};
-
-ViewKind parse_view(const RadianceField& field, const std::string& view) {
-  if (view == "disparity") return {ViewKind::disparity};
-  if (view == "traced") return {ViewKind::traced};
-  for (int l = 1; l <= field.levels(); ++l) {
-    if (view == "features" + std::to_string(l)) return {ViewKind::features, l};
-    if (view == "occupancy" + std::to_string(l)) return {ViewKind::occupancy, l};
-  }
-  std::string known;
-  for (const std::string& name : view_names(field)) known += (known.empty() ? "" : ", ") + name;
-  throw UsageError("unknown view \"" + view + "\"" + did_you_mean(view, view_names(field)) + "; this model has " + known);
-}
-
-// A stable colour for a cell.
-Vec3f cell_color(Vec3f normalised, int level) {
-  const float resolution = std::ldexp(1.0f, level + 1);
-  const auto part = [&](float v) { return static_cast<unsigned long long>(static_cast<long long>(std::floor(v * resolution))); };
-  const unsigned long long h = mix64(part(normalised.x) + 1 + (part(normalised.y) << 20) + (part(normalised.z) << 40));
-  return {static_cast<float>(h & 255) / 255.0f, static_cast<float>((h >> 8) & 255) / 255.0f, static_cast<float>((h >> 16) & 255) / 255.0f};
-}
 
 // First three principal components of n vectors of `width` floats, by power iteration with deflation; each scaled to [0, 1]
 // over the 1st to 99th percentile.
@@ -83,6 +59,43 @@ std::vector<Vec3f> principal_components(const std::vector<float>& features, std:
 
 }  // namespace
 
+ViewKind parse_view(const RadianceField& field, const std::string& view) {
+  if (view == "disparity") return {ViewKind::disparity};
+  if (view == "traced") return {ViewKind::traced};
+  for (int l = 1; l <= field.levels(); ++l) {
+    if (view == "features" + std::to_string(l)) return {ViewKind::features, l};
+    if (view == "occupancy" + std::to_string(l)) return {ViewKind::occupancy, l};
+  }
+  std::string known;
+  for (const std::string& name : view_names(field)) known += (known.empty() ? "" : ", ") + name;
+  throw UsageError("unknown view \"" + view + "\"" + did_you_mean(view, view_names(field)) + "; this model has " + known);
+}
+
+Vec3f cell_color(Vec3f normalised, int level) {
+  const float resolution = std::ldexp(1.0f, level + 1);
+  const auto part = [&](float v) { return static_cast<unsigned long long>(static_cast<long long>(std::floor(v * resolution))); };
+  const unsigned long long h = mix64(part(normalised.x) + 1 + (part(normalised.y) << 20) + (part(normalised.z) << 40));
+  return {static_cast<float>(h & 255) / 255.0f, static_cast<float>((h >> 8) & 255) / 255.0f, static_cast<float>((h >> 16) & 255) / 255.0f};
+}
+
+void FeaturePicture::paint(const Crop& crop, Image& image) const {
+  std::vector<float> hit;
+  for (std::size_t p = 0; p < seen_.size(); ++p) {
+    if (seen_[p]) hit.insert(hit.end(), values_.begin() + static_cast<std::ptrdiff_t>(p * features_), values_.begin() + static_cast<std::ptrdiff_t>((p + 1) * features_));
+  }
+  if (hit.empty()) return;
+  const std::vector<Vec3f> colors = principal_components(hit, hit.size() / features_, features_);
+  std::size_t next = 0;
+  for (std::size_t p = 0; p < seen_.size(); ++p) {
+    if (!seen_[p]) continue;
+    const int x = static_cast<int>(p % static_cast<std::size_t>(width_)) - crop.x;
+    const int y = static_cast<int>(p / static_cast<std::size_t>(width_)) - crop.y;
+    const Vec3f color = colors[next++];
+    // A wide reconstruction filter draws samples around the crop too.
+    if (x >= 0 && y >= 0 && x < image.width && y < image.height) image.set_rgb(x, y, color);
+  }
+}
+
 std::vector<std::string> view_names(const RadianceField& field) {
   std::vector<std::string> names = {"disparity", "traced"};
   for (int l = 1; l <= field.levels(); ++l) {
@@ -98,9 +111,7 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   const auto count = static_cast<std::size_t>(field.feature_count());
   const std::size_t width = count / static_cast<std::size_t>(field.levels());
 
-  // Principal components need all features at once (of the crop): one sample a pixel, written by position.
-  std::vector<float> features;
-  std::vector<std::size_t> feature_pixel;
+  FeaturePicture picture;
   const auto inspect = [&](std::span<CameraSample> samples, std::span<PixelSample> out) {
     SampleCounts counts;
     for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -124,11 +135,10 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
       } else if (kind.kind == ViewKind::occupancy) {
         out[i].radiance = cell_color(field.normalized(point.x), kind.level);
       } else {
-        const auto p = static_cast<std::size_t>(samples[i].position.y) * static_cast<std::size_t>(options.width) + static_cast<std::size_t>(samples[i].position.x);
         std::vector<float> all(count);
         field.inspect(std::span(&point, 1), all, {});
-        std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(kind.level - 1) * width), width, features.begin() + static_cast<std::ptrdiff_t>(p * width));
-        feature_pixel[p] = 1;
+        std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(kind.level - 1) * width), width,
+                    picture.pixel(static_cast<int>(samples[i].position.x), static_cast<int>(samples[i].position.y)));
       }
       ++counts.queries;
     }
@@ -138,27 +148,10 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
   if (kind.kind == ViewKind::features) {
     once.spp = 1;
     once.seconds = 0.0;
-    const auto pixels = static_cast<std::size_t>(options.width) * static_cast<std::size_t>(options.height);
-    features.assign(pixels * width, 0.0f);
-    feature_pixel.assign(pixels, 0);
+    picture = FeaturePicture(options.width, options.height, width);
   }
   RenderResult result = render(once, inspect);
-  if (kind.kind != ViewKind::features) return result;
-  std::vector<float> hit;
-  for (std::size_t p = 0; p < feature_pixel.size(); ++p) {
-    if (feature_pixel[p]) hit.insert(hit.end(), features.begin() + static_cast<std::ptrdiff_t>(p * width), features.begin() + static_cast<std::ptrdiff_t>((p + 1) * width));
-  }
-  if (hit.empty()) return result;
-  const std::vector<Vec3f> colors = principal_components(hit, hit.size() / width, width);
-  std::size_t next = 0;
-  for (std::size_t p = 0; p < feature_pixel.size(); ++p) {
-    if (!feature_pixel[p]) continue;
-    const int x = static_cast<int>(p % static_cast<std::size_t>(options.width)) - options.crop.x;
-    const int y = static_cast<int>(p / static_cast<std::size_t>(options.width)) - options.crop.y;
-    const Vec3f color = colors[next++];
-    // A wide reconstruction filter draws samples around the crop too.
-    if (x >= 0 && y >= 0 && x < result.image.width && y < result.image.height) result.image.set_rgb(x, y, color);
-  }
+  if (kind.kind == ViewKind::features) picture.paint(options.crop, result.image);
   return result;
 }
 

@@ -178,7 +178,9 @@ TrainResult Run::go() {
   start_ = Clock::now();
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
-  double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds, next_validation = 5.0;
+  // A GPU answers in no time, and learns fast.
+  const double between_validations = options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
+  double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds, next_validation = std::min(5.0, between_validations);
   double mape = -1.0;
   int waiting = 0;                 // steps asked for and not yet reported
   while (fraction() < 1.0) {
@@ -198,7 +200,7 @@ TrainResult Run::go() {
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
       mape = validation_->mape(*engine_);
-      next_validation = seconds_since(start_) + std::max(5.0, 0.02 * config_.train_seconds);
+      next_validation = seconds_since(start_) + between_validations;
     }
     if (options_.progress && seconds >= next_progress) {
       TrainProgress p;

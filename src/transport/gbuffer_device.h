@@ -34,6 +34,7 @@ class GBufferOn {
 
   SurfacePointArray queries() const { return queries_.points(); }
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }
+  const std::uint32_t* query_owners() const { return query_owner_.data(); }           // samples
   const ShadingPoint* bounce_points() const { return bounce_points_.data(); }
   const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }       // random streams
   const std::uint32_t* bounce_count() const { return sizes_.data() + kBounces; }

@@ -5,7 +5,7 @@ import subprocess
 import unittest
 from unittest import mock
 
-from support import ROOM, Case, write_hdr
+from support import ROOM, SMALL, Case, read_safetensors, write_hdr
 
 # A driver library that answers what a machine without a working GPU would: a version, and "no device" to everything else.
 DRIVER = r"""
@@ -87,6 +87,56 @@ class Device(Case):
                 with self.subTest(verb=verb):
                     self.fails(5, why, verb, *words, "--device", "cuda")
                     self.assertEqual(set(os.listdir(self.folder)), {"a.hdr", "room.xml"})
+
+    def test_work_that_needs_a_device_writes_nothing_without_one(self):
+        info = self.info()
+        if any(d["usable"] for d in info["devices"]):
+            self.skipTest("there is a GPU")
+        why = info["why_none"] or "compute capability"
+        scene, model = self.write("room.xml", ROOM), self.path("m.octrad")
+        self.ok("train", scene, "-o", model, "--steps", "2", *SMALL)
+        points = self.write("points.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0.1,-1,0.2,0,1,0,0,1,0,0.5,0.6,0.4,1\n")
+        with open(model, "rb") as file:
+            before = file.read()
+        files = set(os.listdir(self.folder))
+        log = ("--log-json", self.path("log.jsonl"))
+        for words in (("train", scene, "-o", self.path("new.octrad"), "--steps", "1"), ("train", scene, "-o", model, "--resume", "--steps", "4"),
+                      ("train", scene, "-o", self.path("new.octrad"), "--steps", "1", "--deterministic"),
+                      ("render", scene, "-o", self.path("a.exr"), "--spp", "1"), ("render", scene, "--model", model, "-o", self.path("a.exr"), "--frames", "3"),
+                      ("render", scene, "--model", model, "--integrator", "disparity", "-o", self.path("a.exr")),
+                      ("query", model, "--points", points, "-o", self.path("out.csv"))):
+            for device in ("cuda", "cuda:0"):
+                with self.subTest(words=words, device=device):
+                    self.fails(5, why, *words, *log, "--device", device)
+                    self.assertEqual(set(os.listdir(self.folder)), files)
+        with open(model, "rb") as file:
+            self.assertEqual(file.read(), before)
+
+    def test_frames_are_a_gpus(self):
+        scene = self.write("room.xml", ROOM)
+        for word in ("0", "-3", "many"):
+            self.fails(1, "--frames", "render", scene, "-o", self.path("a.exr"), "--frames", word)
+        self.fails(1, "it needs --device cuda", "render", scene, "-o", self.path("a.exr"), "--frames", "5", "--device", "cpu")
+        self.assertEqual(os.listdir(self.folder), ["room.xml"])
+
+    def test_deterministic_is_what_the_cpu_is(self):
+        scene = self.write("room.xml", ROOM)
+        tensors = []
+        for name, words in (("a.octrad", ()), ("b.octrad", ("--deterministic",))):
+            self.ok("train", scene, "-o", self.path(name), "--steps", "5", "--device", "cpu", *SMALL, *words)
+            tensors.append(read_safetensors(self.path(name))[1])
+        self.assertEqual(tensors[0], tensors[1])
+        self.fails(1, "--deterministic", "render", scene, "-o", self.path("a.exr"), "--deterministic")
+
+    def test_reports_name_the_device(self):
+        scene, model = self.write("room.xml", ROOM), self.path("m.octrad")
+        points = self.write("points.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0.1,-1,0.2,0,1,0,0,1,0,0.5,0.6,0.4,1\n")
+        for words in (("train", scene, "-o", model, "--steps", "2", *SMALL), ("render", scene, "-o", self.path("a.exr"), "--spp", "1"),
+                      ("query", model, "--points", points, "-o", self.path("out.csv"))):
+            with self.subTest(words[0]):
+                report = self.ok(*words, "--device", "cpu", "--json").json()
+                self.assertEqual(report["device"], "cpu")
+                self.assertNotIn("device_peak_bytes", report)
 
     def test_work_says_its_device(self):
         scene = self.write("room.xml", ROOM)

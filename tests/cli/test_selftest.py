@@ -43,10 +43,30 @@ class Selftest(Case):
         self.assertGreater(report["benchmarks"][0]["rate"], 0)
 
     def test_what_cannot_run_is_listed(self):
-        report = self.ok("selftest", "--device", "cpu", "--only", "frame", "--json").json()
-        self.assertEqual([s["name"] for s in report["skipped"]] + [s["name"] for s in report["stages"]], ["frame"])
-        for entry in report["skipped"]:
-            self.assertTrue(entry["why"])
+        report = self.ok("selftest", "--device", "cpu", "--only", "materials", "--json").json()
+        self.assertEqual(len(report["skipped"]), 1)
+        self.assertIn("octrad selftest SCENE.xml", report["skipped"][0]["why"])
+
+    def test_stages_train_and_render_beside_the_cpu(self):
+        scene = self.write("room.xml", ROOM)
+        for words in ((), (scene,)):
+            with self.subTest(words):
+                report = self.ok("selftest", *words, "--device", "cpu", "--only", "short training", "--json").json()
+                (training,) = report["stages"]
+                self.assertTrue(training["passed"])
+                self.assertEqual(training["on"], "host")
+                self.assertEqual(training["scene"], scene if words else "(built-in room)")
+                self.assertGreater(training["steps"], 10)
+                self.assertLess(training["difference"], training["tolerance"])
+                self.assertGreater(training["difference_of_seeds"], training["tolerance"])
+                self.assertAlmostEqual(training["loss"], training["cpu_loss"], delta=training["tolerance"] * training["cpu_loss"])
+        (frame,) = self.ok("selftest", "--device", "cpu", "--only", "frame", "--json").json()["stages"]
+        self.assertTrue(frame["passed"])
+        self.assertGreater(frame["mape"], 0)
+        self.assertLessEqual(frame["mape"], frame["tolerance"])
+        self.assertLessEqual(frame["median_ms"], frame["p95_ms"])
+        self.assertEqual(set(frame["stages_ms"]), {"first hits", "field", "film", "tone mapping"})
+        self.assertIn("on the host", self.ok("selftest", scene, "--device", "cpu", "--only", "frame").out)
 
     def test_a_scene(self):
         scene = self.write("room.xml", ROOM)

@@ -15,6 +15,7 @@
 #include "base/log.h"
 #include "base/stopwatch.h"
 #include "base/threads.h"
+#include "model/device_query.h"
 #include "model/model_file.h"
 
 namespace octrad::cli {
@@ -23,6 +24,8 @@ namespace {
 struct QueryOptions {
   std::string model, points, output;
 };
+
+constexpr std::size_t kBlock = 1024;  // points: small enough to stay in cache, large enough for whole tiles of the kernels
 
 constexpr std::array<const char*, 13> kColumns = {"x",  "y",  "z",  "wox", "woy", "woz",  "nx",
                                                   "ny", "nz", "ar", "ag",  "ab",  "alpha"};
@@ -95,30 +98,41 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
 void query_verb(const CommonOptions& common, const QueryOptions& o) {
   if (o.output.empty() && common.json) throw UsageError("--json needs -o: standard output cannot hold both");
   if (!o.output.empty()) require_writable(o.output);
+  const DeviceChoice device = common.choose_device();
+  const std::unique_ptr<Stream> stream = device.make_stream();
   const Model model = load_model(o.model);
   const std::vector<SurfacePoint> points = read_points(o.points);
-  const RadianceField& field = *model.field;
+  RadianceField& field = *model.field;
   if (model.info.config.lookup_offset == "traced")
     log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
 
   const Stopwatch watch;
   const auto features = static_cast<std::size_t>(field.feature_count());
-  constexpr std::size_t kBlock = 1024;  // small enough to stay in cache, large enough for whole tiles of the kernels
   std::vector<std::string> text((points.size() + kBlock - 1) / kBlock);
-  parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-    const std::size_t n = end - begin;
-    const std::span<const SurfacePoint> block(points.data() + begin, n);
-    std::vector<float> h(n * features), disparity(n);
-    std::vector<Vec3f> radiance(n);
-    field.inspect(block, h, disparity);
-    field.radiance(block, radiance);
+  const auto write = [&](std::size_t begin, std::size_t n, const float* h, const float* disparity, const Vec3f* radiance) {
     std::string& out = text[begin / kBlock];
     for (std::size_t i = 0; i < n; ++i) {
       fmt::format_to(std::back_inserter(out), "{:.9g}", disparity[i]);
       for (std::size_t f = 0; f < features; ++f) fmt::format_to(std::back_inserter(out), ",{:.9g}", h[i * features + f]);
       fmt::format_to(std::back_inserter(out), ",{:.9g},{:.9g},{:.9g}\n", radiance[i].x, radiance[i].y, radiance[i].z);
     }
-  });
+  };
+  if (stream) {
+    const FieldAnswers answers = ask_on_stream(*stream, field, model.info.config, points, common.memory_budget(*stream));
+    parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      write(begin, end - begin, &answers.features[begin * features], &answers.disparity[begin], &answers.radiance[begin]);
+    });
+  } else {
+    parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      const std::size_t n = end - begin;
+      const std::span<const SurfacePoint> block(points.data() + begin, n);
+      std::vector<float> h(n * features), disparity(n);
+      std::vector<Vec3f> radiance(n);
+      field.inspect(block, h, disparity);
+      field.radiance(block, radiance);
+      write(begin, n, h.data(), disparity.data(), radiance.data());
+    });
+  }
   const double seconds = watch.seconds();
 
   std::string header = "disparity";
@@ -133,7 +147,9 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   out.write(header);
   for (const std::string& block : text) out.write(block);
   out.commit();
-  if (common.json) print_json({{"points", points.size()}, {"features", features}, {"output", o.output}, {"seconds", seconds}});
+  nlohmann::json report = {{"points", points.size()}, {"features", features}, {"output", o.output}, {"seconds", seconds}, {"device", device.name}};
+  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
+  if (common.json) print_json(report);
   else log_info("{}: {} points in {}", o.output, format_count(static_cast<long long>(points.size())), format_duration(seconds));
 }
 
@@ -142,7 +158,7 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
 void add_query(Program& program) {
   auto o = std::make_shared<QueryOptions>();
   CLI::App* verb =
-      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv");
+      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv", Devices::on_request);
   verb->add_option("model", o->model, "trained cache")->required()->type_name("MODEL.octrad");
   verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")
       ->required()

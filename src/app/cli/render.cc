@@ -170,11 +170,10 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
   if (!uses_cache(o.integrator) && !o.model.empty()) throw UsageError("--integrator path uses no --model");
   const DeviceChoice device = common.choose_device();
-  if (device.cuda && std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) == kIntegrators.end()) {
-    throw DeviceError(fmt::format("--device {}: the view \"{}\" runs on the CPU only", device.name, o.integrator));
-  }
   const std::unique_ptr<Stream> stream = device.make_stream();
   if (o.frames > 0 && !stream) throw UsageError("--frames measures frames of a GPU: it needs --device cuda");
+  if (o.frames > 0 && std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) == kIntegrators.end())
+    throw UsageError(fmt::format("--frames times path, lhs, rhs and deferred, not the view \"{}\"", o.integrator));
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
   ConfigOptions definitions;
@@ -264,6 +263,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
                                  {"non_finite", result.counts.non_finite},
                                  {"interrupted", result.interrupted}};
   report["device"] = device.name;
+  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (frames) {
     report["frames"] = {{"count", o.frames}, {"median_ms", frames->median}, {"p95_ms", frames->p95}, {"stages_ms", nlohmann::json::object()}};
     for (const auto& [stage, ms] : frames->stages) report["frames"]["stages_ms"][stage] = ms;

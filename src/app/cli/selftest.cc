@@ -149,25 +149,22 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
     text += row(benchmark.name, fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms, stream->on_device() ? "" : ", host"));
   }
 
+  if (!o.no_benchmarks) text += stream->on_device() ? "\nTraining and rendering beside the CPU's\n" : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure of a GPU\n";
   for (const Stage& stage : stages()) {
     if (o.no_benchmarks || !chosen(o, stage.name)) continue;
-    if (stage.run == nullptr) {
-      skip(stage.name, stage.missing);
-    } else if (context.loaded == nullptr) {
-      skip(stage.name, kNeedsScene);
-    } else {
-      log_verbose("{}", stage.name);
-      nlohmann::json result = stage.run(context);
-      result["name"] = stage.name;
-      result["on"] = on;
-      text += row(stage.name, result.dump());
-      stage_list.push_back(std::move(result));
-    }
+    log_verbose("{}", stage.name);
+    StageResult r = stage.run(context);
+    (r.passed ? passed : failed) += 1;
+    text += row(stage.name, fmt::format("{}  {}", r.passed ? "ok    " : "FAILED", r.summary));
+    r.report["name"] = stage.name;
+    r.report["on"] = on;
+    r.report["passed"] = r.passed;
+    stage_list.push_back(std::move(r.report));
   }
   if (!skipped.empty()) text += "\nSkipped\n";
   for (const auto& s : skipped) text += row(s["name"], s["why"]);
-  if (passed + failed + benchmark_list.size() + stage_list.size() + skipped.size() == 0) {
-    throw UsageError(fmt::format("--only {}: no check or benchmark has this in its name", o.only));
+  if (passed + failed + benchmark_list.size() + skipped.size() == 0) {
+    throw UsageError(fmt::format("--only {}: no check, benchmark or stage has this in its name", o.only));
   }
   text += fmt::format("\n{} passed, {} failed, {} skipped\n", passed, failed, skipped.size());
 
@@ -192,7 +189,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   }
   if (common.json) print_json(report);
   else print_text(text);
-  if (failed > 0) throw DeviceError(fmt::format("{} of {} checks failed on {}; seed {}", failed, passed + failed, on, seed));
+  if (failed > 0) throw DeviceError(fmt::format("{} of {} checks and stages failed on {}; seed {}", failed, passed + failed, on, seed));
 }
 
 }  // namespace
@@ -201,9 +198,9 @@ void add_selftest(Program& program) {
   auto o = std::make_shared<SelftestOptions>();
   CLI::App* verb = add_verb(program, "selftest", "Check the kernels of a device against the CPU, and measure them.",
                             "octrad selftest --device auto --quick\n  octrad selftest scene.xml --json -o selftest.json", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene for rays and stages; default: one that is built in")->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba 3 scene for rays, training and the frame; default: built-in ones")->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "JSON file with everything")->type_name("OUT.json");
-  verb->add_option("--only", o->only, "only checks and benchmarks with this in their name")->type_name("TEXT");
+  verb->add_option("--only", o->only, "only checks, benchmarks and stages with this in their name")->type_name("TEXT");
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");
   verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
   verb->add_option("-D", o->definitions, "set a parameter of the scene file")

@@ -127,7 +127,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
-  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed_step}});
+  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed_step}, {"device", device.name}});
   if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed->info.state.step));
 
   Progress progress("train");
@@ -148,6 +148,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                              {"points_per_s", p.points_per_second},
                              {"rhs_queries_per_s", p.queries_per_second},
                              {"memory", resident_bytes()}};
+      if (stream) line["device_memory"] = stream->allocated_bytes();
       if (p.validation_mape >= 0.0) line["validation_mape"] = p.validation_mape;
       log->write(line);
     }
@@ -175,7 +176,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                            {"model", o.output},
                            {"field", config.field},
                            {"preset", config.preset},
-                           {"interrupted", interrupted()}};
+                           {"interrupted", interrupted()},
+                           {"device", device.name}};
+  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (resumed && result.steps == resumed_step) report["loss"] = nullptr;  // no step was left to do
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
   if (log) {

@@ -1,6 +1,7 @@
 // Entries of the lists in checks.cc and benchmarks.cc that have a file of their own.
 #pragma once
 
+#include "app/cli/loaded_scene.h"
 #include "app/selftest/selftest.h"
 
 namespace octrad::selftest {
@@ -17,6 +18,9 @@ BenchmarkResult benchmark_decoder_training(const Context& context);
 
 // shading.cc: materials and lights at the ends of rays. Needs Context::loaded.
 CheckResult check_shading(const Context& context);
+
+// room.cc. A closed room with a lamp, coloured walls and two balls of rough metal: for stages without a scene file.
+cli::LoadedScene built_in_room();
 
 // benchmarks.cc. Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
 BenchmarkResult measure(const Context& context, double count, const std::string& unit, const std::function<void()>& work);

@@ -80,12 +80,17 @@ struct Benchmark {
 };
 std::span<const Benchmark> benchmarks();
 
-// ---- Stages (stages.cc): a short training, a frame. They need a scene with materials.
+// ---- Stages (stages.cc): a short training and a frame, against the CPU's. On the scene given, else in a room that is built in.
+
+struct StageResult {
+  nlohmann::json report;
+  std::string summary;             // one line
+  bool passed = false;
+};
 
 struct Stage {
   const char* name;
-  nlohmann::json (*run)(const Context&);
-  const char* missing = nullptr;
+  StageResult (*run)(const Context&);
 };
 std::span<const Stage> stages();
 
