@@ -36,6 +36,7 @@ struct OctreeLookup : Kernel {
 
 template <int C, typename E, typename Sink>
 struct OctreeScatter : Kernel {
+  static constexpr unsigned kMinBlocks = 6;    // 80 registers: nothing spills
   OctaOctreeView view;
   const E* table;
   DeviceQueries queries;

@@ -406,8 +406,11 @@ TEST_P(DeviceFields, BadNumbersDoNotSpread) {
   }
   const std::vector<float> answers = ask(*stream_, *device, points);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (i >= 10 && i <= 14) EXPECT_FALSE(std::isfinite(answers[3 * i])) << i << ": a point that is not a number has no radiance";
-    else if (i != 15 && i != 21) EXPECT_TRUE(std::isfinite(answers[3 * i])) << i;
+    if (i >= 10 && i <= 14) {
+      EXPECT_FALSE(std::isfinite(answers[3 * i])) << i << ": a point that is not a number has no radiance";
+    } else if (i != 15 && i != 21) {
+      EXPECT_TRUE(std::isfinite(answers[3 * i])) << i;
+    }
   }
 }
 

@@ -215,9 +215,13 @@ TEST_P(DeviceNetworks, RowsDoNotDisturbEachOther) {
   const std::vector<float> after = run(n, {});
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t o = 0; o < 3; ++o) {
-      if (i == 20) EXPECT_TRUE(std::isnan(after[o * n + i]));
-      else if (i == 21) EXPECT_TRUE(std::isfinite(after[o * n + i])) << "activations that are too large for halves are bounded";
-      else EXPECT_EQ(after[o * n + i], before[o * n + i]);
+      if (i == 20) {
+        EXPECT_TRUE(std::isnan(after[o * n + i]));
+      } else if (i == 21) {
+        EXPECT_TRUE(std::isfinite(after[o * n + i])) << "activations that are too large for halves are bounded";
+      } else {
+        EXPECT_EQ(after[o * n + i], before[o * n + i]);
+      }
     }
   }
   const std::vector<std::uint32_t> length{40};
