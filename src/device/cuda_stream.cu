@@ -55,17 +55,21 @@ class CudaStream : public Stream {
   DeviceInfo info() const override {
     DeviceInfo info = describe(index_);
     std::size_t total = 0;
+    use_device();
     check_cuda(cudaMemGetInfo(&info.free_bytes, &total), "asking for free memory");
     return info;
   }
 
   void* allocate(std::size_t bytes, const std::string& what) override {
+    if (capturing_) throw DeviceError("allocation of " + what + " inside a recorded graph");
+    use_device();
     void* memory = nullptr;
     const cudaError_t status = cudaMalloc(&memory, bytes);
     if (status == cudaErrorMemoryAllocation) {
       cudaGetLastError();                // not sticky
       std::size_t free = 0, total = 0;
       cudaMemGetInfo(&free, &total);
+      cudaGetLastError();
       throw MemoryError("no device memory for " + what + " (" + format_bytes(static_cast<double>(bytes)) + "; " +
                         format_bytes(static_cast<double>(free)) + " of " + format_bytes(static_cast<double>(total)) + " are free)");
     }
@@ -80,16 +84,18 @@ class CudaStream : public Stream {
     if (found == sizes_.end()) return;
     allocated_ -= found->second;
     sizes_.erase(found);
-    cudaFree(memory);
+    cudaFree(memory);                    // waits for work that uses it
   }
   std::size_t allocated_bytes() const override { return allocated_; }
   std::size_t peak_bytes() const override { return peak_; }
 
   void upload(void* to, const void* from, std::size_t bytes) override {
+    not_while_recording("an upload");
     check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyHostToDevice, stream_), "copying to the device");
     synchronize();                       // pinned sources would otherwise still be read
   }
   void download(void* to, const void* from, std::size_t bytes) override {
+    not_while_recording("a download");
     check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, stream_), "copying from the device");
     synchronize();
   }
@@ -97,10 +103,20 @@ class CudaStream : public Stream {
     check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream_), "copying on the device");
   }
   void fill(void* memory, int byte, std::size_t bytes) override { check_cuda(cudaMemsetAsync(memory, byte, bytes, stream_), "filling memory"); }
-  void synchronize() override { check_cuda(cudaStreamSynchronize(stream_), "waiting for the device"); }
+  void synchronize() override {
+    not_while_recording("waiting");
+    check_cuda(cudaStreamSynchronize(stream_), "waiting for the device");
+  }
 
-  void begin_capture() override { check_cuda(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "recording a graph"); }
+  void begin_capture() override {
+    if (capturing_) throw DeviceError("a graph is being recorded already");
+    use_device();
+    check_cuda(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "recording a graph");
+    capturing_ = true;
+  }
   std::unique_ptr<LaunchGraph> end_capture() override {
+    if (!capturing_) throw DeviceError("no graph is being recorded");
+    capturing_ = false;
     cudaGraph_t graph = nullptr;
     check_cuda(cudaStreamEndCapture(stream_, &graph), "recording a graph");
     auto result = std::make_unique<CudaGraph>();
@@ -109,9 +125,13 @@ class CudaStream : public Stream {
     check_cuda(status, "preparing a graph");
     return result;
   }
-  void replay(LaunchGraph& graph) override { check_cuda(cudaGraphLaunch(static_cast<CudaGraph&>(graph).executable, stream_), "replaying a graph"); }
+  void replay(LaunchGraph& graph) override {
+    not_while_recording("a graph replayed");
+    check_cuda(cudaGraphLaunch(static_cast<CudaGraph&>(graph).executable, stream_), "replaying a graph");
+  }
 
   std::unique_ptr<StreamEvent> record() override {
+    not_while_recording("a time taken");
     auto result = std::make_unique<CudaEvent>();
     check_cuda(cudaEventCreate(&result->event), "creating an event");
     check_cuda(cudaEventRecord(result->event, stream_), "recording an event");
@@ -124,13 +144,28 @@ class CudaStream : public Stream {
     return static_cast<double>(ms);
   }
 
-  cudaStream_t handle() const { return stream_; }
+  cudaStream_t handle() {
+    use_device();
+    return stream_;
+  }
 
  private:
+  // Threads that did not make the stream may have another current device.
+  void use_device() const {
+    int current = -1;
+    check_cuda(cudaGetDevice(&current), "asking for the current device");
+    if (current != index_) check_cuda(cudaSetDevice(index_), "choosing the device");
+  }
+  void not_while_recording(const char* what) {
+    if (capturing_) throw DeviceError(std::string(what) + " inside a recorded graph");
+    use_device();
+  }
+
   int index_;
   cudaStream_t stream_ = nullptr;
   std::unordered_map<void*, std::size_t> sizes_;
   std::size_t allocated_ = 0, peak_ = 0;
+  bool capturing_ = false;
 };
 
 }  // namespace
@@ -141,6 +176,7 @@ void check_launch(Stream&) { check_cuda(cudaGetLastError(), "starting a kernel")
 
 void check_cuda(cudaError_t status, const char* what) {
   if (status == cudaSuccess) return;
+  cudaGetLastError();                    // reported here: the next launch must not report it again
   const std::string message = std::string("CUDA: ") + what + ": " + cudaGetErrorString(status);
   if (status == cudaErrorMemoryAllocation) throw MemoryError(message);
   throw DeviceError(message);

@@ -16,6 +16,14 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;  // as cudaMalloc
 
+// A device's memory is not zero: neither is this one where assertions are on. All bits set are NaNs, and counts and numbers of
+// items that lead far away.
+void poison([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
+#if !defined(NDEBUG)
+  std::memset(memory, 0xff, bytes);
+#endif
+}
+
 struct HostGraph : LaunchGraph {
   std::vector<std::function<void()>> work;
 };
@@ -41,6 +49,7 @@ class HostStream : public Stream {
     if (capture_) throw DeviceError("allocation of " + what + " inside a recorded graph");
     void* memory = std::aligned_alloc(kAlignment, (bytes + kAlignment - 1) / kAlignment * kAlignment);
     if (memory == nullptr) throw MemoryError("no memory for " + what + " (" + format_bytes(static_cast<double>(bytes)) + ")");
+    poison(memory, bytes);
     sizes_[memory] = bytes;
     allocated_ += bytes;
     if (allocated_ > peak_) peak_ = allocated_;
@@ -70,7 +79,9 @@ class HostStream : public Stream {
   void fill(void* memory, int byte, std::size_t bytes) override {
     run([=] { std::memset(memory, byte, bytes); });
   }
-  void synchronize() override {}
+  void synchronize() override {
+    if (capture_) throw DeviceError("waiting inside a recorded graph");
+  }
 
   void begin_capture() override {
     if (capture_) throw DeviceError("a graph is being recorded already");
@@ -81,10 +92,14 @@ class HostStream : public Stream {
     return std::move(capture_);
   }
   void replay(LaunchGraph& graph) override {
+    if (capture_) throw DeviceError("a graph replayed inside a recorded graph");
     for (const auto& work : static_cast<HostGraph&>(graph).work) run(work);
   }
 
-  std::unique_ptr<StreamEvent> record() override { return std::make_unique<HostEvent>(); }
+  std::unique_ptr<StreamEvent> record() override {
+    if (capture_) throw DeviceError("a time taken inside a recorded graph");
+    return std::make_unique<HostEvent>();
+  }
   double milliseconds(StreamEvent& from, StreamEvent& to) override {
     return std::chrono::duration<double, std::milli>(static_cast<HostEvent&>(to).time - static_cast<HostEvent&>(from).time).count();
   }

@@ -7,8 +7,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <type_traits>
 
+#include "base/error.h"
 #include "base/hd.h"
 #include "device/host_stream.h"
 #include "device/stream.h"
@@ -32,10 +34,18 @@ struct Kernel {
   static constexpr unsigned kMinBlocks = 0;      // blocks that must fit on a multiprocessor; 0: the assembler decides, and may spill
 };
 
+// Arguments of a kernel that every driver and device takes, less the count; larger tables belong into memory of the stream.
+inline constexpr std::size_t kMostArguments = 4096 - 16;
+// Items are numbered in 32 bits, and the last block must not wrap around.
+inline constexpr std::size_t kMostItems = 0xffffffffu - 1023u;
+
 template <typename F>
 void launch(Stream& stream, std::size_t n, const F& functor) {
-  static_assert(std::is_trivially_copyable_v<F>);
+  static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
+  static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
+  static_assert(F::kBlock % 32 == 0 && F::kBlock >= 32 && F::kBlock <= 1024);
   if (n == 0) return;
+  if (n > kMostItems) throw DeviceError("a launch of " + std::to_string(n) + " items; " + std::to_string(kMostItems) + " are possible");
 #if defined(__CUDACC__)
   if (stream.on_device()) {
     const auto count = static_cast<std::uint32_t>(n);

@@ -84,6 +84,49 @@ TEST_P(Streams, GraphsReplayWhatWasRecorded) {
   EXPECT_EQ(a.download()[999], expected);
 }
 
+// What a device refuses while it records, the host stream refuses too.
+TEST_P(Streams, RecordingAllowsNothingElse) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const std::vector<float> start(10, 1.0f);
+  DeviceArray<float> a(*stream, std::span<const float>(start), "a");
+  EXPECT_THROW(stream->end_capture(), DeviceError);
+  stream->begin_capture();
+  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+  const auto graph = stream->end_capture();
+  stream->begin_capture();
+  EXPECT_THROW(stream->begin_capture(), DeviceError);
+  EXPECT_THROW(DeviceArray<float>(*stream, 1, "b"), DeviceError);
+  EXPECT_THROW(a.upload(std::span<const float>(start)), DeviceError);
+  EXPECT_THROW(a.download(), DeviceError);
+  EXPECT_THROW(stream->synchronize(), DeviceError);
+  EXPECT_THROW(stream->record(), DeviceError);
+  EXPECT_THROW(stream->replay(*graph), DeviceError);
+  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
+  const auto second = stream->end_capture();
+  stream->replay(*graph);
+  stream->replay(*second);
+  EXPECT_EQ(a.download()[9], 10.0f) << "refusals must not spoil what is recorded";
+}
+
+// Items are numbered in 32 bits.
+TEST_P(Streams, TooManyItemsAreRefused) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  EXPECT_THROW(launch(*stream, std::size_t{1} << 32, Affine{{}, nullptr, nullptr, 1.0f}), DeviceError);
+}
+
+// New memory holds no zeros that a device would not have: with assertions on, the host stream's holds NaNs.
+TEST(HostStreams, NewMemoryIsNotZero) {
+#if defined(NDEBUG)
+  GTEST_SKIP() << "SKIPPED: assertions are off";
+#else
+  const auto stream = make_host_stream();
+  const DeviceArray<float> a(*stream, 1000, "a");
+  for (const float v : a.download()) ASSERT_TRUE(v != v);
+#endif
+}
+
 TEST_P(Streams, MemoryIsCountedAndGivenBack) {
   const auto stream = testing::stream_or_skip(GetParam());
   if (!stream) GTEST_SKIP() << testing::kNoDevice;

@@ -40,7 +40,8 @@ class StreamEvent {
   virtual ~StreamEvent() = default;
 };
 
-// Work is done in the order in which it was asked for. Failures throw: MemoryError (naming `what`) for allocations,
+// Memory is not initialised (in builds with assertions the host stream sets all of its bits). Threads may take turns in using a
+// stream. Work is done in the order in which it was asked for. Failures throw: MemoryError (naming `what`) for allocations,
 // DeviceError for everything else, at the latest in synchronize().
 class Stream {
  public:
@@ -58,8 +59,8 @@ class Stream {
   virtual void fill(void* memory, int byte, std::size_t bytes) = 0;
   virtual void synchronize() = 0;
 
-  // Launches, copies and fills between the two are recorded instead of run; allocations, uploads and downloads are not
-  // allowed there. The host stream records closures.
+  // Launches, copies and fills between the two are recorded instead of run; everything else throws DeviceError there, on either
+  // kind of stream. The host stream records closures.
   virtual void begin_capture() = 0;
   virtual std::unique_ptr<LaunchGraph> end_capture() = 0;
   virtual void replay(LaunchGraph& graph) = 0;

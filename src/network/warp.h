@@ -155,7 +155,7 @@ class CudaWarp {
     const __half2 most = __half2half2(__ushort_as_half(0x7bff));
     __half2 mask;
     memcpy(&mask, &h, sizeof(mask));
-    const __half2 value = __hmax2(__hmin2(__floats2half2_rn(low, high), most), __hneg2(most));
+    const __half2 value = __hmax2_nan(__hmin2_nan(__floats2half2_rn(low, high), most), __hneg2(most));   // NaN stays
     Word word;
     memcpy(&word, &value, sizeof(word));
     return word & __hgt2_mask(mask, __half2half2(__ushort_as_half(0)));
@@ -163,10 +163,11 @@ class CudaWarp {
     return pack_halves(low, high) & h;   // never run
 #endif
   }
+  // Instructions of a whole warp are volatile: the compiler must not move them to where only some lanes want the result.
   OCTRAD_HD static Word transpose(Word a) {
 #if defined(__CUDA_ARCH__)
     Word w;
-    asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(w) : "r"(a));
+    asm volatile("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(w) : "r"(a));
     return w;
 #else
     return a;                            // never run
@@ -174,13 +175,13 @@ class CudaWarp {
   }
   OCTRAD_HD static void mma([[maybe_unused]] Float (&c)[4], [[maybe_unused]] const Word (&a)[4], [[maybe_unused]] Word b0, [[maybe_unused]] Word b1) {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
-    asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+    asm volatile("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
         : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 #elif defined(__CUDA_ARCH__)
-    asm("mma.sync.aligned.m16n8k8.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5}, {%6}, {%0, %1, %2, %3};"
+    asm volatile("mma.sync.aligned.m16n8k8.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5}, {%6}, {%0, %1, %2, %3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3]) : "r"(a[0]), "r"(a[1]), "r"(b0));
-    asm("mma.sync.aligned.m16n8k8.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5}, {%6}, {%0, %1, %2, %3};"
+    asm volatile("mma.sync.aligned.m16n8k8.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5}, {%6}, {%0, %1, %2, %3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3]) : "r"(a[2]), "r"(a[3]), "r"(b1));
 #endif
   }
