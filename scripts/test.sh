@@ -57,11 +57,11 @@ count() {
     failed=$((failed + 1)); printf '  FAILED   %s: ran no test\n' "$name"
   else
     printf '  ok       %-32s %4d passed %s\n' "$name" "$p" "$([ "$s" = 0 ] || echo "$s skipped")"
-    # Tests that need a GPU end in /Cuda: one line for all of a program.
+    # Tests that need a GPU have names that end in Cuda: one line for all of a program.
     local cuda
-    cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+/Cuda$' "$log" || true)
+    cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+Cuda$' "$log" || true)
     [ "$cuda" = 0 ] || printf '             SKIPPED: %d tests on a GPU: no CUDA device\n' "$cuda"
-    grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | grep -vE '/Cuda|^SKIPPED: no CUDA device' | sort -u | head -n 5 |
+    grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | grep -vE 'Cuda( |$)|^SKIPPED: no CUDA device' | sort -u | head -n 5 |
       sed 's/^/             /'
   fi
 }
