@@ -15,6 +15,7 @@ namespace octrad {
 namespace {
 
 constexpr std::size_t kAlignment = 256;  // as cudaMalloc
+constexpr std::size_t kMostBytes = std::size_t{1} << 40;  // more is refused without asking: sanitizers end the program when asked
 
 // A device's memory is not zero: neither is this one where assertions are on. All bits set are NaNs, and counts and numbers of
 // items that lead far away.
@@ -47,7 +48,7 @@ class HostStream : public Stream {
 
   void* allocate(std::size_t bytes, const std::string& what) override {
     if (capture_) throw DeviceError("allocation of " + what + " inside a recorded graph");
-    void* memory = std::aligned_alloc(kAlignment, (bytes + kAlignment - 1) / kAlignment * kAlignment);
+    void* memory = bytes > kMostBytes ? nullptr : std::aligned_alloc(kAlignment, (bytes + kAlignment - 1) / kAlignment * kAlignment);
     if (memory == nullptr) throw MemoryError("no memory for " + what + " (" + format_bytes(static_cast<double>(bytes)) + ")");
     poison(memory, bytes);
     sizes_[memory] = bytes;
