@@ -26,4 +26,11 @@ class PlaneArray {
   DeviceArray<float> memory_;
 };
 
+// What was counted since the last call.
+inline TraceCounts take_counts(DeviceArray<TraceCounts>& counts) {
+  const TraceCounts taken = counts.download()[0];
+  counts.fill(0);
+  return taken;
+}
+
 }  // namespace octrad

@@ -179,9 +179,7 @@ void GBufferOn<World>::add(const Vec3f* answers, const Vec3f* right_hand_sides, 
 
 template <typename World>
 TraceCounts GBufferOn<World>::take_counts() {
-  const TraceCounts counts = counts_.download()[0];
-  counts_.fill(0);
-  return counts;
+  return octrad::take_counts(counts_);
 }
 
 }  // namespace octrad

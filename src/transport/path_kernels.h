@@ -266,9 +266,7 @@ void PathTracerOn<World>::run(const PathLimits& limits, std::size_t samples) {
 
 template <typename World>
 unsigned long long PathTracerOn<World>::take_rays() {
-  const unsigned long long rays = counts_.download()[0].rays;
-  counts_.fill(0);
-  return rays;
+  return octrad::take_counts(counts_).rays;
 }
 
 }  // namespace octrad

@@ -249,9 +249,7 @@ void RhsOn<World>::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions&
 
 template <typename World>
 TraceCounts RhsOn<World>::take_counts() {
-  const TraceCounts counts = counts_.download()[0];
-  counts_.fill(0);
-  return counts;
+  return octrad::take_counts(counts_);
 }
 
 }  // namespace octrad
