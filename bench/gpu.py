@@ -147,6 +147,8 @@ def summary(entry):
             parts.append("%.4g queries/s" % r["rhs_queries_per_s"])
     if r.get("validation_mape") is not None:
         parts.append("MAPE %.4f" % r["validation_mape"])
+    if r.get("stages_ms"):
+        parts.append("ms of a step: " + ", ".join("%s %.3g" % stage for stage in r["stages_ms"].items()))
     if r.get("device_peak_bytes"):
         parts.append("peak %.2f GiB" % (r["device_peak_bytes"] / 2**30))
     return ", ".join(parts)

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "device/array.h"
 #include "device/launch.h"
+#include "device/stage_times.h"
 #include "device/stream_test_helper.h"
 
 namespace octrad {
@@ -152,6 +153,36 @@ TEST_P(Streams, EventsMeasureTime) {
   const double ms = stream->milliseconds(*start, *end);
   EXPECT_GE(ms, 0.0);
   EXPECT_LT(ms, 10'000.0);
+}
+
+TEST_P(Streams, StagesAreTimedInTheirOrder) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  StageTimes times(*stream);
+  times.settle();
+  EXPECT_TRUE(times.means().empty());
+  DeviceArray<float> a(*stream, 1 << 20, "a");
+  const auto pass = [&](int fills) {
+    times.begin();
+    for (int i = 0; i < fills; ++i) a.fill(i);
+    times.mark("fill");
+    times.mark("nothing");
+  };
+  pass(1000);
+  times.forget();
+  for (int i = 0; i < 3; ++i) {
+    pass(200);
+    times.settle();
+  }
+  for (const StageSplit& split : {times.means(), times.medians()}) {
+    ASSERT_EQ(split.size(), 2u);
+    EXPECT_EQ(split[0].first, "fill");
+    EXPECT_EQ(split[1].first, "nothing");
+    EXPECT_GT(split[0].second, split[1].second);
+    EXPECT_GE(split[1].second, 0.0);
+  }
+  EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.5), 2.0);
+  EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.99), 3.0);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Streams, ::testing::Values(false, true), testing::stream_name);

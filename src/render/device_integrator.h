@@ -1,20 +1,17 @@
 // What DeviceRenderer asks of its integrators. Internal to the room.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "device/stage_times.h"
 #include "model/device_field.h"
 #include "render/render_loop.h"
 #include "shading/device_world.h"
 #include "transport/camera_job.h"
 
 namespace octrad {
-
-// Called between the stages of a job with the name of the one that ended.
-using StageMark = std::function<void(const char*)>;
 
 // Finds what the samples of a job see.
 class DeviceIntegrator {

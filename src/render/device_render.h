@@ -3,21 +3,18 @@
 
 #include <memory>
 #include <string>
-#include <utility>
-#include <vector>
 
+#include "device/stage_times.h"
 #include "model/radiance_field.h"
 #include "render/render_loop.h"
 #include "transport/context.h"
 
 namespace octrad {
 
-class Stream;
-
 // Milliseconds of a frame: first hits, field, film and tone mapping; everything on the device, warm.
 struct FrameTimes {
   double median = 0.0, p95 = 0.0;
-  std::vector<std::pair<std::string, double>> stages;  // medians, measured in frames of their own
+  StageSplit stages;               // medians, measured in frames of their own
 };
 
 class DeviceRenderer {

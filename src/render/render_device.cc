@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <map>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -119,13 +118,6 @@ struct ToneMap : Kernel {
   }
 };
 
-double percentile(std::vector<double> values, double share) {
-  std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())))];
-}
-
-void ignore(const char*) {}
-
 RenderOptions one_sample(RenderOptions options) {
   options.spp = 1;
   options.seconds = 0.0;
@@ -218,7 +210,7 @@ RenderResult DeviceRenderer::render() {
     for (int y = r.plan.window.y0; y < r.plan.window.y1; y += rows) {
       const CameraJob job = r.job(y, rows, first, count);
       r.integrator->set(job);
-      r.integrator->run(job.size(), ignore);
+      r.integrator->run(job.size(), no_mark);
       r.film->add(r.integrator->job(), r.integrator->samples());
     }
     r.stream.synchronize();                // time limits and interrupts count what is done
@@ -250,9 +242,9 @@ FrameTimes DeviceRenderer::time_frames(int count) {
     mark("tone mapping");
   };
   r.integrator->set(job);
-  frame(ignore);                           // what is set up once must not be recorded
+  frame(no_mark);                          // what is set up once must not be recorded
   r.stream.begin_capture();
-  frame(ignore);
+  frame(no_mark);
   const std::unique_ptr<LaunchGraph> graph = r.stream.end_capture();
 
   FrameTimes times;
@@ -267,20 +259,14 @@ FrameTimes DeviceRenderer::time_frames(int count) {
   times.median = percentile(whole, 0.5);
   times.p95 = percentile(whole, 0.95);
 
-  std::vector<std::string> order;
-  std::map<std::string, std::vector<double>> stages;
+  StageTimes stages(r.stream);
   for (int f = 0; f < kWarmFrames + count; ++f) {
-    std::vector<std::pair<std::string, std::unique_ptr<StreamEvent>>> events;
-    events.emplace_back("", r.stream.record());
-    frame([&](const char* name) { events.emplace_back(name, r.stream.record()); });
-    r.stream.synchronize();
-    if (f < kWarmFrames) continue;
-    for (std::size_t i = 1; i < events.size(); ++i) {
-      if (!stages.count(events[i].first)) order.push_back(events[i].first);
-      stages[events[i].first].push_back(r.stream.milliseconds(*events[i - 1].second, *events[i].second));
-    }
+    stages.begin();
+    frame([&](const char* name) { stages.mark(name); });
+    if (f < kWarmFrames) stages.forget();
+    else stages.settle();
   }
-  for (const std::string& name : order) times.stages.emplace_back(name, percentile(stages[name], 0.5));
+  times.stages = stages.medians();
   r.integrator->take_counts();
   return times;
 }

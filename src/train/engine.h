@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "device/stage_times.h"
 #include "model/radiance_field.h"
 #include "train/batch.h"
 
@@ -27,6 +28,8 @@ class TrainEngine {
   virtual int steps_between_reports() const = 0;
   // Waits for the steps since the last call.
   virtual StepReport collect() = 0;
+  // Milliseconds that the stages of a step took, means over the steps that were timed: some, on a device.
+  virtual StageSplit stages() const { return {}; }
   // Radiance as learnt so far.
   virtual void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) = 0;
   // The field, brought up to date with everything learnt.

@@ -1,5 +1,5 @@
-// A step is one tiny launch that sets its constants and one recorded graph for its shape of batch; nothing is read back until the
-// loop asks for a report.
+// A step is one tiny launch that sets its constants and one recorded graph for its shape of batch (now and then its launches one
+// by one, to be timed); nothing is read back until the loop asks for a report.
 #include <algorithm>
 #include <map>
 #include <set>
@@ -33,6 +33,8 @@ struct SetStep : Kernel {
 };
 
 constexpr int kStepsBetweenReports = 16;
+// Steps number kTimed, kTimed + kStepsBetweenTimes, ... are launched stage by stage instead of as a graph, and timed.
+constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
@@ -61,6 +63,7 @@ class DeviceEngine : public TrainEngine {
   DeviceEngine(Stream& stream, const TransportContext& context, const Config& config, const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
                const DeviceEngineOptions& options)
       : stream_(stream),
+        times_(stream),
         config_(config),
         traced_(config.lookup_offset == "traced"),
         scene_(stream, {context.scene, context.materials, context.lights, build_bvh8(context.scene), &sampler.surfaces()}),
@@ -85,19 +88,23 @@ class DeviceEngine : public TrainEngine {
     const std::pair<int, int> shape{s.points, s.directions};
     last_points_ = static_cast<std::size_t>(s.points);
     stale_ = true;
-    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
-    if (graph) {
-      stream_.replay(*graph);
-      return;
-    }
     // The first step of a shape runs as it is: what is set up once must not be recorded.
     if (seen_.insert(shape).second) {
-      run(s);
+      run(s, no_mark);
       return;
     }
-    stream_.begin_capture();
-    run(s);
-    graph = stream_.end_capture();
+    if (step % kStepsBetweenTimes == kTimed) {
+      times_.settle();
+      times_.begin();
+      run(s, [&](const char* stage) { times_.mark(stage); });
+      return;
+    }
+    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
+    if (!graph) {
+      stream_.begin_capture();
+      run(s, no_mark);
+      graph = stream_.end_capture();
+    }
     stream_.replay(*graph);
   }
 
@@ -105,6 +112,7 @@ class DeviceEngine : public TrainEngine {
 
   StepReport collect() override {
     DeviceTrainReport trained = device_field_->collect();
+    times_.settle();
     const TraceCounts traced = rhs_.take_counts();
     if (lhs_.take_missing() > 0) throw InputError(no_lhs_point());
     StepReport report;
@@ -114,6 +122,8 @@ class DeviceEngine : public TrainEngine {
     report.non_finite = trained.non_finite;
     return report;
   }
+
+  StageSplit stages() const override { return times_.means(); }
 
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     if (asked_.stride() == 0) {
@@ -153,18 +163,24 @@ class DeviceEngine : public TrainEngine {
   }
 
  private:
-  void run(const ScheduleState& s) {
+  void run(const ScheduleState& s, const StageMark& mark) {
     const auto n = static_cast<std::size_t>(s.points);
     lhs_.run(&input_.data()->step, n, traced_);
+    mark("left-hand side");
     rhs_options_.directions = s.directions;
     const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
     rhs_.trace(points, rhs_options_);
+    mark("right-hand rays");
     device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions), answers_.data());
+    mark("field");
     rhs_.reduce(points, rhs_options_, answers_.data(), targets_.data());
+    mark("targets");
     device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
+    mark("gradient step");
   }
 
   Stream& stream_;
+  StageTimes times_;
   const Config config_;
   bool traced_;
   DeviceScene scene_;

@@ -69,6 +69,15 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     const TrainResult on_stream = train(box.context, config, options);
     EXPECT_EQ(on_stream.steps, on_cpu.steps);
     EXPECT_EQ(on_stream.lhs_samples, on_cpu.lhs_samples);
+    EXPECT_TRUE(on_cpu.stages.empty());
+    ASSERT_EQ(on_stream.stages.size(), 5u);
+    double step_ms = 0.0;
+    for (const auto& [stage, ms] : on_stream.stages) {
+      EXPECT_GE(ms, 0.0) << stage;
+      step_ms += ms;
+    }
+    EXPECT_GT(step_ms, 0.0);
+    EXPECT_LT(step_ms, 1e3 * on_stream.seconds);
     // The same paths but where rounding sends a ray another way.
     EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries), 1e-3 * static_cast<double>(on_cpu.rhs_queries));
     EXPECT_NEAR(on_stream.loss, on_cpu.loss, 0.05 * on_cpu.loss) << field;

@@ -229,6 +229,7 @@ TrainResult Run::go() {
   result.rhs_queries = state_.rhs_queries;
   result.loss = std::max(0.0, smoothed_);
   result.dropped_contributions = dropped_contributions_;
+  result.stages = engine_->stages();
   result.field = engine_->release_field();
   return result;
 }

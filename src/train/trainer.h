@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "device/stream.h"
+#include "device/stage_times.h"
 #include "image/image.h"
 #include "model/config.h"
 #include "model/model_file.h"
@@ -46,6 +46,7 @@ struct TrainResult {
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = 0.0;
   long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
+  StageSplit stages;               // mean milliseconds of a step's stages; empty on the CPU and for very short runs
   double validation_mape = -1.0;   // of the finished model against the reference
   bool interrupted = false;
   std::unique_ptr<RadianceField> field;

@@ -113,6 +113,18 @@ void print_text(const std::string& text) {
   flush_stdout();
 }
 
+nlohmann::json stages_json(const StageSplit& stages) {
+  nlohmann::json object = nlohmann::json::object();
+  for (const auto& [stage, ms] : stages) object[stage] = ms;
+  return object;
+}
+
+std::string format_stages(const StageSplit& stages) {
+  std::string text;
+  for (const auto& [stage, ms] : stages) text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", stage, ms);
+  return text;
+}
+
 std::string format_table(const std::vector<std::vector<std::string>>& rows) {
   std::vector<std::size_t> widths;
   for (const auto& row : rows) {

@@ -15,6 +15,7 @@
 #include "base/progress.h"
 #include "base/vec.h"
 #include "device/choose.h"
+#include "device/stage_times.h"
 #include "model/config.h"
 
 namespace octrad::cli {
@@ -83,6 +84,10 @@ CLI::Validator unnamed(Validator validator) {
 // Standard output: with --json exactly one object, without it text. Throws IoError when it cannot be written.
 void print_json(const nlohmann::json& object);
 void print_text(const std::string& text);
+
+// Milliseconds by stage: an object, and "first hits 0.31, field 0.92".
+nlohmann::json stages_json(const StageSplit& stages);
+std::string format_stages(const StageSplit& stages);
 
 // Rows of cells as aligned columns; the first column to the left, others to the right.
 std::string format_table(const std::vector<std::vector<std::string>>& rows);

@@ -265,8 +265,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   report["device"] = device.name;
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (frames) {
-    report["frames"] = {{"count", o.frames}, {"median_ms", frames->median}, {"p95_ms", frames->p95}, {"stages_ms", nlohmann::json::object()}};
-    for (const auto& [stage, ms] : frames->stages) report["frames"]["stages_ms"][stage] = ms;
+    report["frames"] = {{"count", o.frames}, {"median_ms", frames->median}, {"p95_ms", frames->p95}, {"stages_ms", stages_json(frames->stages)}};
   }
   if (log) {
     nlohmann::json done = report;
@@ -276,11 +275,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (common.json) {
     print_json(report);
   } else {
-    if (frames) {
-      std::string split;
-      for (const auto& [stage, ms] : frames->stages) split += fmt::format("{}{} {:.3f}", split.empty() ? "" : ", ", stage, ms);
-      log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95, split);
-    }
+    if (frames) log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95, format_stages(frames->stages));
     log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height, result.spp,
              format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
              result.counts.queries > 0

@@ -179,6 +179,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                            {"interrupted", interrupted()},
                            {"device", device.name}};
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
+  if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
   if (resumed && result.steps == resumed_step) report["loss"] = nullptr;  // no step was left to do
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
   if (log) {
@@ -194,6 +195,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
              format_duration(result.seconds), result.loss,
              result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
              format_rate(static_cast<double>(result.rhs_queries) / seconds));
+    if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
   }
 }
 

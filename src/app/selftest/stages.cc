@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "app/cli/common.h"
 #include "app/selftest/entries.h"
 #include "base/rng.h"
 #include "base/stopwatch.h"
@@ -107,6 +108,7 @@ StageResult short_training(const Context& c) {
               {"seconds", on_stream.seconds},
               {"cpu_seconds", on_cpu.seconds},
               {"rhs_queries", on_stream.rhs_queries},
+              {"stages_ms", cli::stages_json(on_stream.stages)},
               {"loss", on_stream.loss},
               {"cpu_loss", on_cpu.loss},
               {"probes", probes.size()},
@@ -143,12 +145,6 @@ StageResult frame(const Context& c) {
 
   StageResult r;
   r.passed = mape <= kTolerance;
-  nlohmann::json stages = nlohmann::json::object();
-  std::string split;
-  for (const auto& [name, ms] : times.stages) {
-    stages[name] = ms;
-    split += fmt::format("{}{} {:.3g}", split.empty() ? "" : ", ", name, ms);
-  }
   r.report = {{"scene", ground.use.scene->file},
               {"integrator", "lhs"},
               {"compared", {{"width", options.width}, {"height", options.height}, {"spp", options.spp}}},
@@ -160,9 +156,9 @@ StageResult frame(const Context& c) {
               {"spp", timed.spp},
               {"median_ms", times.median},
               {"p95_ms", times.p95},
-              {"stages_ms", stages}};
+              {"stages_ms", cli::stages_json(times.stages)}};
   r.summary = fmt::format("differs from the CPU's picture by MAPE {:.2g} (at most {:.2g}); {} x {}: median {:.3g} ms{} ({})", mape, kTolerance, timed.width, timed.height,
-                          times.median, c.stream.on_device() ? "" : " on the host", split);
+                          times.median, c.stream.on_device() ? "" : " on the host", cli::format_stages(times.stages));
   return r;
 }
 

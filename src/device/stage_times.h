@@ -1,0 +1,43 @@
+// How long the stages of a piece of work take on a stream, by the stream's own clock: begin(), then a mark after the launches
+// of each stage. For work that is launched as it is; a recorded graph takes no times.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "device/stream.h"
+
+namespace octrad {
+
+// Called between the stages of a piece of work with the name of the one that ended.
+using StageMark = std::function<void(const char*)>;
+inline void no_mark(const char*) {}
+
+// Milliseconds by stage, in the order in which stages first came.
+using StageSplit = std::vector<std::pair<std::string, double>>;
+
+class StageTimes {
+ public:
+  explicit StageTimes(Stream& stream) : stream_(stream) {}
+  void begin();
+  void mark(const char* stage);
+  // Waits for the marks since begin(), if any, and keeps the times between them.
+  void settle();
+  void forget() { events_.clear(); }   // instead of settle()
+
+  StageSplit medians() const;
+  StageSplit means() const;
+
+ private:
+  Stream& stream_;
+  std::vector<std::pair<std::string, std::unique_ptr<StreamEvent>>> events_;
+  std::vector<std::pair<std::string, std::vector<double>>> times_;
+};
+
+// The value that a share of the values is below; values must not be empty.
+double percentile(std::vector<double> values, double share);
+
+}  // namespace octrad
