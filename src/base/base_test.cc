@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -20,6 +21,7 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "base/threads.h"
+#include "base/vec.h"
 
 namespace octrad {
 namespace {
@@ -44,6 +46,14 @@ TEST(Error, SuggestsTheClosestName) {
   EXPECT_EQ(did_you_mean("zebra", names), "");
   EXPECT_EQ(did_you_mean("", names), "");
   EXPECT_EQ(did_you_mean("x", {}), "");
+}
+
+TEST(Numbers, LesserAndGreaterPassOverNan) {
+  static_assert(lesser(2, 3) == 2 && greater(2.0, 3.0) == 3.0);
+  EXPECT_EQ(lesser(-1.0f, 2.0f), -1.0f);
+  EXPECT_EQ(greater(-1.0f, 2.0f), 2.0f);
+  EXPECT_EQ(lesser(std::numeric_limits<float>::quiet_NaN(), 2.0f), 2.0f);
+  EXPECT_EQ(greater(std::numeric_limits<double>::quiet_NaN(), 2.0), 2.0);
 }
 
 TEST(Duration, ReadsWhatPeopleWrite) {

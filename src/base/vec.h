@@ -10,6 +10,23 @@ namespace octrad {
 inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;
 
+// The smaller and the larger of two numbers, for inner loops: one instruction on host and device. `b` where `a` is NaN; `b` must
+// not be NaN, and of zeros of either sign any may come back, as devices differ in both.
+template <typename T>
+OCTRAD_HD constexpr T lesser(T a, T b) {
+#if defined(__CUDA_ARCH__)
+  if (!__builtin_is_constant_evaluated()) return ::fmin(a, b);
+#endif
+  return a < b ? a : b;            // std::fmin is a call on the host
+}
+template <typename T>
+OCTRAD_HD constexpr T greater(T a, T b) {
+#if defined(__CUDA_ARCH__)
+  if (!__builtin_is_constant_evaluated()) return ::fmax(a, b);
+#endif
+  return a > b ? a : b;
+}
+
 template <typename T>
 struct Vec2 {
   T x{}, y{};
