@@ -44,7 +44,7 @@ function(octrad_room name)
     set_tests_properties(${name} PROPERTIES LABELS unit)
     # Tests that run on a GPU where there is one, alone: ctest -L gpu
     foreach(test ${tests})
-      file(STRINGS ${test} on_devices REGEX "stream_test_helper" LIMIT_COUNT 1)
+      file(STRINGS ${test} on_devices REGEX "(stream|device)_test_helper" LIMIT_COUNT 1)
       if(on_devices AND NOT TEST gpu_${name})
         add_test(NAME gpu_${name} COMMAND test_${name} --gtest_filter=*Cuda WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
         set_tests_properties(gpu_${name} PROPERTIES LABELS gpu)

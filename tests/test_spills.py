@@ -41,7 +41,7 @@ def demangled(names):
 
 def short(name):
     """The struct of a launched functor, else the function without its parameters."""
-    launched = re.search(r"launch_kernel<(.*)>\(unsigned int", name)
+    launched = re.search(r"launch(?:_levels)?_kernel<(.*)>\(unsigned int", name)
     name = launched[1] if launched else re.sub(r"^void ", "", name)
     return re.sub(r"octrad::|\(anonymous namespace\)::", "", name if launched else re.sub(r"\(.*", "", name.replace("(anonymous namespace)::", "")))
 

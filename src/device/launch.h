@@ -1,4 +1,5 @@
-// launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads. For files named *_device.cc:
+// launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads; launch_levels: the same for each of
+// several levels. For files named *_device.cc:
 // they compile as CUDA where octrad is built with it, and as plain C++ otherwise; both know the host stream.
 //
 // A functor is a trivially copyable struct with `OCTRAD_HD void operator()(std::uint32_t i) const`; pointers in it point
@@ -26,6 +27,11 @@ __global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_kernel(std::u
   const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
   if (i < n) f(i);
 }
+template <typename F>
+__global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_levels_kernel(std::uint32_t n, F f) {
+  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  if (i < n) f(blockIdx.y, i);
+}
 #endif
 
 // Functors derive from this; another block size or a name for error messages and timings shadow these.
@@ -40,12 +46,17 @@ inline constexpr std::size_t kMostArguments = 4096 - 16;
 inline constexpr std::size_t kMostItems = 0xffffffffu - 1023u;
 
 template <typename F>
-void launch(Stream& stream, std::size_t n, const F& functor) {
+void check_launch_of(std::size_t n) {
   static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
   static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
   static_assert(F::kBlock % 32 == 0 && F::kBlock >= 32 && F::kBlock <= 1024);
-  if (n == 0) return;
   if (n > kMostItems) throw DeviceError("a launch of " + std::to_string(n) + " items; " + std::to_string(kMostItems) + " are possible");
+}
+
+template <typename F>
+void launch(Stream& stream, std::size_t n, const F& functor) {
+  check_launch_of<F>(n);
+  if (n == 0) return;
 #if defined(__CUDACC__)
   if (stream.on_device()) {
     const auto count = static_cast<std::uint32_t>(n);
@@ -56,6 +67,26 @@ void launch(Stream& stream, std::size_t n, const F& functor) {
 #endif
   host_launch(stream, n, [functor](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) functor(static_cast<std::uint32_t>(i));
+  });
+}
+
+// functor(level, i) for level = 0 .. levels - 1 and i = 0 .. n - 1. On a device all threads of a block have one level, so that
+// what depends on it alone is read once for all of them, and blocks of a level start before those of the next one.
+template <typename F>
+void launch_levels(Stream& stream, std::size_t n, int levels, const F& functor) {
+  check_launch_of<F>(n);
+  if (n == 0 || levels <= 0) return;
+#if defined(__CUDACC__)
+  if (stream.on_device()) {
+    const auto count = static_cast<std::uint32_t>(n);
+    const dim3 blocks((count + F::kBlock - 1) / F::kBlock, static_cast<unsigned>(levels));
+    launch_levels_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    check_launch(stream);
+    return;
+  }
+#endif
+  host_launch(stream, n * static_cast<std::size_t>(levels), [functor, n](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) functor(static_cast<std::uint32_t>(i / n), static_cast<std::uint32_t>(i % n));
   });
 }
 

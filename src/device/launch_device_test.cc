@@ -21,6 +21,12 @@ struct Affine : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = scale * in[i] + 1.0f; }
 };
 
+struct CountLevels : Kernel {
+  std::uint32_t* counts;           // [levels][n]
+  std::uint32_t n;
+  OCTRAD_HD void operator()(std::uint32_t level, std::uint32_t i) const { atomic_add(&counts[level * n + i], level + 1); }
+};
+
 struct Histogram : Kernel {
   const std::uint32_t* values;
   std::uint32_t* counts;
@@ -48,6 +54,21 @@ TEST_P(Streams, LaunchesWriteEveryItemOnce) {
     const std::vector<float> result = out.download();
     ASSERT_EQ(result.size(), n);
     for (std::size_t i = 0; i < n; ++i) ASSERT_EQ(result[i], 2.0f * static_cast<float>(i) + 1.0f) << i;
+  }
+}
+
+TEST_P(Streams, LaunchesOfLevelsMeetEveryItemOfEachOnce) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  for (const std::uint32_t n : {1u, 127u, 129u, 5000u}) {
+    constexpr int kLevels = 9;
+    DeviceArray<std::uint32_t> counts(*stream, std::size_t{kLevels} * n, "counts");
+    counts.fill(0);
+    launch_levels(*stream, n, kLevels, CountLevels{{}, counts.data(), n});
+    launch_levels(*stream, n, 0, CountLevels{{}, counts.data(), n});
+    launch_levels(*stream, 0, kLevels, CountLevels{{}, counts.data(), n});
+    const std::vector<std::uint32_t> result = counts.download();
+    for (std::uint32_t i = 0; i < kLevels * n; ++i) ASSERT_EQ(result[i], i / n + 1) << i;
   }
 }
 

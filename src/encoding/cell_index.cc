@@ -44,6 +44,7 @@ CellIndex::CellIndex(const std::vector<Vec3i>& cells, int resolution, const char
       octant->first = count;
     }
     octant->mask |= std::uint64_t{1} << (key & 63);
+    octant->lower += (key & 63) < 32 ? 1 : 0;
     ++count;
   }
 }

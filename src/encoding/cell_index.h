@@ -13,23 +13,31 @@
 
 namespace octrad {
 
-struct CellOctant {
+struct alignas(16) CellOctant {
   std::uint64_t mask;      // occupied cells of a 4^3 block, in Morton order
   std::uint32_t first;     // number of its first cell
-  std::uint32_t unused;
+  std::uint32_t lower;     // how many are in the lower half of the mask
 };
 static_assert(sizeof(CellOctant) == 16);
 
-OCTRAD_HD inline int count_bits(std::uint64_t bits) {
+OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)
-  return __popcll(bits);
+  return static_cast<std::uint32_t>(__popc(bits));
 #else
-  return __builtin_popcountll(bits);
+  return static_cast<std::uint32_t>(__builtin_popcount(bits));
 #endif
 }
 
 // Position of a cell inside its brick, in Morton order: bits 0..2 of each coordinate interleaved.
 OCTRAD_HD constexpr int brick_spread(int a) { return (a & 1) | (a & 2) << 2 | (a & 4) << 4; }
+
+inline constexpr std::uint32_t kNoCell = 0xffffffffu;
+
+// What a cell's coordinates tell of where its number is; those of x, y and z are added.
+struct CellPlace {
+  std::uint32_t brick, inner;
+  OCTRAD_HD CellPlace operator+(CellPlace b) const { return {brick + b.brick, inner | b.inner}; }
+};
 
 // What a device needs; plain pointers into a CellIndex.
 struct CellIndexView {
@@ -38,15 +46,23 @@ struct CellIndexView {
   int resolution = 0;                       // cells per axis
   int bricks_per_axis = 0;
 
-  // Number of the cell, or -1 when it is empty or outside the grid.
-  OCTRAD_HD std::int64_t find(int x, int y, int z) const {
-    if (x < 0 || y < 0 || z < 0 || x >= resolution || y >= resolution || z >= resolution) return -1;
-    const std::uint32_t brick = top[((z >> 3) * bricks_per_axis + (y >> 3)) * bricks_per_axis + (x >> 3)];
-    const int inner = brick_spread(x) | brick_spread(y) << 1 | brick_spread(z) << 2;
-    const CellOctant& octant = octants[static_cast<std::uint64_t>(brick) * 8 + static_cast<std::uint64_t>(inner >> 6)];
-    const std::uint64_t bit = std::uint64_t{1} << (inner & 63);
-    if ((octant.mask & bit) == 0) return -1;
-    return static_cast<std::int64_t>(octant.first) + count_bits(octant.mask & (bit - 1));
+  // Of coordinate `a` in [0, resolution) along an axis.
+  OCTRAD_HD CellPlace place(int axis, int a) const {
+    const int stride = axis == 0 ? 1 : (axis == 1 ? bricks_per_axis : bricks_per_axis * bricks_per_axis);
+    return {static_cast<std::uint32_t>((a >> 3) * stride), static_cast<std::uint32_t>(brick_spread(a) << axis)};
+  }
+  // Number of the cell, or kNoCell where it is empty.
+  OCTRAD_HD std::uint32_t number(CellPlace place) const {
+    const CellOctant octant = octants[top[place.brick] * std::size_t{8} + (place.inner >> 6)];
+    const bool upper = (place.inner & 32u) != 0;
+    const std::uint32_t mask = static_cast<std::uint32_t>(upper ? octant.mask >> 32 : octant.mask), bit = 1u << (place.inner & 31u);
+    const std::uint32_t number = octant.first + (upper ? octant.lower : 0u) + count_bits(mask & (bit - 1u));
+    return (mask & bit) != 0 ? number : kNoCell;
+  }
+  // The same for any coordinates: outside the grid nothing is.
+  OCTRAD_HD std::uint32_t find(int x, int y, int z) const {
+    if (x < 0 || y < 0 || z < 0 || x >= resolution || y >= resolution || z >= resolution) return kNoCell;
+    return number(place(0, x) + place(1, y) + place(2, z));
   }
 };
 

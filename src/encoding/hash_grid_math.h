@@ -26,38 +26,43 @@ struct HashGridView {
   HashGridLevelView level[kMaxHashGridLevels];
 };
 
-// Entry within the level of grid vertex (x, y, z). A coordinate may be r itself (position 1 lies half a cell inside the last
-// vertex's cell); in a dense level such a vertex wraps modulo the level's entries, as in the original.
-OCTRAD_HD inline std::uint32_t hash_grid_entry(const HashGridLevelView& level, std::uint32_t x, std::uint32_t y, std::uint32_t z) {
-  if (level.dense) {
-    const std::uint32_t index = x + level.resolution * (y + level.resolution * z);
-    return index >= level.entries ? index - level.entries : index;  // index < 2 entries
-  }
-  return (x ^ y * 2654435761u ^ z * 805459861u) & (level.entries - 1);
-}
-
 // NaN becomes 0.
 template <typename T> OCTRAD_HD constexpr T clamp_unit(T a) { return a > T(0) ? (a < T(1) ? a : T(1)) : T(0); }
 
 // Corner c = 0 .. 7 (bit a: upper side of axis a): entry of the whole table and trilinear weight. p is clamped to [0,1]^3.
 template <typename T>
 OCTRAD_HD inline void hash_grid_taps(const HashGridLevelView& level, Vec3<T> p, std::uint32_t* entry, T* weight) {
-  std::uint32_t base[3];
+  // Steps of the entry from vertex to vertex along each axis.
+  const std::uint32_t r = level.resolution, step[3] = {1u, level.dense ? r : 2654435761u, level.dense ? r * r : 805459861u};
+  std::uint32_t part[3][2];
   T f[3];
   OCTRAD_UNROLL
   for (int a = 0; a < 3; ++a) {
     const T g = clamp_unit(p[a]) * static_cast<T>(level.scale) + T(0.5);
     const T i = std::floor(g);
-    base[a] = static_cast<std::uint32_t>(i);
+    part[a][0] = static_cast<std::uint32_t>(i) * step[a];
+    part[a][1] = part[a][0] + step[a];
     f[a] = g - i;
+  }
+  // A coordinate may be r itself (position 1 lies half a cell inside the last vertex's cell); in a dense level such a vertex wraps
+  // modulo the level's entries, as in the original.
+  if (level.dense) {
+    OCTRAD_UNROLL
+    for (int c = 0; c < 8; ++c) {
+      const std::uint32_t index = part[0][c & 1] + part[1][c >> 1 & 1] + part[2][c >> 2 & 1];
+      entry[c] = level.first_entry + (index >= level.entries ? index - level.entries : index);  // index < 2 entries
+    }
+  } else {
+    OCTRAD_UNROLL
+    for (int c = 0; c < 8; ++c) {
+      entry[c] = level.first_entry + ((part[0][c & 1] ^ part[1][c >> 1 & 1] ^ part[2][c >> 2 & 1]) & (level.entries - 1));
+    }
   }
   OCTRAD_UNROLL
   for (int c = 0; c < 8; ++c) {
-    const std::uint32_t o[3] = {static_cast<std::uint32_t>(c & 1), static_cast<std::uint32_t>(c >> 1 & 1), static_cast<std::uint32_t>(c >> 2 & 1)};
     T w = T(1);
     OCTRAD_UNROLL
-    for (int a = 0; a < 3; ++a) w *= o[a] ? f[a] : T(1) - f[a];
-    entry[c] = level.first_entry + hash_grid_entry(level, base[0] + o[0], base[1] + o[1], base[2] + o[2]);
+    for (int a = 0; a < 3; ++a) w *= (c >> a & 1) != 0 ? f[a] : T(1) - f[a];
     weight[c] = w;
   }
 }

@@ -15,8 +15,7 @@ struct OctreeLookup : Kernel {
   Rows out;
   int first;
 
-  OCTRAD_HD void operator()(std::uint32_t item) const {
-    const std::uint32_t l = item / queries.n, i = item - l * queries.n;
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
     if (!queries.slice.holds(i)) return;
     float sum[C];
     OCTRAD_UNROLL
@@ -46,14 +45,13 @@ struct OctreeScatter : Kernel {
   std::size_t d_stride;
   Sink sink;
 
-  OCTRAD_HD void operator()(std::uint32_t item) const {
-    const std::uint32_t l = item / queries.n, i = item - l * queries.n;
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
     if (!queries.slice.holds(i)) return;
     float up[C];
     OCTRAD_UNROLL
     for (int c = 0; c < C; ++c) up[c] = upstream[(l * C + static_cast<std::uint32_t>(c)) * upstream_stride + i];
     const float d = queries.d != nullptr ? queries.d[i] : 0.0f;
-    std::uint64_t slot = static_cast<std::uint64_t>(item) * kOctreeTaps;
+    std::uint64_t slot = (static_cast<std::uint64_t>(l) * queries.n + i) * kOctreeTaps;
     float by_disparity = 0.0f;
     visit_level(view, view.level[l], normalize_position(view, queries.position(i)), queries.direction(i), d,
                 [&](std::uint32_t entry, float weight, float dweight) {
@@ -80,14 +78,13 @@ struct GridLookup : Kernel {
   Rows out;
   int first;
 
-  OCTRAD_HD void operator()(std::uint32_t item) const {
-    const std::uint32_t l = item / queries.n, i = item - l * queries.n;
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
     if (!queries.slice.holds(i)) return;
     std::uint32_t entry[8];
     float weight[8], sum[F];
     OCTRAD_UNROLL
     for (int c = 0; c < F; ++c) sum[c] = 0.0f;
-    hash_grid_taps(view.level[l], (queries.position(i) - origin) / size, entry, weight);
+    hash_grid_taps(view.level[l], divide(queries.position(i) - origin, size), entry, weight);
     OCTRAD_UNROLL
     for (int k = 0; k < 8; ++k) {
       float value[F];
@@ -109,17 +106,17 @@ struct GridScatter : Kernel {
   std::size_t upstream_stride;
   Sink sink;
 
-  OCTRAD_HD void operator()(std::uint32_t item) const {
-    const std::uint32_t l = item / queries.n, i = item - l * queries.n;
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
     if (!queries.slice.holds(i)) return;
     float up[F];
     OCTRAD_UNROLL
     for (int c = 0; c < F; ++c) up[c] = upstream[(l * F + static_cast<std::uint32_t>(c)) * upstream_stride + i];
     std::uint32_t entry[8];
     float weight[8];
-    hash_grid_taps(view.level[l], (queries.position(i) - origin) / size, entry, weight);
+    const std::uint64_t slot = (static_cast<std::uint64_t>(l) * queries.n + i) * kHashGridTaps;
+    hash_grid_taps(view.level[l], divide(queries.position(i) - origin, size), entry, weight);
     OCTRAD_UNROLL
-    for (int k = 0; k < 8; ++k) sink.template add<F>(static_cast<std::uint64_t>(item) * kHashGridTaps + static_cast<std::uint64_t>(k), entry[k], weight[k], up);
+    for (int k = 0; k < 8; ++k) sink.template add<F>(slot + static_cast<std::uint64_t>(k), entry[k], weight[k], up);
   }
 };
 
@@ -134,14 +131,12 @@ void with_width(int features, F&& f) {
   }
 }
 
-std::size_t items(const DeviceQueries& queries, int levels) { return static_cast<std::size_t>(queries.n) * static_cast<std::size_t>(levels); }
-
 template <typename Rows>
 void octree_lookup(Stream& stream, const OctaOctreeView& view, DeviceFeatures table, const DeviceQueries& queries, Rows out, int first) {
   with_width(view.features, [&](auto width) {
     constexpr int C = decltype(width)::value;
-    if (table.halves != nullptr) launch(stream, items(queries, view.levels), OctreeLookup<C, Half, Rows>{{}, view, table.halves, queries, out, first});
-    else launch(stream, items(queries, view.levels), OctreeLookup<C, float, Rows>{{}, view, table.floats, queries, out, first});
+    if (table.halves != nullptr) launch_levels(stream, queries.n, view.levels, OctreeLookup<C, Half, Rows>{{}, view, table.halves, queries, out, first});
+    else launch_levels(stream, queries.n, view.levels, OctreeLookup<C, float, Rows>{{}, view, table.floats, queries, out, first});
   });
 }
 
@@ -150,11 +145,10 @@ void octree_scatter(Stream& stream, const OctaOctreeView& view, DeviceFeatures t
                     std::size_t upstream_stride, float* d_disparity, std::size_t d_stride, const Sink& sink) {
   with_width(view.features, [&](auto width) {
     constexpr int C = decltype(width)::value;
-    const std::size_t n = items(queries, view.levels);
     if (table.halves != nullptr) {
-      launch(stream, n, OctreeScatter<C, Half, Sink>{{}, view, table.halves, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
+      launch_levels(stream, queries.n, view.levels, OctreeScatter<C, Half, Sink>{{}, view, table.halves, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
     } else {
-      launch(stream, n, OctreeScatter<C, float, Sink>{{}, view, table.floats, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
+      launch_levels(stream, queries.n, view.levels, OctreeScatter<C, float, Sink>{{}, view, table.floats, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
     }
   });
 }
@@ -163,9 +157,8 @@ template <typename Rows>
 void grid_lookup(Stream& stream, const HashGridView& view, Vec3f origin, Vec3f size, DeviceFeatures table, const DeviceQueries& queries, Rows out, int first) {
   with_width(view.features, [&](auto width) {
     constexpr int F = decltype(width)::value;
-    const std::size_t n = items(queries, view.levels);
-    if (table.halves != nullptr) launch(stream, n, GridLookup<F, Half, Rows>{{}, view, origin, size, table.halves, queries, out, first});
-    else launch(stream, n, GridLookup<F, float, Rows>{{}, view, origin, size, table.floats, queries, out, first});
+    if (table.halves != nullptr) launch_levels(stream, queries.n, view.levels, GridLookup<F, Half, Rows>{{}, view, origin, size, table.halves, queries, out, first});
+    else launch_levels(stream, queries.n, view.levels, GridLookup<F, float, Rows>{{}, view, origin, size, table.floats, queries, out, first});
   });
 }
 
@@ -174,7 +167,7 @@ void grid_scatter(Stream& stream, const HashGridView& view, Vec3f origin, Vec3f 
                   std::size_t upstream_stride, const Sink& sink) {
   with_width(view.features, [&](auto width) {
     constexpr int F = decltype(width)::value;
-    launch(stream, items(queries, view.levels), GridScatter<F, Sink>{{}, view, origin, size, queries, upstream, upstream_stride, sink});
+    launch_levels(stream, queries.n, view.levels, GridScatter<F, Sink>{{}, view, origin, size, queries, upstream, upstream_stride, sink});
   });
 }
 

@@ -9,6 +9,9 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
 
 #include "base/vec.h"
 
@@ -31,9 +34,9 @@ template <typename T> OCTRAD_HD constexpr T octa_sign(T a) { return a < T(0) ? T
 template <typename T>
 OCTRAD_HD inline OctaProjection<T> octa_project(Vec3<T> v) {
   T norm = std::abs(v.x) + std::abs(v.y) + std::abs(v.z);
-  norm = norm > T(kMinL1Norm) ? norm : T(kMinL1Norm);
+  norm = greater(norm, T(kMinL1Norm));
   OctaProjection<T> r;
-  r.inverse_norm = T(1) / norm;
+  r.inverse_norm = reciprocal(norm);
   r.p = v * r.inverse_norm;
   r.folded = v.z < T(0);
   r.u = {r.p.x, r.p.y};
@@ -65,82 +68,96 @@ OCTRAD_HD inline Vec2<T> octa_velocity(const OctaProjection<T>& r, Vec3<T> v, Ve
   return {sign * py, sign * px};
 }
 
-// Row-major index of vertex (i, j), i, j in [-R/2, R/2]: i runs along u_x.
-OCTRAD_HD constexpr int octa_vertex_index(int i, int j, int resolution) {
-  return (j + resolution / 2) * (resolution + 1) + i + resolution / 2;
+// Column and row of a vertex, in [-R/2, R/2]: whole numbers, kept in T so that inner loops convert nothing.
+template <typename T>
+struct OctaVertex { T i, j; };
+
+// What a map's resolution R tells inner loops.
+template <typename T>
+struct OctaMap {
+  T half;                  // h = R / 2
+  T row;                   // vertices of a row
+  T center;                // index of vertex (0, 0); for floats on top of 2^23 (see below)
+};
+template <typename T>
+OCTRAD_HD inline OctaMap<T> octa_map(int resolution) {
+  return {static_cast<T>(resolution / 2), static_cast<T>(resolution + 1),
+          static_cast<T>(resolution / 2 * (resolution + 2)) + (std::is_same_v<T, float> ? T(8388608) : T(0))};
 }
 
-struct OctaVertex { int i, j; };
-
-// The stored one of the rim vertices that are the same direction.
-OCTRAD_HD constexpr OctaVertex octa_canonical(OctaVertex a, int resolution) {
-  const int h = resolution / 2;
-  const bool rim_i = a.i == h || a.i == -h, rim_j = a.j == h || a.j == -h;
-  return {rim_j && a.i < 0 ? -a.i : a.i, rim_i && a.j < 0 ? -a.j : a.j};
+// Row-major index of a vertex: i runs along u_x. For floats it is computed in floats on top of 2^23, whose bits are then an
+// integer (maps have fewer than 2^23 vertices): conversions are slow on GPUs.
+template <typename T>
+OCTRAD_HD inline std::uint32_t octa_vertex_index(OctaVertex<T> a, const OctaMap<T>& map) {
+  const T index = a.j * map.row + (a.i + map.center);
+  if constexpr (std::is_same_v<T, float>) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &index, 4);
+    return bits - 0x4b000000u;
+  } else {
+    return static_cast<std::uint32_t>(index);
+  }
 }
 
-// Three vertices, their weights (>= 0, sum 1) and the weights' constant derivatives by the scaled coordinates (h u).
+// The stored one of the rim vertices that are the same direction: on a rim row the column is made positive, and the other way round.
+template <typename T>
+OCTRAD_HD inline OctaVertex<T> octa_canonical(OctaVertex<T> a, T half) {
+  return {std::abs(a.j) == half ? std::abs(a.i) : a.i, std::abs(a.i) == half ? std::abs(a.j) : a.j};
+}
+
+// Three vertices and their weights (>= 0, sum 1).
 template <typename T>
 struct OctaTriangle {
-  OctaVertex vertex[3];   // canonical
+  OctaVertex<T> vertex[3];   // canonical
   T weight[3];
-  T by_x[3], by_y[3];
+  bool mirrored, right;
+
+  // How the weights change when the point of the scaled square (h u) moves with this velocity.
+  OCTRAD_HD void slopes(Vec2<T> velocity, T (&slope)[3]) const {
+    const T m = mirrored ? -velocity.x : velocity.x, t = velocity.y;
+    const T upper = right ? m : t, lower = right ? t : m;
+    slope[0] = -upper;
+    slope[1] = lower;
+    slope[2] = upper - lower;
+  }
 };
 
-// Lower corner of the cell that holds coordinate `a` of the scaled square; NaN goes to the first cell.
+// A coordinate of the scaled square in [-h, h], and the lower corner of the cell that holds it; NaN goes to the first cell.
 template <typename T>
-OCTRAD_HD inline int octa_cell(T a, int half) {
-  const T f = std::floor(a);
-  if (!(f >= T(-half))) return -half;
-  return f > T(half - 1) ? half - 1 : static_cast<int>(f);
-}
+OCTRAD_HD inline T octa_coordinate(T a, T half) { return lesser(greater(a * half, -half), half); }
+template <typename T>
+OCTRAD_HD inline T octa_cell(T a, T half) { return lesser(std::floor(a), half - T(1)); }
 
+// In quadrants 2 and 4 a cell's diagonal runs from (i, j) to (i+1, j+1); cells of quadrants 1 and 3 are those mirrored in x: m in
+// place of the distance s from the cell's left side, and its columns a and b changed over.
 template <typename T>
-OCTRAD_HD inline OctaTriangle<T> octa_triangle(Vec2<T> u, int resolution) {
-  const int half = resolution / 2;
-  const T h = static_cast<T>(half);
-  T x = u.x * h, y = u.y * h;
-  x = x > h ? h : (x < -h ? -h : x);
-  y = y > h ? h : (y < -h ? -h : y);
-  const int i = octa_cell(x, half), j = octa_cell(y, half);
-  const T s = x - static_cast<T>(i), t = y - static_cast<T>(j);
+OCTRAD_HD inline OctaTriangle<T> octa_triangle(Vec2<T> u, const OctaMap<T>& map) {
+  const T half = map.half;
+  const T x = octa_coordinate(u.x, half), y = octa_coordinate(u.y, half);
+  const T i = octa_cell(x, half), j = octa_cell(y, half);
+  const T s = x - i, t = y - j;
   OctaTriangle<T> r;
-  OctaVertex a, b, c;
-  if ((i < 0) != (j < 0)) {           // quadrants 2 and 4: diagonal (i, j) - (i+1, j+1)
-    a = {i, j};
-    b = {i + 1, j + 1};
-    if (s > t) {
-      c = {i + 1, j};
-      r = {{}, {T(1) - s, t, s - t}, {T(-1), T(0), T(1)}, {T(0), T(1), T(-1)}};
-    } else {
-      c = {i, j + 1};
-      r = {{}, {T(1) - t, s, t - s}, {T(0), T(1), T(-1)}, {T(-1), T(0), T(1)}};
-    }
-  } else {                            // quadrants 1 and 3: diagonal (i+1, j) - (i, j+1)
-    a = {i + 1, j};
-    b = {i, j + 1};
-    if (s + t > T(1)) {
-      c = {i + 1, j + 1};
-      r = {{}, {T(1) - t, T(1) - s, s + t - T(1)}, {T(0), T(-1), T(1)}, {T(-1), T(0), T(1)}};
-    } else {
-      c = {i, j};
-      r = {{}, {s, t, T(1) - (s + t)}, {T(1), T(0), T(-1)}, {T(0), T(1), T(-1)}};
-    }
-  }
-  r.vertex[0] = octa_canonical(a, resolution);
-  r.vertex[1] = octa_canonical(b, resolution);
-  r.vertex[2] = octa_canonical(c, resolution);
+  r.mirrored = (i < T(0)) == (j < T(0));
+  const T m = r.mirrored ? T(1) - s : s;
+  const T a = r.mirrored ? i + T(1) : i, b = r.mirrored ? i : i + T(1);
+  r.right = m > t;
+  const T upper = r.right ? m : t, lower = r.right ? t : m;
+  r.weight[0] = T(1) - upper;
+  r.weight[1] = lower;
+  r.weight[2] = upper - lower;
+  r.vertex[0] = octa_canonical<T>({a, j}, half);
+  r.vertex[1] = octa_canonical<T>({b, j + T(1)}, half);
+  r.vertex[2] = octa_canonical<T>({r.right ? b : a, r.right ? j : j + T(1)}, half);
   return r;
 }
 
 // The stored vertex nearest to u on the square (octa.interpolation = nearest).
 template <typename T>
-OCTRAD_HD inline OctaVertex octa_nearest(Vec2<T> u, int resolution) {
-  const int half = resolution / 2;
-  const T h = static_cast<T>(half);
-  const int i = octa_cell(u.x * h, half), j = octa_cell(u.y * h, half);
-  const OctaVertex a{i + (u.x * h - static_cast<T>(i) >= T(0.5) ? 1 : 0), j + (u.y * h - static_cast<T>(j) >= T(0.5) ? 1 : 0)};
-  return octa_canonical(a, resolution);
+OCTRAD_HD inline OctaVertex<T> octa_nearest(Vec2<T> u, const OctaMap<T>& map) {
+  const T half = map.half;
+  const T x = octa_coordinate(u.x, half), y = octa_coordinate(u.y, half);
+  const T i = octa_cell(x, half), j = octa_cell(y, half);
+  return octa_canonical<T>({x - i >= T(0.5) ? i + T(1) : i, y - j >= T(0.5) ? j + T(1) : j}, half);
 }
 
 }  // namespace octrad

@@ -16,9 +16,9 @@ using testing::ShellScene;
 
 // Weight of every stored vertex for a direction.
 std::map<int, double> vertex_weights(Vec3d v, int resolution) {
-  const OctaTriangle<double> t = octa_triangle(octa_project(v).u, resolution);
+  const OctaTriangle<double> t = octa_triangle(octa_project(v).u, octa_map<double>(resolution));
   std::map<int, double> weights;
-  for (int k = 0; k < 3; ++k) weights[octa_vertex_index(t.vertex[k].i, t.vertex[k].j, resolution)] += t.weight[k];
+  for (int k = 0; k < 3; ++k) weights[octa_vertex_index(t.vertex[k], octa_map<double>(resolution))] += t.weight[k];
   return weights;
 }
 
@@ -55,12 +55,12 @@ TEST(Octahedral, RimRemapsAreTheSameDirection) {
     std::set<int> distinct;
     for (int j = -h; j <= h; ++j) {
       for (int i = -h; i <= h; ++i) {
-        const OctaVertex c = octa_canonical({i, j}, resolution);
-        distinct.insert(octa_vertex_index(c.i, c.j, resolution));
+        const OctaVertex<int> c = octa_canonical<int>({i, j}, resolution / 2);
+        distinct.insert(octa_vertex_index(c, octa_map<int>(resolution)));
         const Vec3d a = octa_unproject(Vec2<double>{double(i) / h, double(j) / h});
         const Vec3d b = octa_unproject(Vec2<double>{double(c.i) / h, double(c.j) / h});
         EXPECT_LT(length(a - b), 1e-14) << i << ' ' << j;
-        const OctaVertex again = octa_canonical(c, resolution);
+        const OctaVertex<int> again = octa_canonical(c, resolution / 2);
         EXPECT_TRUE(again.i == c.i && again.j == c.j);
         if (std::abs(i) < h && std::abs(j) < h) { EXPECT_TRUE(c.i == i && c.j == j); }
       }
@@ -101,19 +101,20 @@ void check_weights() {
     if (n % 3 == 0) v[n / 3 % 3] = 0.0f;         // edges of the octahedron
     if (n % 7 == 0) v = v * 1e-8f;
     if (n % 11 == 0) v = v * 1e20f;
-    const OctaTriangle<T> t = octa_triangle(octa_project(Vec3<T>(v)).u, resolution);
-    T sum = 0, dx = 0, dy = 0;
+    const OctaTriangle<T> t = octa_triangle(octa_project(Vec3<T>(v)).u, octa_map<T>(resolution));
+    T sum = 0;
     for (int k = 0; k < 3; ++k) {
       EXPECT_GE(t.weight[k], T(0));
       sum += t.weight[k];
-      dx += t.by_x[k];
-      dy += t.by_y[k];
       EXPECT_LE(std::abs(t.vertex[k].i), resolution / 2);
       EXPECT_LE(std::abs(t.vertex[k].j), resolution / 2);
     }
     EXPECT_NEAR(sum, T(1), T(4) * std::numeric_limits<T>::epsilon());
-    EXPECT_EQ(dx, T(0));
-    EXPECT_EQ(dy, T(0));
+    for (const Vec2<T> velocity : {Vec2<T>{T(1), T(0)}, Vec2<T>{T(0), T(1)}, Vec2<T>{T(-0.5), T(2)}}) {
+      T slope[3];
+      t.slopes(velocity, slope);
+      EXPECT_EQ(slope[0] + slope[1] + slope[2], T(0));
+    }
   }
 }
 TEST(Octahedral, WeightsAreAPartitionOfUnity) {
@@ -152,7 +153,7 @@ TEST(Octahedral, ReproducesLinearFunctionsInAFace) {
     const int resolution = 2 << (n % 7), h = resolution / 2;
     const Vec3d v = Vec3d(ShellScene::direction(rng));
     const OctaProjection<double> r = octa_project(v);
-    const OctaTriangle<double> t = octa_triangle(r.u, resolution);
+    const OctaTriangle<double> t = octa_triangle(r.u, octa_map<double>(resolution));
     Vec3d sum;
     for (int k = 0; k < 3; ++k) {
       Vec3d q = octa_unproject(Vec2<double>{double(t.vertex[k].i) / h, double(t.vertex[k].j) / h});
@@ -169,14 +170,14 @@ TEST(Octahedral, NearestVertexIsTheNearest) {
     const int resolution = 2 << (n % 4), h = resolution / 2;
     const Vec2<double> u = octa_project(Vec3d(ShellScene::direction(rng))).u;
     double best = 1e9;
-    OctaVertex expected{};
+    OctaVertex<double> expected{};
     for (int j = -h; j <= h; ++j) {
       for (int i = -h; i <= h; ++i) {
         const double distance = std::hypot(u.x * h - i, u.y * h - j);
-        if (distance < best) best = distance, expected = octa_canonical({i, j}, resolution);
+        if (distance < best) best = distance, expected = octa_canonical<double>({double(i), double(j)}, h);
       }
     }
-    const OctaVertex a = octa_nearest(u, resolution);
+    const OctaVertex<double> a = octa_nearest(u, octa_map<double>(resolution));
     EXPECT_TRUE(a.i == expected.i && a.j == expected.j);
   }
 }
@@ -201,9 +202,9 @@ TEST(Octahedral, VelocityMatchesDifferences) {
 TEST(Octahedral, NotANumberStaysInsideTheMap) {
   const float nan = std::nanf(""), inf = INFINITY;
   for (Vec3f v : {Vec3f{nan, 0, 0}, Vec3f{0, nan, 1}, Vec3f{inf, 0, 0}, Vec3f{-inf, inf, -inf}, Vec3f{nan, nan, nan}, Vec3f{3e38f, 3e38f, -3e38f}}) {
-    const OctaTriangle<float> t = octa_triangle(octa_project(v).u, 8);
-    const OctaVertex near = octa_nearest(octa_project(v).u, 8);
-    for (OctaVertex a : {t.vertex[0], t.vertex[1], t.vertex[2], near}) {
+    const OctaTriangle<float> t = octa_triangle(octa_project(v).u, octa_map<float>(8));
+    const OctaVertex<float> near = octa_nearest(octa_project(v).u, octa_map<float>(8));
+    for (OctaVertex<float> a : {t.vertex[0], t.vertex[1], t.vertex[2], near}) {
       EXPECT_LE(std::abs(a.i), 4);
       EXPECT_LE(std::abs(a.j), 4);
     }

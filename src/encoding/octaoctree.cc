@@ -75,6 +75,7 @@ OctaOctree::OctaOctree(const OctaOctreeOptions& options, const std::vector<std::
     level.index = m.index[static_cast<std::size_t>(l - 1)].view();
     level.spatial_resolution = octrad::spatial_resolution(l);
     level.octahedral_resolution = octrad::octahedral_resolution(options.levels, l);
+    level.map = octa_map<float>(level.octahedral_resolution);
     level.first_entry = static_cast<std::uint32_t>(m.offset[static_cast<std::size_t>(l - 1)]);
     level.cell_size = size / static_cast<float>(level.spatial_resolution);
   }
@@ -106,10 +107,11 @@ void OctaOctree::canonicalize_rims() {
     const int resolution = octahedral_resolution(m.options.levels, l), half = resolution / 2;
     const auto map_floats = static_cast<std::size_t>((resolution + 1) * (resolution + 1)) * features;
     float* map = impl_->table.data() + static_cast<std::size_t>(level_offset(l)) * features;
+    const OctaMap<int> octa = octa_map<int>(resolution);
     const auto copy = [&](int i, int j) {
-      const OctaVertex a = octa_canonical({i, j}, resolution);
-      const float* from = map + static_cast<std::size_t>(octa_vertex_index(a.i, a.j, resolution)) * features;
-      float* to = map + static_cast<std::size_t>(octa_vertex_index(i, j, resolution)) * features;
+      const OctaVertex<int> vertex{i, j}, a = octa_canonical(vertex, half);
+      const float* from = map + static_cast<std::size_t>(octa_vertex_index(a, octa)) * features;
+      float* to = map + static_cast<std::size_t>(octa_vertex_index(vertex, octa)) * features;
       // Equal values are not written, so that pages of an untrained table stay untouched.
       if (from != to && std::memcmp(from, to, features * sizeof(float)) != 0) std::memcpy(to, from, features * sizeof(float));
     };

@@ -18,6 +18,7 @@ struct OctreeLevelView {
   CellIndexView index;
   int spatial_resolution = 0;               // cells per axis
   int octahedral_resolution = 0;            // R
+  OctaMap<float> map;                       // octa_map(R)
   std::uint32_t first_entry = 0;            // of the table
   Vec3f cell_size;                          // e_l, world units per axis
 };
@@ -46,45 +47,55 @@ struct CellStencil {
   }
 };
 
-// p: position normalised to the domain. Cells count that lie inside the grid, are occupied and have a trilinear weight
-// above 0 (a weight of exactly 0 is skipped before emptiness is looked at).
+// One axis of the stencil, lower and upper cell.
+template <typename T>
+struct StencilAxis {
+  T weight[2];                              // 0 outside the grid
+  T offset[2];                              // x - c_j, world units
+  CellPlace place[2];                       // of the cell in the grid that is nearest to it
+};
+
+// p: position normalised to the domain.
+template <typename T>
+OCTRAD_HD inline StencilAxis<T> stencil_axis(const OctreeLevelView& level, int axis, T p, bool trilinear) {
+  const T resolution = static_cast<T>(level.spatial_resolution), g = p * resolution - T(0.5);
+  // A position outside by a cell or more, or not a number, stands two cells below the grid.
+  const bool near = g >= T(-1) && g <= resolution;
+  const T base = near ? std::floor(g) : T(-2), f = near ? g - base : T(0);
+  const T high = trilinear ? f : (f >= T(0.5) ? T(1) : T(0));
+  const T edge = static_cast<T>(level.cell_size[axis]);
+  StencilAxis<T> r;
+  r.weight[0] = base >= T(0) && base < resolution ? T(1) - high : T(0);
+  r.weight[1] = base >= T(-1) && base < resolution - T(1) ? high : T(0);
+  r.offset[0] = f * edge;                   // exact to rounding of f, no cancellation
+  r.offset[1] = (f - T(1)) * edge;
+  const int last = level.spatial_resolution - 1, lower = static_cast<int>(base), upper = lower + 1;
+  r.place[0] = level.index.place(axis, lower < 0 ? 0 : (lower > last ? last : lower));
+  r.place[1] = level.index.place(axis, upper < 0 ? 0 : (upper > last ? last : upper));
+  return r;
+}
+
+// Cells count that lie inside the grid, are occupied and have a trilinear weight above 0. All are looked up, whatever their
+// weight: eight loads that wait for nothing are faster than branches.
 template <typename T>
 OCTRAD_HD inline CellStencil<T> cell_stencil(const OctreeLevelView& level, Vec3<T> p, bool trilinear) {
+  const StencilAxis<T> x = stencil_axis(level, 0, p.x, trilinear), y = stencil_axis(level, 1, p.y, trilinear), z = stencil_axis(level, 2, p.z, trilinear);
   CellStencil<T> r;
-  OCTRAD_UNROLL
-  for (int corner = 0; corner < 8; ++corner) r.weight[corner] = T(0);
-  const T resolution = static_cast<T>(level.spatial_resolution);
-  const Vec3<T> g = p * resolution - Vec3<T>(T(0.5));
-  // Outside by a cell or more, or not a number: no corner lies in the grid.
-  if (!(g.x >= T(-1) && g.x <= resolution && g.y >= T(-1) && g.y <= resolution && g.z >= T(-1) && g.z <= resolution)) return r;
-  const Vec3<T> base{std::floor(g.x), std::floor(g.y), std::floor(g.z)};
-  const Vec3<T> f = g - base;
-  const Vec3<T> edge(level.cell_size);
-  r.low = f * edge;                         // exact to rounding of f, no cancellation
-  r.high = (f - Vec3<T>(T(1))) * edge;
-  const int x = static_cast<int>(base.x), y = static_cast<int>(base.y), z = static_cast<int>(base.z);
+  r.low = {x.offset[0], y.offset[0], z.offset[0]};
+  r.high = {x.offset[1], y.offset[1], z.offset[1]};
   T sum = T(0);
   OCTRAD_UNROLL
   for (int corner = 0; corner < 8; ++corner) {
-    const int o[3] = {corner & 1, corner >> 1 & 1, corner >> 2 & 1};
-    T weight = T(1);
-    OCTRAD_UNROLL
-    for (int a = 0; a < 3; ++a) {
-      const T high = trilinear ? f[a] : (f[a] >= T(0.5) ? T(1) : T(0));
-      weight *= o[a] ? high : T(1) - high;
-    }
-    if (!(weight > T(0))) continue;
-    const std::int64_t cell = level.index.find(x + o[0], y + o[1], z + o[2]);
-    if (cell < 0) continue;
-    r.cell[corner] = static_cast<std::uint32_t>(cell);
-    r.weight[corner] = weight;
-    ++r.count;
-    sum += weight;
+    const int i = corner & 1, j = corner >> 1 & 1, k = corner >> 2 & 1;
+    r.cell[corner] = level.index.number(x.place[i] + y.place[j] + z.place[k]);
+    const T weight = x.weight[i] * y.weight[j] * z.weight[k];
+    r.weight[corner] = r.cell[corner] != kNoCell ? weight : T(0);
+    r.count += r.weight[corner] > T(0) ? 1 : 0;
+    sum += r.weight[corner];
   }
+  const T normalize = sum > T(0) ? reciprocal(sum) : T(0);
   OCTRAD_UNROLL
-  for (int corner = 0; corner < 8; ++corner) {
-    if (r.weight[corner] > T(0)) r.weight[corner] /= sum;
-  }
+  for (int corner = 0; corner < 8; ++corner) r.weight[corner] *= normalize;
   return r;
 }
 
@@ -93,8 +104,10 @@ OCTRAD_HD inline CellStencil<T> cell_stencil(const OctreeLevelView& level, Vec3<
 template <typename T, typename Visitor>
 OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelView& level, Vec3<T> p, Vec3<T> w, T d, Visitor&& visit) {
   const CellStencil<T> stencil = cell_stencil(level, p, view.trilinear);
-  const int resolution = level.octahedral_resolution;
-  const std::uint32_t map_size = static_cast<std::uint32_t>((resolution + 1) * (resolution + 1));
+  const std::uint32_t map_size = static_cast<std::uint32_t>((level.octahedral_resolution + 1) * (level.octahedral_resolution + 1));
+  OctaMap<T> octa;
+  if constexpr (std::is_same_v<T, float>) octa = level.map;
+  else octa = octa_map<T>(level.octahedral_resolution);
   OCTRAD_UNROLL
   for (int j = 0; j < 8; ++j) {
     if (!(stencil.weight[j] > T(0))) continue;
@@ -103,17 +116,15 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
     const Vec3<T> v = offset * d + w;                        // parallax: the direction seen from the cell's centre
     const OctaProjection<T> projection = octa_project(v);
     if (!view.barycentric) {
-      const OctaVertex a = octa_nearest(projection.u, resolution);
-      visit(map + static_cast<std::uint32_t>(octa_vertex_index(a.i, a.j, resolution)), stencil.weight[j], T(0));
+      visit(map + octa_vertex_index(octa_nearest(projection.u, octa), octa), stencil.weight[j], T(0));
       continue;
     }
-    const OctaTriangle<T> triangle = octa_triangle(projection.u, resolution);
-    const Vec2<T> velocity = octa_velocity(projection, v, offset) * static_cast<T>(resolution / 2);
+    const OctaTriangle<T> triangle = octa_triangle(projection.u, octa);
+    T slope[3];
+    triangle.slopes(octa_velocity(projection, v, offset) * octa.half, slope);
     OCTRAD_UNROLL
     for (int k = 0; k < 3; ++k) {
-      const OctaVertex a = triangle.vertex[k];
-      visit(map + static_cast<std::uint32_t>(octa_vertex_index(a.i, a.j, resolution)), stencil.weight[j] * triangle.weight[k],
-            stencil.weight[j] * (triangle.by_x[k] * velocity.x + triangle.by_y[k] * velocity.y));
+      visit(map + octa_vertex_index(triangle.vertex[k], octa), stencil.weight[j] * triangle.weight[k], stencil.weight[j] * slope[k]);
     }
   }
   return stencil.count;
@@ -122,7 +133,7 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
 // Position normalised to the domain.
 template <typename T>
 OCTRAD_HD inline Vec3<T> normalize_position(const OctaOctreeView& view, Vec3<T> x) {
-  return (x - Vec3<T>(view.origin)) / Vec3<T>(view.size);
+  return divide(x - Vec3<T>(view.origin), Vec3<T>(view.size));
 }
 
 // All features of one query and, unless null, their derivatives by the disparity: [K C] each. Returns the number of levels

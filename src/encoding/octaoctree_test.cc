@@ -190,13 +190,13 @@ TEST(OctaOctree, IndexFindsExactlyTheGivenCells) {
     const auto cells = scene.cells(levels).back();
     const int n = spatial_resolution(levels);
     const CellIndex index(cells, n, "level");
-    std::map<std::array<int, 3>, std::int64_t> expected;
-    for (std::size_t i = 0; i < cells.size(); ++i) expected[{cells[i].x, cells[i].y, cells[i].z}] = static_cast<std::int64_t>(i);
+    std::map<std::array<int, 3>, std::uint32_t> expected;
+    for (std::size_t i = 0; i < cells.size(); ++i) expected[{cells[i].x, cells[i].y, cells[i].z}] = static_cast<std::uint32_t>(i);
     for (int z = -1; z <= n; ++z) {
       for (int y = -1; y <= n; ++y) {
         for (int x = -1; x <= n; ++x) {
           const auto it = expected.find({x, y, z});
-          ASSERT_EQ(index.view().find(x, y, z), it == expected.end() ? -1 : it->second) << x << ' ' << y << ' ' << z;
+          ASSERT_EQ(index.view().find(x, y, z), it == expected.end() ? kNoCell : it->second) << x << ' ' << y << ' ' << z;
         }
       }
     }
@@ -229,8 +229,8 @@ TEST(OctaOctree, CanonicalizeRims) {
       const std::size_t map = static_cast<std::size_t>(f.tree.level_offset(l)) + c * static_cast<std::size_t>((r + 1) * (r + 1));
       for (int j = -h; j <= h; ++j) {
         for (int i = -h; i <= h; ++i) {
-          const OctaVertex a = octa_canonical({i, j}, r);
-          const std::size_t own = (map + octa_vertex_index(i, j, r)) * 4, canonical = (map + octa_vertex_index(a.i, a.j, r)) * 4;
+          const OctaVertex<int> vertex{i, j}, a = octa_canonical(vertex, r / 2);
+          const std::size_t own = (map + octa_vertex_index(vertex, octa_map<int>(r))) * 4, canonical = (map + octa_vertex_index(a, octa_map<int>(r))) * 4;
           for (std::size_t k = 0; k < 4; ++k) {
             ASSERT_EQ(f.tree.features()[own + k], before[canonical + k]);
             changed += f.tree.features()[own + k] != before[own + k];
@@ -302,8 +302,8 @@ void check_against_definition(OctaOctreeOptions options, int n, int stride) {
         ASSERT_LT(tap.entry, l + 1 < options.levels ? f.tree.level_offset(l + 2) : f.tree.entry_count());
         const int r = level.octahedral_resolution;
         const int vertex = static_cast<int>((tap.entry - f.tree.level_offset(l + 1)) % ((r + 1) * (r + 1)));
-        const OctaVertex canonical = octa_canonical({vertex % (r + 1) - r / 2, vertex / (r + 1) - r / 2}, r);
-        EXPECT_EQ(octa_vertex_index(canonical.i, canonical.j, r), vertex) << "a rim duplicate was named";
+        const OctaVertex<int> canonical = octa_canonical<int>({vertex % (r + 1) - r / 2, vertex / (r + 1) - r / 2}, r / 2);
+        EXPECT_EQ(octa_vertex_index(canonical, octa_map<int>(r)), static_cast<std::uint32_t>(vertex)) << "a rim duplicate was named";
         for (int c = 0; c < options.features; ++c) sum[c] += double(tap.weight) * f.tree.features()[std::size_t{tap.entry} * options.features + c];
       }
       EXPECT_NEAR(weights, stencil.count > 0 ? 1.0 : 0.0, 2e-6);
@@ -317,7 +317,7 @@ void check_against_definition(OctaOctreeOptions options, int n, int stride) {
           const double fraction = g[a] - base[a], high = options.trilinear ? fraction : double(fraction >= 0.5);
           weight *= ((corner >> a) & 1) != 0 ? high : 1 - high;
         }
-        if (level.index.find(base.x + (corner & 1), base.y + (corner >> 1 & 1), base.z + (corner >> 2 & 1)) >= 0) coverage += weight;
+        if (level.index.find(base.x + (corner & 1), base.y + (corner >> 1 & 1), base.z + (corner >> 2 & 1)) != kNoCell) coverage += weight;
       }
       for (int c = 0; c < options.features; ++c) {
         const std::size_t k = static_cast<std::size_t>(l * options.features + c), at = k * static_cast<std::size_t>(stride) + static_cast<std::size_t>(i);

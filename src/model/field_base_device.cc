@@ -23,8 +23,8 @@ struct Prepare : Kernel {
   std::size_t x_stride;
   std::uint32_t* valid;            // training
 
-  // What a half holds; NaN stays.
-  OCTRAD_HD static float bounded(float a) { return a > kLargestHalf ? kLargestHalf : (a < -kLargestHalf ? -kLargestHalf : a); }
+  // What a half holds, and NaN for what is not finite.
+  OCTRAD_HD static float bounded(float a) { return (a > kLargestHalf ? kLargestHalf : (a < -kLargestHalf ? -kLargestHalf : a)) + (a - a); }
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
     SurfacePoint p = points.load(i);
