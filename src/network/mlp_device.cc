@@ -44,7 +44,7 @@ struct Pack : Kernel {
 struct WriteRows {
   FloatRows rows;
   const float* scale;                          // null: 1
-  OCTRAD_HD void operator()(std::uint32_t row, int col, float value) const {
+  OCTRAD_HD void operator()(std::size_t row, int col, float value) const {
     rows.data[static_cast<std::size_t>(col) * rows.stride + row] = scale != nullptr ? value * *scale : value;
   }
 };
@@ -78,45 +78,49 @@ struct Pass {
 };
 
 #if defined(__CUDACC__)
-// Threads of a block: as many warps as the registers of the programs, which must not spill, allow on a multiprocessor.
+// Threads of a block, and blocks of a multiprocessor: as many warps as the registers of the programs, which must not spill, allow.
 template <int kWide> inline constexpr int kPassThreads = kWide >= 8 ? 384 : 256;
+template <int kWide> inline constexpr int kPassBlocks = kWide >= 8 ? 1 : 2;
 
 template <typename P>
-__global__ void __launch_bounds__(kPassThreads<P::kWidth>, 1) mlp_pass(P pass, int window) {
+__global__ void __launch_bounds__(kPassThreads<P::kWidth>, kPassBlocks<P::kWidth>) mlp_pass(P pass, int window) {
   extern __shared__ uint4 shared[];
   CudaWarp warp(pass.weights, pass.plan.blocks(), reinterpret_cast<std::uint32_t*>(shared), window);
   const std::uint32_t groups = pass.groups(), warps = blockDim.x / kWarp;
-  // All warps of a block take part in every round: weights may come in turns.
-  for (std::uint32_t first = blockIdx.x * warps; first < groups; first += gridDim.x * warps) pass(warp, first + threadIdx.x / kWarp);
+  const std::uint32_t warp_of_block = __shfl_sync(0xffffffffu, threadIdx.x / kWarp, 0);  // now known to be the same for a whole warp
+  const bool whole = window == pass.plan.blocks();
+  if (whole) warp.need_weights(0, window);
+  // Neighbouring groups go to different multiprocessors, so that few are shared evenly. Where weights come in turns all warps
+  // of a block take part in every round, some with what another one does too.
+  for (std::uint32_t first = blockIdx.x; first < groups; first += gridDim.x * warps) {
+    const std::uint32_t group = first + warp_of_block * gridDim.x;
+    if (group < groups || !whole) pass(warp, group < groups ? group : groups - 1);
+  }
 }
 
 template <typename P>
-void launch_on_device(Stream& stream, const P& pass) {
-  static const int kShared = [&] {
-    const int most = static_cast<int>(stream.info().shared_bytes);
-    check_cuda(cudaFuncSetAttribute(mlp_pass<P>, cudaFuncAttributeMaxDynamicSharedMemorySize, most), "asking for shared memory");
-    return most;
-  }();
-  static const int kProcessors = stream.info().multiprocessors;
+void launch_on_device(Stream& stream, const DeviceInfo& device, const P& pass) {
   constexpr int kThreads = kPassThreads<P::kWidth>;
   constexpr int kBlockBytes = kBlockWords * static_cast<int>(sizeof(std::uint32_t));
-  const int window = std::min(pass.plan.blocks(), kShared / kBlockBytes);
+  const cudaStream_t handle = cuda_handle(stream);     // makes its device the present one
+  const int shared = static_cast<int>(device.shared_bytes), window = std::min(pass.plan.blocks(), shared / kBlockBytes);
   const std::size_t bytes = static_cast<std::size_t>(window) * kBlockBytes;
+  check_cuda(cudaFuncSetAttribute(mlp_pass<P>, cudaFuncAttributeMaxDynamicSharedMemorySize, shared), "asking for shared memory");
   int resident = 1;
   check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, mlp_pass<P>, kThreads, bytes), "asking how many blocks fit");
-  const std::uint32_t warps = kThreads / kWarp, groups = (pass.n + P::kTall * kTile - 1) / (P::kTall * kTile);
-  const std::uint32_t blocks = std::min((groups + warps - 1) / warps, static_cast<std::uint32_t>(std::max(resident, 1) * kProcessors));
-  mlp_pass<P><<<blocks, kThreads, bytes, cuda_handle(stream)>>>(pass, window);
+  const std::uint32_t groups = (pass.n + P::kTall * kTile - 1) / (P::kTall * kTile);
+  const std::uint32_t blocks = std::min(groups, static_cast<std::uint32_t>(std::max(resident, 1) * device.multiprocessors));
+  mlp_pass<P><<<blocks, kThreads, bytes, handle>>>(pass, window);
   check_launch(stream);
 }
 #endif
 
 template <typename P>
-void launch_pass(Stream& stream, const P& pass) {
+void launch_pass(Stream& stream, [[maybe_unused]] const DeviceInfo& device, const P& pass) {
   if (pass.n == 0) return;
 #if defined(__CUDACC__)
   if (stream.on_device()) {
-    launch_on_device(stream, pass);
+    launch_on_device(stream, device, pass);
     return;
   }
 #endif
@@ -127,12 +131,12 @@ void launch_pass(Stream& stream, const P& pass) {
 }
 
 template <typename Input, typename Between>
-void run_pass(Stream& stream, const MlpPlan& plan, const std::uint32_t* weights, const Input& input, const Between& between, const WriteRows& write,
+void run_pass(Stream& stream, const DeviceInfo& device, const MlpPlan& plan, const std::uint32_t* weights, const Input& input, const Between& between, const WriteRows& write,
               int outputs, std::uint32_t n, QueueSlice slice) {
   switch (plan.width) {
-    case 4: launch_pass(stream, Pass<4, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
-    case 8: launch_pass(stream, Pass<8, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
-    default: launch_pass(stream, Pass<16, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
+    case 4: launch_pass(stream, device, Pass<4, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
+    case 8: launch_pass(stream, device, Pass<8, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
+    default: launch_pass(stream, device, Pass<16, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
   }
 }
 
@@ -168,19 +172,21 @@ struct WeightGradient {
     const int across = (plan.layer_in(l) + 3) / 4;
     const int have_in = l == 0 ? inputs : width, have_out = l == plan.hidden ? outputs : width;
     float* to = partial + split * parameters + before;
-    run_weight_gradient(
-        warp, plan.layer_out(l), plan.layer_in(l), piece / across * 2, piece % across * 4, part_begin(split), part_begin(split + 1),
-        [&](std::uint32_t tile, int t, typename Warp::Word(&g)[4]) {
-          if (l == plan.hidden) load_operand(warp, d_out, tile * kTile, t, g);
-          else warp.load(gradients.at(tile, l, t), g);
-        },
-        [&](std::uint32_t tile, int t, typename Warp::Word(&x)[4]) {
-          if (l == 0) load_operand(warp, input, tile * kTile, t, x);
-          else warp.load(activations.at(tile, l - 1, t), x);
-        },
-        [&](int o, int i, float value) {
-          if (o < have_out && i < have_in) to[o * have_in + i] = value;
-        });
+    const auto run = [&](const auto& load_gradient, const auto& load_input) {
+      run_weight_gradient(warp, plan.layer_out(l), plan.layer_in(l), piece / across * 2, piece % across * 4, part_begin(split), part_begin(split + 1),
+                          load_gradient, load_input, [&](int o, int i, float value) {
+                            if (o < have_out && i < have_in) to[o * have_in + i] = value;
+                          });
+    };
+    using Word = typename Warp::Word;
+    const auto kept_gradient = [&](std::uint32_t tile, int t, Word(&g)[4]) { warp.load(gradients.at(tile, l, t), g); };
+    const auto kept_activation = [&](std::uint32_t tile, int t, Word(&x)[4]) { warp.load(activations.at(tile, l - 1, t), x); };
+    const auto d_output = [&](std::uint32_t tile, int t, Word(&g)[4]) { load_operand(warp, d_out, static_cast<std::size_t>(tile) * kTile, t, g); };
+    const auto first_input = [&](std::uint32_t tile, int t, Word(&x)[4]) { load_operand(warp, input, static_cast<std::size_t>(tile) * kTile, t, x); };
+    // One loop for each kind of layer: loads without branches between them wait together.
+    if (l == 0) run(kept_gradient, first_input);
+    else if (l < plan.hidden) run(kept_gradient, kept_activation);
+    else run(d_output, kept_activation);
   }
   OCTRAD_HD std::uint32_t part_begin(std::uint32_t split) const {
     return static_cast<std::uint32_t>(static_cast<std::uint64_t>(tiles) * split / splits);
@@ -189,7 +195,7 @@ struct WeightGradient {
 
 #if defined(__CUDACC__)
 constexpr int kGradientThreads = 256;
-__global__ void __launch_bounds__(kGradientThreads) mlp_weight_gradient(WeightGradient program, std::uint32_t items) {
+__global__ void __launch_bounds__(kGradientThreads, 2) mlp_weight_gradient(WeightGradient program, std::uint32_t items) {
   const std::uint32_t item = blockIdx.x * (kGradientThreads / kWarp) + threadIdx.x / kWarp;
   if (item >= items) return;
   CudaWarp warp;
@@ -249,7 +255,7 @@ std::vector<MemoryPart> DeviceMlp::memory(const MlpShape& shape, std::size_t tra
 }
 
 DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_rows, const std::string& what)
-    : shape_(shape), plan_(plan_of(shape)), reverse_{plan_.out, plan_.width, plan_.hidden, plan_.in}, what_(what), train_rows_(train_rows) {
+    : device_(stream.info()), shape_(shape), plan_(plan_of(shape)), reverse_{plan_.out, plan_.width, plan_.hidden, plan_.in}, what_(what), train_rows_(train_rows) {
   if (shape.hidden < 1 || shape.width > 256) throw InputError(what + ": a network on a device has 1 hidden layer or more and a width of up to 256");
   weights_ = DeviceArray<float>(stream, parameters_of(shape), what + " weights");
   weights_.fill(0);
@@ -274,13 +280,13 @@ void DeviceMlp::refresh(Stream& stream) {
 }
 
 void DeviceMlp::forward(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n, QueueSlice slice) const {
-  run_pass(stream, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, ReluBetween{}, WriteRows{out, nullptr}, shape_.outputs, n, slice);
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, ReluBetween<false>{}, WriteRows{out, nullptr}, shape_.outputs, n, slice);
 }
 
 void DeviceMlp::forward_keep(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n) {
   if (n > train_rows_) throw DeviceError(what_ + ": more rows than there is memory for");
-  const ReluBetween between{{activations_.data(), plan_.hidden, plan_.width}, static_cast<std::uint32_t>(whole(n, kGroupRows) / kTile)};
-  run_pass(stream, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, between, WriteRows{out, nullptr}, shape_.outputs, n, {});
+  const ReluBetween<true> between{{activations_.data(), plan_.hidden, plan_.width}};
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, between, WriteRows{out, nullptr}, shape_.outputs, n, {});
 }
 
 void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const float* scale, FloatRows d_in, int d_inputs, std::uint32_t n, bool add) {
@@ -289,13 +295,12 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
     if (!add) gradient_.fill(0);
     return;
   }
-  const auto tiles = static_cast<std::uint32_t>(whole(n, kGroupRows) / kTile);
   const KeptBlocks activations{activations_.data(), plan_.hidden, plan_.width}, gradients{gradients_.data(), plan_.hidden, plan_.width};
   const ScaledInput d_linear{d_out, shape_.outputs, n, scale};
   // Only the wanted inputs: the others' blocks are not computed.
   MlpPlan reverse = reverse_;
   reverse.out = tiles_of(d_inputs);
-  run_pass(stream, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients, tiles}, WriteRows{d_in, scale + 1}, d_inputs, n, {});
+  run_pass(stream, device_, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients}, WriteRows{d_in, scale + 1}, d_inputs, n, {});
 
   const WeightGradient program{plan_, activations, gradients, HalfInput{in, shape_.inputs, n}, d_linear, shape_.inputs, shape_.width, shape_.outputs,
                                (n + kTile - 1) / kTile, splits_, weights_.size(), partial_.data()};

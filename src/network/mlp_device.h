@@ -44,6 +44,7 @@ class DeviceMlp {
   DeviceArray<float>& gradient() { return gradient_; }
 
  private:
+  DeviceInfo device_;                            // whose shared memory holds the weights
   MlpShape shape_;
   MlpPlan plan_, reverse_;                       // of the layers forwards, and of their transposes backwards
   std::string what_;

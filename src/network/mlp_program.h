@@ -8,35 +8,39 @@
 namespace octrad {
 
 // Numbers i of rows as the first layer reads them, zeros beyond `count` numbers and n rows. Scaled and rounded: floats.
+// kBatch: operands that are waited for together where registers allow it.
 struct HalfInput {
+  static constexpr int kBatch = 3;
   HalfRows rows;
   int count = 0;
   std::uint32_t n = 0;
 
-  OCTRAD_HD std::uint32_t word(std::uint32_t row, int col) const {   // col is even
+  OCTRAD_HD std::uint32_t word(std::size_t row, int col) const {     // col is even
     return row < n && col < count ? rows.data[static_cast<std::size_t>(col >> 1) * rows.stride + row] : 0u;
   }
 };
 struct ScaledInput {
+  static constexpr int kBatch = 1;
   FloatRows rows;
   int count = 0;
   std::uint32_t n = 0;
   const float* scale = nullptr;
 
-  OCTRAD_HD std::uint32_t word(std::uint32_t row, int col) const {
-    if (row >= n || col >= count) return 0u;
-    const float* at = rows.data + static_cast<std::size_t>(col) * rows.stride + row;
-    return pack_halves(at[0] * *scale, col + 1 < count ? at[rows.stride] * *scale : 0.0f);
+  OCTRAD_HD std::uint32_t word(std::size_t row, int col) const {
+    return pack_halves(number(row, col) * *scale, number(row, col + 1) * *scale);
+  }
+  OCTRAD_HD float number(std::size_t row, int col) const {
+    return row < n && col < count ? rows.data[static_cast<std::size_t>(col) * rows.stride + row] : 0.0f;
   }
 };
 
 // The 16 x 16 operand at rows row .. row + 15, numbers 16 k_tile ...
 template <typename Warp, typename Input>
-OCTRAD_HD inline void load_operand(const Warp& warp, const Input& input, std::uint32_t row, int k_tile, typename Warp::Word (&a)[4]) {
+OCTRAD_HD inline void load_operand(const Warp& warp, const Input& input, std::size_t row, int k_tile, typename Warp::Word (&a)[4]) {
   OCTRAD_UNROLL
   for (int r = 0; r < 4; ++r) {
     a[r] = warp.words([&](int lane) {
-      return input.word(row + static_cast<std::uint32_t>(fragment_a_row(lane, r)), k_tile * kTile + fragment_a_col(lane, r));
+      return input.word(row + static_cast<std::size_t>(fragment_a_row(lane, r)), k_tile * kTile + fragment_a_col(lane, r));
     });
   }
 }
@@ -47,15 +51,15 @@ struct KeptBlocks {
   int hidden = 0, width = 0;
 
   OCTRAD_HD std::uint32_t* at(std::uint32_t tile, int l, int t) const {
-    return data + ((static_cast<std::size_t>(tile) * static_cast<std::size_t>(hidden) + static_cast<std::size_t>(l)) * static_cast<std::size_t>(width) +
-                   static_cast<std::size_t>(t)) * kBlockWords;
+    const std::uint32_t first = (tile * static_cast<std::uint32_t>(hidden) + static_cast<std::uint32_t>(l)) * static_cast<std::uint32_t>(width);
+    return data + (static_cast<std::size_t>(first) + static_cast<std::size_t>(t)) * kBlockWords;
   }
 };
 
-// Forward: ReLU; `kept`, unless null, receives the activations.
+// Forward: ReLU; kKeep: `kept` receives the activations.
+template <bool kKeep>
 struct ReluBetween {
   KeptBlocks kept;
-  std::uint32_t tiles = 0;         // that there is memory for
 
   template <typename Warp>
   OCTRAD_HD void operator()(Warp& warp, std::uint32_t tile, int layer, int t, typename Warp::Float (&c0)[4], typename Warp::Float (&c1)[4],
@@ -64,26 +68,24 @@ struct ReluBetween {
     h[1] = Warp::relu(c0[2], c0[3]);
     h[2] = Warp::relu(c1[0], c1[1]);
     h[3] = Warp::relu(c1[2], c1[3]);
-    if (kept.data != nullptr && tile < tiles) warp.store(kept.at(tile, layer, t), h);
+    if constexpr (kKeep) warp.store(kept.at(tile, layer, t), h);
   }
 };
 // Backward: layer 0 of the program is the last hidden one. Reads the activations, keeps the gradients.
 struct MaskBetween {
   KeptBlocks activations, kept;
-  std::uint32_t tiles = 0;
 
   template <typename Warp>
   OCTRAD_HD void operator()(Warp& warp, std::uint32_t tile, int layer, int t, typename Warp::Float (&c0)[4], typename Warp::Float (&c1)[4],
                             typename Warp::Word (&h)[4]) const {
     const int l = kept.hidden - 1 - layer;
     typename Warp::Word a[4];
-    if (tile < tiles) warp.load(activations.at(tile, l, t), a);
-    else Warp::clear(a);
+    warp.load(activations.at(tile, l, t), a);
     h[0] = Warp::where_positive(c0[0], c0[1], a[0]);
     h[1] = Warp::where_positive(c0[2], c0[3], a[1]);
     h[2] = Warp::where_positive(c1[0], c1[1], a[2]);
     h[3] = Warp::where_positive(c1[2], c1[3], a[3]);
-    if (tile < tiles) warp.store(kept.at(tile, l, t), h);
+    warp.store(kept.at(tile, l, t), h);
   }
 };
 
@@ -95,6 +97,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
   using Word = typename Warp::Word;
   using Float = typename Warp::Float;
   const std::uint32_t tile = group * kTall;
+  const std::size_t row = static_cast<std::size_t>(tile) * kTile;      // 64 bits: what is added to it becomes part of load instructions
   Word h[kTall][kWidth][4];
   {
     Float c[kTall][2 * kWidth][4];
@@ -103,19 +106,28 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
       OCTRAD_UNROLL
       for (int j = 0; j < 2 * kWidth; ++j) Warp::clear(c[m][j]);
     }
-    for (int k = 0; k < plan.in; ++k) {
-      warp.need_weights(k * kWidth, kWidth);
-      Word a[kTall][4];
+    constexpr int kBatch = kWidth < 8 ? Input::kBatch : 1;     // where sums leave no registers for more, other warps' work hides the wait
+    for (int first = 0; first < plan.in; first += kBatch) {
+      Word a[kBatch][kTall][4];
       OCTRAD_UNROLL
-      for (int m = 0; m < kTall; ++m) load_operand(warp, input, (tile + static_cast<std::uint32_t>(m)) * kTile, k, a[m]);
-      OCTRAD_UNROLL
-      for (int j = 0; j < kWidth; ++j) {
-        Word b[4];
-        warp.load_weights(k * kWidth + j, b);
+      for (int s = 0; s < kBatch; ++s) {
         OCTRAD_UNROLL
-        for (int m = 0; m < kTall; ++m) {
-          Warp::mma(c[m][2 * j], a[m], b[0], b[1]);
-          Warp::mma(c[m][2 * j + 1], a[m], b[2], b[3]);
+        for (int m = 0; m < kTall; ++m) load_operand(warp, input, row + static_cast<std::size_t>(m * kTile), first + s, a[s][m]);
+      }
+      OCTRAD_UNROLL
+      for (int s = 0; s < kBatch; ++s) {
+        const int k = first + s;
+        if (k >= plan.in) break;
+        warp.need_weights(k * kWidth, kWidth);
+        OCTRAD_UNROLL
+        for (int j = 0; j < kWidth; ++j) {
+          Word b[4];
+          warp.load_weights(k * kWidth + j, b);
+          OCTRAD_UNROLL
+          for (int m = 0; m < kTall; ++m) {
+            Warp::mma(c[m][2 * j], a[s][m], b[0], b[1]);
+            Warp::mma(c[m][2 * j + 1], a[s][m], b[2], b[3]);
+          }
         }
       }
     }
@@ -174,6 +186,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
       Warp::clear(c[m][0]);
       Warp::clear(c[m][1]);
     }
+    const bool right = outputs > t * kTile + 8;  // columns of the right half are wanted
     warp.need_weights(block, kWidth);
     OCTRAD_UNROLL
     for (int k = 0; k < kWidth; ++k) {
@@ -182,7 +195,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
       OCTRAD_UNROLL
       for (int m = 0; m < kTall; ++m) {
         Warp::mma(c[m][0], h[m][k], b[0], b[1]);
-        Warp::mma(c[m][1], h[m][k], b[2], b[3]);
+        if (right) Warp::mma(c[m][1], h[m][k], b[2], b[3]);
       }
     }
     block += kWidth;
@@ -193,9 +206,9 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
         OCTRAD_UNROLL
         for (int r = 0; r < 4; ++r) {
           warp.lanes([&](int lane) {
-            const std::uint32_t row = (tile + static_cast<std::uint32_t>(m)) * kTile + static_cast<std::uint32_t>(fragment_c_row(lane, r));
+            const std::size_t at = row + static_cast<std::size_t>(m * kTile + fragment_c_row(lane, r));
             const int col = t * kTile + j * 8 + fragment_c_col(lane, r);
-            if (row < n && col < outputs) out(row, col, Warp::at(c[m][j][r], lane));
+            if (at < n && col < outputs) out(at, col, Warp::at(c[m][j][r], lane));
           });
         }
       }
@@ -226,8 +239,7 @@ OCTRAD_HD inline void run_weight_gradient(Warp& warp, int out_tiles, int in_tile
     OCTRAD_UNROLL
     for (int o = 0; o < kOut; ++o) {
       Word g[4];
-      if (o_tile + o < out_tiles) load_gradient(tile, o_tile + o, g);
-      else Warp::clear(g);
+      load_gradient(tile, o_tile + o < out_tiles ? o_tile + o : o_tile, g);    // what is there twice is not written
       a[o][0] = Warp::transpose(g[0]);
       a[o][1] = Warp::transpose(g[2]);
       a[o][2] = Warp::transpose(g[1]);
@@ -236,8 +248,7 @@ OCTRAD_HD inline void run_weight_gradient(Warp& warp, int out_tiles, int in_tile
     OCTRAD_UNROLL
     for (int i = 0; i < kIn; ++i) {
       Word x[4];
-      if (i_tile + i < in_tiles) load_input(tile, i_tile + i, x);
-      else Warp::clear(x);
+      load_input(tile, i_tile + i < in_tiles ? i_tile + i : i_tile, x);
       OCTRAD_UNROLL
       for (int half = 0; half < 2; ++half) {
         const Word b0 = Warp::transpose(x[2 * half]), b1 = Warp::transpose(x[2 * half + 1]);

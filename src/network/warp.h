@@ -9,6 +9,10 @@
 #include <cstdint>
 #include <cstring>
 
+#if defined(__CUDACC__)
+#include <cuda_pipeline_primitives.h>
+#endif
+
 #include "base/half.h"
 #include "network/mlp_fragment_math.h"
 
@@ -119,7 +123,12 @@ class CudaWarp {
   OCTRAD_HD static void clear(Float (&c)[4]) { c[0] = c[1] = c[2] = c[3] = 0.0f; }
   OCTRAD_HD static void clear(Word (&w)[4]) { w[0] = w[1] = w[2] = w[3] = 0u; }
 
-  OCTRAD_HD void load(const std::uint32_t* block, Word (&w)[4]) const { take(*reinterpret_cast<const uint4*>(block + lane() * 4), w); }
+  // From memory that the kernel does not write: loads need not wait for stores before them.
+  OCTRAD_HD void load([[maybe_unused]] const std::uint32_t* block, [[maybe_unused]] Word (&w)[4]) const {
+#if defined(__CUDA_ARCH__)
+    take(__ldg(reinterpret_cast<const uint4*>(block + lane() * 4)), w);
+#endif
+  }
   OCTRAD_HD void store(std::uint32_t* block, const Word (&w)[4]) const {
     *reinterpret_cast<uint4*>(block + lane() * 4) = make_uint4(w[0], w[1], w[2], w[3]);
   }
@@ -132,19 +141,19 @@ class CudaWarp {
     const int have = blocks_ - first < window_ ? blocks_ - first : window_;
     const auto* from = reinterpret_cast<const uint4*>(weights_ + static_cast<std::size_t>(first) * kBlockWords);
     auto* to = reinterpret_cast<uint4*>(shared_);
-    for (int i = static_cast<int>(threadIdx.x); i < have * kWarp; i += static_cast<int>(blockDim.x)) to[i] = from[i];
+    for (int i = static_cast<int>(threadIdx.x); i < have * kWarp; i += static_cast<int>(blockDim.x)) __pipeline_memcpy_async(to + i, from + i, sizeof(uint4));
+    __pipeline_commit();
+    __pipeline_wait_prior(0);
     __syncthreads();
 #endif
   }
-  OCTRAD_HD void load_weights(int block, Word (&w)[4]) const { load(shared_ + (block - first_) * kBlockWords, w); }
+  OCTRAD_HD void load_weights(int block, Word (&w)[4]) const { take(*reinterpret_cast<const uint4*>(shared_ + (block - first_) * kBlockWords + lane() * 4), w); }
 
   OCTRAD_HD static Word relu(Float low, Float high) {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
     Word w;
-    asm("cvt.rn.relu.f16x2.f32 %0, %1, %2;" : "=r"(w) : "f"(high), "f"(low));   // NaN stays
-    Word bounded;
-    asm("min.NaN.f16x2 %0, %1, %2;" : "=r"(bounded) : "r"(w), "r"(0x7bff7bffu));
-    return bounded;
+    asm("cvt.rn.relu.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(w) : "f"(high), "f"(low));   // NaN stays
+    return w;
 #else
     const auto one = [](float x) { return x < 0.0f ? 0.0f : (x > kLargestHalf ? kLargestHalf : x); };
     return pack_halves(one(low), one(high));
@@ -152,12 +161,15 @@ class CudaWarp {
   }
   OCTRAD_HD static Word where_positive(Float low, Float high, Word h) {
 #if defined(__CUDA_ARCH__)
-    const __half2 most = __half2half2(__ushort_as_half(0x7bff));
+    Word word;
+#if __CUDA_ARCH__ >= 800
+    asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(word) : "f"(high), "f"(low));   // NaN stays
+#else
+    const auto one = [](float x) { return x < -kLargestHalf ? -kLargestHalf : (x > kLargestHalf ? kLargestHalf : x); };
+    word = pack_halves(one(low), one(high));
+#endif
     __half2 mask;
     memcpy(&mask, &h, sizeof(mask));
-    const __half2 value = __hmax2_nan(__hmin2_nan(__floats2half2_rn(low, high), most), __hneg2(most));   // NaN stays
-    Word word;
-    memcpy(&word, &value, sizeof(word));
     return word & __hgt2_mask(mask, __half2half2(__ushort_as_half(0)));
 #else
     return pack_halves(low, high) & h;   // never run
