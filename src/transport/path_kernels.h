@@ -108,6 +108,7 @@ struct QueueConnection {
 
 template <typename World>
 struct Scatter : Kernel {
+  static constexpr unsigned kMinBlocks = 3;    // 168 registers: nothing spills
   World world;
   Memory memory;
   PathLimits limits;
@@ -178,6 +179,7 @@ struct KeepConnection {
 // All that is left of paths that outlived the bounces with kernels of their own.
 template <typename World>
 struct Finish : Kernel {
+  static constexpr unsigned kMinBlocks = 3;
   World world;
   Memory memory;
   PathLimits limits;

@@ -113,6 +113,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
 // on are left to that.
 template <typename World, bool kChain>
 struct Arrive : Kernel {
+  static constexpr unsigned kMinBlocks = kChain ? 2 : 0;   // few rays have a chain: registers for all of it
   World world;
   Memory memory;
   DeviceRhsPoints points;
