@@ -157,6 +157,7 @@ constexpr Benchmark kBenchmarks[] = {
     {"rays, closest hit, incoherent", closest},
     {"rays, occlusion, incoherent", occlusion},
     {"feature lookup", benchmark_lookup},
+    {"feature lookup, sorted queries", benchmark_lookup_sorted},
     {"decoder", benchmark_decoder},
     {"decoder, forward and backward", benchmark_decoder_training},
 };

@@ -9,7 +9,8 @@ namespace octrad::selftest {
 // field.cc: look-ups of features.
 CheckResult check_lookup_floats(const Context& context);
 CheckResult check_lookup_halves(const Context& context);
-BenchmarkResult benchmark_lookup(const Context& context);
+BenchmarkResult benchmark_lookup(const Context& context);          // queries in random order
+BenchmarkResult benchmark_lookup_sorted(const Context& context);   // in Morton order: what sorting would be worth
 
 // network.cc: the decoder's network, 45 -> 4 x 128 -> 3.
 CheckResult check_decoder(const Context& context);

@@ -20,19 +20,30 @@ OctaOctree make_octree(const Scene& scene, int levels) {
   return OctaOctree({levels, kFeatures}, occupied_cells(scene, domain, levels), domain.origin, domain.size);
 }
 
-// Queries on the scene's surfaces in random directions, with and without a disparity.
+// Queries on the scene's surfaces in random directions, with and without a disparity. `sorted`: neighbours in space are
+// neighbours in memory, by cells of a grid of 32^3 in Morton order, as a sort of 15-bit keys would have them.
 struct Queries {
   std::vector<float> x, w, d;      // [3][n], [3][n], [n]
   DeviceArray<float> device_x, device_w, device_d;
   DeviceQueries view;
 
-  Queries(const Context& c, std::size_t n) : x(3 * n), w(3 * n), d(n) {
+  Queries(const Context& c, std::size_t n, bool sorted = false) : x(3 * n), w(3 * n), d(n) {
     const SurfaceSampler sampler(c.scene);
+    const Domain domain = scene_domain(c.scene.bounds, true);
+    std::vector<Vec3f> positions(n);
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> order(n);
     const float size = length(c.scene.bounds.upper - c.scene.bounds.lower);
     for (std::size_t i = 0; i < n; ++i) {
       Rng rng(c.seed, RngPurpose::test, i);
       const float pick = rng.uniform();
-      const Vec3f p = sampler.sample_position(pick, rng.uniform2()), direction = uniform_direction(rng.uniform2());
+      positions[i] = sampler.sample_position(pick, rng.uniform2());
+      const Vec3f cell = (positions[i] - domain.origin) / domain.size * 32.0f;
+      order[i] = {sorted ? morton_key({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)}) : 0, static_cast<std::uint32_t>(i)};
+    }
+    std::sort(order.begin(), order.end());
+    for (std::size_t i = 0; i < n; ++i) {
+      Rng rng(c.seed + 2, RngPurpose::test, i);
+      const Vec3f p = positions[order[i].second], direction = uniform_direction(rng.uniform2());
       for (int a = 0; a < 3; ++a) {
         x[static_cast<std::size_t>(a) * n + i] = p[a];
         w[static_cast<std::size_t>(a) * n + i] = direction[a];
@@ -81,14 +92,16 @@ CheckResult check_lookup(const Context& c, bool halves) {
 CheckResult check_lookup_floats(const Context& c) { return check_lookup(c, false); }
 CheckResult check_lookup_halves(const Context& c) { return check_lookup(c, true); }
 
+namespace {
+
 // All levels of a query; entries are halves. Their values do not matter, so they stay 0.
-BenchmarkResult benchmark_lookup(const Context& c) {
+BenchmarkResult measure_lookup(const Context& c, bool sorted) {
   const int levels = c.stream.on_device() && !c.quick ? 8 : 5;
   const std::size_t n = c.items(1 << 21, 1 << 14);
   const OctaOctree tree = make_octree(c.scene, levels);
   DeviceArray<Half> table(c.stream, static_cast<std::size_t>(tree.entry_count()) * kFeatures, "selftest");
   table.fill(0);
-  const Queries queries(c, n);
+  const Queries queries(c, n, sorted);
   const DeviceOctree device(c.stream, tree);
   const DeviceArray<std::uint32_t> out(c.stream, static_cast<std::size_t>(device.feature_count()) / 2 * n, "selftest");
   BenchmarkResult r = measure(c, static_cast<double>(n), "queries/s", [&] {
@@ -97,5 +110,10 @@ BenchmarkResult benchmark_lookup(const Context& c) {
   r.sizes = {{"queries", static_cast<double>(n)}, {"levels", levels}, {"features", kFeatures}, {"table_bytes", static_cast<double>(table.bytes())}};
   return r;
 }
+
+}  // namespace
+
+BenchmarkResult benchmark_lookup(const Context& c) { return measure_lookup(c, false); }
+BenchmarkResult benchmark_lookup_sorted(const Context& c) { return measure_lookup(c, true); }
 
 }  // namespace octrad::selftest
