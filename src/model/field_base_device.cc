@@ -72,7 +72,14 @@ struct Radiance : Kernel {
 
 OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
 #if defined(__CUDA_ARCH__)
-  if (value > *static_cast<volatile std::uint32_t*>(at)) atomicMax(at, value);
+  if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
+#if __CUDA_ARCH__ >= 800
+  // Lanes that are here together ask once: in the beginning everybody's value is the largest yet.
+  const unsigned lanes = __activemask();
+  value = __reduce_max_sync(lanes, value);
+  if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;
+#endif
+  atomicMax(at, value);
 #else
   std::uint32_t old = __atomic_load_n(at, __ATOMIC_RELAXED);
   while (value > old && !__atomic_compare_exchange_n(at, &old, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {

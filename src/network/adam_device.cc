@@ -68,14 +68,16 @@ struct TableArrays {
     Row<C> p = reinterpret_cast<const Row<C>*>(values)[entry];
     Row<C>* moment_rows = reinterpret_cast<Row<C>*>(moments) + static_cast<std::uint64_t>(entry) * 2;
     Row<C> m = moment_rows[0], v = moment_rows[1];
+    unsigned dropped = 0;
     OCTRAD_UNROLL
     for (int c = 0; c < C; ++c) {
       if (!adam_usable(g.v[c])) {
         g.v[c] = 0.0f;
-        atomic_add(non_finite, 1ull);
+        ++dropped;
       }
       p.v[c] = adam_update(p.v[c], g.v[c], m.v[c], v.v[c], constants, scaled_rate, second);
     }
+    if (dropped > 0) atomic_add(non_finite, static_cast<unsigned long long>(dropped));
     reinterpret_cast<Row<C>*>(values)[entry] = p;
     moment_rows[0] = m;
     moment_rows[1] = v;
@@ -102,12 +104,13 @@ struct TouchedStep : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (i >= *touched.count) return;
     const std::uint32_t entry = touched.list[i];
-    touched.bits[entry >> 5] = 0;              // every bit that is set there belongs to an entry of the list
     const std::uint32_t count = counts[entry];
     const std::uint32_t now = count == 0xffffu ? count : count + 1;
-    counts[entry] = static_cast<std::uint16_t>(now);
     const AdamCorrection correction = corrections[now < last_correction ? now : last_correction];
     arrays.update(entry, rate * *rate_scale * correction.first, correction.second);
+    // Stores last: no load waits for them.
+    counts[entry] = static_cast<std::uint16_t>(now);
+    touched.bits[entry >> 5] = 0;              // every bit that is set there belongs to an entry of the list
   }
 };
 

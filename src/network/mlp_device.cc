@@ -82,18 +82,21 @@ struct Pass {
 template <int kWide> inline constexpr int kPassThreads = kWide >= 8 ? 384 : 256;
 template <int kWide> inline constexpr int kPassBlocks = kWide >= 8 ? 1 : 2;
 
+// As the compiler knows then, the same for a whole warp.
+__device__ inline std::uint32_t warp_of_block() { return __shfl_sync(0xffffffffu, threadIdx.x / kWarp, 0); }
+
 template <typename P>
 __global__ void __launch_bounds__(kPassThreads<P::kWidth>, kPassBlocks<P::kWidth>) mlp_pass(P pass, int window) {
   extern __shared__ uint4 shared[];
   CudaWarp warp(pass.weights, pass.plan.blocks(), reinterpret_cast<std::uint32_t*>(shared), window);
   const std::uint32_t groups = pass.groups(), warps = blockDim.x / kWarp;
-  const std::uint32_t warp_of_block = __shfl_sync(0xffffffffu, threadIdx.x / kWarp, 0);  // now known to be the same for a whole warp
+  const std::uint32_t warp_number = warp_of_block();
   const bool whole = window == pass.plan.blocks();
   if (whole) warp.need_weights(0, window);
   // Neighbouring groups go to different multiprocessors, so that few are shared evenly. Where weights come in turns all warps
   // of a block take part in every round, some with what another one does too.
   for (std::uint32_t first = blockIdx.x; first < groups; first += gridDim.x * warps) {
-    const std::uint32_t group = first + warp_of_block * gridDim.x;
+    const std::uint32_t group = first + warp_number * gridDim.x;
     if (group < groups || !whole) pass(warp, group < groups ? group : groups - 1);
   }
 }
@@ -196,7 +199,7 @@ struct WeightGradient {
 #if defined(__CUDACC__)
 constexpr int kGradientThreads = 256;
 __global__ void __launch_bounds__(kGradientThreads, 2) mlp_weight_gradient(WeightGradient program, std::uint32_t items) {
-  const std::uint32_t item = blockIdx.x * (kGradientThreads / kWarp) + threadIdx.x / kWarp;
+  const std::uint32_t item = blockIdx.x * (kGradientThreads / kWarp) + warp_of_block();
   if (item >= items) return;
   CudaWarp warp;
   program(warp, item);

@@ -52,7 +52,7 @@ struct KeptBlocks {
 
   OCTRAD_HD std::uint32_t* at(std::uint32_t tile, int l, int t) const {
     const std::uint32_t first = (tile * static_cast<std::uint32_t>(hidden) + static_cast<std::uint32_t>(l)) * static_cast<std::uint32_t>(width);
-    return data + (static_cast<std::size_t>(first) + static_cast<std::size_t>(t)) * kBlockWords;
+    return data + static_cast<std::size_t>(first) * kBlockWords + t * kBlockWords;
   }
 };
 
