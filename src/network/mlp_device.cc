@@ -90,6 +90,7 @@ __global__ void __launch_bounds__(kPassThreads<P::kWidth>, kPassBlocks<P::kWidth
   extern __shared__ uint4 shared[];
   CudaWarp warp(pass.weights, pass.plan.blocks(), reinterpret_cast<std::uint32_t*>(shared), window);
   const std::uint32_t groups = pass.groups(), warps = blockDim.x / kWarp;
+  if (blockIdx.x >= groups) return;              // a queue that is shorter than what this was launched for
   const std::uint32_t warp_number = warp_of_block();
   const bool whole = window == pass.plan.blocks();
   if (whole) warp.need_weights(0, window);
