@@ -43,10 +43,14 @@ struct Pack : Kernel {
 
 struct WriteRows {
   FloatRows rows;
+  float factor;
+  OCTRAD_HD void operator()(std::size_t row, int col, float value) const { rows.data[static_cast<std::size_t>(col) * rows.stride + row] = value * factor; }
+};
+// Where a pass writes; it takes the factor from memory once for all of a group's results.
+struct ScaledRows {
+  FloatRows rows;
   const float* scale;                          // null: 1
-  OCTRAD_HD void operator()(std::size_t row, int col, float value) const {
-    rows.data[static_cast<std::size_t>(col) * rows.stride + row] = scale != nullptr ? value * *scale : value;
-  }
+  OCTRAD_HD WriteRows ready() const { return {rows, scale != nullptr ? *scale : 1.0f}; }
 };
 
 // One pass of rows through the layers; kWide blocks wide.
@@ -58,7 +62,7 @@ struct Pass {
   const std::uint32_t* weights;
   Input input;
   Between between;
-  WriteRows write;
+  ScaledRows write;
   int outputs;
   std::uint32_t n;
   QueueSlice slice;
@@ -135,7 +139,7 @@ void launch_pass(Stream& stream, [[maybe_unused]] const DeviceInfo& device, cons
 }
 
 template <typename Input, typename Between>
-void run_pass(Stream& stream, const DeviceInfo& device, const MlpPlan& plan, const std::uint32_t* weights, const Input& input, const Between& between, const WriteRows& write,
+void run_pass(Stream& stream, const DeviceInfo& device, const MlpPlan& plan, const std::uint32_t* weights, const Input& input, const Between& between, const ScaledRows& write,
               int outputs, std::uint32_t n, QueueSlice slice) {
   switch (plan.width) {
     case 4: launch_pass(stream, device, Pass<4, Input, Between>{plan, weights, input, between, write, outputs, n, slice}); return;
@@ -284,13 +288,13 @@ void DeviceMlp::refresh(Stream& stream) {
 }
 
 void DeviceMlp::forward(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n, QueueSlice slice) const {
-  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, ReluBetween<false>{}, WriteRows{out, nullptr}, shape_.outputs, n, slice);
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, ReluBetween<false>{}, ScaledRows{out, nullptr}, shape_.outputs, n, slice);
 }
 
 void DeviceMlp::forward_keep(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n) {
   if (n > train_rows_) throw DeviceError(what_ + ": more rows than there is memory for");
   const ReluBetween<true> between{{activations_.data(), plan_.hidden, plan_.width}};
-  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, between, WriteRows{out, nullptr}, shape_.outputs, n, {});
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, between, ScaledRows{out, nullptr}, shape_.outputs, n, {});
 }
 
 void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const float* scale, FloatRows d_in, int d_inputs, std::uint32_t n, bool add) {
@@ -304,7 +308,7 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
   // Only the wanted inputs: the others' blocks are not computed.
   MlpPlan reverse = reverse_;
   reverse.out = tiles_of(d_inputs);
-  run_pass(stream, device_, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients}, WriteRows{d_in, scale + 1}, d_inputs, n, {});
+  run_pass(stream, device_, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients}, ScaledRows{d_in, scale + 1}, d_inputs, n, {});
 
   const WeightGradient program{plan_, activations, gradients, HalfInput{in, shape_.inputs, n}, d_linear, shape_.inputs, shape_.width, shape_.outputs,
                                (n + kTile - 1) / kTile, splits_, weights_.size(), partial_.data()};

@@ -89,7 +89,7 @@ struct MaskBetween {
   }
 };
 
-// kWidth blocks wide, kTall times 16 rows from row 16 kTall group on. out(row, column, value) for every output of every
+// kWidth blocks wide, kTall times 16 rows from row 16 kTall group on. out.ready()(row, column, value) for every output of every
 // row < n; columns beyond the network's own are left out by `outputs`.
 template <int kWidth, int kTall, typename Warp, typename Input, typename Between, typename Output>
 OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& input, const Between& between, const Output& out, int outputs,
@@ -179,6 +179,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
     }
     block += kWidth * kWidth;
   }
+  const auto write = out.ready();
   for (int t = 0; t < plan.out; ++t) {
     Float c[kTall][2][4];
     OCTRAD_UNROLL
@@ -208,7 +209,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
           warp.lanes([&](int lane) {
             const std::size_t at = row + static_cast<std::size_t>(m * kTile + fragment_c_row(lane, r));
             const int col = t * kTile + j * 8 + fragment_c_col(lane, r);
-            if (at < n && col < outputs) out(at, col, Warp::at(c[m][j][r], lane));
+            if (at < n && col < outputs) write(at, col, Warp::at(c[m][j][r], lane));
           });
         }
       }
