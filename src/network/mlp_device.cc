@@ -58,6 +58,7 @@ template <int kWide, typename Input, typename Between>
 struct Pass {
   static constexpr int kWidth = kWide;
   static constexpr int kTall = kWide > 8 ? 1 : 2;
+  static constexpr bool kForward = !std::is_same_v<Between, MaskBetween>;
   MlpPlan plan;
   const std::uint32_t* weights;
   Input input;
@@ -67,14 +68,20 @@ struct Pass {
   std::uint32_t n;
   QueueSlice slice;
 
-  OCTRAD_HD std::uint32_t groups() const {
-    std::uint32_t rows = n;
-    if (slice.count != nullptr) {
-      const std::uint32_t have = *slice.count > slice.first ? *slice.count - slice.first : 0;
-      rows = have < n ? have : n;
+  // The pass of those rows that the queue holds. Passes that keep something for later are of whole batches.
+  OCTRAD_HD decltype(auto) limited() const {
+    if constexpr (std::is_same_v<Between, ReluBetween<false>>) {
+      Pass pass = *this;
+      if (slice.count != nullptr) {
+        const std::uint32_t have = *slice.count > slice.first ? *slice.count - slice.first : 0;
+        pass.n = pass.input.n = have < n ? have : n;
+      }
+      return pass;
+    } else {
+      return static_cast<const Pass&>(*this);
     }
-    return (rows + kTall * kTile - 1) / (kTall * kTile);
   }
+  OCTRAD_HD std::uint32_t groups() const { return (n + kTall * kTile - 1) / (kTall * kTile); }
   template <typename Warp>
   OCTRAD_HD void operator()(Warp& warp, std::uint32_t group) const {
     run_mlp<kWidth, kTall>(warp, plan, input, between, write, outputs, n, group);
@@ -83,15 +90,16 @@ struct Pass {
 
 #if defined(__CUDACC__)
 // Threads of a block, and blocks of a multiprocessor: as many warps as the registers of the programs, which must not spill, allow.
-template <int kWide> inline constexpr int kPassThreads = kWide >= 8 ? 384 : 256;
-template <int kWide> inline constexpr int kPassBlocks = kWide >= 8 ? 1 : 2;
+template <typename P> inline constexpr int kPassThreads = P::kWidth >= 8 && P::kForward ? 384 : 256;
+template <typename P> inline constexpr int kPassBlocks = P::kWidth >= 8 ? 1 : 2;
 
 // As the compiler knows then, the same for a whole warp.
 __device__ inline std::uint32_t warp_of_block() { return __shfl_sync(0xffffffffu, threadIdx.x / kWarp, 0); }
 
 template <typename P>
-__global__ void __launch_bounds__(kPassThreads<P::kWidth>, kPassBlocks<P::kWidth>) mlp_pass(P pass, int window) {
+__global__ void __launch_bounds__(kPassThreads<P>, kPassBlocks<P>) mlp_pass(P launched, int window) {
   extern __shared__ uint4 shared[];
+  const P& pass = launched.limited();
   CudaWarp warp(pass.weights, pass.plan.blocks(), reinterpret_cast<std::uint32_t*>(shared), window);
   const std::uint32_t groups = pass.groups(), warps = blockDim.x / kWarp;
   if (blockIdx.x >= groups) return;              // a queue that is shorter than what this was launched for
@@ -108,7 +116,7 @@ __global__ void __launch_bounds__(kPassThreads<P::kWidth>, kPassBlocks<P::kWidth
 
 template <typename P>
 void launch_on_device(Stream& stream, const DeviceInfo& device, const P& pass) {
-  constexpr int kThreads = kPassThreads<P::kWidth>;
+  constexpr int kThreads = kPassThreads<P>;
   constexpr int kBlockBytes = kBlockWords * static_cast<int>(sizeof(std::uint32_t));
   const cudaStream_t handle = cuda_handle(stream);     // makes its device the present one
   const int shared = static_cast<int>(device.shared_bytes), window = std::min(pass.plan.blocks(), shared / kBlockBytes);
@@ -116,8 +124,7 @@ void launch_on_device(Stream& stream, const DeviceInfo& device, const P& pass) {
   check_cuda(cudaFuncSetAttribute(mlp_pass<P>, cudaFuncAttributeMaxDynamicSharedMemorySize, shared), "asking for shared memory");
   int resident = 1;
   check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, mlp_pass<P>, kThreads, bytes), "asking how many blocks fit");
-  const std::uint32_t groups = (pass.n + P::kTall * kTile - 1) / (P::kTall * kTile);
-  const std::uint32_t blocks = std::min(groups, static_cast<std::uint32_t>(std::max(resident, 1) * device.multiprocessors));
+  const std::uint32_t blocks = std::min(pass.groups(), static_cast<std::uint32_t>(std::max(resident, 1) * device.multiprocessors));
   mlp_pass<P><<<blocks, kThreads, bytes, handle>>>(pass, window);
   check_launch(stream);
 }
@@ -132,7 +139,8 @@ void launch_pass(Stream& stream, [[maybe_unused]] const DeviceInfo& device, cons
     return;
   }
 #endif
-  host_launch(stream, (pass.n + P::kTall * kTile - 1) / (P::kTall * kTile), [pass](std::size_t begin, std::size_t end) {
+  host_launch(stream, pass.groups(), [launched = pass](std::size_t begin, std::size_t end) {
+    const P& pass = launched.limited();
     HostWarp warp(pass.weights);
     for (std::size_t g = begin; g < end && g < pass.groups(); ++g) pass(warp, static_cast<std::uint32_t>(g));
   }, 2);
