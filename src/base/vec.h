@@ -16,14 +16,18 @@ inline constexpr float kInvPi = 0.31830988618379067154f;
 template <typename T>
 OCTRAD_HD constexpr T lesser(T a, T b) {
 #if defined(__CUDA_ARCH__)
-  if (!__builtin_is_constant_evaluated()) return ::fmin(a, b);
+  if constexpr (std::is_floating_point_v<T>) {
+    if (!__builtin_is_constant_evaluated()) return ::fmin(a, b);
+  }
 #endif
   return a < b ? a : b;            // std::fmin is a call on the host
 }
 template <typename T>
 OCTRAD_HD constexpr T greater(T a, T b) {
 #if defined(__CUDA_ARCH__)
-  if (!__builtin_is_constant_evaluated()) return ::fmax(a, b);
+  if constexpr (std::is_floating_point_v<T>) {
+    if (!__builtin_is_constant_evaluated()) return ::fmax(a, b);
+  }
 #endif
   return a > b ? a : b;
 }

@@ -68,20 +68,25 @@ std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_ou
 
 Bvh8Primitive primitive_of(const Scene& scene, const BvhReference& r) {
   Bvh8Primitive p{};
-  p.shape = r.shape;
-  p.primitive = r.primitive;
+  p.rows[0].id = static_cast<std::uint32_t>(r.shape);
+  p.rows[1].id = static_cast<std::uint32_t>(r.primitive);
   const Shape& shape = scene.shapes[static_cast<std::size_t>(r.shape)];
   const auto geometry = static_cast<std::size_t>(shape.geometry);
   if (shape.kind == Shape::Kind::sphere) {
     const Sphere& s = scene.spheres[geometry];
-    p.sphere = 1;
-    std::memcpy(p.data, &s.center, sizeof(Vec3f));
-    p.data[3] = s.radius;
+    for (int axis = 0; axis < 3; ++axis) {
+      p.rows[axis].id |= 0x80000000u;
+      p.rows[axis].corner[0] = s.center[axis];
+      p.rows[axis].corner[1] = s.radius;
+    }
     return p;
   }
   const TriangleMesh& mesh = scene.meshes[geometry];
   const Vec3i t = mesh.triangles[static_cast<std::size_t>(r.primitive)];
-  for (int k = 0; k < 3; ++k) std::memcpy(p.data + 3 * k, &mesh.positions[static_cast<std::size_t>(t[k])], sizeof(Vec3f));
+  for (int k = 0; k < 3; ++k) {
+    const Vec3f& corner = mesh.positions[static_cast<std::size_t>(t[k])];
+    for (int axis = 0; axis < 3; ++axis) p.rows[axis].corner[k] = corner[axis];
+  }
   return p;
 }
 
@@ -208,7 +213,7 @@ unsigned grid_exponent(float lower, float upper) {
   if (!(extent > 0.0)) return 0;
   int exponent = 0;
   std::frexp(extent / 255.0, &exponent);           // extent / 255 < 2^exponent
-  return static_cast<unsigned>(std::clamp(exponent + 127, 1, 254));
+  return static_cast<unsigned>(std::clamp(exponent + 142, 16, 254));
 }
 
 void quantise(Bvh8Node& node, const Collapse& collapse, const WideNode& wide) {
@@ -218,7 +223,7 @@ void quantise(Bvh8Node& node, const Collapse& collapse, const WideNode& wide) {
     node.origin[k] = l[k];
     const unsigned exponent = grid_exponent(l[k], u[k]);
     node.exponents |= exponent << (8 * k);
-    const double origin = static_cast<double>(l[k]), scale = static_cast<double>(bvh8_detail::grid_scale(exponent));
+    const double origin = static_cast<double>(l[k]), scale = bvh8_grid_scale(exponent);
     unsigned char bytes[2][8];
     for (int s = 0; s < 8; ++s) {
       bytes[0][s] = 255;
@@ -274,8 +279,9 @@ bool place_nodes(const Scene& scene, const std::vector<BvhReference>& references
       for (std::size_t i = begin; i < end; ++i) {
         Bvh8Node& node = bvh.nodes[first_node + i];
         quantise(node, collapse, wide[i]);
-        unsigned char leaves[8] = {};
         std::uint32_t offset = 0, child = node.child_base - child_node;
+        node.primitives = 0;
+        node.one = bvh8_detail::bits_of(1.0f);
         for (int s = 0; s < 8; ++s) {
           const Subtree& c = wide[i].child[s];
           if (c.count == 0) continue;
@@ -283,13 +289,12 @@ bool place_nodes(const Scene& scene, const std::vector<BvhReference>& references
             next[child++] = c;
             continue;
           }
-          leaves[s] = static_cast<unsigned char>(c.count << 5 | offset);
+          node.primitives |= ((1u << c.count) - 1u) << (4 * s);
           for (std::uint32_t k = 0; k < c.count; ++k) {
             bvh.primitives[node.primitive_base + offset + k] = primitive_of(scene, references[c.first + k]);
           }
           offset += c.count;
         }
-        std::memcpy(&node.leaves, leaves, 8);
       }
     });
     level.swap(next);

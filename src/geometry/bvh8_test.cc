@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -293,6 +294,29 @@ TEST(Bvh8, EmptyAndInvalidInput) {
   EXPECT_FALSE(tracer->intersect({0, 0, -5}, {0, 0, 1}, 9.0f, 1.0f).valid());
 }
 
+// Distances are in lengths of the direction, from where floats of the grids' arithmetic would overflow to where they would vanish.
+TEST(Bvh8, ShortAndLongDirections) {
+  const Scene scene = soup(2000, 0.1f, 23);
+  const auto tracer = make_bvh8_tracer(scene);
+  Rng rng(24, RngPurpose::test, 0);
+  int found = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3f origin = random_point(rng, 1.5f), direction = random_direction(rng);
+    const Hit unit = tracer->intersect(origin, direction, 0.0f, kFar);
+    found += unit.valid() ? 1 : 0;
+    for (const int exponent : {-90, -31, -29, 59, 61, 90}) {
+      const float scale = std::ldexp(1.0f, exponent);
+      const Hit hit = tracer->intersect(origin, direction * scale, 0.0f, kFar);
+      EXPECT_EQ(hit.shape, unit.shape) << exponent;
+      EXPECT_EQ(hit.primitive, unit.primitive) << exponent;
+      EXPECT_FLOAT_EQ(hit.t * scale, unit.t) << exponent;
+      EXPECT_EQ(tracer->occluded(origin, direction * scale, 0.0f, kFar), unit.valid());
+    }
+    EXPECT_FALSE(tracer->intersect(origin - direction * 1e20f, direction, 0.0f, kFar).valid()) << "farther than floats can tell";
+  }
+  EXPECT_GT(found, 100);
+}
+
 TEST(Bvh8, HugeAndTinyTriangles) {
   Scene scene = soup(300, 0.3f, 12);
   TriangleMesh& mesh = scene.meshes[0];
@@ -347,28 +371,27 @@ struct Structure {
   void visit(std::uint32_t index, int level, const Vec3d& lower, const Vec3d& upper) {
     deepest = std::max(deepest, level + 1);
     const Bvh8Node& node = bvh.nodes.at(index);
-    std::uint32_t child = node.child_base;
+    std::uint32_t child = node.child_base, p = node.primitive_base;
     for (unsigned s = 0; s < 8; ++s) {
       Vec3d l, u;
       for (int k = 0; k < 3; ++k) {
-        const double scale = static_cast<double>(bvh8_detail::grid_scale(node.exponents >> (8 * k) & 255u));
+        const double scale = bvh8_grid_scale(node.exponents >> (8 * k) & 255u);
         l[k] = static_cast<double>(node.origin[k]) + scale * bvh8_detail::byte_of(node.bounds[k][0], s);
         u[k] = static_cast<double>(node.origin[k]) + scale * bvh8_detail::byte_of(node.bounds[k][1], s);
       }
       // What is below must be in all boxes above it.
       const Vec3d inner_lower = max(l, lower), inner_upper = min(u, upper);
       if (node.exponents >> (24 + s) & 1u) {
-        EXPECT_EQ(bvh8_detail::byte_of(node.leaves, s), 0u);
+        EXPECT_EQ(node.primitives >> 4 * s & 15u, 0u);
         visit(child++, level + 1, inner_lower, inner_upper);
         continue;
       }
-      const unsigned leaf = bvh8_detail::byte_of(node.leaves, s);
-      EXPECT_LE(leaf >> 5, static_cast<unsigned>(kBvh8MaxLeaf));
-      for (unsigned i = 0; i < leaf >> 5; ++i) {
-        const std::uint32_t p = node.primitive_base + (leaf & 31u) + i;
+      const unsigned leaf = node.primitives >> 4 * s & 15u;
+      EXPECT_EQ(leaf & (leaf + 1), 0u);
+      for (int i = 0; i < std::popcount(leaf); ++i, ++p) {
         ++seen.at(p);
-        for (int c = 0; c < 9 && bvh.primitives[p].sphere == 0; ++c) {
-          const double x = static_cast<double>(bvh.primitives[p].data[c]);
+        for (int c = 0; c < 9 && !bvh.primitives[p].sphere(); ++c) {
+          const double x = static_cast<double>(bvh.primitives[p].rows[c % 3].corner[c / 3]);
           EXPECT_GE(x, inner_lower[c % 3]);
           EXPECT_LE(x, inner_upper[c % 3]);
         }
