@@ -5,7 +5,7 @@
 //
 // What must hold for a ray to meet every triangle that the exact test accepts: the boxes on the grid contain the children
 // (the builder), and the slabs are widened by more than the rounding of the slab distances and of the triangle test
-// (Bvh8Ray::slack).
+// (Bvh8Slack).
 #pragma once
 
 #include <cassert>
@@ -133,7 +133,7 @@ OCTRAD_HD constexpr std::uint32_t widen(std::uint32_t mask) {
 }  // namespace bvh8_detail
 
 // Slots of the node whose boxes the ray may meet in [0, t_max]: never too few. Bits of empty slots mean nothing.
-OCTRAD_HD inline unsigned bvh8_slots(const Bvh8Node& node, const Bvh8Ray& ray, float t_max) {
+OCTRAD_HD inline unsigned bvh8_slots(const Bvh8Node& node, const Bvh8Ray& ray, const Bvh8Slack& slack, float t_max) {
   using namespace bvh8_detail;
   // Places on the grid are counted from 2^15 steps before its origin (grid_place): `reach` has the rounding of that in it.
   Vec3f step, start, reach;
@@ -145,12 +145,12 @@ OCTRAD_HD inline unsigned bvh8_slots(const Bvh8Node& node, const Bvh8Ray& ray, f
   }
   // Distances are wrong by rounding relative to the grid's reach, the triangle test by the same along its own axis and
   // along the longest axis (through the shear).
-  const float longest = reach[static_cast<int>(ray.axis_z)];
+  const float longest = reach[static_cast<int>(slack.longest)];
   Vec3f first, last;
   std::uint64_t entry[3], leave[3];
   OCTRAD_UNROLL
   for (int k = 0; k < 3; ++k) {
-    const float error = kBvh8Widening * reach[k] + ray.slack[k] * longest;
+    const float error = kBvh8Widening * reach[k] + slack.widening[k] * longest;
     first[k] = start[k] - step[k] - error;
     last[k] = start[k] - step[k] + error;
     const bool negative = (ray.order >> k & 1u) == 0;
@@ -190,20 +190,28 @@ OCTRAD_HD inline bool enough(bool waiting) {
 
 }  // namespace bvh8_detail
 
-// A ray on its way through the tree. kAny: any hit will do, else the nearest; of hits at the same distance the one of the
+// A ray on its way through the tree; one that was not begun does not go on. kAny: any hit will do, else the nearest; of hits at the same distance the one of the
 // lowest shape and primitive, so that the result does not depend on the tree.
 template <bool kAny>
 class Bvh8Walk {
  public:
+  // What is left of the children of one node: an entry a level at most. Bits 24..31 of the masks: slots to come, the first in
+  // the ray's order the highest; bits 0..7: slots that are nodes, in order of slot.
+  struct Group { std::uint32_t base, masks; };
+
+  // The part in memory, the same one for all calls; all else fits into registers.
+  struct Memory {
+    Bvh8Slack slack;
+    Bvh8Sight sight;
+    Group stack[kBvh8StackSize];
+  };
+
   // t_min is not negative. False for a ray that meets nothing.
-  OCTRAD_HD bool begin(const Bvh8View& bvh, Vec3f origin, Vec3f direction, float t_min, float t_max) {
-    best_ = kNone;
-    pending_ = 0;
-    depth_ = 0;
-    group_ = {0, 0};
+  OCTRAD_HD bool begin(const Bvh8View& bvh, Memory& memory, Vec3f origin, Vec3f direction, float t_min, float t_max) {
+    *this = Bvh8Walk{};
     t_min_ = t_min;
     t_max_ = t_max;
-    if (bvh.node_count == 0 || !(t_min >= 0.0f && t_min <= t_max) || !make_bvh8_ray(origin, direction, ray_)) return false;
+    if (bvh.node_count == 0 || !(t_min >= 0.0f && t_min <= t_max) || !make_bvh8_ray(origin, direction, ray_, memory.slack, memory.sight)) return false;
     group_ = {0, 1u << ray_.order | 1u};
     return true;
   }
@@ -211,39 +219,35 @@ class Bvh8Walk {
   // To be tested before the next visit of a node.
   OCTRAD_HD bool has_primitives() const { return pending_ != 0; }
   OCTRAD_HD bool has_nodes() const { return group_.masks > kNodesOnly || depth_ > 0; }
+  OCTRAD_HD bool goes_on() const { return has_primitives() || has_nodes(); }
 
-  // What is left of the children of one node: an entry a level at most. Bits 24..31 of the masks: slots to come, the first in
-  // the ray's order the highest; bits 0..7: slots that are nodes, in order of slot.
-  struct Group { std::uint32_t base, masks; };
-
-  // `stack` is the caller's, of kBvh8StackSize entries, so that all else can live in registers.
-  OCTRAD_HD void visit(const Bvh8View& bvh, Group* stack) {
+  OCTRAD_HD void visit(const Bvh8View& bvh, Memory& memory) {
     using namespace bvh8_detail;
-    if (group_.masks <= kNodesOnly) group_ = stack[--depth_];
+    if (group_.masks <= kNodesOnly) group_ = memory.stack[--depth_];
     const unsigned bit = highest_bit(group_.masks), slot = bit ^ ray_.order;
     group_.masks &= ~(~0u << bit);
     const std::uint32_t index = group_.base + count_bits(group_.masks & ~(~0u << slot));
     if (group_.masks > kNodesOnly) {
       check(depth_ < kBvh8StackSize);
-      stack[depth_++] = group_;
+      memory.stack[depth_++] = group_;
     }
     check(index < bvh.node_count);
     const Bvh8Node node = load(bvh.nodes + index);
-    const unsigned slots = bvh8_slots(node, ray_, t_max_), nodes = node.exponents >> 24;
+    const unsigned slots = bvh8_slots(node, ray_, memory.slack.reread(), t_max_), nodes = node.exponents >> 24;
     group_ = {node.child_base, permute(slots & nodes, ray_.order) << 24 | nodes};
     primitives_ = node.primitives;
     pending_ = widen(slots) & node.primitives;
     base_ = node.primitive_base;
   }
 
-  OCTRAD_HD void test(const Bvh8View& bvh) {
+  OCTRAD_HD void test(const Bvh8View& bvh, const Memory& memory) {
     using namespace bvh8_detail;
     const unsigned above = ~0u << highest_bit(pending_);
     pending_ &= ~above;
     const std::uint32_t index = base_ + count_bits(primitives_ & ~above);
     check(index < bvh.primitive_count);
     float t;
-    if (!bvh8_meets(bvh.primitives, index, ray_, t_min_, t_max_, t)) return;
+    if (!bvh8_meets(bvh.primitives, index, memory.sight.reread(), t_min_, t_max_, t)) return;
     if (kAny) {
       pending_ = 0;
       depth_ = 0;
@@ -257,29 +261,28 @@ class Bvh8Walk {
   }
 
   OCTRAD_HD bool met() const { return best_ != kNone; }
-  OCTRAD_HD Hit hit(const Bvh8View& bvh) const { return met() ? bvh8_hit(bvh.primitives, best_, ray_, t_max_) : Hit{}; }
+  OCTRAD_HD Hit hit(const Bvh8View& bvh, const Memory& memory) const { return met() ? bvh8_hit(bvh.primitives, best_, memory.sight.reread(), t_max_) : Hit{}; }
 
  private:
   static constexpr std::uint32_t kNone = ~std::uint32_t{0}, kNodesOnly = 0xffffffu;
 
-  Bvh8Ray ray_;
-  float t_min_, t_max_;
-  std::uint32_t best_;
-  Group group_;
-  std::uint32_t primitives_, pending_, base_;    // of the node visited last; pending: to be tested
-  int depth_;
+  Bvh8Ray ray_{};
+  float t_min_ = 0.0f, t_max_ = 0.0f;
+  std::uint32_t best_ = kNone;
+  Group group_{0, 0};
+  std::uint32_t primitives_ = 0, pending_ = 0, base_ = 0;  // of the node visited last; pending: to be tested
+  int depth_ = 0;
 };
 
 template <bool kAny>
-OCTRAD_HD inline void bvh8_finish(const Bvh8View& bvh, Bvh8Walk<kAny>& walk) {
-  typename Bvh8Walk<kAny>::Group stack[kBvh8StackSize];
+OCTRAD_HD inline void bvh8_finish(const Bvh8View& bvh, Bvh8Walk<kAny>& walk, typename Bvh8Walk<kAny>::Memory& memory) {
   for (;;) {
     if (!walk.has_primitives()) {
       if (!walk.has_nodes()) return;
-      walk.visit(bvh, stack);
+      walk.visit(bvh, memory);
     }
     while (bvh8_detail::enough(walk.has_primitives())) {
-      if (walk.has_primitives()) walk.test(bvh);
+      if (walk.has_primitives()) walk.test(bvh, memory);
     }
   }
 }
@@ -287,16 +290,18 @@ OCTRAD_HD inline void bvh8_finish(const Bvh8View& bvh, Bvh8Walk<kAny>& walk) {
 // The nearest hit between t_min and t_max (bvh8_meets), or one that is not valid.
 OCTRAD_HD inline Hit bvh8_intersect(const Bvh8View& bvh, Vec3f origin, Vec3f direction, float t_min, float t_max) {
   Bvh8Walk<false> walk;
-  if (!walk.begin(bvh, origin, direction, t_min, t_max)) return {};
-  bvh8_finish(bvh, walk);
-  return walk.hit(bvh);
+  Bvh8Walk<false>::Memory memory;
+  if (!walk.begin(bvh, memory, origin, direction, t_min, t_max)) return {};
+  bvh8_finish(bvh, walk, memory);
+  return walk.hit(bvh, memory);
 }
 
 // Whether anything is between t_min and t_max.
 OCTRAD_HD inline bool bvh8_occluded(const Bvh8View& bvh, Vec3f origin, Vec3f direction, float t_min, float t_max) {
   Bvh8Walk<true> walk;
-  if (!walk.begin(bvh, origin, direction, t_min, t_max)) return false;
-  bvh8_finish(bvh, walk);
+  Bvh8Walk<true>::Memory memory;
+  if (!walk.begin(bvh, memory, origin, direction, t_min, t_max)) return false;
+  bvh8_finish(bvh, walk, memory);
   return walk.met();
 }
 

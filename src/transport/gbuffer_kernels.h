@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "device/launch.h"
+#include "transport/cast.h"
 #include "transport/gbuffer_device.h"
 
 namespace octrad {
@@ -32,13 +33,15 @@ template <typename World>
 struct Extend : Kernel {
   World world;
   Memory memory;
-  OCTRAD_HD void operator()(std::uint32_t k) const {
-    const CameraJob& job = *memory.job;
-    if (k >= job.size()) return;
-    if (k == 0) memory.counts->rays += job.size();
-    const Ray ray = job.sample(k).ray;
-    memory.hits[k] = world.intersect(ray.origin, ray.direction, 0.0f, ray.t_max);
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return memory.job->size(); }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t k) const {
+    const Ray ray = memory.job->sample(k).ray;
+    return {ray.origin, ray.direction, ray.t_max};
   }
+  OCTRAD_HD void met(std::uint32_t k, const Hit& hit) const { memory.hits[k] = hit; }
 };
 
 // The way of sample `k` is over.
@@ -159,7 +162,7 @@ void GBufferOn<World>::run(const GBufferOptions& options, std::size_t samples) {
   GBufferOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = GBufferOptions::Bounce::none;
   sizes_.fill(0);
-  launch(*stream_, n, Extend<World>{{}, world_, memory});
+  cast(*stream_, n, Extend<World>{{}, world_, memory});
   launch(*stream_, n, Arrive<World, false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<World, true>{{}, world_, memory, checked});
   if (traced_) launch(*stream_, n, Disparity<World>{{}, world_, memory});

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "device/launch.h"
+#include "transport/cast.h"
 #include "transport/path_device.h"
 
 namespace octrad {
@@ -84,13 +85,16 @@ struct Extend : Kernel {
   World world;
   Memory memory;
   const std::uint32_t* queue;
-  const std::uint32_t* count;
-  OCTRAD_HD void operator()(std::uint32_t q) const {
-    if (q >= *count) return;
-    if (q == 0) memory.counts->rays += *count;
+  const std::uint32_t* alive;
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *alive; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const {
     const std::uint32_t i = queue[q];
-    memory.hits[q] = world.intersect(memory.state.get3(0, i), memory.state.get3(3, i), 0.0f, memory.state.get(12, i));
+    return {memory.state.get3(0, i), memory.state.get3(3, i), memory.state.get(12, i)};
   }
+  OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
 // Puts a connection into the shadow queue.
@@ -154,12 +158,14 @@ template <typename World>
 struct Connect : Kernel {
   World world;
   Memory memory;
-  const std::uint32_t* count;
-  OCTRAD_HD void operator()(std::uint32_t c) const {
-    if (c >= *count) return;
-    if (c == 0) memory.counts->rays += *count;
-    const RayQuery ray = memory.shadow_rays.load(c);
-    if (world.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) return;
+  const std::uint32_t* shadow_count;
+  static constexpr bool kAny = true;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *shadow_count; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t c) const { return memory.shadow_rays.load(c); }
+  OCTRAD_HD void met(std::uint32_t c, bool any) const {
+    if (any) return;
     const std::uint32_t i = memory.shadow_owner[c];  // a path has at most one connection in the queue
     memory.samples.set_radiance(i, memory.samples.radiance(i) + memory.shadow_light.get3(0, c));
   }
@@ -257,9 +263,9 @@ void PathTracerOn<World>::run(const PathLimits& limits, std::size_t samples) {
   launch(*stream_, n, Start{{}, memory, queue_[0].data(), paths});
   for (int b = 0; b < bounces; ++b) {
     const std::uint32_t* queue = queue_[b % 2].data();
-    launch(*stream_, n, Extend<World>{{}, world_, memory, queue, paths + b});
+    cast(*stream_, n, Extend<World>{{}, world_, memory, queue, paths + b});
     launch(*stream_, n, Scatter<World>{{}, world_, memory, limits, b, queue, paths + b, queue_[(b + 1) % 2].data(), paths + b + 1, shadows + b});
-    launch(*stream_, n, Connect<World>{{}, world_, memory, shadows + b});
+    cast(*stream_, n, Connect<World>{{}, world_, memory, shadows + b});
   }
   if (limits.max_depth < 0 || limits.max_depth > bounces) {
     launch(*stream_, n, Finish<World>{{}, world_, memory, limits, bounces, queue_[bounces % 2].data(), paths + bounces});

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "device/launch.h"
+#include "transport/cast.h"
 #include "transport/rhs_device.h"
 
 namespace octrad {
@@ -75,11 +76,13 @@ template <typename World>
 struct Occlude : Kernel {
   World world;
   Memory memory;
-  OCTRAD_HD void operator()(std::uint32_t q) const {
-    if (q >= *memory.shadow_count) return;
-    if (q == 0) memory.counts->rays += *memory.shadow_count;
-    const RayQuery ray = memory.shadow_rays.load(q);
-    if (world.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) memory.slots.set3(0, memory.shadow_owners[q], Vec3f(0.0f));
+  static constexpr bool kAny = true;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *memory.shadow_count; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const { return memory.shadow_rays.load(q); }
+  OCTRAD_HD void met(std::uint32_t q, bool any) const {
+    if (any) memory.slots.set3(0, memory.shadow_owners[q], Vec3f(0.0f));
   }
 };
 
@@ -87,12 +90,12 @@ template <typename World>
 struct Extend : Kernel {
   World world;
   Memory memory;
-  OCTRAD_HD void operator()(std::uint32_t q) const {
-    if (q >= *memory.ray_count) return;
-    if (q == 0) memory.counts->rays += *memory.ray_count;
-    const RayQuery ray = memory.rays.load(q);
-    memory.hits[q] = world.intersect(ray.origin, ray.direction, 0.0f, ray.t_max);
-  }
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *memory.ray_count; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const { return memory.rays.load(q); }
+  OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
 // The bounce of `slot` is over.
@@ -231,8 +234,8 @@ void RhsOn<World>::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& 
                       chains_.data(), queries_.points(), normals_.planes(), sizes + kShadows, sizes + kRays, sizes + kChains, sizes + kQueries};
   sizes_.fill(0);
   launch(*stream_, n, Sample<World>{{}, world_, memory, points, options});
-  launch(*stream_, n, Occlude<World>{{}, world_, memory});
-  launch(*stream_, n, Extend<World>{{}, world_, memory});
+  cast(*stream_, n, Occlude<World>{{}, world_, memory});
+  cast(*stream_, n, Extend<World>{{}, world_, memory});
   launch(*stream_, n, Arrive<World, false>{{}, world_, memory, points, options});
   launch(*stream_, n, Arrive<World, true>{{}, world_, memory, points, options});
   if (traced_ && options.ask) launch(*stream_, n, Disparity<World>{{}, world_, memory});

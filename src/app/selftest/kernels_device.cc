@@ -6,6 +6,7 @@
 #include "device/launch.h"
 #include "encoding/octahedral_math.h"
 #include "encoding/spherical_harmonics_math.h"
+#include "transport/cast.h"
 
 namespace octrad::selftest {
 namespace {
@@ -74,23 +75,29 @@ struct SelftestAtomics : Kernel {
 };
 
 struct SelftestClosest : Kernel {
-  Bvh8View bvh;
+  Bvh8View tree;
+  std::uint32_t n;
   const DeviceRay* rays;
   Hit* hits;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    const DeviceRay r = rays[i];
-    hits[i] = bvh8_intersect(bvh, r.origin, r.direction, 0.0f, r.t_max);
-  }
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return tree; }
+  OCTRAD_HD std::uint32_t size() const { return n; }
+  OCTRAD_HD void count() const {}
+  OCTRAD_HD RayQuery ray(std::uint32_t i) const { return {rays[i].origin, rays[i].direction, rays[i].t_max}; }
+  OCTRAD_HD void met(std::uint32_t i, const Hit& hit) const { hits[i] = hit; }
 };
 
 struct SelftestOccluded : Kernel {
-  Bvh8View bvh;
+  Bvh8View tree;
+  std::uint32_t n;
   const DeviceRay* rays;
   std::uint32_t* blocked;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    const DeviceRay r = rays[i];
-    blocked[i] = bvh8_occluded(bvh, r.origin, r.direction, 0.0f, r.t_max) ? 1u : 0u;
-  }
+  static constexpr bool kAny = true;
+  OCTRAD_HD Bvh8View bvh() const { return tree; }
+  OCTRAD_HD std::uint32_t size() const { return n; }
+  OCTRAD_HD void count() const {}
+  OCTRAD_HD RayQuery ray(std::uint32_t i) const { return {rays[i].origin, rays[i].direction, rays[i].t_max}; }
+  OCTRAD_HD void met(std::uint32_t i, bool any) const { blocked[i] = any ? 1u : 0u; }
 };
 
 struct SelftestShading : Kernel {
@@ -193,11 +200,11 @@ void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std
 }
 
 void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits) {
-  launch(stream, n, SelftestClosest{{}, bvh, rays, hits});
+  cast(stream, n, SelftestClosest{{}, bvh, static_cast<std::uint32_t>(n), rays, hits});
 }
 
 void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
-  launch(stream, n, SelftestOccluded{{}, bvh, rays, blocked});
+  cast(stream, n, SelftestOccluded{{}, bvh, static_cast<std::uint32_t>(n), rays, blocked});
 }
 
 void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out) {
