@@ -37,7 +37,9 @@ struct alignas(16) Bvh8Node {
 static_assert(sizeof(Bvh8Node) == 80, "five loads of 16 bytes");
 
 // The size of a grid's steps; for the builder.
-inline double bvh8_grid_scale(unsigned exponent) { return exponent == 0 ? 0.0 : std::ldexp(1.0, static_cast<int>(exponent) - 142); }
+inline double bvh8_grid_scale(unsigned exponent) {
+  return exponent == 0 ? 0.0 : std::ldexp(1.0, static_cast<int>(exponent) - 142);
+}
 
 // Node 0 is the root; a tree without nodes is empty.
 struct Bvh8View {
@@ -190,8 +192,8 @@ OCTRAD_HD inline bool enough(bool waiting) {
 
 }  // namespace bvh8_detail
 
-// A ray on its way through the tree; one that was not begun does not go on. kAny: any hit will do, else the nearest; of hits at the same distance the one of the
-// lowest shape and primitive, so that the result does not depend on the tree.
+// A ray on its way through the tree; one that was not begun does not go on. kAny: any hit will do, else the nearest; of hits at
+// the same distance the one of the lowest shape and primitive, so that the result does not depend on the tree.
 template <bool kAny>
 class Bvh8Walk {
  public:
@@ -211,7 +213,8 @@ class Bvh8Walk {
     *this = Bvh8Walk{};
     t_min_ = t_min;
     t_max_ = t_max;
-    if (bvh.node_count == 0 || !(t_min >= 0.0f && t_min <= t_max) || !make_bvh8_ray(origin, direction, ray_, memory.slack, memory.sight)) return false;
+    if (bvh.node_count == 0 || !(t_min >= 0.0f && t_min <= t_max)) return false;
+    if (!make_bvh8_ray(origin, direction, ray_, memory.slack, memory.sight)) return false;
     group_ = {0, 1u << ray_.order | 1u};
     return true;
   }
@@ -261,7 +264,9 @@ class Bvh8Walk {
   }
 
   OCTRAD_HD bool met() const { return best_ != kNone; }
-  OCTRAD_HD Hit hit(const Bvh8View& bvh, const Memory& memory) const { return met() ? bvh8_hit(bvh.primitives, best_, memory.sight.reread(), t_max_) : Hit{}; }
+  OCTRAD_HD Hit hit(const Bvh8View& bvh, const Memory& memory) const {
+    return met() ? bvh8_hit(bvh.primitives, best_, memory.sight.reread(), t_max_) : Hit{};
+  }
 
  private:
   static constexpr std::uint32_t kNone = ~std::uint32_t{0}, kNodesOnly = 0xffffffu;

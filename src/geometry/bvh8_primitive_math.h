@@ -73,15 +73,15 @@ OCTRAD_HD inline T load(const T* from) {
 
 }  // namespace bvh8_detail
 
-// Relative error that the slabs are widened by: 16 units of rounding, where the slab distance needs 6 and the shear of the
-// triangle's corners 6.
+// Relative error that the slabs are widened by: 16 units of rounding, where the slab distance needs 9 (4 of them because places
+// on the grid are counted from before its origin) and the shear of the triangle's corners 6.
 inline constexpr float kBvh8Widening = 16.0f / 16777216.0f;
 
 // What is computed once of a ray. All of it does not fit into registers: Bvh8Ray is for them, the others for memory.
 struct Bvh8Ray {
   Vec3f origin;
   Vec3f inverse;                   // 1 / direction, of a component that is not 0
-  unsigned order;                  // 24 + bit k: component k is not negative. Slot s is the (s ^ order - 24)th from the last to visit
+  unsigned order;                  // 24 + bit k: component k is not negative; the higher slot ^ order, the sooner its visit
 };
 
 struct alignas(16) Bvh8Slack {
@@ -91,7 +91,9 @@ struct alignas(16) Bvh8Slack {
   __device__ Bvh8Slack reread() const {          // as of Bvh8Sight
     Bvh8Slack copy;
     asm volatile("ld.local.v4.b32 {%0, %1, %2, %3}, [%4];"
-                 : "=f"(copy.widening.x), "=f"(copy.widening.y), "=f"(copy.widening.z), "=r"(copy.longest) : "l"(__cvta_generic_to_local(this)) : "memory");
+                 : "=f"(copy.widening.x), "=f"(copy.widening.y), "=f"(copy.widening.z), "=r"(copy.longest)
+                 : "l"(__cvta_generic_to_local(this))
+                 : "memory");
     return copy;
   }
 #else
@@ -117,7 +119,9 @@ struct alignas(16) Bvh8Sight {
     asm volatile("ld.local.v4.b32 {%0, %1, %2, %3}, [%4 + 16];"
                  : "=f"(copy.shear.x), "=f"(copy.shear.y), "=f"(copy.shear.z), "=r"(copy.axis_y) : "l"(at) : "memory");
     asm volatile("ld.local.v4.b32 {%0, %1, %2, %3}, [%4 + 32];"
-                 : "=f"(copy.direction.x), "=f"(copy.direction.y), "=f"(copy.direction.z), "=r"(copy.axis_z) : "l"(at) : "memory");
+                 : "=f"(copy.direction.x), "=f"(copy.direction.y), "=f"(copy.direction.z), "=r"(copy.axis_z)
+                 : "l"(at)
+                 : "memory");
     return copy;
   }
 #else
@@ -209,7 +213,8 @@ OCTRAD_HD inline bool doubtful(const Areas<float>& a) {
 
 OCTRAD_HD inline bool inside(const Sheared& s) {
   const Areas<float> areas(s);
-  if (!doubtful(areas)) return (((bits_of(areas.u) ^ bits_of(areas.v)) | (bits_of(areas.u) ^ bits_of(areas.w))) >> 31) == 0;   // same signs
+  const std::uint32_t u = bits_of(areas.u), signs = (u ^ bits_of(areas.v)) | (u ^ bits_of(areas.w));
+  if (!doubtful(areas)) return signs >> 31 == 0;
   const Areas<double> exact(s);
   const double least = lesser(exact.u, lesser(exact.v, exact.w)), most = greater(exact.u, greater(exact.v, exact.w));
   return !(least < 0.0 && most > 0.0) && exact.sum() != 0.0;
@@ -225,7 +230,8 @@ OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const
   const double facing = dot(n, Vec3d(sight.direction));
   if (facing != 0.0) return dot(n, a - Vec3d(sight.position)) / facing;
   const Areas<double> areas(s);
-  return (areas.u * static_cast<double>(s.z[0]) + areas.v * static_cast<double>(s.z[1]) + areas.w * static_cast<double>(s.z[2])) / areas.sum();
+  const Vec3d z(Vec3f(s.z[0], s.z[1], s.z[2]));
+  return dot(Vec3d(areas.u, areas.v, areas.w), z) / areas.sum();
 }
 
 // Weights of the second and third corner.
@@ -240,7 +246,8 @@ OCTRAD_HD inline void set_weights(const Areas<T>& areas, Hit& hit) {
 
 // Whether the ray meets the primitive, and where. Both sides; edges and corners belong to the triangle. Distances in
 // (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
-OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8Sight& sight, float t_min, float t_max, float& t) {
+OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8Sight& sight, float t_min, float t_max,
+                                 float& t) {
   using namespace bvh8_detail;
   const Rows rows(primitives, index, sight);
   if (rows.x.id >> 31 != 0) {
