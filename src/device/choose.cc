@@ -43,7 +43,6 @@ DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& su
   const bool asked = request.kind == Kind::cuda;
   const std::string no_path = support.what + " runs on the CPU only";
   if (!asked && !support.cuda) return {false, 0, "cpu", no_path};
-  if (!asked && !support.automatic) return {false, 0, "cpu", support.what + " takes a GPU only when asked for: this path has not been run on one yet"};
 
   std::string why = survey.why_none;
   for (const DeviceInfo& device : survey.devices) {
@@ -63,7 +62,7 @@ DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& su
 }
 
 DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& support) {
-  const bool matters = request.kind == DeviceRequest::Kind::cuda || (request.kind == DeviceRequest::Kind::automatic && support.cuda && support.automatic);
+  const bool matters = request.kind == DeviceRequest::Kind::cuda || (request.kind == DeviceRequest::Kind::automatic && support.cuda);
   return choose_device(request, support, matters ? survey_devices() : DeviceSurvey{});
 }
 

@@ -32,7 +32,6 @@ struct DeviceChoice {
 struct DeviceSupport {
   std::string what;
   bool cuda = false;
-  bool automatic = true;           // false: only when a device is asked for
 };
 
 // Throws DeviceError, with the reason, when a CUDA device is asked for and cannot be used.

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 import time
 import unittest
+import unittest.mock
 
 PROGRAM = os.environ.get("OCTRAD", "octrad")
 
@@ -59,9 +60,14 @@ def write_safetensors(path, tensors, metadata):
 
 
 class Case(unittest.TestCase):
-    """A test with a folder of its own."""
+    """A test with a folder of its own. GPUs are hidden unless it is about them: the CPU repeats every bit."""
+    sees_gpus = False
 
     def setUp(self):
+        if not self.sees_gpus:
+            hidden = unittest.mock.patch.dict(os.environ, CUDA_VISIBLE_DEVICES="")
+            hidden.start()
+            self.addCleanup(hidden.stop)
         self.folder = tempfile.mkdtemp(prefix="octrad-cli-")
         self.addCleanup(shutil.rmtree, self.folder, True)
 

@@ -28,6 +28,8 @@ int cuGetProcAddress_v2(const char* name, void** function, int version, uint64_t
 
 
 class Device(Case):
+    sees_gpus = True
+
     def info(self, *options):
         return self.ok("info", "--json", *options).json()
 

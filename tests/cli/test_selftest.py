@@ -6,6 +6,8 @@ from support import ROOM, Case
 
 
 class Selftest(Case):
+    sees_gpus = True
+
     def test_checks_pass_and_are_reported(self):
         report = self.ok("selftest", "--quick", "--no-benchmarks", "--json", "--seed", "7").json()
         self.assertTrue(report["passed"])

@@ -44,8 +44,8 @@ struct CommonOptions {
   void apply() const;
 };
 
-// Whether a verb's work can be done on a CUDA device: never (asking for one is an error), when asked for, or also by `auto`.
-enum class Devices { cpu, on_request, cuda };
+// Where a verb's work can be done: on the CPU only (asking for a CUDA device is an error), or also on a CUDA device.
+enum class Devices { cpu, cuda };
 
 // A verb adds its subcommand to `program`; the chosen one's action is put into `run` while parsing.
 struct Program {

@@ -78,7 +78,7 @@ int run(int argc, char** argv) {
     return static_cast<int>(ExitCode::usage);
   }
   const std::string verb = program.app.get_subcommands().front()->get_name();
-  program.common.support = {"octrad " + verb, program.devices[verb] != Devices::cpu, program.devices[verb] != Devices::on_request};
+  program.common.support = {"octrad " + verb, program.devices[verb] == Devices::cuda};
   program.common.apply();
   program.run();
   return interrupted() ? static_cast<int>(ExitCode::interrupted) : 0;

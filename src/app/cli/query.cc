@@ -158,7 +158,7 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
 void add_query(Program& program) {
   auto o = std::make_shared<QueryOptions>();
   CLI::App* verb =
-      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv", Devices::on_request);
+      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv", Devices::cuda);
   verb->add_option("model", o->model, "trained cache")->required()->type_name("MODEL.octrad");
   verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")
       ->required()

@@ -292,7 +292,7 @@ void add_render(Program& program) {
   CLI::App* verb = add_verb(program, "render", "Render a scene, path traced or from a trained cache.",
                             "octrad render scene.xml --integrator lhs --model room.octrad --width 512 -o lhs.exr\n"
                             "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr",
-                            Devices::on_request);
+                            Devices::cuda);
   verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "EXR file")->required()->type_name("OUT.exr");
   verb->add_option("--integrator", o->integrator,
