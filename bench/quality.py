@@ -24,6 +24,7 @@ def main():
     parser.add_argument("--octrad", default="build/octrad")
     parser.add_argument("--fields", default="octaoctree,nr")
     parser.add_argument("--time", default="5m")
+    parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
     parser.add_argument("--seed", default="0")
     parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures")
     parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for both fields")
@@ -38,14 +39,14 @@ def main():
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
         trained = run([args.octrad, "train", args.scene, "-o", model, "--preset", "cpu", "--field", field, "--time", args.time, "--seed", args.seed,
-                       "--no-optimizer", "--json", "-q"] + definitions)
+                       "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions)
         for view in args.view:
             name, rest = view.split("=", 1)
             reference, _, camera = rest.partition(",")
             size = run([args.octrad, "info", reference, "--json"])
             picture = os.path.join(folder, f"{field}_{name}.exr")
             command = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--spp", args.spp, "--width", str(size["width"]),
-                       "--height", str(size["height"]), "-o", picture, "--json", "-q"] + (["--camera", camera] if camera else [])
+                       "--height", str(size["height"]), "--device", args.device, "-o", picture, "--json", "-q"] + (["--camera", camera] if camera else [])
             rendered = run(command)
             everything = run([args.octrad, "compare", reference, picture, "--json"])["images"][0]
             glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json"])["images"][0]

@@ -42,7 +42,7 @@ def path(args, folder):
         rates = {"octrad": []}
         for _ in range(args.repeat):
             r = run([args.octrad, "render", scene, "--integrator", "path", "--width", "256", "--spp", str(args.spp), "--max-depth", "8", "-o",
-                     os.path.join(folder, "path.exr"), "--json", "-q"])
+                     os.path.join(folder, "path.exr"), "--device", "cpu", "--json", "-q"])
             rates["octrad"].append(r["samples_per_s"])
             for variant in args.variants.split(",") if args.mitsuba_tool else []:
                 m = run([args.mitsuba_python, args.mitsuba_tool, scene, "--width", "256", "--spp", str(args.spp), "--pass-spp", str(max(1, args.spp // 2)),
@@ -61,8 +61,8 @@ def cache(args, folder):
         for levels in (6, 8):
             model = os.path.join(folder, "model.octrad")
             trained, memory = peak_memory_of([args.octrad, "train", scene, "-o", model, "--time", "10s", "-D", f"octree.levels={levels}", "--no-optimizer",
-                                              "--json", "-q"])
-            picture = ["-o", os.path.join(folder, "cache.exr"), "--json", "-q", "--model", model, "--width", "512", "--height", "512"]
+                                              "--device", "cpu", "--json", "-q"])
+            picture = ["-o", os.path.join(folder, "cache.exr"), "--device", "cpu", "--json", "-q", "--model", model, "--width", "512", "--height", "512"]
             rhs = [run([args.octrad, "render", scene, "--integrator", "rhs", "--spp", "4"] + picture)["queries_per_s"] for _ in range(args.repeat)]
             lhs = [run([args.octrad, "render", scene, "--integrator", "lhs", "--spp", "1"] + picture)["seconds"] for _ in range(args.repeat)]
             row = {"scene": name_of(scene), "levels": levels, "rhs_queries_per_s": statistics.median(rhs), "lhs_frame_seconds": statistics.median(lhs),

@@ -72,7 +72,7 @@ class Query(unittest.TestCase):
             model = numpy_query.Model(path("m.octrad"))
             points = sample_points(model, 600)
             np.savetxt(path("points.csv"), points, fmt="%.9g", delimiter=",", header=",".join(numpy_query.COLUMNS), comments="")
-            run("query", path("m.octrad"), "--points", path("points.csv"), "-o", path("out.csv"))
+            run("query", path("m.octrad"), "--device", "cpu", "--points", path("points.csv"), "-o", path("out.csv"))
             disparity, features, radiance = model.query(numpy_query.read_points(path("points.csv")))
             with open(path("out.csv")) as file:
                 header = file.readline().strip().split(",")
