@@ -108,14 +108,14 @@ OCTRAD_HD inline std::uint32_t next_place(std::uint32_t* count) {
 // Which rows of a table have been given something: a bit each, and their numbers in the order in which they came.
 struct TouchedRows {
   std::uint32_t* bits = nullptr;   // [(rows + 31) / 32]; null: nobody wants to know
-  std::uint32_t* list = nullptr;   // room for every row that can be touched
+  std::uint32_t* list = nullptr;   // room for every row that can be touched; null: the bits are enough
   std::uint32_t* count = nullptr;
 
   OCTRAD_HD void touch(std::uint32_t row) const {
     if (bits == nullptr) return;
     const std::uint32_t bit = 1u << (row & 31u);
     if ((bits[row >> 5] & bit) != 0) return;     // seen late at worst: then atomic_or tells
-    if ((atomic_or(&bits[row >> 5], bit) & bit) == 0) list[next_place(count)] = row;
+    if ((atomic_or(&bits[row >> 5], bit) & bit) == 0 && list != nullptr) list[next_place(count)] = row;
   }
 };
 

@@ -62,12 +62,20 @@ struct TableArrays {
   AdamConstants constants;
   unsigned long long* non_finite;
 
-  OCTRAD_HD void update(std::uint32_t entry, float scaled_rate, float second) const {
+  // `touched`: the entry may have a gradient. One without, and without any moments, does not move.
+  OCTRAD_HD void update(std::uint32_t entry, float scaled_rate, float second, bool touched = true) const {
     Row<C>& gradient_row = reinterpret_cast<Row<C>*>(gradient)[entry];
-    Row<C> g = gradient_row;
-    Row<C> p = reinterpret_cast<const Row<C>*>(values)[entry];
     Row<C>* moment_rows = reinterpret_cast<Row<C>*>(moments) + static_cast<std::uint64_t>(entry) * 2;
-    Row<C> m = moment_rows[0], v = moment_rows[1];
+    Row<C> m = moment_rows[0], v = moment_rows[1], g{};
+    if (touched) {
+      g = gradient_row;
+    } else {
+      bool rests = true;
+      OCTRAD_UNROLL
+      for (int c = 0; c < C; ++c) rests = rests && m.v[c] == 0.0f && v.v[c] == 0.0f;
+      if (rests) return;
+    }
+    Row<C> p = reinterpret_cast<const Row<C>*>(values)[entry];
     unsigned dropped = 0;
     OCTRAD_UNROLL
     for (int c = 0; c < C; ++c) {
@@ -81,7 +89,7 @@ struct TableArrays {
     reinterpret_cast<Row<C>*>(values)[entry] = p;
     moment_rows[0] = m;
     moment_rows[1] = v;
-    gradient_row = Row<C>{};
+    if (touched) gradient_row = Row<C>{};
     if (halves != nullptr) {
       HalfRow<C> h;
       OCTRAD_UNROLL
@@ -118,8 +126,11 @@ template <int C>
 struct EveryStep : Kernel {
   TableArrays<C> arrays;
   const AdamStep* step;
+  const std::uint32_t* touched;    // bits
 
-  OCTRAD_HD void operator()(std::uint32_t entry) const { arrays.update(entry, step->scaled_rate, step->second); }
+  OCTRAD_HD void operator()(std::uint32_t entry) const {
+    arrays.update(entry, step->scaled_rate, step->second, (touched[entry >> 5] >> (entry & 31u) & 1u) != 0);
+  }
 };
 
 // Counts the step's entries and makes room for the next one's.
@@ -240,9 +251,9 @@ DeviceTable::DeviceTable(Stream& stream, std::size_t entries, int features, cons
   gradient_ = DeviceArray<float>(stream, floats, what + " gradient");
   gradient_.fill(0);
   step_ = DeviceArray<AdamStep>(stream, 1, what + " optimiser state");
+  bits_ = DeviceArray<std::uint32_t>(stream, (entries + 31) / 32, what + " gradient");
+  bits_.fill(0);
   if (!options.dense) {
-    bits_ = DeviceArray<std::uint32_t>(stream, (entries + 31) / 32, what + " gradient");
-    bits_.fill(0);
     list_ = DeviceArray<std::uint32_t>(stream, capacity_, what + " gradient");
     list_count_ = DeviceArray<std::uint32_t>(stream, 1, what + " gradient");
     list_count_.fill(0);
@@ -325,7 +336,8 @@ void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, uns
     constexpr int C = decltype(width)::value;
     const TableArrays<C> arrays{values_.data(), halves_.data(), moments_.data(), gradient_.data(), adam_constants(adam.beta1, adam.beta2, adam.epsilon), non_finite};
     if (options_.dense) {
-      launch(stream, entries_, EveryStep<C>{{}, arrays, step_.data()});
+      launch(stream, entries_, EveryStep<C>{{}, arrays, step_.data(), bits_.data()});
+      bits_.fill(0);
     } else {
       launch(stream, capacity_, TouchedStep<C>{{}, arrays, {bits_.data(), list_.data(), list_count_.data()}, counts_.data(), corrections_.data(),
                                                last_correction_, static_cast<float>(rate), rate_scale});
