@@ -108,6 +108,8 @@ TEST_P(DeviceLookup, OctreeFeaturesAreThoseOfTheDefinition) {
       EXPECT_EQ(words[0], 0x11111111u);
       const std::vector<float> packed = numbered(words, rows + 2, b.n);
       std::vector<float> value(rows);
+      // A GPU's reciprocal moves positions by some 1e-7 of the domain: 1e-5 cells of the finest level.
+      const float tolerance = stream_->on_device() ? 5e-5f : 1e-5f;
       int bad = 0;
       for (std::size_t i = 0; i < b.n; ++i) {
         lookup_query<float>(tree.view(), b.position(i), b.direction(i), b.d[i], value.data(), nullptr);
@@ -116,7 +118,7 @@ TEST_P(DeviceLookup, OctreeFeaturesAreThoseOfTheDefinition) {
           if (!stream_->on_device()) {
             ASSERT_EQ(got[at], value[f]) << "query " << i << " feature " << f;
           }
-          bad += !(std::abs(got[at] - value[f]) < 1e-5f && std::abs(got16[at] - value[f]) < 1e-3f && std::abs(packed[at] - got16[at]) < 6e-4f);
+          bad += !(std::abs(got[at] - value[f]) < tolerance && std::abs(got16[at] - value[f]) < 1e-3f && std::abs(packed[at] - got16[at]) < 6e-4f);
         }
       }
       // Contracted multiplications may decide for another cell or vertex where none interpolates.
