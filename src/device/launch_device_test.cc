@@ -202,6 +202,16 @@ TEST_P(Streams, StagesAreTimedInTheirOrder) {
     EXPECT_GT(split[0].second, split[1].second);
     EXPECT_GE(split[1].second, 0.0);
   }
+  // Two marks of a name add up, and one may count in part.
+  StageTimes parts(*stream);
+  parts.begin();
+  for (const double share : {0.0, 1e6, 1e6}) {
+    for (int i = 0; i < 50; ++i) a.fill(i);
+    parts.mark("fill", share);
+  }
+  parts.settle();
+  ASSERT_EQ(parts.means().size(), 1u);
+  EXPECT_GT(parts.means()[0].second, 1e5 * times.means()[0].second);
   EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.5), 2.0);
   EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.99), 3.0);
 }

@@ -4,21 +4,29 @@
 #include <numeric>
 
 namespace octrad {
+namespace {
 
-void StageTimes::begin() {
-  events_.clear();
-  events_.emplace_back("", stream_.record());
+// What is kept under a name; new names come last.
+template <typename T>
+T& entry(std::vector<std::pair<std::string, T>>& list, const std::string& name) {
+  const auto known = std::find_if(list.begin(), list.end(), [&](const auto& e) { return e.first == name; });
+  return known != list.end() ? known->second : list.emplace_back(name, T{}).second;
 }
 
-void StageTimes::mark(const char* stage) { events_.emplace_back(stage, stream_.record()); }
+}  // namespace
+
+void StageTimes::begin() {
+  marks_.clear();
+  marks_.push_back({"", 0.0, stream_.record()});
+}
+
+void StageTimes::mark(const char* stage, double share) { marks_.push_back({stage, share, stream_.record()}); }
 
 void StageTimes::settle() {
-  for (std::size_t i = 1; i < events_.size(); ++i) {
-    const auto known = std::find_if(times_.begin(), times_.end(), [&](const auto& entry) { return entry.first == events_[i].first; });
-    auto& entry = known != times_.end() ? *known : times_.emplace_back(events_[i].first, std::vector<double>{});
-    entry.second.push_back(stream_.milliseconds(*events_[i - 1].second, *events_[i].second));
-  }
-  events_.clear();
+  StageSplit sums;
+  for (std::size_t i = 1; i < marks_.size(); ++i) entry(sums, marks_[i].stage) += marks_[i].share * stream_.milliseconds(*marks_[i - 1].event, *marks_[i].event);
+  for (const auto& [stage, ms] : sums) entry(times_, stage).push_back(ms);
+  marks_.clear();
 }
 
 StageSplit StageTimes::medians() const {

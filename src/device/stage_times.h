@@ -1,5 +1,5 @@
 // How long the stages of a piece of work take on a stream, by the stream's own clock: begin(), then a mark after the launches
-// of each stage. For work that is launched as it is; a recorded graph takes no times.
+// of each stage (several of the same name add up). Nothing inside a recorded graph can be marked.
 #pragma once
 
 #include <functional>
@@ -23,17 +23,23 @@ class StageTimes {
  public:
   explicit StageTimes(Stream& stream) : stream_(stream) {}
   void begin();
-  void mark(const char* stage);
+  // `share`: the part of the time that counts, where the stage's work is for several pieces.
+  void mark(const char* stage, double share = 1.0);
   // Waits for the marks since begin(), if any, and keeps the times between them.
   void settle();
-  void forget() { events_.clear(); }   // instead of settle()
+  void forget() { marks_.clear(); }   // instead of settle()
 
   StageSplit medians() const;
   StageSplit means() const;
 
  private:
   Stream& stream_;
-  std::vector<std::pair<std::string, std::unique_ptr<StreamEvent>>> events_;
+  struct Mark {
+    std::string stage;
+    double share = 0.0;
+    std::unique_ptr<StreamEvent> event;
+  };
+  std::vector<Mark> marks_;
   std::vector<std::pair<std::string, std::vector<double>>> times_;
 };
 

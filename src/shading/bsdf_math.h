@@ -33,7 +33,6 @@ OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, 
 }
 
 OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
-  if (b.opacity >= 1.0f && !b.bumped) return sample_model(b, wo, u_lobe, u);
   if (u_lobe >= b.opacity) {
     BsdfSample s;
     s.wi = -wo;
@@ -42,8 +41,11 @@ OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, V
     s.delta = s.null = s.transmission = s.valid = true;
     return s;
   }
-  u_lobe /= b.opacity;
-  BsdfSample s = sample_model(b, wo, u_lobe < 0.99999994f ? u_lobe : 0.99999994f, u);
+  if (b.opacity < 1.0f) {
+    u_lobe /= b.opacity;
+    if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
+  }
+  BsdfSample s = sample_model(b, wo, u_lobe, u);  // called in one place: kernels hold all models once
   s.pdf *= b.opacity;
   if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
   return s;

@@ -1,5 +1,6 @@
 // A step is one tiny launch that sets its constants and one recorded graph for its shape of batch (now and then its launches one
-// by one, to be timed); nothing is read back until the loop asks for a report.
+// by one, to be timed); nothing is read back until the loop asks for a report. Left-hand-side points do not depend on what is learnt:
+// another graph draws them for a group of steps, before the first of the group (or of a new shape) that is taken.
 #include <algorithm>
 #include <map>
 #include <set>
@@ -33,16 +34,36 @@ struct SetStep : Kernel {
 };
 
 constexpr int kStepsBetweenReports = 16;
-// Steps number kTimed, kTimed + kStepsBetweenTimes, ... are launched stage by stage instead of as a graph, and timed.
+// Steps number kTimed, kTimed + kStepsBetweenTimes, ... are launched stage by stage instead of as a graph, and timed. They begin
+// groups.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
+constexpr std::size_t kPointsAhead = std::size_t{1} << 18;  // left-hand-side points that keep a GPU busy
+constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};      // of the schedule: in each all steps have the same shape
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
+
+// Steps in a group of those with `points` points: enough points to fill a GPU, a power of two.
+int group_steps(std::size_t points, const DeviceEngineOptions& options) {
+  int steps = std::min(options.group_steps, kStepsBetweenReports);
+  while (steps > 1 && points * static_cast<std::size_t>(steps) > kPointsAhead) steps /= 2;
+  return steps;
+}
+
+// Points of the largest group.
+std::size_t most_points_ahead(const Config& config, const DeviceEngineOptions& options) {
+  std::size_t most = 0;
+  for (const double fraction : kQuarters) {
+    const auto points = static_cast<std::size_t>(schedule(config, 0, fraction).points);
+    most = std::max(most, points * static_cast<std::size_t>(group_steps(points, options)));
+  }
+  return most;
+}
 
 // Right-hand-side slots of the largest step: points halve while directions double, but small batches stop halving.
 std::size_t most_slots(const Config& config) {
   std::size_t most = 0;
-  for (const double fraction : {0.0, 0.25, 0.5, 0.75}) {
+  for (const double fraction : kQuarters) {
     const ScheduleState s = schedule(config, 0, fraction);
     most = std::max(most, static_cast<std::size_t>(s.points) * static_cast<std::size_t>(s.directions));
   }
@@ -65,9 +86,10 @@ class DeviceEngine : public TrainEngine {
       : stream_(stream),
         times_(stream),
         config_(config),
+        options_(options),
         traced_(config.lookup_offset == "traced"),
         scene_(stream, {context.scene, context.materials, context.lights, build_bvh8(context.scene), &sampler.surfaces()}),
-        lhs_(stream, scene_.world(), lhs_options(config), sampler.views(), sampler.fresh_poses(), most_points(config)),
+        lhs_(stream, scene_.world(), lhs_options(config), sampler.views(), sampler.fresh_poses(), most_points(config), most_points_ahead(config, options)),
         rhs_(stream, scene_.world(), most_slots(config), traced_),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
@@ -90,15 +112,19 @@ class DeviceEngine : public TrainEngine {
     stale_ = true;
     // The first step of a shape runs as it is: what is set up once must not be recorded.
     if (seen_.insert(shape).second) {
+      draw_group(step);
       run(s, no_mark);
       return;
     }
     if (step % kStepsBetweenTimes == kTimed) {
       times_.settle();
       times_.begin();
+      draw_group(step);
+      times_.mark("left-hand side", 1.0 / group_steps(last_points_, options_));
       run(s, [&](const char* stage) { times_.mark(stage); });
       return;
     }
+    draw_group(step);
     std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
     if (!graph) {
       stream_.begin_capture();
@@ -163,9 +189,24 @@ class DeviceEngine : public TrainEngine {
   }
 
  private:
+  // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
+  void draw_group(long long step) {
+    const int steps = group_steps(last_points_, options_);
+    const std::pair<std::size_t, long long> group{last_points_, step / steps};
+    if (group == drawn_) return;
+    std::unique_ptr<LaunchGraph>& graph = draws_[last_points_];
+    if (!graph) {
+      stream_.begin_capture();
+      lhs_.draw(&input_.data()->step, last_points_, steps, traced_);
+      graph = stream_.end_capture();
+    }
+    stream_.replay(*graph);
+    drawn_ = group;
+  }
+
   void run(const ScheduleState& s, const StageMark& mark) {
     const auto n = static_cast<std::size_t>(s.points);
-    lhs_.run(&input_.data()->step, n, traced_);
+    lhs_.take(&input_.data()->step, n, group_steps(n, options_));
     mark("left-hand side");
     rhs_options_.directions = s.directions;
     const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
@@ -182,6 +223,7 @@ class DeviceEngine : public TrainEngine {
   Stream& stream_;
   StageTimes times_;
   const Config config_;
+  const DeviceEngineOptions options_;
   bool traced_;
   DeviceScene scene_;
   DeviceLhs lhs_;
@@ -193,6 +235,8 @@ class DeviceEngine : public TrainEngine {
   DeviceArray<StepInput> input_;
   DeviceArray<Vec3f> answers_, targets_;
   std::size_t last_points_ = 0;
+  std::pair<std::size_t, long long> drawn_;            // points a step and number of the group that lhs_ holds
+  std::map<std::size_t, std::unique_ptr<LaunchGraph>> draws_;
   std::set<std::pair<int, int>> seen_;
   std::map<std::pair<int, int>, std::unique_ptr<LaunchGraph>> graphs_;
   PlaneArray asked_;
@@ -205,7 +249,7 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, config.lookup_offset == "traced") + slots * sizeof(Vec3f)});
-  parts.push_back({"left-hand-side points", DeviceLhs::bytes(points) + points * sizeof(Vec3f)});
+  parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) + points * sizeof(Vec3f)});
   return parts;
 }
 

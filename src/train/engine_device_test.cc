@@ -8,7 +8,9 @@
 
 #include "base/error.h"
 #include "device/stream_test_helper.h"
+#include "train/batch.h"
 #include "train/box_test_helper.h"
+#include "train/device_engine.h"
 #include "train/trainer.h"
 
 namespace octrad {
@@ -98,6 +100,46 @@ TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
   const Config config = short_run("octaoctree", 20);
   const std::vector<Vec3f> a = radiance(*train(box.context, config, options).field), b = radiance(*train(box.context, config, options).field);
   for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << i;
+}
+
+// However many steps' left-hand-side points are drawn at once, and wherever a run begins, changes its shape or asks for a report.
+TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  Config config = short_run("octaoctree", 24);
+  config.train_points = 128;
+  config.train_directions = 1;
+  config.train_quarters = true;
+  const FieldDomain domain = field_domain(box.scene, config);
+  BatchSource batches(box.context, config, {});
+  std::vector<Vec3f> learnt[3], last_targets[3];
+  std::vector<SurfacePoint> last_points[3];
+  const int groups[] = {1, 4, 16};
+  for (int k = 0; k < 3; ++k) {
+    DeviceEngineOptions options;
+    options.deterministic = true;
+    options.group_steps = groups[k];
+    auto engine = make_device_engine(*stream, box.context, config, batches.sampler(), make_field(config, domain), options);
+    for (long long step = 3; step < 24; ++step) {
+      engine->step(step, schedule(config, step, static_cast<double>(step) / 24.0));
+      if (step == 9 || step == 23) EXPECT_EQ(engine->collect().losses.size(), step == 9 ? 7u : 14u);
+    }
+    engine->last_batch(last_points[k], last_targets[k]);
+    learnt[k] = radiance(*engine->release_field());
+  }
+  // The last batch is the last step's.
+  const ScheduleState s = schedule(config, 23, 23.0 / 24.0);
+  ASSERT_EQ(last_points[0].size(), static_cast<std::size_t>(s.points));
+  batches.draw(23, s, nullptr);
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < last_points[0].size(); ++i) same += length(batches.points()[i].x - last_points[0][i].x) < 1e-3f;
+  EXPECT_GT(same, last_points[0].size() * 9 / 10);
+  for (const int k : {1, 2}) {
+    EXPECT_TRUE(learnt[k] == learnt[0]) << groups[k] << " steps at once";
+    EXPECT_TRUE(last_targets[k] == last_targets[0]);
+    for (std::size_t i = 0; i < last_points[0].size(); ++i) ASSERT_EQ(last_points[k][i].x, last_points[0][i].x);
+  }
 }
 
 TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {

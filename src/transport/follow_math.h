@@ -62,6 +62,15 @@ OCTRAD_HD inline Segment first_segment(Vec3f position, const Vec3f* geometric_no
   return {geometric_normal ? offset_origin(position, *geometric_normal, direction) : position, direction, t_max, 0};
 }
 
+// Whether the ray that `point` was seen along passes through it, a mask: straight on, with the opacity as the probability of not
+// doing so; the weight is 1 then, and otherwise the point is opaque.
+OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
+  if (point.black || point.bsdf.opacity >= 1.0f) return false;
+  const bool passes = rng.uniform() >= point.bsdf.opacity;
+  if (!passes) point.bsdf.opacity = 1.0f;
+  return passes;
+}
+
 // Takes the ray that started at `position` over what its segment hit. True where it goes on, as the new `segment`; else `end`
 // is complete. `first`, if given, becomes the first surface that no mask let the ray pass, also where the ray goes on (a
 // mirror) or is absorbed.
@@ -96,11 +105,7 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
     }
   }
   end.point = world.shade(surface, -direction);
-  bool passes = false;
-  if (!end.point.black && end.point.bsdf.opacity < 1.0f) {
-    passes = rng.uniform() >= end.point.bsdf.opacity;  // straight through: the opacity is the probability, so the weight is 1
-    if (!passes) end.point.bsdf.opacity = 1.0f;
-  }
+  const bool passes = passes_mask(end.point, rng);
   if (first && !passes && !first->valid) {
     first->valid = true;
     first->albedo = end.point.black ? Vec3f(0.0f) : albedo_bsdf(end.point.bsdf);

@@ -22,7 +22,7 @@ struct LhsOptions {
   unsigned long long seed = 0;
 };
 
-inline constexpr int kLhsTries = 64;  // per point: a walk may leave the scene, an area sample may lie on a black back
+inline constexpr std::uint32_t kLhsTries = 64;  // per point: a walk may leave the scene, an area sample may lie on a black back
 
 // Where walks start: each from a pose of its own in free space, or from one of `poses`. The first pose is the scene's own view.
 struct LhsPoses {
@@ -49,86 +49,187 @@ OCTRAD_HD inline Ray random_ray(const CameraView& camera, Rng& rng) {
   return camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)});
 }
 
-// A ray from a point of the free space that the camera can reach (part of the way along a short random walk from it; nothing
-// inside closed objects can be reached so) in a uniform direction.
+// A way through the free space: a short random walk from a camera, on one leg of which a free ray starts.
+struct FreeWay {
+  Vec3f origin, direction;         // of the leg
+  Vec3f free_origin, free_direction;
+};
+
+// A leg has ended on a surface: a free ray from part of the way along it in a uniform direction, and the next leg unless this was
+// the `last`.
+OCTRAD_HD inline void free_leg(const SurfaceInteraction& surface, float t, bool last, Rng& rng, FreeWay& way) {
+  way.free_origin = way.origin + way.direction * (t * (0.02f + 0.96f * rng.uniform()));
+  way.free_direction = uniform_direction(rng.uniform2());
+  const Vec2f u = rng.uniform2();
+  if (last) return;
+  const Vec3f n = dot(surface.geometric_normal, way.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
+  way.origin = offset_origin(surface.position, surface.geometric_normal, n);
+  way.direction = cosine_direction(n, u);
+}
+
+OCTRAD_HD inline std::uint32_t free_legs(Rng& rng) { return 1 + rng.below(3); }
+
+// A ray from a point of the free space that the camera can reach (nothing inside closed objects can be reached so).
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool free_ray(const World& world, const CameraView& camera, Rng& rng, Ray& ray) {
-  Ray walk = random_ray(camera, rng);
-  const int segments = 1 + static_cast<int>(rng.below(3));
-  for (int s = 0; s < segments; ++s) {
-    const Hit hit = world.intersect(walk.origin, walk.direction, 0.0f, kRayInfinity);
-    if (!hit.valid()) return s > 0;
-    ray.origin = walk.origin + walk.direction * (hit.t * (0.02f + 0.96f * rng.uniform()));
-    ray.direction = uniform_direction(rng.uniform2());
-    const SurfaceInteraction surface = world.interact(hit, walk.origin, walk.direction);
-    const Vec3f n = dot(surface.geometric_normal, walk.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
-    walk.origin = offset_origin(surface.position, surface.geometric_normal, n);
-    walk.direction = cosine_direction(n, rng.uniform2());
+  const Ray first = random_ray(camera, rng);
+  FreeWay way{first.origin, first.direction, {}, {}};
+  const std::uint32_t legs = free_legs(rng);
+  for (std::uint32_t leg = 0; leg < legs; ++leg) {
+    const Hit hit = world.intersect(way.origin, way.direction, 0.0f, kRayInfinity);
+    if (!hit.valid()) return leg > 0;
+    free_leg(world.interact(hit, way.origin, way.direction), hit.t, leg + 1 == legs, rng, way);
+    ray.origin = way.free_origin;
+    ray.direction = way.free_direction;
   }
   return true;
 }
 
-// Shades the surface as seen from a random direction on the side of `n`; false where that side is black. A cosine density
-// hardly ever looks along a surface, but pictures of glossy floors and walls do: hence the uniform alternative.
-OCTRAD_HD_OR_HOST
-template <typename World>
-OCTRAD_HD inline bool fresh_direction(const World& world, const LhsOptions& options, Rng& rng, const SurfaceInteraction& surface, Vec3f n, ShadingPoint& point) {
-  const Vec2f u = rng.uniform2();
-  point = world.shade(surface, cosine_direction(n, u));
-  if (options.uniform_glossy && !point.black && roughness_bsdf(point.bsdf) < options.rough_threshold) {
-    const Vec3f wo = uniform_direction(u);
-    point = world.shade(surface, dot(wo, n) < 0.0f ? -wo : wo);
+// What a point that is being drawn needs next.
+enum class LhsNext { ray, no_ray, found, missing };
+
+// What it is after: a free ray to walk from, a vertex of the walk, what the first camera sees, any surface.
+enum class LhsAim : std::uint32_t { free_ray, walk, view, area };
+
+// A point that is being drawn, between two rays, so that many can be drawn side by side: lhs_try() begins, lhs_arrive() goes on.
+struct LhsDraw {
+  Rng rng;
+  FreeWay way;                     // origin and direction are those of the ray to trace, whatever the aim
+  LhsAim aim = LhsAim::area;
+  std::uint32_t tries = 0;
+  std::uint32_t vertex = 0;        // of the walk, or leg of the free way
+  std::uint32_t legs = 0;          // of the free way
+  std::uint32_t passed = 0;        // masks since the last vertex
+
+  // Point `i` of step `step`.
+  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i) : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
+    const double kind = rng.uniform();
+    if (kind < options.view) aim = LhsAim::view;
+    else if (kind < options.view + options.walks) aim = LhsAim::walk;
   }
-  point.bsdf.opacity = 1.0f;
-  return !point.black;
+  OCTRAD_HD explicit LhsDraw(const Rng& generator) : rng(generator) {}
+};
+
+// A new try.
+OCTRAD_HD inline LhsNext lhs_try(const LhsPoses& poses, LhsDraw& draw) {
+  const bool view = draw.aim == LhsAim::view;
+  if (draw.aim == LhsAim::area || (!view && draw.tries >= kLhsTries / 2)) {
+    draw.aim = LhsAim::area;
+    return LhsNext::no_ray;
+  }
+  const Ray ray = random_ray(poses.poses[view || poses.fresh ? 0 : draw.rng.below(poses.count)], draw.rng);
+  draw.way.origin = ray.origin;
+  draw.way.direction = ray.direction;
+  if (!view) draw.aim = poses.fresh ? LhsAim::free_ray : LhsAim::walk;
+  if (!view && poses.fresh) draw.legs = free_legs(draw.rng);
+  draw.vertex = draw.passed = 0;
+  return LhsNext::ray;
 }
 
-// A vertex of a random walk.
+// The rest of what lhs_arrive() does where it has come to a surface, on a walk, from the first camera or by chance.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool walk_point(const World& world, const LhsOptions& options, const LhsPoses& poses, Rng& rng, ShadingPoint& point) {
-  Ray ray;
-  if (poses.fresh) {
-    if (!free_ray(world, poses.poses[0], rng, ray)) return false;
-  } else {
-    ray = random_ray(poses.poses[rng.below(poses.count)], rng);
+OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options, const SurfaceInteraction& surface, LhsDraw& draw, ShadingPoint& point) {
+  const auto longest = static_cast<std::uint32_t>(options.max_walk);
+  FreeWay& way = draw.way;
+  Vec3f wo = -way.direction;
+  Vec3f n;                         // the side to look at from a fresh direction
+  Vec2f u;
+  // What shading is for: the end of the ray, a point seen from a fresh direction, the same from one that suits glossy points.
+  enum { end, fresh, glossy } look = end;
+  if (draw.aim == LhsAim::area) {
+    n = surface.geometric_normal * (draw.rng.uniform() < 0.5f ? -1.0f : 1.0f);  // one-sided backs turn out black and are drawn again
+    look = fresh;
   }
-  RayEnd end = follow_ray(world, ray.origin, nullptr, ray.direction, rng, false, options.max_walk);
-  for (int vertex = 0; vertex < options.max_walk && end.surface; ++vertex) {
-    if (rng.uniform() < options.stop_probability) {
-      point = end.point;
-      if (rng.uniform() < options.keep_direction) return true;
-      const Vec3f n = viewed_normal(point);
-      return fresh_direction(world, options, rng, end.point.surface, n, point);
+  for (;;) {                       // a loop, so that kernels hold shading once
+    if (look == fresh) {
+      u = draw.rng.uniform2();
+      wo = cosine_direction(n, u);
     }
-    const float u_lobe = rng.uniform();
-    const BsdfSample scattered = sample_bsdf(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
-    if (!scattered.valid) return false;
-    const Vec3f direction = normalize(end.point.to_world(scattered.wi));
-    const Vec3f position = end.point.surface.position, normal = end.point.surface.geometric_normal;
-    end = follow_ray(world, position, &normal, direction, rng, false, options.max_walk);
+    point = world.shade(surface, wo);
+    if (look != end) {
+      point.bsdf.opacity = 1.0f;
+      if (point.black) return LhsNext::missing;
+      if (look == glossy || !options.uniform_glossy || roughness_bsdf(point.bsdf) >= options.rough_threshold) return LhsNext::found;
+      // A cosine density hardly ever looks along a surface, but pictures of glossy floors and walls do.
+      wo = uniform_direction(u);
+      if (dot(wo, n) < 0.0f) wo = -wo;
+      look = glossy;
+      continue;
+    }
+    if (passes_mask(point, draw.rng)) {
+      way.origin = offset_origin(surface.position, surface.geometric_normal, way.direction);
+      return ++draw.passed <= longest ? LhsNext::ray : LhsNext::missing;
+    }
+    if (point.black) return LhsNext::missing;
+    if (draw.aim == LhsAim::view) return LhsNext::found;
+    if (draw.vertex >= longest) return LhsNext::missing;
+    if (draw.rng.uniform() < options.stop_probability) {
+      if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
+      n = viewed_normal(point);
+      look = fresh;
+      continue;
+    }
+    const float u_lobe = draw.rng.uniform();
+    const BsdfSample scattered = sample_bsdf(point.bsdf, point.to_local(point.wo), u_lobe, draw.rng.uniform2());
+    if (!scattered.valid) return LhsNext::missing;
+    way.direction = normalize(point.to_world(scattered.wi));
+    way.origin = offset_origin(surface.position, surface.geometric_normal, way.direction);
+    ++draw.vertex;
+    draw.passed = 0;
+    return LhsNext::ray;
   }
-  return false;
-}
-
-// What the first camera sees.
-OCTRAD_HD_OR_HOST
-template <typename World>
-OCTRAD_HD inline bool view_point(const World& world, const LhsOptions& options, const LhsPoses& poses, Rng& rng, ShadingPoint& point) {
-  const Ray ray = random_ray(poses.poses[0], rng);
-  const RayEnd end = follow_ray(world, ray.origin, nullptr, ray.direction, rng, false, options.max_walk);
-  point = end.point;
-  return end.surface;
 }
 
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool area_point(const World& world, const LhsOptions& options, Rng& rng, ShadingPoint& point) {
+OCTRAD_HD inline SurfaceInteraction area_surface(const World& world, Rng& rng) {
   const float u_pick = rng.uniform();
-  const SurfaceInteraction surface = world.sample_surface(u_pick, rng.uniform2());
-  const float side = rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
-  return fresh_direction(world, options, rng, surface, surface.geometric_normal * side, point);
+  return world.sample_surface(u_pick, rng.uniform2());
+}
+
+// Goes on where lhs_try() or lhs_arrive() answered `ray`, with what that ray hit, or `no_ray`. `point` is of use where the answer
+// is `found`. `missing`: there was nothing in kLhsTries tries.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& options, const LhsPoses& poses, const Hit& hit, LhsDraw& draw, ShadingPoint& point) {
+  FreeWay& way = draw.way;
+  const bool area = draw.aim == LhsAim::area, leg = draw.aim == LhsAim::free_ray;
+  LhsNext next = LhsNext::missing;
+  if (area || hit.valid()) {
+    const SurfaceInteraction surface = area ? area_surface(world, draw.rng) : world.interact(hit, way.origin, way.direction);
+    if (leg) free_leg(surface, hit.t, ++draw.vertex == draw.legs, draw.rng, way);
+    else next = lhs_look(world, options, surface, draw, point);
+  }
+  if (leg && draw.vertex > 0) {
+    next = LhsNext::ray;
+    if (!hit.valid() || draw.vertex == draw.legs) {
+      way.origin = way.free_origin;  // the way ends after its last leg, or where it leaves the scene
+      way.direction = way.free_direction;
+      draw.aim = LhsAim::walk;
+      draw.vertex = 0;
+    }
+  }
+  if (next == LhsNext::ray) return next;
+  // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
+  if (next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 && roughness_bsdf(point.bsdf) >= options.rough_threshold &&
+      !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
+    next = LhsNext::missing;
+  }
+  return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_try(poses, draw) : next;
+}
+
+// Draws on to the end: true where that is a point.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, const LhsPoses& poses, LhsNext next, LhsDraw& draw, ShadingPoint& point) {
+  while (next == LhsNext::ray || next == LhsNext::no_ray) {
+    Hit hit;
+    if (next == LhsNext::ray) hit = world.intersect(draw.way.origin, draw.way.direction, 0.0f, kRayInfinity);
+    next = lhs_arrive(world, options, poses, hit, draw, point);
+  }
+  return next == LhsNext::found;
 }
 
 // Point `i` of step `step`. False where none was found in kLhsTries tries.
@@ -136,19 +237,9 @@ OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses, unsigned long long step, unsigned long long i,
                                 ShadingPoint& point) {
-  Rng rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i);
-  const double kind = rng.uniform();
-  bool found = false;
-  for (int t = 0; t < kLhsTries && !found; ++t) {
-    if (kind < options.view) found = view_point(world, options, poses, rng, point);
-    else if (kind < options.view + options.walks && t < kLhsTries / 2) found = walk_point(world, options, poses, rng, point);
-    else found = area_point(world, options, rng, point);
-    // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
-    if (found && options.glossy_boost > 1.0 && t < kLhsTries / 2 && roughness_bsdf(point.bsdf) >= options.rough_threshold) {
-      found = rng.uniform() * options.glossy_boost < 1.0;
-    }
-  }
-  return found;
+  LhsDraw draw(options, step, i);
+  const LhsNext next = lhs_try(poses, draw);
+  return lhs_finish(world, options, poses, next, draw, point);
 }
 
 }  // namespace octrad

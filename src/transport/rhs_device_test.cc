@@ -41,7 +41,7 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const DeviceSetup setup(*stream, testing::room());
   const std::size_t n = 1500;
-  std::vector<LhsOptions> kinds(3);
+  std::vector<LhsOptions> kinds(5);
   kinds[1].poses = 5;
   kinds[1].keep_direction = 0.3;
   kinds[1].view = 0.2;
@@ -49,6 +49,12 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   kinds[2].uniform_glossy = true;
   kinds[2].glossy_boost = 2.0;
   kinds[2].seed = 9;
+  kinds[3].walks = 0.0;            // all by area
+  kinds[3].glossy_boost = 3.0;
+  kinds[4].walks = 1.0;            // walks of which many fail
+  kinds[4].max_walk = 2;
+  kinds[4].stop_probability = 0.2;
+  kinds[4].glossy_boost = 3.0;
   DeviceArray<unsigned long long> step(*stream, 1, "step");
   for (const LhsOptions& options : kinds) {
     const LhsSampler sampler(setup.context, options);
@@ -77,6 +83,68 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   }
 }
 
+TEST_P(DeviceBatches, LeftHandSidesOfManyStepsAtOnceAreTheSame) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const DeviceSetup setup(*stream, testing::room());
+  LhsOptions options;
+  options.glossy_boost = 3.0;
+  const LhsSampler sampler(setup.context, options);
+  const std::size_t n = 250;
+  DeviceArray<unsigned long long> step(*stream, 1, "step");
+  for (const int rounds : {-1, 0, 5}) {  // all that the rounds leave over is drawn to its end
+    for (const int steps : {1, 3, 4}) {
+      DeviceLhs lhs(*stream, setup.world(), options, sampler.views(), sampler.fresh_poses(), n, n * static_cast<std::size_t>(steps), rounds);
+      long long group = -1;
+      for (unsigned long long s = 6; s < 11; ++s) {
+        step.upload(std::span(&s, 1));
+        if (std::exchange(group, static_cast<long long>(s) / steps) != static_cast<long long>(s) / steps) lhs.draw(step.data(), n, steps);
+        lhs.take(step.data(), n, steps);
+        std::vector<ShadingPoint> expected(n);
+        sampler.sample(s, expected);
+        expect_same_points(*stream, testing::fetch(*stream, lhs.points(), n), expected);
+        testing::HostPlanes seen(*stream, lhs.surface_points().data, lhs.surface_points().stride, kSurfacePointNumbers);
+        const SurfacePointArray array{seen.values.data(), seen.stride};
+        std::vector<Vec3f> a, b;
+        for (std::size_t i = 0; i < n; ++i) {
+          a.insert(a.end(), {array.load(i).x, array.load(i).wo, array.load(i).albedo});
+          const SurfacePoint p = surface_point(expected[i]);
+          b.insert(b.end(), {p.x, p.wo, p.albedo});
+        }
+        testing::expect_same(*stream, a, b);
+      }
+      EXPECT_EQ(lhs.take_missing(), 0u);
+    }
+  }
+}
+
+// A ball seen from inside, where it is black: nothing can be drawn.
+TEST_P(DeviceBatches, LeftHandSidesThatAreNotThereAreCounted) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  testing::SceneMaker maker;
+  maker.sphere({0, 0, 0}, 1.0f, maker.diffuse(Vec3f(0.5f)));
+  maker.scene.cameras.push_back(look_at({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 50.0f, Camera::FovAxis::x));
+  const DeviceSetup setup(*stream, std::move(maker.scene));
+  LhsOptions options;
+  options.view = 1.0;
+  options.walks = 0.0;
+  const LhsSampler sampler(setup.context, options);
+  std::vector<ShadingPoint> expected(1);
+  EXPECT_THROW(sampler.sample(0, expected), InputError);
+  const std::size_t n = 100;
+  DeviceLhs lhs(*stream, setup.world(), options, sampler.views(), sampler.fresh_poses(), n, 4 * n);
+  DeviceArray<unsigned long long> step(*stream, 1, "step");
+  step.fill(0);
+  lhs.draw(step.data(), n, 4);
+  EXPECT_EQ(lhs.take_missing(), 0u);  // of other steps than those taken nobody cares
+  lhs.take(step.data(), n, 4);
+  lhs.take(step.data(), n, 4);
+  EXPECT_EQ(lhs.take_missing(), 2 * n);
+  EXPECT_EQ(lhs.take_missing(), 0u);
+  for (const ShadingPoint& p : testing::fetch(*stream, lhs.points(), n)) EXPECT_LT(p.surface.emitter, 0);
+}
+
 TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
   const auto stream = testing::stream_or_skip(GetParam());
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
@@ -86,6 +154,12 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
   DeviceLhs lhs(*stream, setup.world(), {}, sampler.views(), sampler.fresh_poses(), 10);
   const DeviceArray<unsigned long long> step(*stream, 1, "step");
   EXPECT_THROW(lhs.run(step.data(), 11), UsageError);
+  EXPECT_THROW(lhs.draw(step.data(), 5, 3), UsageError);
+  EXPECT_THROW(lhs.draw(step.data(), 5, 0), UsageError);
+  const std::size_t before = stream->allocated_bytes(), n = 50'000;
+  const DeviceLhs large(*stream, setup.world(), {}, sampler.views(), sampler.fresh_poses(), n, 3 * n);
+  const auto taken = static_cast<double>(stream->allocated_bytes() - before), said = static_cast<double>(DeviceLhs::bytes(n, 3 * n));
+  EXPECT_NEAR(taken, said, 0.01 * said);
   Scene empty = testing::room({true, false});
   empty.shapes.clear();
   empty.meshes.clear();
