@@ -24,7 +24,9 @@ void StageTimes::mark(const char* stage, double share) { marks_.push_back({stage
 
 void StageTimes::settle() {
   StageSplit sums;
-  for (std::size_t i = 1; i < marks_.size(); ++i) entry(sums, marks_[i].stage) += marks_[i].share * stream_.milliseconds(*marks_[i - 1].event, *marks_[i].event);
+  for (std::size_t i = 1; i < marks_.size(); ++i) {
+    entry(sums, marks_[i].stage) += marks_[i].share * stream_.milliseconds(*marks_[i - 1].event, *marks_[i].event);
+  }
   for (const auto& [stage, ms] : sums) entry(times_, stage).push_back(ms);
   marks_.clear();
 }

@@ -140,9 +140,9 @@ void launch_pass(Stream& stream, [[maybe_unused]] const DeviceInfo& device, cons
   }
 #endif
   host_launch(stream, pass.groups(), [launched = pass](std::size_t begin, std::size_t end) {
-    const P& pass = launched.limited();
-    HostWarp warp(pass.weights);
-    for (std::size_t g = begin; g < end && g < pass.groups(); ++g) pass(warp, static_cast<std::uint32_t>(g));
+    const P& part = launched.limited();
+    HostWarp warp(part.weights);
+    for (std::size_t g = begin; g < end && g < part.groups(); ++g) part(warp, static_cast<std::uint32_t>(g));
   }, 2);
 }
 

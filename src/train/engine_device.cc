@@ -1,6 +1,6 @@
 // A step is one tiny launch that sets its constants and one recorded graph for its shape of batch (now and then its launches one
-// by one, to be timed); nothing is read back until the loop asks for a report. Left-hand-side points do not depend on what is learnt:
-// another graph draws them for a group of steps, before the first of the group (or of a new shape) that is taken.
+// by one, to be timed); nothing is read back until the loop asks for a report. Left-hand-side points do not depend on
+// what is learnt: another graph draws them for a group of steps, before the first of the group (or of a new shape) that is taken.
 #include <algorithm>
 #include <map>
 #include <set>

@@ -83,7 +83,7 @@ TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
         ASSERT_EQ(blocked[i].blocked, expected.valid() ? 1u : 0u) << i;
         found += expected.valid() ? 1 : 0;
       }
-      if (n == kMost) EXPECT_GT(found, 10000);
+      if (n == kMost) { EXPECT_GT(found, 10000); }
     }
   }
 }

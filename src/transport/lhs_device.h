@@ -20,8 +20,8 @@ class LhsOn {
   // `views`, `fresh_poses`: of a LhsSampler. For up to `most` points a step, and `most_ahead` (or `most`, if that is more) of all
   // steps of a group. `rounds`: rays that all points are given in lockstep, before the few that need more get them each in a
   // thread of its own; below 0: so many that in the usual scenes at most 3 % are left (rejecting rough points triples them).
-  LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views, bool fresh_poses, std::size_t most,
-        std::size_t most_ahead = 0, int rounds = -1);
+  LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views, bool fresh_poses,
+        std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
 
   // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `traced_disparity`: fills
   // SurfacePoint::disparity. Can be recorded, as can the others.

@@ -56,7 +56,8 @@ struct Memory {
   }
   OCTRAD_HD void store(std::uint32_t item, const LhsDraw& draw) const {
     generators[item] = draw.rng;
-    progress[item] = static_cast<std::uint32_t>(draw.aim) | draw.legs << 2 | draw.tries << 4 | draw.vertex << 12 | draw.passed << 20;
+    const auto aim = static_cast<std::uint32_t>(draw.aim);
+    progress[item] = aim | draw.legs << 2 | draw.tries << 4 | draw.vertex << 12 | draw.passed << 20;
     if (draw.aim == LhsAim::area) return;
     ways.set3(0, item, draw.way.origin);
     ways.set3(3, item, draw.way.direction);
@@ -192,14 +193,16 @@ struct Take : Kernel {
 }  // namespace lhs_kernels
 
 template <typename World>
-LhsOn<World>::LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views, bool fresh_poses, std::size_t most,
-                    std::size_t most_ahead, int rounds)
+LhsOn<World>::LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views, bool fresh_poses,
+                    std::size_t most, std::size_t most_ahead, int rounds)
     : stream_(&stream), world_(world), options_(options), most_(most), most_ahead_(std::max(most, most_ahead)),
       rounds_(rounds >= 0 ? rounds : options.glossy_boost > 1.0 ? 32 : 12), fresh_poses_(fresh_poses), views_(stream, views, "camera poses"),
       missing_(stream, 1, "counts of points"), sizes_(stream, 2 * static_cast<std::size_t>(rounds_) + 2, "sizes of queues"),
-      queues_{DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points"), DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points")},
+      queues_{DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points"),
+              DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points")},
       progress_(stream, most_ahead_, "left-hand-side points"), generators_(stream, most_ahead_, "random numbers of points"),
-      hits_(stream, most_ahead_, "hits of left-hand-side points"), ways_(stream, lhs_kernels::kDrawNumbers, most_ahead_, "left-hand-side points"),
+      hits_(stream, most_ahead_, "hits of left-hand-side points"),
+      ways_(stream, lhs_kernels::kDrawNumbers, most_ahead_, "left-hand-side points"),
       drawn_(stream, most_ahead_, "left-hand-side points"), points_(stream, most, "left-hand-side points"),
       drawn_surface_points_(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points"),
       surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
@@ -210,7 +213,8 @@ LhsOn<World>::LhsOn(Stream& stream, const World& world, const LhsOptions& option
 template <typename World>
 std::size_t LhsOn<World>::bytes(std::size_t most, std::size_t most_ahead) {
   const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(kSurfacePointNumbers) * sizeof(float);
-  const std::size_t draw = 3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) + static_cast<std::size_t>(lhs_kernels::kDrawNumbers) * sizeof(float);
+  const std::size_t draw =
+      3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) + static_cast<std::size_t>(lhs_kernels::kDrawNumbers) * sizeof(float);
   return most * point + std::max(most, most_ahead) * (point + draw);
 }
 
@@ -220,10 +224,14 @@ void LhsOn<World>::draw(const unsigned long long* step, std::size_t n, int steps
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
-  const Memory memory{ways_.planes(), generators_.data(), progress_.data(), hits_.data(), drawn_.data(), drawn_surface_points_.points()};
-  const auto queue = [&](int round) { return Queue{queues_[round % 2].data(), sizes_.data() + 2 * round, static_cast<std::uint32_t>(items)}; };
+  const Memory memory{ways_.planes(), generators_.data(), progress_.data(),
+                      hits_.data(), drawn_.data(), drawn_surface_points_.points()};
+  const auto queue = [&](int round) {
+    return Queue{queues_[round % 2].data(), sizes_.data() + 2 * round, static_cast<std::uint32_t>(items)};
+  };
   sizes_.fill(0);
-  launch(*stream_, items, Start{{}, memory, options_, poses, step, static_cast<std::uint32_t>(n), static_cast<std::uint32_t>(steps), queue(0)});
+  launch(*stream_, items,
+         Start{{}, memory, options_, poses, step, static_cast<std::uint32_t>(n), static_cast<std::uint32_t>(steps), queue(0)});
   for (int r = 0; r < rounds_; ++r) {
     cast(*stream_, items, Extend<World>{{}, world_, memory, queue(r)});
     launch(*stream_, items, Arrive<World>{{}, world_, memory, options_, poses, queue(r), queue(r + 1)});
@@ -236,15 +244,15 @@ template <typename World>
 void LhsOn<World>::take(const unsigned long long* step, std::size_t n, int steps) {
   using namespace lhs_kernels;
   check(n, steps);
-  launch(*stream_, n, Take{{}, step, static_cast<std::uint32_t>(n), static_cast<std::uint32_t>(steps), drawn_.data(), drawn_surface_points_.points(), points_.data(),
-                           surface_points_.points(), missing_.data()});
+  launch(*stream_, n, Take{{}, step, static_cast<std::uint32_t>(n), static_cast<std::uint32_t>(steps), drawn_.data(),
+                           drawn_surface_points_.points(), points_.data(), surface_points_.points(), missing_.data()});
 }
 
 template <typename World>
 void LhsOn<World>::check(std::size_t n, int steps) const {
   if (steps >= 1 && n <= most_ && n <= most_ahead_ / static_cast<std::size_t>(steps)) return;
-  throw UsageError(std::to_string(n) + " left-hand-side points of " + std::to_string(steps) + " steps: memory was taken for " + std::to_string(most_) + " and " +
-                   std::to_string(most_ahead_) + " of several steps");
+  throw UsageError(std::to_string(n) + " left-hand-side points of " + std::to_string(steps) + " steps: memory was taken for " +
+                   std::to_string(most_) + " and " + std::to_string(most_ahead_) + " of several steps");
 }
 
 template <typename World>

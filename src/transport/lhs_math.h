@@ -103,7 +103,8 @@ struct LhsDraw {
   std::uint32_t passed = 0;        // masks since the last vertex
 
   // Point `i` of step `step`.
-  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i) : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
+  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i)
+      : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
     const double kind = rng.uniform();
     if (kind < options.view) aim = LhsAim::view;
     else if (kind < options.view + options.walks) aim = LhsAim::walk;
@@ -130,7 +131,8 @@ OCTRAD_HD inline LhsNext lhs_try(const LhsPoses& poses, LhsDraw& draw) {
 // The rest of what lhs_arrive() does where it has come to a surface, on a walk, from the first camera or by chance.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options, const SurfaceInteraction& surface, LhsDraw& draw, ShadingPoint& point) {
+OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options, const SurfaceInteraction& surface, LhsDraw& draw,
+                                  ShadingPoint& point) {
   const auto longest = static_cast<std::uint32_t>(options.max_walk);
   FreeWay& way = draw.way;
   Vec3f wo = -way.direction;
@@ -139,7 +141,8 @@ OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options,
   // What shading is for: the end of the ray, a point seen from a fresh direction, the same from one that suits glossy points.
   enum { end, fresh, glossy } look = end;
   if (draw.aim == LhsAim::area) {
-    n = surface.geometric_normal * (draw.rng.uniform() < 0.5f ? -1.0f : 1.0f);  // one-sided backs turn out black and are drawn again
+    const float side = draw.rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
+    n = surface.geometric_normal * side;
     look = fresh;
   }
   for (;;) {                       // a loop, so that kernels hold shading once
@@ -193,7 +196,8 @@ OCTRAD_HD inline SurfaceInteraction area_surface(const World& world, Rng& rng) {
 // is `found`. `missing`: there was nothing in kLhsTries tries.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& options, const LhsPoses& poses, const Hit& hit, LhsDraw& draw, ShadingPoint& point) {
+OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& options, const LhsPoses& poses, const Hit& hit, LhsDraw& draw,
+                                    ShadingPoint& point) {
   FreeWay& way = draw.way;
   const bool area = draw.aim == LhsAim::area, leg = draw.aim == LhsAim::free_ray;
   LhsNext next = LhsNext::missing;
@@ -213,8 +217,8 @@ OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& option
   }
   if (next == LhsNext::ray) return next;
   // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
-  if (next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 && roughness_bsdf(point.bsdf) >= options.rough_threshold &&
-      !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
+  if (next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 &&
+      roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }
   return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_try(poses, draw) : next;
@@ -223,7 +227,8 @@ OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& option
 // Draws on to the end: true where that is a point.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, const LhsPoses& poses, LhsNext next, LhsDraw& draw, ShadingPoint& point) {
+OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, const LhsPoses& poses, LhsNext next, LhsDraw& draw,
+                                 ShadingPoint& point) {
   while (next == LhsNext::ray || next == LhsNext::no_ray) {
     Hit hit;
     if (next == LhsNext::ray) hit = world.intersect(draw.way.origin, draw.way.direction, 0.0f, kRayInfinity);
@@ -235,8 +240,8 @@ OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, 
 // Point `i` of step `step`. False where none was found in kLhsTries tries.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses, unsigned long long step, unsigned long long i,
-                                ShadingPoint& point) {
+OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses, unsigned long long step,
+                                unsigned long long i, ShadingPoint& point) {
   LhsDraw draw(options, step, i);
   const LhsNext next = lhs_try(poses, draw);
   return lhs_finish(world, options, poses, next, draw, point);

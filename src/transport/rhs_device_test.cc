@@ -95,10 +95,9 @@ TEST_P(DeviceBatches, LeftHandSidesOfManyStepsAtOnceAreTheSame) {
   for (const int rounds : {-1, 0, 5}) {  // all that the rounds leave over is drawn to its end
     for (const int steps : {1, 3, 4}) {
       DeviceLhs lhs(*stream, setup.world(), options, sampler.views(), sampler.fresh_poses(), n, n * static_cast<std::size_t>(steps), rounds);
-      long long group = -1;
       for (unsigned long long s = 6; s < 11; ++s) {
         step.upload(std::span(&s, 1));
-        if (std::exchange(group, static_cast<long long>(s) / steps) != static_cast<long long>(s) / steps) lhs.draw(step.data(), n, steps);
+        if (s == 6 || s % static_cast<unsigned long long>(steps) == 0) lhs.draw(step.data(), n, steps);
         lhs.take(step.data(), n, steps);
         std::vector<ShadingPoint> expected(n);
         sampler.sample(s, expected);
