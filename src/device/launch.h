@@ -108,6 +108,21 @@ OCTRAD_HD inline T atomic_add(T* at, T value) {
 #endif
 }
 
+// Takes the next place of a list of *count. Lanes of a warp that come here together take theirs with one atomic operation.
+OCTRAD_HD inline std::uint32_t atomic_append(std::uint32_t* count) {
+#if defined(__CUDA_ARCH__)
+  const unsigned lanes = __activemask();
+  unsigned lane;
+  asm("mov.u32 %0, %%laneid;" : "=r"(lane));
+  const int leader = __ffs(static_cast<int>(lanes)) - 1;
+  unsigned base = 0;
+  if (static_cast<int>(lane) == leader) base = atomicAdd(count, static_cast<unsigned>(__popc(lanes)));
+  return __shfl_sync(lanes, base, leader) + static_cast<unsigned>(__popc(lanes & ((1u << lane) - 1u)));
+#else
+  return atomic_add(count, std::uint32_t{1});
+#endif
+}
+
 OCTRAD_HD inline std::uint32_t atomic_or(std::uint32_t* at, std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)
   return atomicOr(at, bits);

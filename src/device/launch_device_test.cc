@@ -95,10 +95,10 @@ TEST_P(Streams, GraphsReplayWhatWasRecorded) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const std::vector<float> start(1000, 1.0f);
   DeviceArray<float> a(*stream, std::span<const float>(start), "a");
-  stream->begin_capture();
-  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
-  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
-  const auto graph = stream->end_capture();
+  const auto graph = stream->capture([&] {
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
+  });
   EXPECT_EQ(a.download()[0], 1.0f) << "recording must not run";
   for (int i = 0; i < 3; ++i) stream->replay(*graph);
   float expected = 1.0f;
@@ -112,23 +112,37 @@ TEST_P(Streams, RecordingAllowsNothingElse) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const std::vector<float> start(10, 1.0f);
   DeviceArray<float> a(*stream, std::span<const float>(start), "a");
-  EXPECT_THROW(stream->end_capture(), DeviceError);
-  stream->begin_capture();
-  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
-  const auto graph = stream->end_capture();
-  stream->begin_capture();
-  EXPECT_THROW(stream->begin_capture(), DeviceError);
-  EXPECT_THROW(DeviceArray<float>(*stream, 1, "b"), DeviceError);
-  EXPECT_THROW(a.upload(std::span<const float>(start)), DeviceError);
-  EXPECT_THROW(a.download(), DeviceError);
-  EXPECT_THROW(stream->synchronize(), DeviceError);
-  EXPECT_THROW(stream->record(), DeviceError);
-  EXPECT_THROW(stream->replay(*graph), DeviceError);
-  launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
-  const auto second = stream->end_capture();
+  const auto graph = stream->capture([&] { launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f}); });
+  const auto second = stream->capture([&] {
+    EXPECT_THROW(stream->capture([] {}), DeviceError);
+    EXPECT_THROW(DeviceArray<float>(*stream, 1, "b"), DeviceError);
+    EXPECT_THROW(a.upload(std::span<const float>(start)), DeviceError);
+    EXPECT_THROW(a.download(), DeviceError);
+    EXPECT_THROW(stream->synchronize(), DeviceError);
+    EXPECT_THROW(stream->record(), DeviceError);
+    EXPECT_THROW(stream->replay(*graph), DeviceError);
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
+  });
   stream->replay(*graph);
   stream->replay(*second);
   EXPECT_EQ(a.download()[9], 10.0f) << "refusals must not spoil what is recorded";
+}
+
+TEST_P(Streams, FailuresWhileRecordingLeaveTheStreamAsItWas) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  {
+    const std::vector<float> start(10, 1.0f);
+    DeviceArray<float> a(*stream, std::span<const float>(start), "a");
+    EXPECT_THROW(stream->capture([&] {
+      launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+      a.download();
+    }), DeviceError);
+    EXPECT_EQ(a.download()[3], 1.0f);
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+    EXPECT_EQ(a.download()[3], 3.0f);
+  }
+  EXPECT_EQ(stream->allocated_bytes(), 0u);
 }
 
 // Items are numbered in 32 bits.

@@ -91,20 +91,6 @@ OCTRAD_HD inline void atomic_add_row(float* sum, float scale, const float* x) {
 #endif
 }
 
-// The next free place of a list; lanes of a warp that ask together ask once.
-OCTRAD_HD inline std::uint32_t next_place(std::uint32_t* count) {
-#if defined(__CUDA_ARCH__)
-  const unsigned lanes = __activemask();
-  const unsigned lane = threadIdx.x & 31u;
-  const int leader = __ffs(static_cast<int>(lanes)) - 1;
-  unsigned base = 0;
-  if (static_cast<int>(lane) == leader) base = atomicAdd(count, static_cast<unsigned>(__popc(lanes)));
-  return __shfl_sync(lanes, base, leader) + static_cast<unsigned>(__popc(lanes & ((1u << lane) - 1u)));
-#else
-  return atomic_add(count, std::uint32_t{1});
-#endif
-}
-
 // Which rows of a table have been given something: a bit each, and their numbers in the order in which they came.
 struct TouchedRows {
   std::uint32_t* bits = nullptr;   // [(rows + 31) / 32]; null: nobody wants to know
@@ -115,7 +101,7 @@ struct TouchedRows {
     if (bits == nullptr) return;
     const std::uint32_t bit = 1u << (row & 31u);
     if ((bits[row >> 5] & bit) != 0) return;     // seen late at worst: then atomic_or tells
-    if ((atomic_or(&bits[row >> 5], bit) & bit) == 0 && list != nullptr) list[next_place(count)] = row;
+    if ((atomic_or(&bits[row >> 5], bit) & bit) == 0 && list != nullptr) list[atomic_append(count)] = row;
   }
 };
 

@@ -63,10 +63,10 @@ TEST_P(Sort, CanBeRecorded) {
   const SortWorkspace workspace(*stream, n, "sort");
   DeviceArray<std::uint32_t> keys(*stream, n, "keys"), sums(*stream, n, "sums");
   const DeviceArray<std::uint32_t> keys_out(*stream, n, "keys"), values_out(*stream, n, "values");
-  stream->begin_capture();
-  sort_pairs(*stream, workspace, n, keys.data(), keys_out.data(), keys.data(), values_out.data(), 20);
-  exclusive_sum(*stream, workspace, n, keys_out.data(), sums.data());
-  const auto graph = stream->end_capture();
+  const auto graph = stream->capture([&] {
+    sort_pairs(*stream, workspace, n, keys.data(), keys_out.data(), keys.data(), values_out.data(), 20);
+    exclusive_sum(*stream, workspace, n, keys_out.data(), sums.data());
+  });
   for (std::uint64_t seed : {1u, 2u}) {
     const Words input = random_words(n, seed);
     keys.upload(input);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -59,14 +60,17 @@ class Stream {
   virtual void fill(void* memory, int byte, std::size_t bytes) = 0;
   virtual void synchronize() = 0;
 
-  // Launches, copies and fills between the two are recorded instead of run; everything else throws DeviceError there, on either
-  // kind of stream. The host stream records closures.
-  virtual void begin_capture() = 0;
-  virtual std::unique_ptr<LaunchGraph> end_capture() = 0;
+  // Records the launches, copies and fills of `work` instead of running them; everything else throws DeviceError there, on either
+  // kind of stream. Where `work` throws, nothing is recorded. The host stream records closures.
+  std::unique_ptr<LaunchGraph> capture(const std::function<void()>& work);
   virtual void replay(LaunchGraph& graph) = 0;
 
   virtual std::unique_ptr<StreamEvent> record() = 0;
   virtual double milliseconds(StreamEvent& from, StreamEvent& to) = 0;            // waits for `to`
+
+ private:
+  virtual void begin_capture() = 0;
+  virtual std::unique_ptr<LaunchGraph> end_capture() = 0;
 };
 
 // The host as a device; work of a launch is spread over threads.

@@ -427,9 +427,7 @@ TEST_P(DeviceFields, WorkCanBeRecorded) {
     f.radiance(batch.points(), nullptr, points.size(), out.data());
   };
   work(*recorded);
-  stream_->begin_capture();
-  work(*recorded);
-  const auto graph = stream_->end_capture();
+  const auto graph = stream_->capture([&] { work(*recorded); });
   for (int i = 0; i < 3; ++i) stream_->replay(*graph);
   const std::vector<float> a = as_floats(out.download());
   for (int i = 0; i < 4; ++i) work(*direct);

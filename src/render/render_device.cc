@@ -243,9 +243,7 @@ FrameTimes DeviceRenderer::time_frames(int count) {
   };
   r.integrator->set(job);
   frame(no_mark);                          // what is set up once must not be recorded
-  r.stream.begin_capture();
-  frame(no_mark);
-  const std::unique_ptr<LaunchGraph> graph = r.stream.end_capture();
+  const std::unique_ptr<LaunchGraph> graph = r.stream.capture([&] { frame(no_mark); });
 
   FrameTimes times;
   std::vector<double> whole;

@@ -126,11 +126,7 @@ class DeviceEngine : public TrainEngine {
     }
     draw_group(step);
     std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
-    if (!graph) {
-      stream_.begin_capture();
-      run(s, no_mark);
-      graph = stream_.end_capture();
-    }
+    if (!graph) graph = stream_.capture([&] { run(s, no_mark); });
     stream_.replay(*graph);
   }
 
@@ -194,13 +190,15 @@ class DeviceEngine : public TrainEngine {
     const int steps = group_steps(last_points_, options_);
     const std::pair<std::size_t, long long> group{last_points_, step / steps};
     if (group == drawn_) return;
-    std::unique_ptr<LaunchGraph>& graph = draws_[last_points_];
-    if (!graph) {
-      stream_.begin_capture();
-      lhs_.draw(&input_.data()->step, last_points_, steps, traced_);
-      graph = stream_.end_capture();
+    const auto draw = [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); };
+    const auto [entry, first] = draws_.try_emplace(last_points_);
+    std::unique_ptr<LaunchGraph>& graph = entry->second;
+    if (first) {
+      draw();
+    } else {
+      if (!graph) graph = stream_.capture(draw);
+      stream_.replay(*graph);
     }
-    stream_.replay(*graph);
     drawn_ = group;
   }
 

@@ -51,9 +51,7 @@ void expect_cpu_samples(Stream& stream, const GBufferOptions& options, bool trac
 
   DeviceGBuffer buffer(stream, setup.world(), n + 100, options.bounce != Bounce::none, traced);
   buffer.set(job);
-  stream.begin_capture();
-  buffer.run(options);
-  const auto graph = stream.end_capture();
+  const auto graph = stream.capture([&] { buffer.run(options); });
   for (int again = 0; again < 2; ++again) {
     stream.replay(*graph);
     const std::uint32_t asked = testing::fetch(stream, buffer.query_count(), 1)[0], bounced = testing::fetch(stream, buffer.bounce_count(), 1)[0];

@@ -54,7 +54,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const GBufferOptions& options
   memory.samples.set_first(k, first);
   if (!end.surface) return;
   if (bounce) {
-    const std::uint32_t b = queue_append(memory.bounce_count);
+    const std::uint32_t b = atomic_append(memory.bounce_count);
     memory.bounce_points[b] = end.point;
     const unsigned long long high = rng.bits();
     memory.bounce_keys[b] = (high << 32) | rng.bits();
@@ -62,7 +62,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const GBufferOptions& options
     memory.bounce_owner[b] = k;
     return;
   }
-  const std::uint32_t q = queue_append(memory.query_count);
+  const std::uint32_t q = atomic_append(memory.query_count);
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
   memory.query_weight.set3(0, q, end.throughput);
@@ -89,7 +89,7 @@ struct Arrive : Kernel {
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
       if (follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_delta, segment, end, &first)) {
-        memory.chains[queue_append(memory.chain_count)] = k;
+        memory.chains[atomic_append(memory.chain_count)] = k;
         return;
       }
     }

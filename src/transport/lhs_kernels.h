@@ -22,8 +22,8 @@ struct Queue {
   std::uint32_t* counts;           // of both
   std::uint32_t size;
   OCTRAD_HD void push(LhsNext next, std::uint32_t item) const {
-    if (next == LhsNext::ray) items[queue_append(counts)] = item;
-    else items[size - 1 - queue_append(counts + 1)] = item;
+    if (next == LhsNext::ray) items[atomic_append(counts)] = item;
+    else items[size - 1 - atomic_append(counts + 1)] = item;
   }
   OCTRAD_HD bool has_ray(std::uint32_t q) const { return q < counts[0]; }
   OCTRAD_HD bool has(std::uint32_t q) const { return has_ray(q) || q >= size - counts[1]; }

@@ -107,9 +107,7 @@ TEST_P(DevicePaths, RecordedRunsServeOtherViews) {
   CameraJob job = testing::whole_picture(setup.scene, 2);
   DevicePathTracer tracer(*stream, setup.world(), job.size());
   const PathLimits limits{6, 4};
-  stream->begin_capture();
-  tracer.run(limits);
-  const auto graph = stream->end_capture();
+  const auto graph = stream->capture([&] { tracer.run(limits); });
   for (int i = 0; i < 3; ++i) {
     job.first = 2 * i;
     job.view = look_at({0.2f * static_cast<float>(i), 1.3f, 4.0f}, {0, 1, 0}, {0, 1, 0}, 50.0f, Camera::FovAxis::x).view(job.width, job.height);

@@ -103,7 +103,7 @@ struct QueueConnection {
   std::uint32_t* count;
   std::uint32_t path;
   OCTRAD_HD void operator()(const RayQuery& ray, Vec3f contribution) const {
-    const std::uint32_t place = queue_append(count);
+    const std::uint32_t place = atomic_append(count);
     memory.shadow_rays.store(place, ray);
     memory.shadow_light.set3(0, place, contribution);
     memory.shadow_owner[place] = path;
@@ -150,7 +150,7 @@ struct Scatter : Kernel {
     if (!goes_on) return;
     memory.state.store(i, state);
     memory.generators[i] = rng;
-    next_queue[queue_append(next_count)] = i;
+    next_queue[atomic_append(next_count)] = i;
   }
 };
 

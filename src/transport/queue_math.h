@@ -1,4 +1,4 @@
-// Storage of wavefront kernels: numbers of many items in planes, and queues that are filled in any order.
+// Storage of wavefront kernels: numbers of many items in planes, so that neighbouring threads read neighbouring memory.
 #pragma once
 
 #include <cstddef>
@@ -36,22 +36,6 @@ struct RayPlanes : FloatPlanes {
     set(6, i, ray.t_max);
   }
 };
-
-// Takes the next place of a queue. The threads of a warp that come here together take theirs with one atomic operation.
-OCTRAD_HD inline std::uint32_t queue_append(std::uint32_t* count) {
-#if defined(__CUDA_ARCH__)
-  const unsigned active = __activemask();
-  unsigned lane;
-  asm("mov.u32 %0, %%laneid;" : "=r"(lane));
-  const int leader = __ffs(static_cast<int>(active)) - 1;
-  std::uint32_t base = 0;
-  if (lane == static_cast<unsigned>(leader)) base = atomicAdd(count, static_cast<std::uint32_t>(__popc(active)));
-  base = __shfl_sync(active, base, leader);
-  return base + static_cast<std::uint32_t>(__popc(active & ((1u << lane) - 1u)));
-#else
-  return atomic_add(count, std::uint32_t{1});
-#endif
-}
 
 // What drivers count in device memory.
 struct TraceCounts {

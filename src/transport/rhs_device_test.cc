@@ -61,9 +61,7 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
     std::vector<ShadingPoint> expected(n);
     sampler.sample(42, expected);
     DeviceLhs lhs(*stream, setup.world(), options, sampler.views(), sampler.fresh_poses(), n);
-    stream->begin_capture();
-    lhs.run(step.data(), n, true);
-    const auto graph = stream->end_capture();
+    const auto graph = stream->capture([&] { lhs.run(step.data(), n, true); });
     for (const unsigned long long s : {41ull, 42ull}) {  // the graph reads the step when it runs
       step.upload(std::span(&s, 1));
       stream->replay(*graph);
@@ -222,9 +220,7 @@ void expect_right_hand_sides(Stream& stream, const RhsCase& c) {
   device_points.most = n;
   device_points.stream = step.data();
   device_points.keys = c.keys ? device_keys.data() : nullptr;
-  stream.begin_capture();
-  rhs.trace(device_points, device_options);
-  const auto graph = stream.end_capture();
+  const auto graph = stream.capture([&] { rhs.trace(device_points, device_options); });
   DeviceArray<Vec3f> answers(stream, rhs.capacity(), "answers"), targets(stream, n, "targets");
   for (int again = 0; again < 2; ++again) {  // nothing is left over from the first time
     stream.replay(*graph);

@@ -53,7 +53,7 @@ struct Sample : Kernel {
       const EmitterSample emitter = sample_emitter(world, point, wo, light_set(m));
       if (emitter.valid) {
         light = emitter.contribution;
-        const std::uint32_t place = queue_append(memory.shadow_count);
+        const std::uint32_t place = atomic_append(memory.shadow_count);
         memory.shadow_rays.store(place, emitter.ray);
         memory.shadow_owners[place] = slot;
       }
@@ -66,7 +66,7 @@ struct Sample : Kernel {
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
     const Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
-    const std::uint32_t place = queue_append(memory.ray_count);
+    const std::uint32_t place = atomic_append(memory.ray_count);
     memory.rays.store(place, {segment.origin, segment.direction, segment.t_max});
     memory.owners[place] = slot;
   }
@@ -104,7 +104,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   const float pdf = memory.slots.get(9, slot);
   memory.slots.set3(3, slot, bounce_emission(weight, std::fabs(pdf), std::signbit(pdf), end));
   if (!end.surface || !options.ask) return;
-  const std::uint32_t q = queue_append(memory.query_count);
+  const std::uint32_t q = atomic_append(memory.query_count);
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
   memory.query_of[slot] = q;
@@ -137,7 +137,7 @@ struct Arrive : Kernel {
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
       if (follow_hit(world, position, memory.hits[q], rng, true, segment, end, nullptr)) {
-        memory.chains[queue_append(memory.chain_count)] = q;
+        memory.chains[atomic_append(memory.chain_count)] = q;
         return;
       }
     }

@@ -137,9 +137,9 @@ BenchmarkResult sort(const Context& c) {
 // Empty kernels of a recorded graph: what a launch costs at least.
 BenchmarkResult graph_launches(const Context& c) {
   constexpr int kLaunches = 1000;
-  c.stream.begin_capture();
-  for (int i = 0; i < kLaunches; ++i) run_nothing(c.stream);
-  const auto graph = c.stream.end_capture();
+  const auto graph = c.stream.capture([&] {
+    for (int i = 0; i < kLaunches; ++i) run_nothing(c.stream);
+  });
   BenchmarkResult r = measure(c, kLaunches, "launches/s", [&] { c.stream.replay(*graph); });
   r.sizes = {{"launches", kLaunches}};
   return r;
