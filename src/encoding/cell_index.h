@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/bits.h"
 #include "base/hd.h"
 #include "base/vec.h"
 
@@ -19,14 +20,6 @@ struct alignas(16) CellOctant {
   std::uint32_t lower;     // how many are in the lower half of the mask
 };
 static_assert(sizeof(CellOctant) == 16);
-
-OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-  return static_cast<std::uint32_t>(__popc(bits));
-#else
-  return static_cast<std::uint32_t>(__builtin_popcount(bits));
-#endif
-}
 
 // Position of a cell inside its brick, in Morton order: bits 0..2 of each coordinate interleaved.
 OCTRAD_HD constexpr int brick_spread(int a) { return (a & 1) | (a & 2) << 2 | (a & 4) << 4; }

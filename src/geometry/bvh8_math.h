@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/bits.h"
 #include "base/vec.h"
 #include "geometry/bvh8_primitive_math.h"
 #include "geometry/hit.h"
@@ -54,23 +55,6 @@ namespace bvh8_detail {
 OCTRAD_HD inline void check([[maybe_unused]] bool holds) {
 #if !defined(__CUDA_ARCH__)
   assert(holds);
-#endif
-}
-
-// Index of the highest bit that is set; mask != 0.
-OCTRAD_HD inline unsigned highest_bit(unsigned mask) {
-#if defined(__CUDA_ARCH__)
-  return 31u - static_cast<unsigned>(__clz(static_cast<int>(mask)));
-#else
-  return 31u - static_cast<unsigned>(__builtin_clz(mask));
-#endif
-}
-
-OCTRAD_HD inline unsigned count_bits(unsigned mask) {
-#if defined(__CUDA_ARCH__)
-  return static_cast<unsigned>(__popc(mask));
-#else
-  return static_cast<unsigned>(__builtin_popcount(mask));
 #endif
 }
 

@@ -27,8 +27,6 @@ inline constexpr std::uint32_t kWarp = 32, kNone = 0xffffffffu;
 inline constexpr std::uint32_t kWarps = 4096;    // about as many as large GPUs hold at once
 inline constexpr std::uint32_t kRefill = 8;      // lanes that are done before new rays are taken
 
-OCTRAD_HD inline std::uint32_t count(unsigned lanes) { return bvh8_detail::count_bits(lanes); }
-
 template <typename F>
 OCTRAD_HD inline void report(const F& f, const Bvh8Walk<F::kAny>& walk, const typename Bvh8Walk<F::kAny>::Memory& memory, std::uint32_t item) {
   if constexpr (F::kAny) {
@@ -48,12 +46,12 @@ OCTRAD_HD inline void cast_share(const F& f, Warp& warp, std::uint32_t next, std
   const Bvh8View bvh = f.bvh();
   for (;;) {
     unsigned active = warp.vote([](const Walk& walk) { return walk.goes_on(); });
-    const std::uint32_t free = kWarp - count(active), left = last - next;
+    const std::uint32_t free = kWarp - count_bits(active), left = last - next;
     if (active == 0 || (left > 0 && free >= kRefill)) {
       warp.each([&](std::uint32_t lane, Walk& walk, Memory& memory, std::uint32_t& item) {
         if (walk.goes_on()) return;
         if (item != kNone) report(f, walk, memory, item);
-        const std::uint32_t place = next + count(~active & ((1u << lane) - 1u));
+        const std::uint32_t place = next + count_bits(~active & ((1u << lane) - 1u));
         item = kNone;
         if (place >= last) return;
         item = place;
@@ -69,8 +67,8 @@ OCTRAD_HD inline void cast_share(const F& f, Warp& warp, std::uint32_t next, std
     });
     // Primitives are tested when half of the lanes have some. While it is fewer, another one can visit a node.
     for (;;) {
-      const std::uint32_t waiting = count(warp.vote([](const Walk& walk) { return walk.has_primitives(); }));
-      if (waiting == 0 || 2 * waiting < count(active)) break;
+      const std::uint32_t waiting = count_bits(warp.vote([](const Walk& walk) { return walk.has_primitives(); }));
+      if (waiting == 0 || 2 * waiting < count_bits(active)) break;
       warp.each([&](std::uint32_t, Walk& walk, Memory& memory, std::uint32_t&) {
         if (walk.has_primitives()) walk.test(bvh, memory);
       });
