@@ -83,12 +83,13 @@ OCTRAD_HD inline Share share_of(std::uint32_t warp, std::uint32_t warps, std::ui
   return {first < size ? static_cast<std::uint32_t>(first) : size, last < size ? static_cast<std::uint32_t>(last) : size};
 }
 
+// What cast_share() calls a warp: 32 rays side by side on the host, one lane's on a device.
 template <bool kAny>
-struct HostWarp {
+struct HostRays {
   Bvh8Walk<kAny> walks[kWarp];
   typename Bvh8Walk<kAny>::Memory memory[kWarp];
   std::uint32_t items[kWarp];
-  HostWarp() { std::fill_n(items, kWarp, kNone); }
+  HostRays() { std::fill_n(items, kWarp, kNone); }
   template <typename Test>
   unsigned vote(Test test) const {
     unsigned lanes = 0;
@@ -103,7 +104,7 @@ struct HostWarp {
 
 #if defined(__CUDACC__)
 template <bool kAny>
-struct DeviceWarp {
+struct DeviceRays {
   typename Bvh8Walk<kAny>::Memory* memory;
   Bvh8Walk<kAny> walk{};
   std::uint32_t item = kNone;
@@ -128,7 +129,7 @@ __global__ void __launch_bounds__(F::kBlock, kResident / F::kBlock) cast_kernel(
   const Share share = share_of(warp, warps, f.size());
   if (share.first == share.last) return;
   typename Bvh8Walk<F::kAny>::Memory memory;
-  DeviceWarp<F::kAny> lanes{&memory};
+  DeviceRays<F::kAny> lanes{&memory};
   cast_share(f, lanes, share.first, share.last);
 }
 #endif
@@ -137,7 +138,7 @@ __global__ void __launch_bounds__(F::kBlock, kResident / F::kBlock) cast_kernel(
 
 template <typename F>
 void cast(Stream& stream, std::size_t n, const F& functor) {
-  using namespace cast_detail;
+  using cast_detail::HostRays, cast_detail::Share, cast_detail::cast_share, cast_detail::kWarp, cast_detail::kWarps, cast_detail::share_of;
   static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
   static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
   static_assert(F::kBlock % kWarp == 0 && F::kBlock >= kWarp && F::kBlock <= 1024);
@@ -148,7 +149,7 @@ void cast(Stream& stream, std::size_t n, const F& functor) {
 #if defined(__CUDACC__)
   if (stream.on_device()) {
     const std::uint32_t blocks = (warps * kWarp + F::kBlock - 1) / F::kBlock;
-    cast_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(blocks * (F::kBlock / kWarp), functor);
+    cast_detail::cast_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(blocks * (F::kBlock / kWarp), functor);
     check_launch(stream);
     return;
   }
@@ -158,7 +159,7 @@ void cast(Stream& stream, std::size_t n, const F& functor) {
       if (i == 0) functor.count();
       const Share share = share_of(static_cast<std::uint32_t>(i), warps, functor.size());
       if (share.first == share.last) continue;
-      HostWarp<F::kAny> lanes;
+      HostRays<F::kAny> lanes;
       cast_share(functor, lanes, share.first, share.last);
     }
   }, 8);
