@@ -19,7 +19,8 @@ class LhsOn {
  public:
   // `views`, `fresh_poses`: of a LhsSampler. For up to `most` points a step, and `most_ahead` (or `most`, if that is more) of all
   // steps of a group. `rounds`: rays that all points are given in lockstep, before the few that need more get them each in a
-  // thread of its own; below 0: so many that in the usual scenes at most 3 % are left (rejecting rough points triples them).
+  // thread of its own; below 0: 12, or 32 where rough points are rejected, so that a few per cent are left in the usual scenes.
+  // Throws UsageError without a view, or for walks of more than 255 vertices.
   LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views, bool fresh_poses,
         std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
 

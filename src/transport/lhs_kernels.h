@@ -13,8 +13,11 @@
 namespace octrad {
 namespace lhs_kernels {
 
-// LhsDraw but for its Rng: the way's origin 0..2, direction 3..5, free ray 6..11; and its small numbers in one.
+// LhsDraw but for its Rng: the way's origin 0..2, direction 3..5, free ray 6..11; and its small numbers in one (`progress`): 2 bits
+// each for aim and legs, 8 for tries, 8 for the vertex, 12 for what was passed.
 inline constexpr int kDrawNumbers = 12;
+inline constexpr int kMostWalk = 255;
+static_assert(kLhsTries <= 255);
 
 // Items that need a ray come from the front, others from the back.
 struct Queue {
@@ -179,11 +182,11 @@ struct Take : Kernel {
     const std::size_t begin = static_cast<std::size_t>(*step % steps) * points;
     if (drawn[begin + i].surface.shape < 0) atomic_add(missing, 1ull);
     taken_surface_points.store(i, drawn_surface_points.load(begin + i));
-    // Word by word, so that neighbouring threads copy neighbouring words.
+    // Word by word, so that neighbouring threads copy neighbouring words. Told of no alignment, devices would copy bytes.
     using Word = unsigned long long;
     static_assert(sizeof(ShadingPoint) % sizeof(Word) == 0 && alignof(ShadingPoint) % alignof(Word) == 0);
-    const char* from = reinterpret_cast<const char*>(drawn + begin);
-    char* to = reinterpret_cast<char*>(taken);
+    const char* from = static_cast<const char*>(__builtin_assume_aligned(drawn + begin, alignof(Word)));
+    char* to = static_cast<char*>(__builtin_assume_aligned(taken, alignof(Word)));
     for (std::size_t w = i; w < points * (sizeof(ShadingPoint) / sizeof(Word)); w += points) {
       std::memcpy(to + w * sizeof(Word), from + w * sizeof(Word), sizeof(Word));
     }
@@ -207,6 +210,10 @@ LhsOn<World>::LhsOn(Stream& stream, const World& world, const LhsOptions& option
       drawn_surface_points_(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points"),
       surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
   if (views.empty()) throw UsageError("left-hand-side points need a camera to start from");
+  if (options.max_walk < 0 || options.max_walk > lhs_kernels::kMostWalk) {
+    throw UsageError("walks of up to " + std::to_string(options.max_walk) + " vertices: a device draws walks of up to " +
+                     std::to_string(lhs_kernels::kMostWalk));
+  }
   missing_.fill(0);
 }
 

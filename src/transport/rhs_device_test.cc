@@ -153,6 +153,9 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
   EXPECT_THROW(lhs.run(step.data(), 11), UsageError);
   EXPECT_THROW(lhs.draw(step.data(), 5, 3), UsageError);
   EXPECT_THROW(lhs.draw(step.data(), 5, 0), UsageError);
+  LhsOptions long_walks;
+  long_walks.max_walk = 256;           // more than the state of a walk has room for
+  EXPECT_THROW(DeviceLhs(*stream, setup.world(), long_walks, sampler.views(), sampler.fresh_poses(), 10), UsageError);
   const std::size_t before = stream->allocated_bytes(), n = 50'000;
   const DeviceLhs large(*stream, setup.world(), {}, sampler.views(), sampler.fresh_poses(), n, 3 * n);
   const auto taken = static_cast<double>(stream->allocated_bytes() - before), said = static_cast<double>(DeviceLhs::bytes(n, 3 * n));
