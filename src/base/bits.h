@@ -2,10 +2,31 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 
 #include "base/hd.h"
 
 namespace octrad {
+
+// A float's bits, and the float of some bits.
+OCTRAD_HD inline std::uint32_t bits_of(float value) {
+#if defined(__CUDA_ARCH__)
+  return __float_as_uint(value);
+#else
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, 4);
+  return bits;
+#endif
+}
+OCTRAD_HD inline float float_of(std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return __uint_as_float(bits);
+#else
+  float value;
+  std::memcpy(&value, &bits, 4);
+  return value;
+#endif
+}
 
 // How many bits are set.
 OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {

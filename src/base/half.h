@@ -83,7 +83,6 @@ struct HalfRows {
 
   // f is even: numbers f and f + 1.
   OCTRAD_HD void store2(int f, std::size_t i, float a, float b) const { data[static_cast<std::size_t>(f >> 1) * stride + i] = pack_halves(a, b); }
-  OCTRAD_HD Vec2f load2(int f, std::size_t i) const { return unpack_halves(data[static_cast<std::size_t>(f >> 1) * stride + i]); }
 };
 
 // The same of floats: [f][stride].

@@ -10,14 +10,14 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <type_traits>
 
+#include "base/bits.h"
 #include "base/vec.h"
 
 namespace octrad {
 
-// Below this L1 norm a vector has no direction; it is treated as +z.
+// Below this L1 norm a vector has no direction; its components come out as next to nothing, which is +z, or -z for z < 0.
 inline constexpr float kMinL1Norm = 1e-37f;
 
 // Projection of a direction of any length, with what its derivative needs.
@@ -91,9 +91,7 @@ template <typename T>
 OCTRAD_HD inline std::uint32_t octa_vertex_index(OctaVertex<T> a, const OctaMap<T>& map) {
   const T index = a.j * map.row + (a.i + map.center);
   if constexpr (std::is_same_v<T, float>) {
-    std::uint32_t bits;
-    std::memcpy(&bits, &index, 4);
-    return bits - 0x4b000000u;
+    return bits_of(index) - 0x4b000000u;
   } else {
     return static_cast<std::uint32_t>(index);
   }

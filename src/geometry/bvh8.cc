@@ -281,7 +281,7 @@ bool place_nodes(const Scene& scene, const std::vector<BvhReference>& references
         quantise(node, collapse, wide[i]);
         std::uint32_t offset = 0, child = node.child_base - child_node;
         node.primitives = 0;
-        node.one = bvh8_detail::bits_of(1.0f);
+        node.one = bits_of(1.0f);
         for (int s = 0; s < 8; ++s) {
           const Subtree& c = wide[i].child[s];
           if (c.count == 0) continue;

@@ -11,7 +11,6 @@
 #include <cassert>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
 #include "base/bits.h"
 #include "base/vec.h"
@@ -58,16 +57,6 @@ OCTRAD_HD inline void check([[maybe_unused]] bool holds) {
 #endif
 }
 
-OCTRAD_HD inline float from_bits(std::uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-  return __uint_as_float(bits);
-#else
-  float value;
-  std::memcpy(&value, &bits, 4);
-  return value;
-#endif
-}
-
 OCTRAD_HD inline unsigned byte_of(std::uint64_t word, unsigned i) { return static_cast<unsigned>(word >> (8 * i)) & 0xffu; }
 
 // 1 + b / 2^15 of byte i < 4 of the word: a bit pattern, where a conversion would take longer.
@@ -75,12 +64,12 @@ OCTRAD_HD inline float grid_place(std::uint32_t word, std::uint32_t one, unsigne
 #if defined(__CUDA_ARCH__)
   return __uint_as_float(__byte_perm(word, one, 0x7604u | i << 4));
 #else
-  return from_bits(one | (word >> (8 * i) & 0xffu) << 8);
+  return float_of(one | (word >> (8 * i) & 0xffu) << 8);
 #endif
 }
 
 // 2^15 times the scale of axis k's grid (bvh8_grid_scale).
-OCTRAD_HD inline float grid_size(std::uint32_t exponents, int k) { return from_bits((exponents >> (8 * k) & 0xffu) << 23); }
+OCTRAD_HD inline float grid_size(std::uint32_t exponents, int k) { return float_of((exponents >> (8 * k) & 0xffu) << 23); }
 
 // max(a, b, c, 0), and min(a, b, c, t_max) or a negative number where that is negative; none is NaN, t_max is not negative.
 // Numbers that are not negative are in the order of their bits, and integers have instructions for three.

@@ -5,8 +5,8 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
+#include "base/bits.h"
 #include "base/vec.h"
 #include "geometry/hit.h"
 #include "geometry/sphere_math.h"
@@ -45,16 +45,6 @@ OCTRAD_HD inline double multiply(double a, double b) {
   return __dmul_rn(a, b);
 #else
   return a * b;
-#endif
-}
-
-OCTRAD_HD inline std::uint32_t bits_of(float a) {
-#if defined(__CUDA_ARCH__)
-  return __float_as_uint(a);
-#else
-  std::uint32_t bits;
-  std::memcpy(&bits, &a, 4);
-  return bits;
 #endif
 }
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
+#include "base/bits.h"
 #include "base/error.h"
 #include "device/launch.h"
 #include "model/device_field_base.h"
@@ -88,11 +88,7 @@ OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
 }
 
 // Grows with |x|.
-OCTRAD_HD inline std::uint32_t magnitude_bits(float x) {
-  std::uint32_t bits;
-  memcpy(&bits, &x, sizeof(bits));
-  return bits & 0x7fffffffu;
-}
+OCTRAD_HD inline std::uint32_t magnitude_bits(float x) { return bits_of(x) & 0x7fffffffu; }
 
 struct Loss : Kernel {
   SurfacePointArray points;

@@ -74,12 +74,6 @@ struct Microfacet {
     return 2.0f / (1.0f + std::sqrt(1.0f + tan2));
   }
 
-  // Density per solid angle with which sample_normal(w, u) draws m; w.z > 0.
-  OCTRAD_HD float normal_pdf(Vec3f w, Vec3f m) const {
-    if (visible) return density(m) * masking(w, m) * std::fabs(dot(w, m)) / w.z;
-    return density(m) * m.z;
-  }
-
   OCTRAD_HD Vec3f sample_normal(Vec3f w, Vec2f u) const {
     if (!visible) return sample_all(u);
     const Vec3f p = normalize(Vec3f(alpha_u * w.x, alpha_v * w.y, w.z));  // stretched: unit roughness

@@ -22,8 +22,6 @@ OCTRAD_HD inline Vec3f square_to_cosine_hemisphere(Vec2f u) {
   return {d.x, d.y, std::sqrt(z2 > 0.0f ? z2 : 0.0f)};
 }
 
-OCTRAD_HD inline float cosine_hemisphere_pdf(Vec3f w) { return w.z > 0.0f ? w.z * kInvPi : 0.0f; }
-
 // Uniform barycentric coordinates (b1, b2) of a triangle (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
 OCTRAD_HD inline Vec2f square_to_triangle(Vec2f u) {
   if (u.y > u.x) {

@@ -34,8 +34,7 @@ struct SetStep : Kernel {
 };
 
 constexpr int kStepsBetweenReports = 16;
-// Steps number kTimed, kTimed + kStepsBetweenTimes, ... are launched stage by stage instead of as a graph, and timed. They begin
-// groups.
+// Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
 constexpr std::size_t kPointsAhead = std::size_t{1} << 18;  // left-hand-side points that keep a GPU busy
@@ -45,7 +44,7 @@ std::size_t most_points(const Config& config) { return static_cast<std::size_t>(
 
 // Steps in a group of those with `points` points: enough points to fill a GPU, a power of two.
 int group_steps(std::size_t points, const DeviceEngineOptions& options) {
-  int steps = std::min(options.group_steps, kStepsBetweenReports);
+  int steps = std::clamp(options.group_steps, 1, kStepsBetweenReports);
   while (steps > 1 && points * static_cast<std::size_t>(steps) > kPointsAhead) steps /= 2;
   return steps;
 }
@@ -116,7 +115,11 @@ class DeviceEngine : public TrainEngine {
       run(s, no_mark);
       return;
     }
-    if (step % kStepsBetweenTimes == kTimed) {
+    if (next_timed_ < 0) next_timed_ = step + kTimed;
+    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
+    // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
+    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && graph && draws_[last_points_]) {
+      next_timed_ = step + kStepsBetweenTimes;
       times_.settle();
       times_.begin();
       draw_group(step);
@@ -125,7 +128,6 @@ class DeviceEngine : public TrainEngine {
       return;
     }
     draw_group(step);
-    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
     if (!graph) graph = stream_.capture([&] { run(s, no_mark); });
     stream_.replay(*graph);
   }
@@ -220,6 +222,7 @@ class DeviceEngine : public TrainEngine {
 
   Stream& stream_;
   StageTimes times_;
+  long long next_timed_ = -1;      // step; below 0 before the first
   const Config config_;
   const DeviceEngineOptions options_;
   bool traced_;

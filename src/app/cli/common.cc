@@ -121,7 +121,7 @@ nlohmann::json stages_json(const StageSplit& stages) {
 
 std::string format_stages(const StageSplit& stages) {
   std::string text;
-  for (const auto& [stage, ms] : stages) text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", stage, ms);
+  for (const auto& [stage, ms] : stages) text += fmt::format("{}{} {:.4g}", text.empty() ? "" : ", ", stage, ms);
   return text;
 }
 
