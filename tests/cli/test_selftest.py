@@ -14,7 +14,9 @@ class Selftest(Case):
         self.assertEqual(report["seed"], 7)
         self.assertEqual(report["emulated"], report["device"]["device"] == "host")
         names = [c["name"] for c in report["checks"]]
-        self.assertGreaterEqual(len(names), 10)
+        self.assertGreaterEqual(len(names), 25)
+        for wanted in ("left-hand-side points", "right-hand sides", "first hits", "paths", "film", "optimiser, dense table"):
+            self.assertIn(wanted, names)
         self.assertEqual(len(names), len(set(names)))
         for check in report["checks"]:
             with self.subTest(check["name"]):
@@ -75,6 +77,8 @@ class Selftest(Case):
         report = self.ok("selftest", scene, "--quick", "--only", "embree", "--json").json()
         self.assertEqual(report["scene"]["triangles"], 16)
         self.assertEqual(len(report["checks"]), 2)
+        report = self.ok("selftest", scene, "--device", "cpu", "--only", "paths", "--json").json()
+        self.assertEqual([c["max"] for c in report["checks"]], [0, 0])    # the host runs the CPU's own code
         self.fails(3, "none.xml", "selftest", self.path("none.xml"))
         self.fails(1, "has this in its name", "selftest", "--only", "nonsense")
         self.fails(3, "none", "selftest", "--only", "sort", "-o", self.path("none/out.json"))

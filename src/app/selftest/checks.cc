@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -10,7 +9,6 @@
 #include "app/selftest/selftest.h"
 #include "base/rng.h"
 #include "base/sobol_math.h"
-#include "base/threads.h"
 #include "device/array.h"
 #include "device/sort.h"
 #include "encoding/octahedral_math.h"
@@ -238,42 +236,6 @@ CheckResult check_adam(const Context& c) {
   return errors.result("error of the parameters", 1e-6);
 }
 
-// Our tree on the stream against another answer for each ray: that of Embree, or of the same tree on the CPU.
-CheckResult compare_hits(const Context& c, bool embree, double tolerance, double allowed) {
-  const RayFixture rays(c, c.items(1 << 20, 1 << 15));
-  const DeviceArray<Hit> hits(c.stream, rays.size(), "selftest");
-  run_closest(c.stream, rays.size(), rays.bvh(), rays.data(), hits.data());
-  const std::vector<Hit> got = hits.download();
-  std::vector<Hit> expected(rays.size());
-  parallel_for(rays.size(), [&](std::size_t i) {
-    const RayQuery& r = rays.host()[i];
-    expected[i] = embree ? c.tracer.intersect(r.origin, r.direction, 0.0f, r.t_max)
-                         : bvh8_intersect(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
-  });
-  Errors errors;
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    if (got[i].valid() != expected[i].valid()) errors.add(std::numeric_limits<double>::infinity());
-    else errors.add(got[i].valid() ? std::fabs(static_cast<double>(got[i].t) - expected[i].t) / std::max(1e-20, static_cast<double>(expected[i].t)) : 0.0);
-  }
-  return errors.result("relative error of t", tolerance, allowed);
-}
-
-CheckResult check_closest_embree(const Context& c) { return compare_hits(c, true, 1e-4, 1e-4); }
-CheckResult check_closest_cpu(const Context& c) { return compare_hits(c, false, 1e-6, 1e-5); }
-
-CheckResult check_occluded(const Context& c) {
-  RayFixture rays(c, c.items(1 << 20, 1 << 15), true);
-  const DeviceArray<std::uint32_t> blocked(c.stream, rays.size(), "selftest");
-  run_occluded(c.stream, rays.size(), rays.bvh(), rays.data(), blocked.data());
-  const Words got = blocked.download();
-  Errors errors;
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    const RayQuery& r = rays.host()[i];
-    errors.add((got[i] != 0) == c.tracer.occluded(r.origin, r.direction, 0.0f, r.t_max) ? 0.0 : 1.0);
-  }
-  return errors.result("other answers than Embree", 0.0, 1e-4);   // edges, and lengths that end on a surface
-}
-
 constexpr Check kChecks[] = {
     {"random numbers", check_rng},
     {"Sobol points", check_sobol},
@@ -287,11 +249,22 @@ constexpr Check kChecks[] = {
     {"Adam", check_adam},
     {"closest hit, Embree", check_closest_embree},
     {"closest hit, same tree on the CPU", check_closest_cpu},
+    {"closest hit, a thread a ray", check_closest_alone},
     {"occlusion, Embree", check_occluded},
+    {"occlusion, a thread a ray", check_occluded_alone},
     {"feature lookup, floats", check_lookup_floats},
     {"feature lookup, halves", check_lookup_halves},
     {"decoder", check_decoder},
+    {"optimiser, network", check_network_optimiser},
+    {"optimiser, table of touched entries", check_touched_optimiser},
+    {"optimiser, dense table", check_dense_optimiser},
     {"materials and lights", check_shading, true},
+    {"left-hand-side points", check_left_hand_sides},
+    {"right-hand sides", check_right_hand_sides},
+    {"first hits", check_first_hits},
+    {"paths", check_paths},
+    {"paths, a thread each", check_long_paths},
+    {"film", check_film},
 };
 
 }  // namespace

@@ -20,8 +20,33 @@ BenchmarkResult benchmark_decoder_training(const Context& context);
 // shading.cc: materials and lights at the ends of rays. Needs Context::loaded.
 CheckResult check_shading(const Context& context);
 
-// room.cc. A closed room with a lamp, coloured walls and two balls of rough metal: for stages without a scene file.
+// optimiser.cc: steps of Adam.
+CheckResult check_network_optimiser(const Context& context);
+CheckResult check_touched_optimiser(const Context& context);
+CheckResult check_dense_optimiser(const Context& context);
+
+// rays.cc: warps that take rays (transport/cast.h), against Embree and against the same tree on the CPU; and the walk of a thread
+// alone, which chains, the ends of long paths and traced disparities take.
+CheckResult check_closest_embree(const Context& context);
+CheckResult check_closest_cpu(const Context& context);
+CheckResult check_occluded(const Context& context);
+CheckResult check_closest_alone(const Context& context);
+CheckResult check_occluded_alone(const Context& context);
+
+// transport.cc: what trains and renders, item by item. On the scene given, else in varied_room().
+CheckResult check_left_hand_sides(const Context& context);
+CheckResult check_right_hand_sides(const Context& context);
+CheckResult check_first_hits(const Context& context);
+CheckResult check_paths(const Context& context);
+CheckResult check_long_paths(const Context& context);
+// film.cc
+CheckResult check_film(const Context& context);
+
+// room.cc. For stages without a scene file: a closed room with a lamp, coloured walls and two balls of rough metal.
 cli::LoadedScene built_in_room();
+// For checks without one: open to a sky, with a glossy floor, a one-sided wall, glass, a mirror, a curtain that lets half of the
+// light pass, and two lamps.
+cli::LoadedScene varied_room();
 
 // benchmarks.cc. Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
 BenchmarkResult measure(const Context& context, double count, const std::string& unit, const std::function<void()>& work);

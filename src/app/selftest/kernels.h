@@ -6,10 +6,12 @@
 #include <cstdint>
 
 #include "base/vec.h"
+#include "device/rows.h"
 #include "device/stream.h"
 #include "encoding/hash_grid_math.h"
 #include "geometry/bvh8_math.h"
 #include "geometry/hit.h"
+#include "network/adam.h"
 #include "network/adam_math.h"
 #include "shading/device_world.h"
 
@@ -35,12 +37,21 @@ void run_hash_grid(Stream& stream, std::size_t n, const HashGridView& grid, cons
 void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, float rate, float second, const float* gradients, float* parameters,
               float* m, float* v);
 
+// Tap i, in slot i, to the gradient of a table of kTapFeatures features an entry: scale times upstream[source][feature].
+inline constexpr int kTapFeatures = 4;
+void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const AddNow& sink);
+void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const KeepForSort& sink);
+
 // counts[values[i] mod 8] += 1, *sum += 1, *flags |= 1 << values[i] mod 8
 void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum, std::uint32_t* flags);
 
 // Rays from 0 to t_max.
 void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits);
 void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked);
+
+// The same by bvh8_intersect() and bvh8_occluded(), a thread for each ray.
+void run_closest_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits);
+void run_occluded_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked);
 
 // shading_numbers() of each ray at its hit; u: six numbers a ray, out: kShadingNumbers a ray.
 void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out);

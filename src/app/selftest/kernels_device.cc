@@ -62,6 +62,16 @@ struct SelftestAdam : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const { parameters[i] = adam_update(parameters[i], gradients[i], m[i], v[i], constants, rate, second); }
 };
 
+template <typename Sink>
+struct SelftestTaps : Kernel {
+  const SparseTap* taps;
+  const float* upstream;
+  Sink sink;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    sink.template add<kTapFeatures>(i, taps[i].entry, taps[i].scale, upstream + static_cast<std::size_t>(taps[i].source) * kTapFeatures);
+  }
+};
+
 struct SelftestAtomics : Kernel {
   const std::uint32_t* values;
   std::uint32_t* counts;
@@ -98,6 +108,22 @@ struct SelftestOccluded : Kernel {
   OCTRAD_HD void count() const {}
   OCTRAD_HD RayQuery ray(std::uint32_t i) const { return {rays[i].origin, rays[i].direction, rays[i].t_max}; }
   OCTRAD_HD void met(std::uint32_t i, bool any) const { blocked[i] = any ? 1u : 0u; }
+};
+
+struct SelftestClosestAlone : Kernel {
+  Bvh8View tree;
+  const DeviceRay* rays;
+  Hit* hits;
+  OCTRAD_HD void operator()(std::uint32_t i) const { hits[i] = bvh8_intersect(tree, rays[i].origin, rays[i].direction, 0.0f, rays[i].t_max); }
+};
+
+struct SelftestOccludedAlone : Kernel {
+  Bvh8View tree;
+  const DeviceRay* rays;
+  std::uint32_t* blocked;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    blocked[i] = bvh8_occluded(tree, rays[i].origin, rays[i].direction, 0.0f, rays[i].t_max) ? 1u : 0u;
+  }
 };
 
 struct SelftestShading : Kernel {
@@ -195,6 +221,14 @@ void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, flo
   launch(stream, n, SelftestAdam{{}, constants, rate, second, gradients, parameters, m, v});
 }
 
+void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const AddNow& sink) {
+  launch(stream, n, SelftestTaps<AddNow>{{}, taps, upstream, sink});
+}
+
+void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const KeepForSort& sink) {
+  launch(stream, n, SelftestTaps<KeepForSort>{{}, taps, upstream, sink});
+}
+
 void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum, std::uint32_t* flags) {
   launch(stream, n, SelftestAtomics{{}, values, counts, sum, flags});
 }
@@ -205,6 +239,14 @@ void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const Devic
 
 void run_occluded(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
   cast(stream, n, SelftestOccluded{{}, bvh, static_cast<std::uint32_t>(n), rays, blocked});
+}
+
+void run_closest_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits) {
+  launch(stream, n, SelftestClosestAlone{{}, bvh, rays, hits});
+}
+
+void run_occluded_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
+  launch(stream, n, SelftestOccludedAlone{{}, bvh, rays, blocked});
 }
 
 void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out) {

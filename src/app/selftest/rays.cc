@@ -1,6 +1,11 @@
 #include "app/selftest/rays.h"
 
+#include <algorithm>
+#include <limits>
+
+#include "app/selftest/entries.h"
 #include "base/rng.h"
+#include "base/threads.h"
 #include "geometry/offset_math.h"
 #include "geometry/surface_sampling.h"
 
@@ -111,5 +116,50 @@ RayFixture::RayFixture(const Context& context, std::size_t n, bool finite)
 Bvh8View RayFixture::bvh() const {
   return {nodes_.data(), primitives_.data(), static_cast<std::uint32_t>(nodes_.size()), static_cast<std::uint32_t>(primitives_.size())};
 }
+
+namespace {
+
+// Our tree on the stream against another answer for each ray: that of Embree, or of the same tree on the CPU.
+CheckResult compare_hits(const Context& c, decltype(run_closest)* run, bool embree, double tolerance, double allowed) {
+  const RayFixture rays(c, c.items(1 << 20, 1 << 15));
+  const DeviceArray<Hit> hits(c.stream, rays.size(), "selftest");
+  run(c.stream, rays.size(), rays.bvh(), rays.data(), hits.data());
+  const std::vector<Hit> got = hits.download();
+  std::vector<Hit> expected(rays.size());
+  parallel_for(rays.size(), [&](std::size_t i) {
+    const RayQuery& r = rays.host()[i];
+    expected[i] = embree ? c.tracer.intersect(r.origin, r.direction, 0.0f, r.t_max)
+                         : bvh8_intersect(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
+  });
+  Errors errors;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    if (got[i].valid() != expected[i].valid()) errors.add(std::numeric_limits<double>::infinity());
+    else errors.add(got[i].valid() ? std::fabs(static_cast<double>(got[i].t) - expected[i].t) / std::max(1e-20, static_cast<double>(expected[i].t)) : 0.0);
+  }
+  return errors.result("relative error of t", tolerance, allowed);
+}
+
+CheckResult compare_occlusion(const Context& c, decltype(run_occluded)* run, bool embree, double allowed) {
+  const RayFixture rays(c, c.items(1 << 20, 1 << 15), true);
+  const DeviceArray<std::uint32_t> blocked(c.stream, rays.size(), "selftest");
+  run(c.stream, rays.size(), rays.bvh(), rays.data(), blocked.data());
+  const std::vector<std::uint32_t> got = blocked.download();
+  Errors errors;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    const RayQuery& r = rays.host()[i];
+    const bool expected = embree ? c.tracer.occluded(r.origin, r.direction, 0.0f, r.t_max) : bvh8_occluded(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
+    errors.add((got[i] != 0) == expected ? 0.0 : 1.0);
+  }
+  return errors.result(embree ? "other answers than Embree" : "other answers than the CPU", 0.0, allowed);
+}
+
+}  // namespace
+
+CheckResult check_closest_embree(const Context& c) { return compare_hits(c, run_closest, true, 1e-4, 1e-4); }
+CheckResult check_closest_cpu(const Context& c) { return compare_hits(c, run_closest, false, 1e-6, 1e-5); }
+CheckResult check_closest_alone(const Context& c) { return compare_hits(c, run_closest_alone, false, 1e-6, 1e-5); }
+// Edges, and lengths that end on a surface, may be decided differently.
+CheckResult check_occluded(const Context& c) { return compare_occlusion(c, run_occluded, true, 1e-4); }
+CheckResult check_occluded_alone(const Context& c) { return compare_occlusion(c, run_occluded_alone, false, 1e-5); }
 
 }  // namespace octrad::selftest

@@ -49,20 +49,50 @@ int add_wall(Scene& scene, Vec3f corner, Vec3f a, Vec3f b, int material) {
   return add_shape(scene, Shape::Kind::mesh, scene.meshes.size() - 1, material);
 }
 
-void add_ball(Scene& scene, Vec3f center, float radius, int material) {
+// A shape that shines.
+void add_light(Scene& scene, int shape, Vec3f radiance) {
+  AreaLight light;
+  light.shape = shape;
+  light.radiance = add_texture(scene, radiance);
+  scene.shapes[static_cast<std::size_t>(shape)].emitter = static_cast<int>(scene.area_lights.size());
+  scene.area_lights.push_back(light);
+}
+
+int add_material(Scene& scene, const Material& material) {
+  scene.materials.push_back(material);
+  return static_cast<int>(scene.materials.size()) - 1;
+}
+
+int add_ball(Scene& scene, Vec3f center, float radius, int material) {
   Sphere sphere;
   sphere.center = center;
   sphere.radius = radius;
   scene.spheres.push_back(sphere);
-  add_shape(scene, Shape::Kind::sphere, scene.spheres.size() - 1, material);
+  for (const float side : {-radius, radius}) scene.bounds.extend(center + Vec3f(side));
+  return add_shape(scene, Shape::Kind::sphere, scene.spheres.size() - 1, material);
+}
+
+// With a camera, and everything that is made from the scene.
+cli::LoadedScene complete(std::unique_ptr<Scene> made) {
+  Scene& scene = *made;
+  Camera camera = look_at({0, 0, 0.95f}, {0, -0.1f, 0}, {0, 1, 0}, 70.0f, Camera::FovAxis::x);
+  camera.film_width = scene.film.width = 1024;
+  camera.film_height = scene.film.height = 1024;
+  scene.cameras.push_back(camera);
+  scene.fingerprint = scene_fingerprint(scene);
+  cli::LoadedScene room;
+  room.tracer = make_embree_tracer(scene);
+  room.materials = std::make_unique<Materials>(scene);
+  room.lights = std::make_unique<Lights>(scene);
+  room.scene = std::move(made);
+  return room;
 }
 
 }  // namespace
 
 cli::LoadedScene built_in_room() {
-  cli::LoadedScene room;
-  room.scene = std::make_unique<Scene>();
-  Scene& scene = *room.scene;
+  auto made = std::make_unique<Scene>();
+  Scene& scene = *made;
   scene.file = "(built-in room)";
   const int white = add_diffuse(scene, {0.7f, 0.7f, 0.7f}), red = add_diffuse(scene, {0.6f, 0.1f, 0.1f}), green = add_diffuse(scene, {0.1f, 0.5f, 0.1f});
   add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, white);     // floor
@@ -71,24 +101,45 @@ cli::LoadedScene built_in_room() {
   add_wall(scene, {-1, -1, 1}, {0, 2, 0}, {2, 0, 0}, white);      // front, behind the camera
   add_wall(scene, {-1, -1, -1}, {0, 2, 0}, {0, 0, 2}, red);
   add_wall(scene, {1, -1, -1}, {0, 0, 2}, {0, 2, 0}, green);
-  const int lamp = add_wall(scene, {-0.3f, 0.98f, -0.3f}, {0.6f, 0, 0}, {0, 0, 0.6f}, white);
-  AreaLight light;
-  light.shape = lamp;
-  light.radiance = add_texture(scene, Vec3f(10.0f));
-  scene.area_lights.push_back(light);
-  scene.shapes[static_cast<std::size_t>(lamp)].emitter = 0;
+  add_light(scene, add_wall(scene, {-0.3f, 0.98f, -0.3f}, {0.6f, 0, 0}, {0, 0, 0.6f}, white), Vec3f(10.0f));
   add_ball(scene, {-0.45f, -0.6f, -0.3f}, 0.4f, add_metal(scene, 0.1f));
   add_ball(scene, {0.45f, -0.65f, 0.1f}, 0.35f, add_metal(scene, 0.3f));
+  return complete(std::move(made));
+}
 
-  Camera camera = look_at({0, 0, 0.95f}, {0, -0.1f, 0}, {0, 1, 0}, 70.0f, Camera::FovAxis::x);
-  camera.film_width = scene.film.width = 1024;
-  camera.film_height = scene.film.height = 1024;
-  scene.cameras.push_back(camera);
-  scene.fingerprint = scene_fingerprint(scene);
-  room.tracer = make_embree_tracer(scene);
-  room.materials = std::make_unique<Materials>(scene);
-  room.lights = std::make_unique<Lights>(scene);
-  return room;
+cli::LoadedScene varied_room() {
+  auto made = std::make_unique<Scene>();
+  Scene& scene = *made;
+  scene.file = "(built-in varied room)";
+  Material glossy, glass, mirror, curtain, one_sided;
+  glossy.type = BsdfType::roughplastic;
+  glossy.two_sided = true;
+  glossy.reflectance = add_texture(scene, {0.5f, 0.2f, 0.1f});
+  glossy.alpha_u = glossy.alpha_v = add_texture(scene, Vec3f(0.1f));
+  glass.type = BsdfType::dielectric;
+  mirror.type = BsdfType::conductor;
+  curtain.two_sided = true;
+  curtain.reflectance = add_texture(scene, Vec3f(0.3f));
+  curtain.opacity = add_texture(scene, Vec3f(0.5f));
+  one_sided.reflectance = add_texture(scene, {0.1f, 0.5f, 0.1f});
+  const int white = add_diffuse(scene, Vec3f(0.7f));
+  add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, add_material(scene, glossy));     // floor
+  add_wall(scene, {-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, white);                            // ceiling
+  add_wall(scene, {-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, white);                           // back; the front is open
+  add_wall(scene, {-1, -1, -1}, {0, 2, 0}, {0, 0, 2}, add_diffuse(scene, {0.6f, 0.1f, 0.1f}));
+  add_wall(scene, {1, -1, -1}, {0, 0, 2}, {0, 2, 0}, add_material(scene, one_sided));
+  add_wall(scene, {-0.7f, -0.9f, 0.45f}, {0.9f, 0, 0}, {0, 0.9f, 0}, add_material(scene, curtain));
+  add_light(scene, add_wall(scene, {-0.3f, 0.98f, -0.3f}, {0.6f, 0, 0}, {0, 0, 0.6f}, white), {10.0f, 9.0f, 7.0f});
+  add_light(scene, add_ball(scene, {0.7f, -0.85f, 0.4f}, 0.1f, white), Vec3f(2.0f));
+  add_ball(scene, {-0.5f, -0.6f, -0.1f}, 0.35f, add_material(scene, glass));
+  add_ball(scene, {0.45f, -0.65f, -0.3f}, 0.35f, add_material(scene, mirror));
+  add_ball(scene, {0.1f, -0.8f, 0.2f}, 0.2f, add_metal(scene, 0.2f));
+  Environment sky;
+  sky.width = 4;
+  sky.height = 3;
+  for (int i = 0; i < sky.width * sky.height; ++i) sky.pixels.push_back({0.1f + 0.05f * static_cast<float>(i % 5), 0.2f, 0.3f});
+  scene.environments.push_back(sky);
+  return complete(std::move(made));
 }
 
 }  // namespace octrad::selftest

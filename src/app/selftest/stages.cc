@@ -6,9 +6,9 @@
 
 #include "app/cli/common.h"
 #include "app/selftest/entries.h"
+#include "app/selftest/ground.h"
 #include "base/rng.h"
 #include "base/stopwatch.h"
-#include "geometry/bvh8.h"
 #include "geometry/surface_sampling.h"
 #include "image/metrics.h"
 #include "render/cache_integrators.h"
@@ -17,19 +17,6 @@
 
 namespace octrad::selftest {
 namespace {
-
-// The scene of a stage, with the tree that devices walk: rays are compared by checks of their own.
-struct Ground {
-  cli::LoadedScene own;
-  const cli::LoadedScene& use;
-  std::unique_ptr<Tracer> tracer;
-  TransportContext context;
-
-  explicit Ground(const Context& c)
-      : own(c.loaded ? cli::LoadedScene{} : built_in_room()), use(c.loaded ? *c.loaded : own), tracer(make_bvh8_tracer(*use.scene)),
-        context{*use.scene, *tracer, *use.materials, *use.lights} {}
-  Ground(const Ground&) = delete;
-};
 
 Config short_run(const Context& c) {
   Config config = preset("cpu");
@@ -86,7 +73,7 @@ std::vector<Vec3f> radiance(const RadianceField& field, const std::vector<Surfac
 // they learn; the distance of two seeds on the CPU tells what that is worth.
 StageResult short_training(const Context& c) {
   constexpr double kTolerance = 0.05;
-  const Ground ground(c);
+  const Ground ground(c, built_in_room);
   const Config config = short_run(c);
   Config other = config;
   ++other.seed;
@@ -123,7 +110,7 @@ StageResult short_training(const Context& c) {
 // A cache trained on the stream, asked by both: the picture, and the time that frames take.
 StageResult frame(const Context& c) {
   constexpr double kTolerance = 2e-3;
-  const Ground ground(c);
+  const Ground ground(c, built_in_room);
   const Config config = short_run(c);
   const TrainResult trained = train_short(ground.context, config, &c.stream);
   const bool large = c.items(1, 0) > 0;
