@@ -78,7 +78,7 @@ CheckResult check_film(const Context& c) {
   CheckResult r = errors.result("relative error of pixels", 1e-4);
   if (!same_counts) {
     r.passed = false;
-    r.error += ", with other samples dropped,";
+    r.error += "; other samples dropped";
   }
   return r;
 }

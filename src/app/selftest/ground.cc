@@ -46,12 +46,12 @@ CheckResult Estimates::result(const Context& c, std::string what, double toleran
   const double standard = std::sqrt(square_), off = std::fabs(sum_) / (5.0 * standard + 1e-3 * size_ + 1e-30);
   if (!(off <= 1.0)) {
     r.passed = false;
-    r.error += ", whose mean is off,";
+    r.error += "; their means differ";
   }
   for (const auto& [found, expected] : counts_) {
     if (std::fabs(found - expected) <= (c.stream.on_device() ? 0.01 * expected : 0.0)) continue;
     r.passed = false;
-    r.error += ", with other counts,";
+    r.error += "; other counts";
     break;
   }
   return r;

@@ -27,7 +27,7 @@ void compare(Errors& errors, std::span<const float> got, std::span<const float> 
 CheckResult with_counts(CheckResult r, bool same) {
   if (same) return r;
   r.passed = false;
-  r.error += ", with other counts,";
+  r.error += "; other counts";
   return r;
 }
 

@@ -108,7 +108,7 @@ CheckResult compare_paths(const Context& c, int wave_bounces) {
   Estimates estimates;
   compare_samples(c.stream, tracer.samples(), radiance, first, ground.size, estimates);
   estimates.add_counts(tracer.take_rays(), rays);
-  return estimates.result(c, "relative error of samples", 2e-3, 0.02);
+  return estimates.result(c, "relative error of samples", 2e-3, 0.005);
 }
 
 struct RhsCase { int directions; bool inside, traced, keys, ask; };
@@ -256,11 +256,12 @@ CheckResult check_left_hand_sides(const Context& c) {
                            distance(got[i].surface.geometric_normal, expected[i].surface.geometric_normal)}));
     }
   }
+  // Smooth and curved surfaces on a walk make more of a direction's rounding, vertex by vertex.
   const bool on_device = c.stream.on_device();
-  CheckResult r = errors.result("error of positions, directions, materials", on_device ? 1e-3 : 1e-6, on_device ? 0.02 : 0.0);
+  CheckResult r = errors.result("error of positions, directions, materials", on_device ? 1e-3 : 1e-6, on_device ? 0.03 : 0.0);
   if (lhs.take_missing() != 0) {
     r.passed = false;
-    r.error += ", with missing points,";
+    r.error += "; points are missing";
   }
   return r;
 }
@@ -272,7 +273,7 @@ CheckResult check_right_hand_sides(const Context& c) {
   compare_right_hand_sides(c, ground, n, {16, false, false, false, true}, estimates);
   compare_right_hand_sides(c, ground, n, {5, true, true, true, true}, estimates);
   compare_right_hand_sides(c, ground, n, {4, false, false, false, false}, estimates);
-  return estimates.result(c, "relative error of right-hand sides", 2e-3, 0.03);
+  return estimates.result(c, "relative error of right-hand sides", 2e-3, 0.01);
 }
 
 CheckResult check_first_hits(const Context& c) {
@@ -287,7 +288,7 @@ CheckResult check_first_hits(const Context& c) {
     options.max_chain = 6;
     compare_first_hits(c, ground, options, bounce == Bounce::glossy, estimates);
   }
-  return estimates.result(c, "relative error of samples", 2e-3, 0.01);
+  return estimates.result(c, "relative error of samples", 2e-3, 0.003);
 }
 
 CheckResult check_paths(const Context& c) { return compare_paths(c, 16); }
