@@ -215,6 +215,7 @@ LhsOn<World>::LhsOn(Stream& stream, const World& world, const LhsOptions& option
                      std::to_string(lhs_kernels::kMostWalk));
   }
   missing_.fill(0);
+  drawn_.fill(0);                  // points are taken by whole words, what lies between their members included
 }
 
 template <typename World>
