@@ -61,8 +61,7 @@ class CudaStream : public Stream {
   }
 
   void* allocate(std::size_t bytes, const std::string& what) override {
-    if (capturing_) throw DeviceError("allocation of " + what + " inside a recorded graph");
-    use_device();
+    not_while_recording("allocation of " + what);
     void* memory = nullptr;
     const cudaError_t status = cudaMalloc(&memory, bytes);
     if (status == cudaErrorMemoryAllocation) {
@@ -115,7 +114,6 @@ class CudaStream : public Stream {
     capturing_ = true;
   }
   std::unique_ptr<LaunchGraph> end_capture() override {
-    if (!capturing_) throw DeviceError("no graph is being recorded");
     capturing_ = false;
     cudaGraph_t graph = nullptr;
     check_cuda(cudaStreamEndCapture(stream_, &graph), "recording a graph");
@@ -156,8 +154,8 @@ class CudaStream : public Stream {
     check_cuda(cudaGetDevice(&current), "asking for the current device");
     if (current != index_) check_cuda(cudaSetDevice(index_), "choosing the device");
   }
-  void not_while_recording(const char* what) {
-    if (capturing_) throw DeviceError(std::string(what) + " inside a recorded graph");
+  void not_while_recording(const std::string& what) const {
+    if (capturing_) throw DeviceError(what + " inside a recorded graph");
     use_device();
   }
 

@@ -47,7 +47,7 @@ class HostStream : public Stream {
   }
 
   void* allocate(std::size_t bytes, const std::string& what) override {
-    if (capture_) throw DeviceError("allocation of " + what + " inside a recorded graph");
+    not_while_recording("allocation of " + what);
     void* memory = bytes > kMostBytes ? nullptr : std::aligned_alloc(kAlignment, (bytes + kAlignment - 1) / kAlignment * kAlignment);
     if (memory == nullptr) throw MemoryError("no memory for " + what + " (" + format_bytes(static_cast<double>(bytes)) + ")");
     poison(memory, bytes);
@@ -67,11 +67,11 @@ class HostStream : public Stream {
   std::size_t peak_bytes() const override { return peak_; }
 
   void upload(void* to, const void* from, std::size_t bytes) override {
-    if (capture_) throw DeviceError("an upload inside a recorded graph");
+    not_while_recording("an upload");
     std::memcpy(to, from, bytes);
   }
   void download(void* to, const void* from, std::size_t bytes) override {
-    if (capture_) throw DeviceError("a download inside a recorded graph");
+    not_while_recording("a download");
     std::memcpy(to, from, bytes);
   }
   void copy(void* to, const void* from, std::size_t bytes) override {
@@ -80,25 +80,20 @@ class HostStream : public Stream {
   void fill(void* memory, int byte, std::size_t bytes) override {
     run([=] { std::memset(memory, byte, bytes); });
   }
-  void synchronize() override {
-    if (capture_) throw DeviceError("waiting inside a recorded graph");
-  }
+  void synchronize() override { not_while_recording("waiting"); }
 
   void begin_capture() override {
     if (capture_) throw DeviceError("a graph is being recorded already");
     capture_ = std::make_unique<HostGraph>();
   }
-  std::unique_ptr<LaunchGraph> end_capture() override {
-    if (!capture_) throw DeviceError("no graph is being recorded");
-    return std::move(capture_);
-  }
+  std::unique_ptr<LaunchGraph> end_capture() override { return std::move(capture_); }
   void replay(LaunchGraph& graph) override {
-    if (capture_) throw DeviceError("a graph replayed inside a recorded graph");
+    not_while_recording("a graph replayed");
     for (const auto& work : static_cast<HostGraph&>(graph).work) run(work);
   }
 
   std::unique_ptr<StreamEvent> record() override {
-    if (capture_) throw DeviceError("a time taken inside a recorded graph");
+    not_while_recording("a time taken");
     return std::make_unique<HostEvent>();
   }
   double milliseconds(StreamEvent& from, StreamEvent& to) override {
@@ -111,6 +106,10 @@ class HostStream : public Stream {
   }
 
  private:
+  void not_while_recording(const std::string& what) const {
+    if (capture_) throw DeviceError(what + " inside a recorded graph");
+  }
+
   std::unordered_map<void*, std::size_t> sizes_;
   std::size_t allocated_ = 0, peak_ = 0;
   std::unique_ptr<HostGraph> capture_;
