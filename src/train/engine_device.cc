@@ -2,8 +2,8 @@
 // by one, to be timed); nothing is read back until the loop asks for a report. Left-hand-side points do not depend on
 // what is learnt: another graph draws them for a group of steps, before the first of the group (or of a new shape) that is taken.
 #include <algorithm>
+#include <functional>
 #include <map>
-#include <set>
 #include <utility>
 
 #include "base/error.h"
@@ -109,16 +109,9 @@ class DeviceEngine : public TrainEngine {
     const std::pair<int, int> shape{s.points, s.directions};
     last_points_ = static_cast<std::size_t>(s.points);
     stale_ = true;
-    // The first step of a shape runs as it is: what is set up once must not be recorded.
-    if (seen_.insert(shape).second) {
-      draw_group(step);
-      run(s, no_mark);
-      return;
-    }
     if (next_timed_ < 0) next_timed_ = step + kTimed;
-    std::unique_ptr<LaunchGraph>& graph = graphs_[shape];
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
-    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && graph && draws_[last_points_]) {
+    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(graphs_, shape) && is_recorded(draws_, last_points_)) {
       next_timed_ = step + kStepsBetweenTimes;
       times_.settle();
       times_.begin();
@@ -128,8 +121,7 @@ class DeviceEngine : public TrainEngine {
       return;
     }
     draw_group(step);
-    if (!graph) graph = stream_.capture([&] { run(s, no_mark); });
-    stream_.replay(*graph);
+    run_or_replay(graphs_, shape, [&] { run(s, no_mark); });
   }
 
   int steps_between_reports() const override { return kStepsBetweenReports; }
@@ -187,20 +179,32 @@ class DeviceEngine : public TrainEngine {
   }
 
  private:
+  template <typename Key>
+  using Graphs = std::map<Key, std::unique_ptr<LaunchGraph>>;
+
+  // Work of a key runs as it is for the first time (what is set up once must not be recorded), then as a graph.
+  template <typename Key>
+  void run_or_replay(Graphs<Key>& graphs, const Key& key, const std::function<void()>& work) {
+    const auto [entry, first] = graphs.try_emplace(key);
+    if (first) {
+      work();
+      return;
+    }
+    if (!entry->second) entry->second = stream_.capture(work);
+    stream_.replay(*entry->second);
+  }
+  template <typename Key>
+  static bool is_recorded(const Graphs<Key>& graphs, const Key& key) {
+    const auto found = graphs.find(key);
+    return found != graphs.end() && found->second;
+  }
+
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
   void draw_group(long long step) {
     const int steps = group_steps(last_points_, options_);
     const std::pair<std::size_t, long long> group{last_points_, step / steps};
     if (group == drawn_) return;
-    const auto draw = [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); };
-    const auto [entry, first] = draws_.try_emplace(last_points_);
-    std::unique_ptr<LaunchGraph>& graph = entry->second;
-    if (first) {
-      draw();
-    } else {
-      if (!graph) graph = stream_.capture(draw);
-      stream_.replay(*graph);
-    }
+    run_or_replay(draws_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
     drawn_ = group;
   }
 
@@ -237,9 +241,8 @@ class DeviceEngine : public TrainEngine {
   DeviceArray<Vec3f> answers_, targets_;
   std::size_t last_points_ = 0;
   std::pair<std::size_t, long long> drawn_;            // points a step and number of the group that lhs_ holds
-  std::map<std::size_t, std::unique_ptr<LaunchGraph>> draws_;
-  std::set<std::pair<int, int>> seen_;
-  std::map<std::pair<int, int>, std::unique_ptr<LaunchGraph>> graphs_;
+  Graphs<std::size_t> draws_;      // by points of a step
+  Graphs<std::pair<int, int>> graphs_;                 // by points and directions
   PlaneArray asked_;
   DeviceArray<Vec3f> told_;
 };

@@ -90,6 +90,16 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
   }
 }
 
+TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  TrainOptions options;
+  options.stream = stream.get();
+  EXPECT_TRUE(train(box.context, short_run("octaoctree", 32), options).stages.empty());
+  EXPECT_EQ(train(box.context, short_run("octaoctree", 33), options).stages.size(), 5u);
+}
+
 TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
   const auto stream = testing::stream_or_skip(GetParam());
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
