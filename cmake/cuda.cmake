@@ -66,7 +66,7 @@ endfunction()
 # What cuda_stream.cu says of the program.
 if(OCTRAD_CUDA_FOUND)
   string(REPLACE ";" "," architectures "${CMAKE_CUDA_ARCHITECTURES}")
-  set_source_files_properties(src/device/cuda_stream.cu PROPERTIES COMPILE_DEFINITIONS "OCTRAD_CUDA_ARCHITECTURES=\"${architectures}\"")
+  set_source_files_properties(src/octrad/device/cuda_stream.cu PROPERTIES COMPILE_DEFINITIONS "OCTRAD_CUDA_ARCHITECTURES=\"${architectures}\"")
 endif()
 
 # Sets the language of the files that either compiler takes.

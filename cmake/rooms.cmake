@@ -1,5 +1,5 @@
-# octrad_room(NAME USES lib...): src/NAME/*.cc becomes the static library NAME (target octrad_NAME) and
-# src/NAME/*_test.cc the program test_NAME. Lower rooms are named by their short name.
+# octrad_room(NAME USES lib...): src/octrad/NAME/*.cc becomes the static library NAME (target octrad_NAME) and
+# src/octrad/NAME/*_test.cc the program test_NAME. Lower rooms are named by their short name.
 function(octrad_libraries out)
   set(result)
   foreach(lib ${ARGN})
@@ -14,9 +14,9 @@ endfunction()
 
 function(octrad_room name)
   cmake_parse_arguments(ROOM "" "" "USES" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS src/${name}/*.cc src/${name}/*/*.cc)
+  file(GLOB sources CONFIGURE_DEPENDS src/octrad/${name}/*.cc src/octrad/${name}/*/*.cc)
   if(OCTRAD_CUDA_FOUND)
-    file(GLOB kernels CONFIGURE_DEPENDS src/${name}/*.cu)
+    file(GLOB kernels CONFIGURE_DEPENDS src/octrad/${name}/*.cu)
     list(APPEND sources ${kernels})
   endif()
   octrad_device_sources(${sources})
@@ -51,7 +51,7 @@ function(octrad_room name)
       endif()
     endforeach()
   endif()
-  file(GLOB benches CONFIGURE_DEPENDS src/${name}/*_bench.cc)
+  file(GLOB benches CONFIGURE_DEPENDS src/octrad/${name}/*_bench.cc)
   if(OCTRAD_BENCH AND benches)
     find_package(benchmark REQUIRED)
     add_executable(bench_${name} ${benches})

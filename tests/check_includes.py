@@ -34,15 +34,23 @@ def code_of(text):
     return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', "", text, flags=re.S)
 
 
+def room_of(name):
+    """The room of "octrad/ROOM/file.h" or "app/..."; None where the name has no folder."""
+    parts = name.split("/")
+    if parts[0] == "octrad":
+        parts = parts[1:]
+    return parts[0] if len(parts) > 1 else None
+
+
 def breaches(path, text):
-    room = path.relative_to(SOURCE).parts[0]
+    room = room_of(path.relative_to(SOURCE).as_posix())
     if room not in ALLOWED:
         yield "room %s is not in ARCHITECTURE.md" % room
         return
     for kind, name in INCLUDE.findall(text):
-        target = name.split("/")[0] if "/" in name else None
+        target = room_of(name)
         if kind == '"' and target not in ALLOWED:
-            yield 'include "%s" names no room (write "room/file.h")' % name
+            yield 'include "%s" names no room (write "octrad/room/file.h")' % name
         elif target in ALLOWED and target != room and target not in ALLOWED[room]:
             yield "%s must not include %s (%s)" % (room, target, name)
         if path.name.endswith("_math.h") and kind == "<" and name in HOST_ONLY:

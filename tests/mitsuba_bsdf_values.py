@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Writes src/shading/mitsuba_values_test_data.h: what Mitsuba 3 (scalar_rgb) computes for a set of BSDFs and directions,
+"""Writes src/octrad/shading/mitsuba_values_test_data.h: what Mitsuba 3 (scalar_rgb) computes for a set of BSDFs and directions,
 and for an environment map.
 
-    python3 tests/mitsuba_bsdf_values.py > src/shading/mitsuba_values_test_data.h
+    python3 tests/mitsuba_bsdf_values.py > src/octrad/shading/mitsuba_values_test_data.h
 
 Needs `pip install mitsuba`. The unit test shading/mitsuba_values_test.cc compares our models with these numbers.
 """

@@ -7,11 +7,11 @@
 #include <cstdio>
 #include <cstring>
 
-#include "base/atomic_file.h"
-#include "base/bytes.h"
-#include "base/error.h"
-#include "base/log.h"
-#include "base/threads.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/base/threads.h"
 
 namespace octrad::cli {
 namespace {
@@ -19,12 +19,15 @@ namespace {
 // "key=value" -> both parts.
 std::pair<std::string, std::string> split_definition(const std::string& text) {
   const std::size_t equals = text.find('=');
-  if (equals == std::string::npos || equals == 0) { throw UsageError(fmt::format("-D {}: expected key=value", text)); }
+  if (equals == std::string::npos || equals == 0) {
+    throw UsageError(fmt::format("-D {}: expected key=value", text));
+  }
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
 bool is_config_key(const std::string& name) {
-  if (name.find('.') != std::string::npos) return true;  // with a dot it cannot be a scene parameter: set() knows or suggests
+  if (name.find('.') != std::string::npos)
+    return true;  // with a dot it cannot be a scene parameter: set() knows or suggests
   const std::vector<ConfigKey> keys = describe(Config{});
   return std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& key) { return key.key == name; });
 }
@@ -68,14 +71,16 @@ DeviceChoice CommonOptions::choose_device() const {
 
 void CommonOptions::apply() const {
   const int level = static_cast<int>(LogLevel::normal) + verbose - quiet;
-  set_log_level(static_cast<LogLevel>(std::clamp(level, static_cast<int>(LogLevel::quiet), static_cast<int>(LogLevel::debug))));
+  set_log_level(
+      static_cast<LogLevel>(std::clamp(level, static_cast<int>(LogLevel::quiet), static_cast<int>(LogLevel::debug))));
   if (threads > 0) set_thread_count(threads);
   memory_budget();  // refuses nonsense before any work
   if (!support.cuda) choose_device();
   else if (parse_device(device).kind == DeviceRequest::Kind::cuda) octrad::choose_device(parse_device(device), support);
 }
 
-CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example, Devices devices) {
+CLI::App* add_verb(Program& program, const std::string& name, const std::string& summary, const std::string& example,
+                   Devices devices) {
   CLI::App* verb = program.app.add_subcommand(name, summary);
   program.devices[name] = devices;
   CommonOptions& common = program.common;
@@ -87,7 +92,8 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
       ->check(unnamed(CLI::Range(0LL, 9000000000000000LL)))
       ->type_name("N")
       ->group("Common");
-  verb->add_option("--max-memory", common.max_memory, "memory budget, such as 512M or 4G; default: 90 % of what is free")
+  verb->add_option("--max-memory", common.max_memory,
+                   "memory budget, such as 512M or 4G; default: 90 % of what is free")
       ->type_name("BYTES")
       ->group("Common");
   verb->add_option("--device", common.device, "auto (the default), cpu, cuda or cuda:N; octrad info says what there is")
@@ -170,7 +176,8 @@ Vec3f parse_vector(const std::string& text, const std::string& option) {
 
 void ConfigOptions::add_to(CLI::App& verb) {
   verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
-  verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")->type_name("FILE");
+  verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")
+      ->type_name("FILE");
   verb.add_option("-D", definitions, "set a configuration key (octree.levels=6) or a parameter of the scene file")
       ->type_name("KEY=VALUE")
       ->expected(1)
@@ -183,7 +190,8 @@ Config ConfigOptions::resolve() const {
   if (!file.empty()) {
     const nlohmann::json json = read_json_file(file);
     if (!preset.empty() && json.is_object() && json.contains("preset") && json["preset"] != preset) {
-      throw UsageError(fmt::format("--preset {} and {} (preset {}) contradict each other", preset, file, json["preset"].dump()));
+      throw UsageError(
+          fmt::format("--preset {} and {} (preset {}) contradict each other", preset, file, json["preset"].dump()));
     }
     octrad::apply(config, json, file);
   }

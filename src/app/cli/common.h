@@ -12,21 +12,21 @@
 #include <string>
 #include <vector>
 
-#include "base/progress.h"
-#include "base/vec.h"
-#include "device/choose.h"
-#include "device/stage_times.h"
-#include "model/config.h"
+#include "octrad/base/progress.h"
+#include "octrad/base/vec.h"
+#include "octrad/device/choose.h"
+#include "octrad/device/stage_times.h"
+#include "octrad/model/config.h"
 
 namespace octrad::cli {
 
 // Options that every verb has.
 struct CommonOptions {
-  int threads = 0;                 // 0: all
-  long long seed = -1;             // -1: not given
-  std::string max_memory;          // "4G"; empty: what the machine can give
+  int threads = 0;         // 0: all
+  long long seed = -1;     // -1: not given
+  std::string max_memory;  // "4G"; empty: what the machine can give
   std::string device = "auto";
-  DeviceSupport support;           // of the verb that runs
+  DeviceSupport support;  // of the verb that runs
   int quiet = 0, verbose = 0;
   bool json = false;
   std::string log_json;
@@ -37,8 +37,8 @@ struct CommonOptions {
   std::uint64_t memory_budget(const Stream& stream) const;
   // The --log-json file, null if not asked for.
   std::unique_ptr<JsonLines> open_log(bool append = false) const;
-  // The device that the verb works on, by --device and what the machine has; says so when that is a GPU, and with -v always.
-  // Throws DeviceError when one is asked for that cannot be used.
+  // The device that the verb works on, by --device and what the machine has; says so when that is a GPU, and with -v
+  // always. Throws DeviceError when one is asked for that cannot be used.
   DeviceChoice choose_device() const;
   // Applies threads and verbosity, and refuses nonsense and devices that cannot be used; called once, after parsing.
   void apply() const;
@@ -107,7 +107,8 @@ struct ConfigOptions {
   Config resolve() const;
   // The definitions that name configuration keys, in order (not checked).
   std::vector<std::pair<std::string, std::string>> config_definitions() const;
-  // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration key.
+  // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration
+  // key.
   std::map<std::string, std::string> scene_definitions() const;
 };
 

@@ -7,12 +7,12 @@
 #include <limits>
 
 #include "app/cli/common.h"
-#include "base/bytes.h"
-#include "base/error.h"
-#include "base/log.h"
-#include "image/io.h"
-#include "image/metrics.h"
-#include "image/tonemap.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/image/io.h"
+#include "octrad/image/metrics.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad::cli {
 namespace {
@@ -46,7 +46,9 @@ void write_error_images(const CompareOptions& options, std::size_t index, const 
   log_info("wrote {0}.exr and {0}.png (white: {1:g} or more)", base, options.error_max);
 }
 
-std::string number(double value, const char* missing) { return std::isfinite(value) ? fmt::format("{:.4g}", value) : missing; }
+std::string number(double value, const char* missing) {
+  return std::isfinite(value) ? fmt::format("{:.4g}", value) : missing;
+}
 
 void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   const Image reference = read_image(options.reference);
@@ -59,14 +61,16 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   const bool masked = !std::isnan(options.alpha_below) || !std::isnan(options.alpha_above);
   if (masked) {
     // Below is exclusive and above inclusive, so that the two halves of one threshold share no pixel and miss none.
-    const float above = std::isnan(options.alpha_above) ? -1.0f : std::nextafter(static_cast<float>(options.alpha_above), -1.0f);
-    const float below =
-        std::isnan(options.alpha_below) ? std::numeric_limits<float>::infinity() : static_cast<float>(options.alpha_below);
+    const float above =
+        std::isnan(options.alpha_above) ? -1.0f : std::nextafter(static_cast<float>(options.alpha_above), -1.0f);
+    const float below = std::isnan(options.alpha_below) ? std::numeric_limits<float>::infinity()
+                                                        : static_cast<float>(options.alpha_below);
     mask = roughness_mask(reference, above, below);
   }
 
   nlohmann::json images = nlohmann::json::array();
-  std::vector<std::vector<std::string>> table = {{"image", "MAPE", "trimmed", "MSE", "relMSE", "PSNR", "mean ratio", "pixels"}};
+  std::vector<std::vector<std::string>> table = {
+      {"image", "MAPE", "trimmed", "MSE", "relMSE", "PSNR", "mean ratio", "pixels"}};
   for (std::size_t i = 0; i < options.images.size(); ++i) {
     const std::string& file = options.images[i];
     const Image image = read_image(file);
@@ -88,11 +92,14 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     Metrics m;
     try {
       m = compare(reference, image, mask);
-    } catch (const InputError& error) { throw InputError(fmt::format("{} and {}: {}", options.reference, file, error.what())); }
+    } catch (const InputError& error) {
+      throw InputError(fmt::format("{} and {}: {}", options.reference, file, error.what()));
+    }
     if (m.non_finite_image > 0)
       log_warning(fmt::format("{}: {} pixels are not finite and count as black", file, m.non_finite_image));
     if (m.non_finite_reference > 0)
-      log_warning(fmt::format("{}: {} pixels are not finite and were left out", options.reference, m.non_finite_reference));
+      log_warning(
+          fmt::format("{}: {} pixels are not finite and were left out", options.reference, m.non_finite_reference));
     images.push_back({{"image", file},
                       {"mape", m.mape},
                       {"mape_trimmed", m.mape_trimmed},
@@ -136,7 +143,8 @@ void add_compare(Program& program) {
       ->check(unnamed(CLI::PositiveNumber))
       ->type_name("E")
       ->capture_default_str();
-  verb->callback([&program, options] { program.run = [&program, options] { compare_verb(program.common, *options); }; });
+  verb->callback(
+      [&program, options] { program.run = [&program, options] { compare_verb(program.common, *options); }; });
 }
 
 }  // namespace octrad::cli

@@ -6,17 +6,17 @@
 
 #include "app/cli/common.h"
 #include "app/cli/loaded_scene.h"
-#include "base/bytes.h"
-#include "base/cpu_info.h"
-#include "base/error.h"
-#include "base/threads.h"
-#include "base/version.h"
-#include "device/choose.h"
-#include "encoding/octaoctree.h"
-#include "geometry/voxelize.h"
-#include "image/io.h"
-#include "model/safetensors.h"
-#include "network/mlp_kernels.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/cpu_info.h"
+#include "octrad/base/error.h"
+#include "octrad/base/threads.h"
+#include "octrad/base/version.h"
+#include "octrad/device/choose.h"
+#include "octrad/encoding/octaoctree.h"
+#include "octrad/geometry/voxelize.h"
+#include "octrad/image/io.h"
+#include "octrad/model/safetensors.h"
+#include "octrad/network/mlp_kernels.h"
 
 namespace octrad::cli {
 namespace {
@@ -29,7 +29,8 @@ struct InfoOptions {
 };
 
 // What the machine has for --device, and what the verbs that can use it get without one.
-nlohmann::json devices_json(const DeviceSurvey& survey, const DeviceChoice& choice, const std::set<std::string>& verbs) {
+nlohmann::json devices_json(const DeviceSurvey& survey, const DeviceChoice& choice,
+                            const std::set<std::string>& verbs) {
   nlohmann::json devices = nlohmann::json::array();
   for (const DeviceInfo& d : survey.devices) {
     devices.push_back({{"device", fmt::format("cuda:{}", d.index)},
@@ -41,7 +42,9 @@ nlohmann::json devices_json(const DeviceSurvey& survey, const DeviceChoice& choi
                        {"shared_memory", d.shared_bytes},
                        {"usable", runs_on(survey.architectures, d.major, d.minor)}});
   }
-  const auto known = [](const std::string& text) { return text.empty() ? nlohmann::json(nullptr) : nlohmann::json(text); };
+  const auto known = [](const std::string& text) {
+    return text.empty() ? nlohmann::json(nullptr) : nlohmann::json(text);
+  };
   return {{"built_with_cuda", built_with_cuda()},
           {"architectures", known(survey.architectures)},
           {"runtime", known(survey.runtime)},
@@ -61,8 +64,8 @@ std::string devices_text(const DeviceSurvey& survey, const DeviceChoice& choice,
     out += "not built in\n";
   }
   for (const DeviceInfo& d : survey.devices) {
-    out += fmt::format("cuda:{:<5} {}, compute capability {}.{}, {} multiprocessors, {}\n", d.index, d.name, d.major, d.minor, d.multiprocessors,
-                       format_bytes(static_cast<double>(d.total_bytes)));
+    out += fmt::format("cuda:{:<5} {}, compute capability {}.{}, {} multiprocessors, {}\n", d.index, d.name, d.major,
+                       d.minor, d.multiprocessors, format_bytes(static_cast<double>(d.total_bytes)));
   }
   std::string list;
   for (const std::string& verb : verbs) list += (list.empty() ? "" : ", ") + verb;
@@ -70,30 +73,28 @@ std::string devices_text(const DeviceSurvey& survey, const DeviceChoice& choice,
 }
 
 void info_program(const CommonOptions& common, std::set<std::string> device_verbs) {
-  device_verbs.erase("info");          // it only looks
+  device_verbs.erase("info");  // it only looks
   const CpuInfo cpu = cpu_info();
   const std::uint64_t memory = usable_memory();
   const DeviceSurvey survey = survey_devices();
   const DeviceChoice choice = choose_device(parse_device(common.device), common.support, survey);
   if (common.json) {
-    nlohmann::json report = {{"version", kVersion},
-                {"isa", cpu.level},
-                {"simd", network_simd_name()},
-                {"cpu", cpu.model},
-                {"cpu_features", cpu.features},
-                {"cores", cpu.logical_cores},
-                {"threads", thread_count()},
-                {"memory", memory}};
+    nlohmann::json report = {{"version", kVersion},          {"isa", cpu.level},
+                             {"simd", network_simd_name()},  {"cpu", cpu.model},
+                             {"cpu_features", cpu.features}, {"cores", cpu.logical_cores},
+                             {"threads", thread_count()},    {"memory", memory}};
     report.update(devices_json(survey, choice, device_verbs));
     print_json(report);
     return;
   }
   std::string features;
   for (const std::string& f : cpu.features) features += (features.empty() ? "" : " ") + f;
-  print_text(fmt::format("octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nSIMD       {} (the kernels in use)\nmemory     {} usable\n",
-                         kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features, network_simd_name(),
-                         format_bytes(static_cast<double>(memory))) +
-             devices_text(survey, choice, device_verbs));
+  print_text(
+      fmt::format(
+          "octrad {}\nprocessor  {} ({} cores, using {} threads)\nISA        {} ({})\nSIMD       {} (the kernels in use)\nmemory     {} usable\n",
+          kVersion, cpu.model, cpu.logical_cores, thread_count(), cpu.level, features, network_simd_name(),
+          format_bytes(static_cast<double>(memory))) +
+      devices_text(survey, choice, device_verbs));
 }
 
 void info_keys(const CommonOptions& common, const Config& config) {
@@ -131,12 +132,15 @@ void info_image(const CommonOptions& common, const std::string& file) {
     const double mean = finite > 0 ? sum / static_cast<double>(finite) : NAN;
     const std::string& name = image.channels[static_cast<std::size_t>(c)];
     channels.push_back({{"name", name}, {"min", low}, {"mean", mean}, {"max", high}, {"non_finite", other}});
-    table.push_back(
-        {name, fmt::format("{:.5g}", low), fmt::format("{:.5g}", mean), fmt::format("{:.5g}", high), format_count(other)});
+    table.push_back({name, fmt::format("{:.5g}", low), fmt::format("{:.5g}", mean), fmt::format("{:.5g}", high),
+                     format_count(other)});
   }
   if (common.json) {
-    print_json(
-        {{"file", file}, {"width", image.width}, {"height", image.height}, {"channels", channels}, {"metadata", image.metadata}});
+    print_json({{"file", file},
+                {"width", image.width},
+                {"height", image.height},
+                {"channels", channels},
+                {"metadata", image.metadata}});
     return;
   }
   std::string out = fmt::format("{}: {} x {}\n{}", file, image.width, image.height, format_table(table));
@@ -146,8 +150,8 @@ void info_image(const CommonOptions& common, const std::string& file) {
 
 nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); }
 
-// Counts, bounds, lights and the level table of the octree that training would build (Table "levels" of the paper); only
-// the cells are found, nothing is allocated for features.
+// Counts, bounds, lights and the level table of the octree that training would build (Table "levels" of the paper);
+// only the cells are found, nothing is allocated for features.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const Config config = options.config.resolve();
   const LoadedScene loaded = open_scene(options.file, options.config.scene_definitions(), false);
@@ -156,7 +160,8 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const auto conservative = occupied_cells(scene, domain, config.octree_levels);
   std::vector<std::vector<Vec3i>> sampled;
   if (options.sampled || config.octree_occupancy == "sampled") {
-    sampled = sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
+    sampled =
+        sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
   }
   const auto& cells = config.octree_occupancy == "sampled" ? sampled : conservative;
 
@@ -228,13 +233,15 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const auto point = [](Vec3f v) { return fmt::format("({:.4g}, {:.4g}, {:.4g})", v.x, v.y, v.z); };
   std::string out = fmt::format("{} (fingerprint {})\n", scene.file, scene.fingerprint);
   out += fmt::format("geometry   {} triangles, {} spheres in {} shapes\n",
-                     format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(), scene.shapes.size());
+                     format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(),
+                     scene.shapes.size());
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
-  out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(), scene.environments.size());
+  out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(),
+                     scene.environments.size());
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
-    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin), point(c.forward),
-                       c.fov_degrees, c.film_width, c.film_height);
+    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),
+                       point(c.forward), c.fov_degrees, c.film_width, c.film_height);
   }
   out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n",
                      scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), config.preset,
@@ -261,7 +268,8 @@ void info_model(const CommonOptions& common, const std::string& file) {
   const TensorReader reader(file);
   const auto& metadata = reader.metadata();
   if (const auto it = metadata.find("format"); it == metadata.end() || it->second != "octrad") {
-    throw InputError(fmt::format("{} is a safetensors file but no octrad model (its metadata lacks format = octrad)", file));
+    throw InputError(
+        fmt::format("{} is a safetensors file but no octrad model (its metadata lacks format = octrad)", file));
   }
   nlohmann::json texts = nlohmann::json::object();
   for (const auto& [key, value] : metadata) {
@@ -280,19 +288,24 @@ void info_model(const CommonOptions& common, const std::string& file) {
     for (const std::int64_t d : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(d);
     bytes += tensor.bytes;
     if (name.rfind("optimizer.", 0) == 0 || name.rfind("state.", 0) == 0) optimizer_bytes += tensor.bytes;
-    tensors.push_back({{"name", name}, {"dtype", dtype_name(tensor.type)}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
+    tensors.push_back(
+        {{"name", name}, {"dtype", dtype_name(tensor.type)}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
     table.push_back({name, dtype_name(tensor.type), shape, format_count(static_cast<long long>(tensor.bytes))});
   }
   if (common.json) {
-    nlohmann::json out = {
-        {"file", file}, {"metadata", texts}, {"tensors", tensors}, {"bytes", bytes}, {"optimizer_bytes", optimizer_bytes}};
+    nlohmann::json out = {{"file", file},
+                          {"metadata", texts},
+                          {"tensors", tensors},
+                          {"bytes", bytes},
+                          {"optimizer_bytes", optimizer_bytes}};
     print_json(out);
     return;
   }
   std::string out = fmt::format("{}: {}, of which {} for resuming\n", file, format_bytes(static_cast<double>(bytes)),
                                 format_bytes(static_cast<double>(optimizer_bytes)));
   for (const auto& [key, value] : texts.items()) {
-    if (key != "config") out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
+    if (key != "config")
+      out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
   }
   out += "\n" + format_table(table);
   if (texts.contains("config")) out += "\nconfig " + texts["config"].dump(2) + "\n";
@@ -310,7 +323,8 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg")
     return info_image(common, options.file);
   throw UsageError(fmt::format(
-      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)", options.file));
+      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)",
+      options.file));
 }
 
 }  // namespace
@@ -324,7 +338,9 @@ void add_info(Program& program) {
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   options->config.add_to(*verb);
-  verb->callback([&program, options] { program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs()); }; });
+  verb->callback([&program, options] {
+    program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs()); };
+  });
 }
 
 }  // namespace octrad::cli

@@ -1,10 +1,10 @@
 #include "app/cli/loaded_scene.h"
 
-#include "base/bytes.h"
-#include "base/duration.h"
-#include "base/log.h"
-#include "base/stopwatch.h"
-#include "scene/load.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/duration.h"
+#include "octrad/base/log.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/scene/load.h"
 
 namespace octrad::cli {
 

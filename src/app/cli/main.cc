@@ -7,10 +7,10 @@
 #include <new>
 
 #include "app/cli/common.h"
-#include "base/error.h"
-#include "base/interrupt.h"
-#include "base/log.h"
-#include "base/version.h"
+#include "octrad/base/error.h"
+#include "octrad/base/interrupt.h"
+#include "octrad/base/log.h"
+#include "octrad/base/version.h"
 
 namespace octrad::cli {
 namespace {
@@ -37,8 +37,8 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   std::string text = error.what();
   const std::vector<std::string> extra = app.remaining(true);
   // Unknown words first: CLI11 may complain about something that is missing because of them.
-  const auto option =
-      std::find_if(extra.begin(), extra.end(), [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
+  const auto option = std::find_if(extra.begin(), extra.end(),
+                                   [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
   const bool missing = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
   if (option != extra.end()) {
     const std::string word = option->substr(0, option->find('='));

@@ -8,15 +8,15 @@
 #include <optional>
 
 #include "app/cli/common.h"
-#include "base/atomic_file.h"
-#include "base/bytes.h"
-#include "base/duration.h"
-#include "base/error.h"
-#include "base/log.h"
-#include "base/stopwatch.h"
-#include "base/threads.h"
-#include "model/device_query.h"
-#include "model/model_file.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/duration.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/base/threads.h"
+#include "octrad/model/device_query.h"
+#include "octrad/model/model_file.h"
 
 namespace octrad::cli {
 namespace {
@@ -25,7 +25,8 @@ struct QueryOptions {
   std::string model, points, output;
 };
 
-constexpr std::size_t kBlock = 1024;  // points: small enough to stay in cache, large enough for whole tiles of the kernels
+constexpr std::size_t kBlock =
+    1024;  // points: small enough to stay in cache, large enough for whole tiles of the kernels
 
 constexpr std::array<const char*, 13> kColumns = {"x",  "y",  "z",  "wox", "woy", "woz",  "nx",
                                                   "ny", "nz", "ar", "ag",  "ab",  "alpha"};
@@ -51,7 +52,9 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
   std::array<std::size_t, kColumns.size()> column{};
   std::size_t begin = 0, columns = 0;
   int line_number = 0;
-  const auto refuse = [&](const std::string& why) { throw InputError(fmt::format("{}:{}: {}", file, line_number, why)); };
+  const auto refuse = [&](const std::string& why) {
+    throw InputError(fmt::format("{}:{}: {}", file, line_number, why));
+  };
   while (begin < text.size()) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     const std::string line = text.substr(begin, end - begin);
@@ -64,8 +67,8 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
       for (std::size_t i = 0; i < kColumns.size(); ++i) {
         const auto found = std::find(cells.begin(), cells.end(), kColumns[i]);
         if (found == cells.end())
-          refuse(
-              fmt::format("the header lacks the column \"{}\"; expected x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha", kColumns[i]));
+          refuse(fmt::format("the header lacks the column \"{}\"; expected x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha",
+                             kColumns[i]));
         column[i] = static_cast<std::size_t>(found - cells.begin());
       }
       continue;
@@ -109,18 +112,22 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   const Stopwatch watch;
   const auto features = static_cast<std::size_t>(field.feature_count());
   std::vector<std::string> text((points.size() + kBlock - 1) / kBlock);
-  const auto write = [&](std::size_t begin, std::size_t n, const float* h, const float* disparity, const Vec3f* radiance) {
+  const auto write = [&](std::size_t begin, std::size_t n, const float* h, const float* disparity,
+                         const Vec3f* radiance) {
     std::string& out = text[begin / kBlock];
     for (std::size_t i = 0; i < n; ++i) {
       fmt::format_to(std::back_inserter(out), "{:.9g}", disparity[i]);
-      for (std::size_t f = 0; f < features; ++f) fmt::format_to(std::back_inserter(out), ",{:.9g}", h[i * features + f]);
+      for (std::size_t f = 0; f < features; ++f)
+        fmt::format_to(std::back_inserter(out), ",{:.9g}", h[i * features + f]);
       fmt::format_to(std::back_inserter(out), ",{:.9g},{:.9g},{:.9g}\n", radiance[i].x, radiance[i].y, radiance[i].z);
     }
   };
   if (stream) {
-    const FieldAnswers answers = ask_on_stream(*stream, field, model.info.config, points, common.memory_budget(*stream));
+    const FieldAnswers answers =
+        ask_on_stream(*stream, field, model.info.config, points, common.memory_budget(*stream));
     parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-      write(begin, end - begin, &answers.features[begin * features], &answers.disparity[begin], &answers.radiance[begin]);
+      write(begin, end - begin, &answers.features[begin * features], &answers.disparity[begin],
+            &answers.radiance[begin]);
     });
   } else {
     parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
@@ -147,18 +154,24 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   out.write(header);
   for (const std::string& block : text) out.write(block);
   out.commit();
-  nlohmann::json report = {{"points", points.size()}, {"features", features}, {"output", o.output}, {"seconds", seconds}, {"device", device.name}};
+  nlohmann::json report = {{"points", points.size()},
+                           {"features", features},
+                           {"output", o.output},
+                           {"seconds", seconds},
+                           {"device", device.name}};
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (common.json) print_json(report);
-  else log_info("{}: {} points in {}", o.output, format_count(static_cast<long long>(points.size())), format_duration(seconds));
+  else
+    log_info("{}: {} points in {}", o.output, format_count(static_cast<long long>(points.size())),
+             format_duration(seconds));
 }
 
 }  // namespace
 
 void add_query(Program& program) {
   auto o = std::make_shared<QueryOptions>();
-  CLI::App* verb =
-      add_verb(program, "query", "Evaluate a model at surface points.", "octrad query room.octrad --points in.csv -o out.csv", Devices::cuda);
+  CLI::App* verb = add_verb(program, "query", "Evaluate a model at surface points.",
+                            "octrad query room.octrad --points in.csv -o out.csv", Devices::cuda);
   verb->add_option("model", o->model, "trained cache")->required()->type_name("MODEL.octrad");
   verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")
       ->required()

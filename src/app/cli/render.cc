@@ -6,19 +6,19 @@
 
 #include "app/cli/common.h"
 #include "app/cli/loaded_scene.h"
-#include "base/atomic_file.h"
-#include "base/bytes.h"
-#include "base/duration.h"
-#include "base/error.h"
-#include "base/interrupt.h"
-#include "base/log.h"
-#include "base/version.h"
-#include "image/io.h"
-#include "model/model_file.h"
-#include "render/device_render.h"
-#include "render/cache_integrators.h"
-#include "render/path_integrator.h"
-#include "scene/camera.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/duration.h"
+#include "octrad/base/error.h"
+#include "octrad/base/interrupt.h"
+#include "octrad/base/log.h"
+#include "octrad/base/version.h"
+#include "octrad/image/io.h"
+#include "octrad/model/model_file.h"
+#include "octrad/render/cache_integrators.h"
+#include "octrad/render/device_render.h"
+#include "octrad/render/path_integrator.h"
+#include "octrad/scene/camera.h"
 
 namespace octrad::cli {
 namespace {
@@ -67,10 +67,10 @@ Camera choose_camera(const Scene& scene, const RenderVerbOptions& o) {
     if (o.origin.empty() || o.target.empty()) throw UsageError("--origin and --target belong together");
     const Camera& first = scene.cameras.front();
     const bool own_fov = o.fov > 0.0;
-    camera =
-        look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
-                o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
-                own_fov ? static_cast<float>(o.fov) : first.fov_degrees, own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
+    camera = look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
+                     o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
+                     own_fov ? static_cast<float>(o.fov) : first.fov_degrees,
+                     own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
     camera.near_clip = first.near_clip;
     camera.far_clip = first.far_clip;
   } else {
@@ -114,8 +114,10 @@ RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, con
       if (v != static_cast<double>(static_cast<int>(v)))
         throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
     }
-    options.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]), static_cast<int>(crop[3])};
-    if (options.crop.width <= 0 || options.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
+    options.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
+                    static_cast<int>(crop[3])};
+    if (options.crop.width <= 0 || options.crop.height <= 0)
+      throw UsageError("--crop: width and height must be above 0");
   }
   options.seconds = o.time.empty() ? 0.0 : parse_duration(o.time);
   if (!o.time.empty() && options.seconds <= 0.0) throw UsageError("--time must be above 0");
@@ -126,13 +128,14 @@ RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, con
   options.film = scene.film;
   options.interrupted = [] { return interrupted(); };
 
-  // The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is written.
+  // The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is
+  // written.
   const double pixels = static_cast<double>(options.width) * options.height;
   const double area = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height : pixels;
-  require_memory(
-      common.memory_budget(), fmt::format("a picture of {} x {} pixels", options.width, options.height),
-      {{"picture", static_cast<std::uint64_t>(area * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float)))}},
-      "  --width, --height and --crop make it smaller");
+  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", options.width, options.height),
+                 {{"picture", static_cast<std::uint64_t>(area * (kPictureChannelCount + 1) *
+                                                         (2 * sizeof(double) + 2 * sizeof(float)))}},
+                 "  --width, --height and --crop make it smaller");
   return options;
 }
 
@@ -143,7 +146,8 @@ Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
     if (key != "render.delta") {
       Config scratch = config;
       set(scratch, key, value);  // an unknown key is refused with a suggestion
-      throw UsageError(fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
+      throw UsageError(
+          fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
     }
     set(config, key, value);
   }
@@ -191,8 +195,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
     config = model_config(model->info, definitions);
   } else if (!definitions.config_definitions().empty()) {
-    throw UsageError(
-        fmt::format("-D {}: --integrator path has no configuration keys", definitions.config_definitions().front().first));
+    throw UsageError(fmt::format("-D {}: --integrator path has no configuration keys",
+                                 definitions.config_definitions().front().first));
   }
 
   RenderOptions options = render_options(scene, o, common);
@@ -204,9 +208,9 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
                                                  : static_cast<double>(options.width) * options.height;
     const double rate = seconds > 0.0 ? pixels * spp / seconds : 0.0;
     if (progress.due()) {
-      progress.update(
-          std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
-          fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate), format_bytes(static_cast<double>(resident_bytes()))));
+      progress.update(std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
+                      fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate),
+                                  format_bytes(static_cast<double>(resident_bytes()))));
     }
     if (log) log->write({{"event", "progress"}, {"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
   };
@@ -216,13 +220,16 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   RenderResult result;
   std::optional<FrameTimes> frames;
   if (stream) {
-    DeviceRenderer renderer(*stream, context, options, model ? model->field.get() : nullptr, config, o.integrator, common.memory_budget(*stream));
+    DeviceRenderer renderer(*stream, context, options, model ? model->field.get() : nullptr, config, o.integrator,
+                            common.memory_budget(*stream));
     if (o.frames > 0) frames = renderer.time_frames(o.frames);
     result = renderer.render();
   } else if (o.integrator == "path") {
     result = render_path(context, options);
   } else if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) != kIntegrators.end()) {
-    const CacheMode mode = o.integrator == "lhs" ? CacheMode::lhs : o.integrator == "rhs" ? CacheMode::rhs : CacheMode::deferred;
+    const CacheMode mode = o.integrator == "lhs"   ? CacheMode::lhs
+                           : o.integrator == "rhs" ? CacheMode::rhs
+                                                   : CacheMode::deferred;
     result = render(options, cache_integrator(context, *model->field, config, mode, 1, options.seed));
   } else {
     result = render_view(options, context, *model->field, config, o.integrator);
@@ -232,7 +239,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
 
   result.image.metadata["octrad.version"] = kVersion;
-  result.image.metadata["octrad.scene"] = nlohmann::json{{"file", scene.file}, {"fingerprint", scene.fingerprint}}.dump();
+  result.image.metadata["octrad.scene"] =
+      nlohmann::json{{"file", scene.file}, {"fingerprint", scene.fingerprint}}.dump();
   result.image.metadata["octrad.camera"] = camera_json(options.camera).dump();
   result.image.metadata["octrad.render"] = nlohmann::json{
       {"integrator", o.integrator},
@@ -252,20 +260,23 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
 
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"output", o.output},
-                                 {"integrator", o.integrator},
-                                 {"width", result.image.width},
-                                 {"height", result.image.height},
-                                 {"spp", result.spp},
-                                 {"seconds", result.seconds},
-                                 {"samples_per_s", static_cast<double>(result.samples) / seconds},
-                                 {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
-                                 {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
-                                 {"non_finite", result.counts.non_finite},
-                                 {"interrupted", result.interrupted}};
+                           {"integrator", o.integrator},
+                           {"width", result.image.width},
+                           {"height", result.image.height},
+                           {"spp", result.spp},
+                           {"seconds", result.seconds},
+                           {"samples_per_s", static_cast<double>(result.samples) / seconds},
+                           {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
+                           {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
+                           {"non_finite", result.counts.non_finite},
+                           {"interrupted", result.interrupted}};
   report["device"] = device.name;
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (frames) {
-    report["frames"] = {{"count", o.frames}, {"median_ms", frames->median}, {"p95_ms", frames->p95}, {"stages_ms", stages_json(frames->stages)}};
+    report["frames"] = {{"count", o.frames},
+                        {"median_ms", frames->median},
+                        {"p95_ms", frames->p95},
+                        {"stages_ms", stages_json(frames->stages)}};
   }
   if (log) {
     nlohmann::json done = report;
@@ -275,9 +286,11 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (common.json) {
     print_json(report);
   } else {
-    if (frames) log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95, format_stages(frames->stages));
-    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height, result.spp,
-             format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
+    if (frames)
+      log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95,
+               format_stages(frames->stages));
+    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height,
+             result.spp, format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
              result.counts.queries > 0
                  ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds))
                  : "",
@@ -306,10 +319,13 @@ void add_render(Program& program) {
       ->type_name("N");
   verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")
       ->type_name("T");
-  verb->add_option("--frames", o->frames, "on a GPU: also render this many frames and print the median time, its 95th percentile and its parts")
+  verb->add_option(
+          "--frames", o->frames,
+          "on a GPU: also render this many frames and print the median time, its 95th percentile and its parts")
       ->check(unnamed(CLI::Range(1, 1 << 20)))
       ->type_name("N");
-  verb->add_option("--max-depth", o->max_depth, "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
+  verb->add_option("--max-depth", o->max_depth,
+                   "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
       ->check(unnamed(CLI::Range(-1, 1 << 20)))
       ->type_name("D");
   verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on")
@@ -334,7 +350,9 @@ void add_render(Program& program) {
                             ->check(unnamed(CLI::Range(0, 1 << 20)))
                             ->type_name("N")
                             ->group("Camera");
-  verb->add_option("--camera", o->camera_file, "JSON file with origin, target, up, fov")->type_name("FILE")->group("Camera");
+  verb->add_option("--camera", o->camera_file, "JSON file with origin, target, up, fov")
+      ->type_name("FILE")
+      ->group("Camera");
   verb->add_option("--origin", o->origin, "look from here")->type_name("X,Y,Z")->group("Camera");
   verb->add_option("--target", o->target, "to here")->type_name("X,Y,Z")->group("Camera");
   verb->add_option("--up", o->up, "with this direction up; default 0,1,0")->type_name("X,Y,Z")->group("Camera");

@@ -1,5 +1,5 @@
-// octrad selftest: kernels against the definitions of the CPU, then what the device can do. On the CPU the same kernels run on
-// the host stream: that proves them, and says nothing about the speed of a GPU.
+// octrad selftest: kernels against the definitions of the CPU, then what the device can do. On the CPU the same kernels
+// run on the host stream: that proves them, and says nothing about the speed of a GPU.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -9,14 +9,14 @@
 #include "app/cli/common.h"
 #include "app/cli/loaded_scene.h"
 #include "app/selftest/selftest.h"
-#include "base/atomic_file.h"
-#include "base/bytes.h"
-#include "base/cpu_info.h"
-#include "base/error.h"
-#include "base/log.h"
-#include "base/stopwatch.h"
-#include "base/threads.h"
-#include "base/version.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/cpu_info.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/base/threads.h"
+#include "octrad/base/version.h"
 
 namespace octrad::cli {
 namespace {
@@ -40,7 +40,9 @@ bool chosen(const SelftestOptions& o, const char* name) {
 }
 
 // JSON has no infinity.
-nlohmann::json number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json("infinite"); }
+nlohmann::json number(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json("infinite");
+}
 
 nlohmann::json device_json(const Stream& stream, const DeviceChoice& choice) {
   if (!stream.on_device()) {
@@ -89,16 +91,19 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
     loaded.tracer = make_embree_tracer(*loaded.scene);
   }
   const Bvh8 bvh = build_bvh8(*loaded.scene);
-  const Context context{*stream, seed, *loaded.scene, *loaded.tracer, bvh, o.scene.empty() ? nullptr : &loaded, o.quick};
+  const Context context{*stream, seed, *loaded.scene, *loaded.tracer, bvh, o.scene.empty() ? nullptr : &loaded,
+                        o.quick};
 
   std::string text = stream->on_device()
                          ? fmt::format("selftest on {} ({})\n", choice.name, stream->info().name)
                          : fmt::format("selftest on the host, standing in for a GPU ({})\n", choice.why);
-  text += fmt::format("seed {}, scene {}: {} triangles\n\nKernels against the CPU's definitions\n", seed, loaded.scene->file,
-                      format_count(static_cast<long long>(loaded.scene->triangle_count())));
-  nlohmann::json check_list = nlohmann::json::array(), benchmark_list = nlohmann::json::array(), stage_list = nlohmann::json::array(),
-                 skipped = nlohmann::json::array();
-  const auto skip = [&](const char* name, const std::string& why) { skipped.push_back({{"name", name}, {"why", why}}); };
+  text += fmt::format("seed {}, scene {}: {} triangles\n\nKernels against the CPU's definitions\n", seed,
+                      loaded.scene->file, format_count(static_cast<long long>(loaded.scene->triangle_count())));
+  nlohmann::json check_list = nlohmann::json::array(), benchmark_list = nlohmann::json::array(),
+                 stage_list = nlohmann::json::array(), skipped = nlohmann::json::array();
+  const auto skip = [&](const char* name, const std::string& why) {
+    skipped.push_back({{"name", name}, {"why", why}});
+  };
 
   std::size_t failed = 0, passed = 0;
   for (const Check& check : checks()) {
@@ -122,11 +127,15 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                           {"allowed_above", r.allowed},
                           {"above", r.above},
                           {"passed", r.passed}});
-    text += row(check.name, fmt::format("{}  {}: p99.9 {:.2g}, max {:.2g}; at most {:.2g}{}", r.passed ? "ok    " : "FAILED", r.error, r.p999, r.max,
-                                        r.tolerance, r.allowed > 0.0 ? fmt::format(" for all but {:.3g} %", 100.0 * r.allowed) : ""));
+    text +=
+        row(check.name, fmt::format("{}  {}: p99.9 {:.2g}, max {:.2g}; at most {:.2g}{}",
+                                    r.passed ? "ok    " : "FAILED", r.error, r.p999, r.max, r.tolerance,
+                                    r.allowed > 0.0 ? fmt::format(" for all but {:.3g} %", 100.0 * r.allowed) : ""));
   }
 
-  if (!o.no_benchmarks) text += stream->on_device() ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n";
+  if (!o.no_benchmarks)
+    text +=
+        stream->on_device() ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n";
   for (const Benchmark& benchmark : benchmarks()) {
     if (o.no_benchmarks || !chosen(o, benchmark.name)) continue;
     if (benchmark.run == nullptr) {
@@ -146,10 +155,14 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                               {"max_ms", r.max_ms},
                               {"runs", r.runs},
                               {"sizes", sizes}});
-    text += row(benchmark.name, fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms, stream->on_device() ? "" : ", host"));
+    text += row(benchmark.name, fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms,
+                                            stream->on_device() ? "" : ", host"));
   }
 
-  if (!o.no_benchmarks) text += stream->on_device() ? "\nTraining and rendering beside the CPU's\n" : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure of a GPU\n";
+  if (!o.no_benchmarks)
+    text += stream->on_device()
+                ? "\nTraining and rendering beside the CPU's\n"
+                : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure of a GPU\n";
   for (const Stage& stage : stages()) {
     if (o.no_benchmarks || !chosen(o, stage.name)) continue;
     log_verbose("{}", stage.name);
@@ -168,20 +181,21 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   }
   text += fmt::format("\n{} passed, {} failed, {} skipped\n", passed, failed, skipped.size());
 
-  const nlohmann::json report = {{"version", kVersion},
-                                 {"date", date_now()},
-                                 {"device", device_json(*stream, choice)},
-                                 {"emulated", !stream->on_device()},
-                                 {"why", choice.why},
-                                 {"seed", seed},
-                                 {"scene", {{"file", loaded.scene->file}, {"triangles", loaded.scene->triangle_count()}}},
-                                 {"checks", check_list},
-                                 {"benchmarks", benchmark_list},
-                                 {"stages", stage_list},
-                                 {"skipped", skipped},
-                                 {"passed", failed == 0},
-                                 {"peak_bytes", stream->peak_bytes()},
-                                 {"seconds", watch.seconds()}};
+  const nlohmann::json report = {
+      {"version", kVersion},
+      {"date", date_now()},
+      {"device", device_json(*stream, choice)},
+      {"emulated", !stream->on_device()},
+      {"why", choice.why},
+      {"seed", seed},
+      {"scene", {{"file", loaded.scene->file}, {"triangles", loaded.scene->triangle_count()}}},
+      {"checks", check_list},
+      {"benchmarks", benchmark_list},
+      {"stages", stage_list},
+      {"skipped", skipped},
+      {"passed", failed == 0},
+      {"peak_bytes", stream->peak_bytes()},
+      {"seconds", watch.seconds()}};
   if (!o.output.empty()) {
     AtomicFile out(o.output);
     out.write(report.dump(2) + "\n");
@@ -189,16 +203,20 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   }
   if (common.json) print_json(report);
   else print_text(text);
-  if (failed > 0) throw DeviceError(fmt::format("{} of {} checks and stages failed on {}; seed {}", failed, passed + failed, on, seed));
+  if (failed > 0)
+    throw DeviceError(
+        fmt::format("{} of {} checks and stages failed on {}; seed {}", failed, passed + failed, on, seed));
 }
 
 }  // namespace
 
 void add_selftest(Program& program) {
   auto o = std::make_shared<SelftestOptions>();
-  CLI::App* verb = add_verb(program, "selftest", "Check the kernels of a device against the CPU, and measure them.",
-                            "octrad selftest --device auto --quick\n  octrad selftest scene.xml --json -o selftest.json", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene for rays, training and the frame; default: built-in ones")->type_name("SCENE.xml");
+  CLI::App* verb = add_verb(
+      program, "selftest", "Check the kernels of a device against the CPU, and measure them.",
+      "octrad selftest --device auto --quick\n  octrad selftest scene.xml --json -o selftest.json", Devices::cuda);
+  verb->add_option("scene", o->scene, "Mitsuba 3 scene for rays, training and the frame; default: built-in ones")
+      ->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "JSON file with everything")->type_name("OUT.json");
   verb->add_option("--only", o->only, "only checks, benchmarks and stages with this in their name")->type_name("TEXT");
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");

@@ -2,11 +2,11 @@
 #include <fmt/format.h>
 
 #include "app/cli/common.h"
-#include "base/atomic_file.h"
-#include "base/error.h"
-#include "base/log.h"
-#include "image/io.h"
-#include "image/tonemap.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad::cli {
 namespace {
@@ -54,8 +54,8 @@ void tonemap_verb(const CommonOptions& common, const TonemapOptions& options) {
 
 void add_tonemap(Program& program) {
   auto options = std::make_shared<TonemapOptions>();
-  CLI::App* verb =
-      add_verb(program, "tonemap", "Turn a linear picture into a PNG.", "octrad tonemap lhs.exr -o lhs.png --exposure 0.5");
+  CLI::App* verb = add_verb(program, "tonemap", "Turn a linear picture into a PNG.",
+                            "octrad tonemap lhs.exr -o lhs.png --exposure 0.5");
   verb->add_option("input", options->input, "picture (EXR, HDR, PNG or JPG)")->required()->type_name("IN");
   verb->add_option("-o,--output", options->output, "PNG file")->required()->type_name("OUT.png");
   verb->add_option("--exposure", options->exposure, "stops: radiance is multiplied by 2^E")
@@ -77,12 +77,15 @@ void add_tonemap(Program& program) {
       ->each([options, encoding](const std::string&) {
         if (encoding->count() == 0) options->encoding = "gamma";
       });
-  CLI::Option* layer = verb->add_option("--layer", options->layer, "colour layer of an EXR, such as albedo")->type_name("NAME");
+  CLI::Option* layer =
+      verb->add_option("--layer", options->layer, "colour layer of an EXR, such as albedo")->type_name("NAME");
   verb->add_option("--channel", options->channel, "show one channel in false colours, such as depth.Z")
       ->type_name("NAME")
       ->excludes(layer);
-  verb->add_option("--range", options->range, "values shown as black and white with --channel; default 0,1")->type_name("LO,HI");
-  verb->callback([&program, options] { program.run = [&program, options] { tonemap_verb(program.common, *options); }; });
+  verb->add_option("--range", options->range, "values shown as black and white with --channel; default 0,1")
+      ->type_name("LO,HI");
+  verb->callback(
+      [&program, options] { program.run = [&program, options] { tonemap_verb(program.common, *options); }; });
 }
 
 }  // namespace octrad::cli

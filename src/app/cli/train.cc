@@ -7,16 +7,16 @@
 
 #include "app/cli/common.h"
 #include "app/cli/loaded_scene.h"
-#include "base/atomic_file.h"
-#include "base/bytes.h"
-#include "base/duration.h"
-#include "base/error.h"
-#include "base/interrupt.h"
-#include "base/log.h"
-#include "base/stopwatch.h"
-#include "image/io.h"
-#include "scene/camera.h"
-#include "train/trainer.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/duration.h"
+#include "octrad/base/error.h"
+#include "octrad/base/interrupt.h"
+#include "octrad/base/log.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/camera.h"
+#include "octrad/train/trainer.h"
 
 namespace octrad::cli {
 namespace {
@@ -52,7 +52,8 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
   static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
   for (std::size_t i = 0; i < was.size(); ++i) {
-    if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end()) continue;
+    if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
+      continue;
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
         "checkpoint.every may change)",
@@ -69,7 +70,8 @@ void show_config(const Config& config) {
     const std::string group = dot == std::string::npos ? "" : key.key.substr(0, dot);
     auto line = std::find_if(lines.begin(), lines.end(), [&](const auto& l) { return l.first == group; });
     if (line == lines.end()) line = lines.insert(lines.end(), {group, "  " + group + ":"});
-    line->second += " " + key.key.substr(dot == std::string::npos ? 0 : dot + 1) + "=" + (key.value.empty() ? "\"\"" : key.value);
+    line->second +=
+        " " + key.key.substr(dot == std::string::npos ? 0 : dot + 1) + "=" + (key.value.empty() ? "\"\"" : key.value);
   }
   for (const auto& [group, line] : lines) log_info("{}", line);
 }
@@ -89,7 +91,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
       resumed = load_model(o.output, true);
       held = std::max(resident_bytes(), before) - before;
       if (!resumed->has_optimizer)
-        throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
+        throw InputError(
+            fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
       config = resumed_config(*resumed, o, common);
     } else {
       log_info("{} does not exist yet: starting from the beginning", o.output);
@@ -107,7 +110,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
   // What the scene takes is gone already; 0 would mean no limit.
-  const std::uint64_t budget = common.memory_budget(), resident = resident_bytes(), used = resident - std::min(resident, held);
+  const std::uint64_t budget = common.memory_budget(), resident = resident_bytes(),
+                      used = resident - std::min(resident, held);
   options.max_memory = budget == 0 ? 0.0 : static_cast<double>(budget > used ? budget - used : 1);
   options.stream = stream.get();
   options.deterministic = o.deterministic;
@@ -127,7 +131,12 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
-  if (log) log->write({{"event", "start"}, {"scene", o.scene}, {"config", to_json(config)}, {"step", resumed_step}, {"device", device.name}});
+  if (log)
+    log->write({{"event", "start"},
+                {"scene", o.scene},
+                {"config", to_json(config)},
+                {"step", resumed_step},
+                {"device", device.name}});
   if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed->info.state.step));
 
   Progress progress("train");
@@ -162,7 +171,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const TrainResult result = train(context, config, options);
   progress.finish();
   if (result.dropped_contributions > 0) {
-    log_warning(fmt::format("{} contributions to targets were not finite and count as black", format_count(result.dropped_contributions)));
+    log_warning(fmt::format("{} contributions to targets were not finite and count as black",
+                            format_count(result.dropped_contributions)));
   }
 
   const double seconds = std::max(result.seconds, 1e-9);
@@ -187,7 +197,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     done["event"] = "done";
     log->write(done);
   }
-  if (interrupted()) log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
+  if (interrupted())
+    log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
   if (common.json) {
     print_json(report);
   } else {
@@ -203,16 +214,20 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
 
 void add_train(Program& program) {
   auto o = std::make_shared<TrainVerbOptions>();
-  CLI::App* verb = add_verb(program, "train", "Train a radiance cache of a scene.",
-                            "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr",
-                            Devices::cuda);
+  CLI::App* verb =
+      add_verb(program, "train", "Train a radiance cache of a scene.",
+               "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr", Devices::cuda);
   verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
-  verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")->required()->type_name("MODEL.octrad");
+  verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")
+      ->required()
+      ->type_name("MODEL.octrad");
   o->config.add_to(*verb);
   verb->add_option("--field", o->field, "octaoctree (the default) | nr")->type_name("NAME");
   verb->add_option("--steps", o->steps, "train N steps")->check(unnamed(CLI::Range(1LL, 100000000LL)))->type_name("N");
-  verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")->type_name("T");
-  verb->add_option("--reference", o->reference, "picture of the scene's first sensor: its error is shown while training")
+  verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")
+      ->type_name("T");
+  verb->add_option("--reference", o->reference,
+                   "picture of the scene's first sensor: its error is shown while training")
       ->type_name("REF.exr");
   verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
   verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");

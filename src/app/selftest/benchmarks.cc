@@ -6,16 +6,16 @@
 #include "app/selftest/kernels.h"
 #include "app/selftest/rays.h"
 #include "app/selftest/selftest.h"
-#include "base/rng.h"
-#include "base/stopwatch.h"
-#include "device/array.h"
-#include "device/sort.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/device/array.h"
+#include "octrad/device/sort.h"
 
 namespace octrad::selftest {
 namespace {
 
 constexpr int kRuns = 9;
-constexpr double kEnough = 2.0;      // seconds; slower work runs less often, three times at least
+constexpr double kEnough = 2.0;  // seconds; slower work runs less often, three times at least
 
 }  // namespace
 
@@ -65,8 +65,9 @@ BenchmarkResult sector_reads(const Context& c, std::size_t table_bytes) {
   DeviceArray<Sector> table(c.stream, entries, "selftest");
   const DeviceArray<float> out(c.stream, n, "selftest");
   table.fill(0);
-  BenchmarkResult r = measure(c, static_cast<double>(n) * kAccesses, "sectors/s",
-                              [&] { run_sector_reads(c.stream, n, table.data(), static_cast<std::uint32_t>(entries - 1), out.data()); });
+  BenchmarkResult r = measure(c, static_cast<double>(n) * kAccesses, "sectors/s", [&] {
+    run_sector_reads(c.stream, n, table.data(), static_cast<std::uint32_t>(entries - 1), out.data());
+  });
   r.sizes = {{"table_bytes", static_cast<double>(table.bytes())}, {"reads", static_cast<double>(n) * kAccesses}};
   return r;
 }
@@ -75,12 +76,14 @@ BenchmarkResult sector_reads_small(const Context& c) { return sector_reads(c, c.
 BenchmarkResult sector_reads_large(const Context& c) { return sector_reads(c, c.items(4096 * kMiB, 64 * kMiB)); }
 
 BenchmarkResult gathers(const Context& c) {
-  const std::size_t entries = table_items(c, c.items(1024 * kMiB, 32 * kMiB), sizeof(float)), n = c.items(1 << 23, 1 << 17);
+  const std::size_t entries = table_items(c, c.items(1024 * kMiB, 32 * kMiB), sizeof(float)),
+                    n = c.items(1 << 23, 1 << 17);
   DeviceArray<float> table(c.stream, entries, "selftest");
   const DeviceArray<float> out(c.stream, n, "selftest");
   table.fill(0);
-  BenchmarkResult r = measure(c, static_cast<double>(n) * kAccesses, "loads/s of 4 bytes",
-                              [&] { run_gathers(c.stream, n, table.data(), static_cast<std::uint32_t>(entries - 1), out.data()); });
+  BenchmarkResult r = measure(c, static_cast<double>(n) * kAccesses, "loads/s of 4 bytes", [&] {
+    run_gathers(c.stream, n, table.data(), static_cast<std::uint32_t>(entries - 1), out.data());
+  });
   r.sizes = {{"table_bytes", static_cast<double>(table.bytes())}, {"loads", static_cast<double>(n) * kAccesses}};
   return r;
 }
@@ -91,10 +94,11 @@ BenchmarkResult scatter(const Context& c, int width) {
   DeviceArray<float> table(c.stream, entries * static_cast<std::size_t>(width), "selftest");
   table.fill(0);
   const auto mask = static_cast<std::uint32_t>(entries - 1);
-  BenchmarkResult r = measure(c, static_cast<double>(n) * kAccesses, width == 1 ? "adds/s of 4 bytes" : "adds/s of 16 bytes", [&] {
-    if (width == 1) run_scatter(c.stream, n, table.data(), mask);
-    else run_scatter4(c.stream, n, table.data(), mask);
-  });
+  BenchmarkResult r =
+      measure(c, static_cast<double>(n) * kAccesses, width == 1 ? "adds/s of 4 bytes" : "adds/s of 16 bytes", [&] {
+        if (width == 1) run_scatter(c.stream, n, table.data(), mask);
+        else run_scatter4(c.stream, n, table.data(), mask);
+      });
   r.sizes = {{"table_bytes", static_cast<double>(table.bytes())}, {"adds", static_cast<double>(n) * kAccesses}};
   return r;
 }
@@ -125,8 +129,8 @@ BenchmarkResult sort(const Context& c) {
   std::vector<std::uint32_t> keys(n);
   for (std::size_t i = 0; i < n; ++i) keys[i] = Rng(c.seed, RngPurpose::test, i).bits();
   const SortWorkspace workspace(c.stream, n, "selftest");
-  const DeviceArray<std::uint32_t> in(c.stream, std::span<const std::uint32_t>(keys), "selftest"), keys_out(c.stream, n, "selftest"),
-      values_out(c.stream, n, "selftest");
+  const DeviceArray<std::uint32_t> in(c.stream, std::span<const std::uint32_t>(keys), "selftest"),
+      keys_out(c.stream, n, "selftest"), values_out(c.stream, n, "selftest");
   BenchmarkResult r = measure(c, static_cast<double>(n), "pairs/s", [&] {
     sort_pairs(c.stream, workspace, n, in.data(), keys_out.data(), in.data(), values_out.data());
   });

@@ -7,16 +7,18 @@
 #include "app/selftest/kernels.h"
 #include "app/selftest/rays.h"
 #include "app/selftest/selftest.h"
-#include "base/rng.h"
-#include "base/sobol_math.h"
-#include "device/array.h"
-#include "device/sort.h"
-#include "encoding/octahedral_math.h"
-#include "encoding/spherical_harmonics_math.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/sobol_math.h"
+#include "octrad/device/array.h"
+#include "octrad/device/sort.h"
+#include "octrad/encoding/octahedral_math.h"
+#include "octrad/encoding/spherical_harmonics_math.h"
 
 namespace octrad::selftest {
 
-void Errors::add(double error) { errors_.push_back(std::isnan(error) ? std::numeric_limits<double>::infinity() : error); }
+void Errors::add(double error) {
+  errors_.push_back(std::isnan(error) ? std::numeric_limits<double>::infinity() : error);
+}
 
 CheckResult Errors::result(std::string what, double tolerance, double allowed_share) {
   CheckResult r;
@@ -24,14 +26,17 @@ CheckResult Errors::result(std::string what, double tolerance, double allowed_sh
   r.items = errors_.size();
   r.tolerance = tolerance;
   r.allowed = allowed_share;
-  if (errors_.empty()) return r;       // nothing was looked at: not passed
+  if (errors_.empty()) return r;  // nothing was looked at: not passed
   std::sort(errors_.begin(), errors_.end());
-  const auto at = [&](double share) { return errors_[std::min(errors_.size() - 1, static_cast<std::size_t>(share * static_cast<double>(errors_.size())))]; };
+  const auto at = [&](double share) {
+    return errors_[std::min(errors_.size() - 1, static_cast<std::size_t>(share * static_cast<double>(errors_.size())))];
+  };
   r.p50 = at(0.5);
   r.p99 = at(0.99);
   r.p999 = at(0.999);
   r.max = errors_.back();
-  r.above = static_cast<double>(errors_.end() - std::upper_bound(errors_.begin(), errors_.end(), tolerance)) / static_cast<double>(errors_.size());
+  r.above = static_cast<double>(errors_.end() - std::upper_bound(errors_.begin(), errors_.end(), tolerance)) /
+            static_cast<double>(errors_.size());
   r.passed = r.above <= allowed_share;
   return r;
 }
@@ -41,7 +46,9 @@ namespace {
 using Words = std::vector<std::uint32_t>;
 
 // Against a reference of size 1 at least: absolute for small values.
-double relative(double value, double reference) { return std::fabs(value - reference) / std::max(1.0, std::fabs(reference)); }
+double relative(double value, double reference) {
+  return std::fabs(value - reference) / std::max(1.0, std::fabs(reference));
+}
 
 CheckResult equal_words(const Words& got, const Words& expected, const char* what) {
   Errors errors;
@@ -93,7 +100,7 @@ CheckResult check_sobol(const Context& c) {
 }
 
 CheckResult check_atomics(const Context& c) {
-  const std::size_t n = c.items(1 << 22, 1 << 17);   // below 2^24, so that the float counts exactly
+  const std::size_t n = c.items(1 << 22, 1 << 17);  // below 2^24, so that the float counts exactly
   const Words values = random_words(n, c.seed);
   const DeviceArray<std::uint32_t> in(c.stream, std::span<const std::uint32_t>(values), "selftest");
   DeviceArray<std::uint32_t> counts(c.stream, 8, "selftest"), flags(c.stream, 1, "selftest");
@@ -128,7 +135,8 @@ CheckResult check_sort(const Context& c) {
   const DeviceArray<std::uint32_t> keys_out(c.stream, n, "selftest"), values_out(c.stream, n, "selftest");
   sort_pairs(c.stream, workspace, n, keys_in.data(), keys_out.data(), values_in.data(), values_out.data(), kBits);
   const std::uint32_t mask = (1u << kBits) - 1u;
-  std::stable_sort(places.begin(), places.end(), [&](std::uint32_t a, std::uint32_t b) { return (keys[a] & mask) < (keys[b] & mask); });
+  std::stable_sort(places.begin(), places.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return (keys[a] & mask) < (keys[b] & mask); });
   return equal_words(values_out.download(), places, "wrong places");
 }
 
@@ -193,7 +201,8 @@ CheckResult check_hash_grid(const Context& c) {
   const std::vector<float> table = random_floats(entries * 2, c.seed, -1.0f, 1.0f);
   const std::vector<float> coordinates = random_floats(3 * n, c.seed + 1, 0.0f, 1.0f);
   std::vector<Vec3f> positions(n);
-  for (std::size_t i = 0; i < n; ++i) positions[i] = {coordinates[3 * i], coordinates[3 * i + 1], coordinates[3 * i + 2]};
+  for (std::size_t i = 0; i < n; ++i)
+    positions[i] = {coordinates[3 * i], coordinates[3 * i + 1], coordinates[3 * i + 2]};
   const DeviceArray<float> device_table(c.stream, std::span<const float>(table), "selftest");
   const DeviceArray<Vec3f> in(c.stream, std::span<const Vec3f>(positions), "selftest");
   HashGridView grid;
@@ -214,7 +223,8 @@ CheckResult check_hash_grid(const Context& c) {
       errors.add(relative(got[i * levels.size() + l], expected));
     }
   }
-  return errors.result("error of the features", 1e-3);   // positions are rounded to 2^-24 of the finest level's 2^10 cells
+  return errors.result("error of the features",
+                       1e-3);  // positions are rounded to 2^-24 of the finest level's 2^10 cells
 }
 
 CheckResult check_adam(const Context& c) {
@@ -222,10 +232,13 @@ CheckResult check_adam(const Context& c) {
   const AdamConstants k = adam_constants(0.9, 0.99, 1e-15);
   const AdamCorrection correction = adam_correction(0.9, 0.99, 3.0);
   const float rate = 0.01f * correction.first;
-  const std::vector<float> gradients = random_floats(n, c.seed, -1.0f, 1.0f), start = random_floats(n, c.seed + 1, -1.0f, 1.0f),
-                           m0 = random_floats(n, c.seed + 2, -0.5f, 0.5f), v0 = random_floats(n, c.seed + 3, 0.0f, 0.5f);
-  const DeviceArray<float> g(c.stream, std::span<const float>(gradients), "selftest"), p(c.stream, std::span<const float>(start), "selftest"),
-      m(c.stream, std::span<const float>(m0), "selftest"), v(c.stream, std::span<const float>(v0), "selftest");
+  const std::vector<float> gradients = random_floats(n, c.seed, -1.0f, 1.0f),
+                           start = random_floats(n, c.seed + 1, -1.0f, 1.0f),
+                           m0 = random_floats(n, c.seed + 2, -0.5f, 0.5f),
+                           v0 = random_floats(n, c.seed + 3, 0.0f, 0.5f);
+  const DeviceArray<float> g(c.stream, std::span<const float>(gradients), "selftest"),
+      p(c.stream, std::span<const float>(start), "selftest"), m(c.stream, std::span<const float>(m0), "selftest"),
+      v(c.stream, std::span<const float>(v0), "selftest");
   run_adam(c.stream, n, k, rate, correction.second, g.data(), p.data(), m.data(), v.data());
   const std::vector<float> got = p.download();
   Errors errors;

@@ -9,8 +9,8 @@ namespace octrad::selftest {
 // field.cc: look-ups of features.
 CheckResult check_lookup_floats(const Context& context);
 CheckResult check_lookup_halves(const Context& context);
-BenchmarkResult benchmark_lookup(const Context& context);          // queries in random order
-BenchmarkResult benchmark_lookup_sorted(const Context& context);   // in Morton order: what sorting would be worth
+BenchmarkResult benchmark_lookup(const Context& context);         // queries in random order
+BenchmarkResult benchmark_lookup_sorted(const Context& context);  // in Morton order: what sorting would be worth
 
 // network.cc: the decoder's network, 45 -> 4 x 128 -> 3.
 CheckResult check_decoder(const Context& context);
@@ -25,8 +25,8 @@ CheckResult check_network_optimiser(const Context& context);
 CheckResult check_touched_optimiser(const Context& context);
 CheckResult check_dense_optimiser(const Context& context);
 
-// rays.cc: warps that take rays (transport/cast.h), against Embree and against the same tree on the CPU; and the walk of a thread
-// alone, which chains, the ends of long paths and traced disparities take.
+// rays.cc: warps that take rays (transport/cast.h), against Embree and against the same tree on the CPU; and the walk
+// of a thread alone, which chains, the ends of long paths and traced disparities take.
 CheckResult check_closest_embree(const Context& context);
 CheckResult check_closest_cpu(const Context& context);
 CheckResult check_occluded(const Context& context);
@@ -44,11 +44,12 @@ CheckResult check_film(const Context& context);
 
 // room.cc. For stages without a scene file: a closed room with a lamp, coloured walls and two balls of rough metal.
 cli::LoadedScene built_in_room();
-// For checks without one: open to a sky, with a glossy floor, a one-sided wall, glass, a mirror, a curtain that lets half of the
-// light pass, and two lamps.
+// For checks without one: open to a sky, with a glossy floor, a one-sided wall, glass, a mirror, a curtain that lets
+// half of the light pass, and two lamps.
 cli::LoadedScene varied_room();
 
 // benchmarks.cc. Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
-BenchmarkResult measure(const Context& context, double count, const std::string& unit, const std::function<void()>& work);
+BenchmarkResult measure(const Context& context, double count, const std::string& unit,
+                        const std::function<void()>& work);
 
 }  // namespace octrad::selftest

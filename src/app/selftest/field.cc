@@ -3,12 +3,12 @@
 
 #include "app/selftest/entries.h"
 #include "app/selftest/rays.h"
-#include "base/rng.h"
-#include "device/array.h"
-#include "encoding/lookup_device.h"
-#include "encoding/octaoctree.h"
-#include "geometry/surface_sampling.h"
-#include "geometry/voxelize.h"
+#include "octrad/base/rng.h"
+#include "octrad/device/array.h"
+#include "octrad/encoding/lookup_device.h"
+#include "octrad/encoding/octaoctree.h"
+#include "octrad/geometry/surface_sampling.h"
+#include "octrad/geometry/voxelize.h"
 
 namespace octrad::selftest {
 namespace {
@@ -23,7 +23,7 @@ OctaOctree make_octree(const Scene& scene, int levels) {
 // Queries on the scene's surfaces in random directions, with and without a disparity. `sorted`: neighbours in space are
 // neighbours in memory, by cells of a grid of 32^3 in Morton order, as a sort of 15-bit keys would have them.
 struct Queries {
-  std::vector<float> x, w, d;      // [3][n], [3][n], [n]
+  std::vector<float> x, w, d;  // [3][n], [3][n], [n]
   DeviceArray<float> device_x, device_w, device_d;
   DeviceQueries view;
 
@@ -38,7 +38,9 @@ struct Queries {
       const float pick = rng.uniform();
       positions[i] = sampler.sample_position(pick, rng.uniform2());
       const Vec3f cell = (positions[i] - domain.origin) / domain.size * 32.0f;
-      order[i] = {sorted ? morton_key({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)}) : 0, static_cast<std::uint32_t>(i)};
+      order[i] = {
+          sorted ? morton_key({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)}) : 0,
+          static_cast<std::uint32_t>(i)};
     }
     std::sort(order.begin(), order.end());
     for (std::size_t i = 0; i < n; ++i) {
@@ -66,20 +68,24 @@ CheckResult check_lookup(const Context& c, bool halves) {
   for (std::size_t i = 0; i < table.size(); ++i) {
     table[i] = 2.0f * Rng(c.seed + 1, RngPurpose::test, i).uniform() - 1.0f;
     rounded[i] = to_half(table[i]);
-    if (halves) table[i] = to_float(rounded[i]);     // the definition reads what the device reads
+    if (halves) table[i] = to_float(rounded[i]);  // the definition reads what the device reads
   }
-  const DeviceArray<float> floats(c.stream, halves ? std::span<const float>() : std::span<const float>(table), "selftest");
-  const DeviceArray<Half> packed(c.stream, halves ? std::span<const Half>(rounded) : std::span<const Half>(), "selftest");
+  const DeviceArray<float> floats(c.stream, halves ? std::span<const float>() : std::span<const float>(table),
+                                  "selftest");
+  const DeviceArray<Half> packed(c.stream, halves ? std::span<const Half>(rounded) : std::span<const Half>(),
+                                 "selftest");
   const Queries queries(c, n);
   const DeviceOctree device(c.stream, tree);
   const auto rows = static_cast<std::size_t>(device.feature_count());
   const DeviceArray<float> out(c.stream, rows * n, "selftest");
-  device.lookup(c.stream, {halves ? nullptr : floats.data(), halves ? packed.data() : nullptr}, queries.view, FloatRows{out.data(), n}, 0);
+  device.lookup(c.stream, {halves ? nullptr : floats.data(), halves ? packed.data() : nullptr}, queries.view,
+                FloatRows{out.data(), n}, 0);
   const std::vector<float> got = out.download();
   std::vector<double> expected(rows), derivative(rows);
   Errors errors;
   for (std::size_t i = 0; i < n; ++i) {
-    const Vec3d x(queries.x[i], queries.x[n + i], queries.x[2 * n + i]), w(queries.w[i], queries.w[n + i], queries.w[2 * n + i]);
+    const Vec3d x(queries.x[i], queries.x[n + i], queries.x[2 * n + i]),
+        w(queries.w[i], queries.w[n + i], queries.w[2 * n + i]);
     tree.lookup_reference(x, w, queries.d[i], expected.data(), derivative.data());
     for (std::size_t f = 0; f < rows; ++f) errors.add(std::fabs(got[f * n + i] - expected[f]));
   }
@@ -107,7 +113,10 @@ BenchmarkResult measure_lookup(const Context& c, bool sorted) {
   BenchmarkResult r = measure(c, static_cast<double>(n), "queries/s", [&] {
     device.lookup(c.stream, {nullptr, table.data()}, queries.view, HalfRows{out.data(), n}, 0);
   });
-  r.sizes = {{"queries", static_cast<double>(n)}, {"levels", levels}, {"features", kFeatures}, {"table_bytes", static_cast<double>(table.bytes())}};
+  r.sizes = {{"queries", static_cast<double>(n)},
+             {"levels", levels},
+             {"features", kFeatures},
+             {"table_bytes", static_cast<double>(table.bytes())}};
   return r;
 }
 

@@ -2,19 +2,21 @@
 #include <cmath>
 
 #include "app/selftest/entries.h"
-#include "base/rng.h"
-#include "device/array.h"
-#include "render/film_device.h"
+#include "octrad/base/rng.h"
+#include "octrad/device/array.h"
+#include "octrad/render/film_device.h"
 
 namespace octrad::selftest {
 namespace {
 
 // Made-up samples of a job, and what the CPU's film makes of them; returns how many were dropped.
-unsigned long long add_samples(const Context& c, const CameraJob& job, const ReconstructionFilter& filter, const SamplePlanes& planes, FilmBuffer& film) {
+unsigned long long add_samples(const Context& c, const CameraJob& job, const ReconstructionFilter& filter,
+                               const SamplePlanes& planes, FilmBuffer& film) {
   unsigned long long dropped = 0;
   for (std::uint32_t k = 0; k < job.size(); ++k) {
     const CameraJob::Place p = job.place(k);
-    const bool inside = p.x >= film.x0() && p.x < film.x0() + film.width() && p.y >= film.y0() && p.y < film.y0() + film.height();
+    const bool inside =
+        p.x >= film.x0() && p.x < film.x0() + film.width() && p.y >= film.y0() && p.y < film.y0() + film.height();
     Rng rng(c.seed + static_cast<std::uint64_t>(job.y0), RngPurpose::test, k);
     PixelSample s;
     s.radiance = {rng.uniform(), 100.0f * rng.uniform(), rng.uniform()};
@@ -71,7 +73,8 @@ CheckResult check_film(const Context& c) {
     }
     const Image got = found.image(), wanted = expected.image();
     for (std::size_t i = 0; i < wanted.data.size(); ++i) {
-      errors.add(std::fabs(static_cast<double>(got.data.at(i)) - wanted.data[i]) / std::max(1.0, std::fabs(static_cast<double>(wanted.data[i]))));
+      errors.add(std::fabs(static_cast<double>(got.data.at(i)) - wanted.data[i]) /
+                 std::max(1.0, std::fabs(static_cast<double>(wanted.data[i]))));
     }
     same_counts = found.take_non_finite() == dropped && same_counts;
   }

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "geometry/bvh8_math.h"
+#include "octrad/geometry/bvh8_math.h"
 
 namespace octrad::selftest {
 namespace {
@@ -13,8 +13,12 @@ class TreeTracer final : public Tracer {
   explicit TreeTracer(const Bvh8View& tree) : tree_(tree) {}
   using Tracer::intersect;
   using Tracer::occluded;
-  Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const override { return bvh8_intersect(tree_, origin, direction, t_min, t_max); }
-  bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override { return bvh8_occluded(tree_, origin, direction, t_min, t_max); }
+  Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
+    return bvh8_intersect(tree_, origin, direction, t_min, t_max);
+  }
+  bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
+    return bvh8_occluded(tree_, origin, direction, t_min, t_max);
+  }
 
  private:
   Bvh8View tree_;
@@ -32,7 +36,8 @@ Ground::Ground(const Context& c, cli::LoadedScene make())
 
 void Estimates::add(Vec3f found, Vec3f expected) {
   constexpr double kSmall = 5e-3;  // below which errors count as absolute
-  errors_.add(static_cast<double>(length(found - expected)) / (static_cast<double>(length(found)) + static_cast<double>(length(expected)) + kSmall));
+  errors_.add(static_cast<double>(length(found - expected)) /
+              (static_cast<double>(length(found)) + static_cast<double>(length(expected)) + kSmall));
   const double a = static_cast<double>(luminance(found)), b = static_cast<double>(luminance(expected));
   ++items_;
   sum_ += a - b;
@@ -41,7 +46,8 @@ void Estimates::add(Vec3f found, Vec3f expected) {
 }
 
 CheckResult Estimates::result(const Context& c, std::string what, double tolerance, double allowed_share) {
-  CheckResult r = errors_.result(std::move(what), c.stream.on_device() ? tolerance : 1e-6, c.stream.on_device() ? allowed_share : 0.0);
+  CheckResult r = errors_.result(std::move(what), c.stream.on_device() ? tolerance : 1e-6,
+                                 c.stream.on_device() ? allowed_share : 0.0);
   // Items that went their own way differ at random: their mean by 5 of its standard errors, seldom more.
   const double standard = std::sqrt(square_), off = std::fabs(sum_) / (5.0 * standard + 1e-3 * size_ + 1e-30);
   if (!(off <= 1.0)) {

@@ -9,14 +9,14 @@
 
 #include "app/cli/loaded_scene.h"
 #include "app/selftest/selftest.h"
-#include "geometry/bvh8.h"
-#include "transport/context.h"
-#include "transport/queue_math.h"
+#include "octrad/geometry/bvh8.h"
+#include "octrad/transport/context.h"
+#include "octrad/transport/queue_math.h"
 
 namespace octrad::selftest {
 
-// The scene that the user gave, else the one that `make` makes. The CPU walks the tree that devices walk: rays are compared by
-// checks of their own.
+// The scene that the user gave, else the one that `make` makes. The CPU walks the tree that devices walk: rays are
+// compared by checks of their own.
 struct Ground {
   cli::LoadedScene own;
   const cli::LoadedScene& use;
@@ -33,7 +33,9 @@ struct Ground {
 // The first `numbers` of planes in a stream's memory, on the host.
 class HostPlanes {
  public:
-  HostPlanes(Stream& stream, const float* data, std::size_t stride, int numbers) : values_(stride * static_cast<std::size_t>(numbers)), stride_(stride) {
+  HostPlanes(Stream& stream, const float* data, std::size_t stride, int numbers)
+      : values_(stride * static_cast<std::size_t>(numbers)),
+        stride_(stride) {
     stream.download(values_.data(), data, values_.size() * sizeof(float));
   }
   FloatPlanes planes() { return {values_.data(), stride_}; }
@@ -50,13 +52,15 @@ std::vector<T> fetch(Stream& stream, const T* data, std::size_t count) {
   return values;
 }
 
-// Results that hang on decisions by chance: where rounding decides one differently, an item goes its own way. A small share may,
-// and no mean may be off because of them.
+// Results that hang on decisions by chance: where rounding decides one differently, an item goes its own way. A small
+// share may, and no mean may be off because of them.
 class Estimates {
  public:
   void add(Vec3f found, Vec3f expected);
   // What of `items` were counted on both sides: rays, queries.
-  void add_counts(unsigned long long found, unsigned long long expected) { counts_.emplace_back(static_cast<double>(found), static_cast<double>(expected)); }
+  void add_counts(unsigned long long found, unsigned long long expected) {
+    counts_.emplace_back(static_cast<double>(found), static_cast<double>(expected));
+  }
   // On the host all agree to within rounding; there it runs the CPU's own code.
   CheckResult result(const Context& c, std::string what, double tolerance, double allowed_share);
 

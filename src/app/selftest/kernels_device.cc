@@ -1,12 +1,12 @@
 #include "app/selftest/kernels.h"
 
 #include "app/selftest/shading_numbers.h"
-#include "base/rng.h"
-#include "base/sobol_math.h"
-#include "device/launch.h"
-#include "encoding/octahedral_math.h"
-#include "encoding/spherical_harmonics_math.h"
-#include "transport/cast.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/sobol_math.h"
+#include "octrad/device/launch.h"
+#include "octrad/encoding/octahedral_math.h"
+#include "octrad/encoding/spherical_harmonics_math.h"
+#include "octrad/transport/cast.h"
 
 namespace octrad::selftest {
 namespace {
@@ -35,7 +35,9 @@ struct SelftestOctahedral : Kernel {
 struct SelftestSphericalHarmonics : Kernel {
   const Vec3f* directions;
   float* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const { spherical_harmonics(directions[i], out + 16 * static_cast<std::size_t>(i)); }
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    spherical_harmonics(directions[i], out + 16 * static_cast<std::size_t>(i));
+  }
 };
 
 struct SelftestHashGrid : Kernel {
@@ -59,7 +61,9 @@ struct SelftestAdam : Kernel {
   float rate, second;
   const float* gradients;
   float *parameters, *m, *v;
-  OCTRAD_HD void operator()(std::uint32_t i) const { parameters[i] = adam_update(parameters[i], gradients[i], m[i], v[i], constants, rate, second); }
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    parameters[i] = adam_update(parameters[i], gradients[i], m[i], v[i], constants, rate, second);
+  }
 };
 
 template <typename Sink>
@@ -68,7 +72,8 @@ struct SelftestTaps : Kernel {
   const float* upstream;
   Sink sink;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    sink.template add<kTapFeatures>(i, taps[i].entry, taps[i].scale, upstream + static_cast<std::size_t>(taps[i].source) * kTapFeatures);
+    sink.template add<kTapFeatures>(i, taps[i].entry, taps[i].scale,
+                                    upstream + static_cast<std::size_t>(taps[i].source) * kTapFeatures);
   }
 };
 
@@ -114,7 +119,9 @@ struct SelftestClosestAlone : Kernel {
   Bvh8View tree;
   const DeviceRay* rays;
   Hit* hits;
-  OCTRAD_HD void operator()(std::uint32_t i) const { hits[i] = bvh8_intersect(tree, rays[i].origin, rays[i].direction, 0.0f, rays[i].t_max); }
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    hits[i] = bvh8_intersect(tree, rays[i].origin, rays[i].direction, 0.0f, rays[i].t_max);
+  }
 };
 
 struct SelftestOccludedAlone : Kernel {
@@ -140,7 +147,8 @@ struct SelftestShading : Kernel {
 
 // Where access k of item i goes: cheap, and without a pattern that caches could use.
 OCTRAD_HD inline std::uint32_t place(std::uint32_t i, int k, std::uint32_t mask) {
-  return static_cast<std::uint32_t>(mix64((static_cast<std::uint64_t>(i) << 3) + static_cast<std::uint64_t>(k) + 1)) & mask;
+  return static_cast<std::uint32_t>(mix64((static_cast<std::uint64_t>(i) << 3) + static_cast<std::uint64_t>(k) + 1)) &
+         mask;
 }
 
 struct SelftestSectorReads : Kernel {
@@ -200,7 +208,9 @@ struct SelftestNothing : Kernel {
 
 }  // namespace
 
-void run_rng(Stream& stream, std::size_t n, std::uint64_t seed, std::uint32_t* out) { launch(stream, n, SelftestRng{{}, seed, out}); }
+void run_rng(Stream& stream, std::size_t n, std::uint64_t seed, std::uint32_t* out) {
+  launch(stream, n, SelftestRng{{}, seed, out});
+}
 
 void run_sobol(Stream& stream, std::size_t n, std::uint32_t* out) { launch(stream, n, SelftestSobol{{}, out}); }
 
@@ -216,8 +226,8 @@ void run_hash_grid(Stream& stream, std::size_t n, const HashGridView& grid, cons
   launch(stream, n, SelftestHashGrid{{}, grid, positions, out});
 }
 
-void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, float rate, float second, const float* gradients, float* parameters,
-              float* m, float* v) {
+void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, float rate, float second,
+              const float* gradients, float* parameters, float* m, float* v) {
   launch(stream, n, SelftestAdam{{}, constants, rate, second, gradients, parameters, m, v});
 }
 
@@ -229,7 +239,8 @@ void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float*
   launch(stream, n, SelftestTaps<KeepForSort>{{}, taps, upstream, sink});
 }
 
-void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum, std::uint32_t* flags) {
+void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum,
+                 std::uint32_t* flags) {
   launch(stream, n, SelftestAtomics{{}, values, counts, sum, flags});
 }
 
@@ -245,11 +256,13 @@ void run_closest_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const
   launch(stream, n, SelftestClosestAlone{{}, bvh, rays, hits});
 }
 
-void run_occluded_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, std::uint32_t* blocked) {
+void run_occluded_alone(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays,
+                        std::uint32_t* blocked) {
   launch(stream, n, SelftestOccludedAlone{{}, bvh, rays, blocked});
 }
 
-void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits, const float* u, float* out) {
+void run_shading(Stream& stream, std::size_t n, const DeviceWorld& world, const DeviceRay* rays, const Hit* hits,
+                 const float* u, float* out) {
   launch(stream, n, SelftestShading{{}, world, rays, hits, u, out});
 }
 
@@ -261,9 +274,13 @@ void run_gathers(Stream& stream, std::size_t n, const float* table, std::uint32_
   launch(stream, n, SelftestGathers{{}, table, mask, out});
 }
 
-void run_scatter(Stream& stream, std::size_t n, float* table, std::uint32_t mask) { launch(stream, n, SelftestScatter{{}, table, mask}); }
+void run_scatter(Stream& stream, std::size_t n, float* table, std::uint32_t mask) {
+  launch(stream, n, SelftestScatter{{}, table, mask});
+}
 
-void run_scatter4(Stream& stream, std::size_t n, float* table, std::uint32_t mask) { launch(stream, n, SelftestScatter4{{}, table, mask}); }
+void run_scatter4(Stream& stream, std::size_t n, float* table, std::uint32_t mask) {
+  launch(stream, n, SelftestScatter4{{}, table, mask});
+}
 
 void run_nothing(Stream& stream) { launch(stream, 1, SelftestNothing{}); }
 

@@ -3,9 +3,9 @@
 
 #include "app/selftest/entries.h"
 #include "app/selftest/kernels.h"
-#include "base/rng.h"
-#include "device/array.h"
-#include "network/adam_device.h"
+#include "octrad/base/rng.h"
+#include "octrad/device/array.h"
+#include "octrad/network/adam_device.h"
 
 namespace octrad::selftest {
 namespace {
@@ -21,7 +21,9 @@ std::vector<float> random_values(std::size_t n, std::uint64_t seed) {
 }
 
 void compare(Errors& errors, std::span<const float> got, std::span<const float> expected) {
-  for (std::size_t i = 0; i < got.size(); ++i) errors.add(std::fabs(static_cast<double>(got[i]) - expected[i]) / std::max(1.0, std::fabs(static_cast<double>(expected[i]))));
+  for (std::size_t i = 0; i < got.size(); ++i)
+    errors.add(std::fabs(static_cast<double>(got[i]) - expected[i]) /
+               std::max(1.0, std::fabs(static_cast<double>(expected[i]))));
 }
 
 CheckResult with_counts(CheckResult r, bool same) {
@@ -31,8 +33,8 @@ CheckResult with_counts(CheckResult r, bool same) {
   return r;
 }
 
-// Steps over a table from random contributions, a few of them to each entry: `sorted` sums them in the CPU's order, else they come
-// in any. Whether steps, entries and what was dropped were counted as on the CPU.
+// Steps over a table from random contributions, a few of them to each entry: `sorted` sums them in the CPU's order,
+// else they come in any. Whether steps, entries and what was dropped were counted as on the CPU.
 bool table_steps(const Context& c, bool dense, bool sorted, Errors& errors) {
   constexpr std::size_t kTaps = 8, kWidth = kTapFeatures;
   const std::size_t sources = c.items(1 << 16, 1 << 10), taps = kTaps * sources, entries = taps;
@@ -57,7 +59,8 @@ bool table_steps(const Context& c, bool dense, bool sorted, Errors& errors) {
     std::vector<SparseTap> list(taps);
     for (std::size_t i = 0; i < taps; ++i) {
       Rng rng(c.seed + 10 + s, RngPurpose::test, i);
-      list[i] = {rng.below(static_cast<std::uint32_t>(entries / 3)) * 3, static_cast<std::uint32_t>(i / kTaps), rng.uniform()};
+      list[i] = {rng.below(static_cast<std::uint32_t>(entries / 3)) * 3, static_cast<std::uint32_t>(i / kTaps),
+                 rng.uniform()};
     }
     std::vector<float> upstream = random_values(sources * kWidth, c.seed + 20 + s), by_feature(sources * kWidth);
     upstream[Rng(c.seed, RngPurpose::test, s).below(static_cast<std::uint32_t>(upstream.size()))] = std::nanf("");
@@ -69,11 +72,13 @@ bool table_steps(const Context& c, bool dense, bool sorted, Errors& errors) {
     expected.touched += result.touched;
     expected.non_finite += result.non_finite;
     const DeviceArray<SparseTap> device_taps(c.stream, std::span<const SparseTap>(list), "selftest");
-    const DeviceArray<float> by_source(c.stream, std::span<const float>(upstream), "selftest"), planes(c.stream, std::span<const float>(by_feature), "selftest");
+    const DeviceArray<float> by_source(c.stream, std::span<const float>(upstream), "selftest"),
+        planes(c.stream, std::span<const float>(by_feature), "selftest");
     if (sorted) {
       device.begin_sorted(c.stream);
       run_taps(c.stream, taps, device_taps.data(), by_source.data(), device.keep());
-      device.sum_sorted(c.stream, static_cast<int>(kTaps), static_cast<std::uint32_t>(sources), 1, planes.data(), sources);
+      device.sum_sorted(c.stream, static_cast<int>(kTaps), static_cast<std::uint32_t>(sources), 1, planes.data(),
+                        sources);
     } else {
       run_taps(c.stream, taps, device_taps.data(), by_source.data(), device.add());
     }
@@ -90,8 +95,10 @@ bool table_steps(const Context& c, bool dense, bool sorted, Errors& errors) {
   const auto follows = [](Half half, float value) { return half.bits == to_half(value).bits; };
   const std::vector<unsigned long long> counted = counters.download();
   return std::equal(halves.begin(), halves.end(), got.begin(), follows) &&  // what look-ups read
-         (dense || std::equal(state.counts().begin(), state.counts().end(), cpu.counts().begin())) && state.global_count() == cpu.global_count() &&
-         counted[0] == static_cast<unsigned long long>(expected.non_finite) && counted[1] == static_cast<unsigned long long>(expected.touched);
+         (dense || std::equal(state.counts().begin(), state.counts().end(), cpu.counts().begin())) &&
+         state.global_count() == cpu.global_count() &&
+         counted[0] == static_cast<unsigned long long>(expected.non_finite) &&
+         counted[1] == static_cast<unsigned long long>(expected.touched);
 }
 
 CheckResult check_table(const Context& c, bool dense) {
@@ -111,14 +118,15 @@ CheckResult check_network_optimiser(const Context& c) {
   DeviceDenseAdam device(c.stream, n, kAdam, "selftest");
   device.upload(cpu);
   const std::vector<float> half{0.5f};
-  const DeviceArray<float> values(c.stream, std::span<const float>(parameters), "selftest"), scale(c.stream, std::span<const float>(half), "selftest");
+  const DeviceArray<float> values(c.stream, std::span<const float>(parameters), "selftest"),
+      scale(c.stream, std::span<const float>(half), "selftest");
   DeviceArray<unsigned long long> dropped(c.stream, 1, "selftest");
   dropped.fill(0);
   std::int64_t expected_dropped = 0;
   for (std::uint64_t s = 0; s < kSteps; ++s) {
     std::vector<float> gradient = random_values(n, c.seed + 10 + s);
     gradient[17] = std::nanf("");
-    gradient[18] = 1e30f;          // whose square is no number
+    gradient[18] = 1e30f;  // whose square is no number
     expected_dropped += cpu.step(parameters, gradient, 0.5 * kRate);
     const DeviceArray<float> device_gradient(c.stream, std::span<const float>(gradient), "selftest");
     device.step(c.stream, values.data(), device_gradient.data(), kRate, scale.data(), dropped.data());
@@ -130,8 +138,9 @@ CheckResult check_network_optimiser(const Context& c) {
   device.download(state);
   compare(errors, state.m(), cpu.m());
   compare(errors, state.v(), cpu.v());
-  return with_counts(errors.result("error of values and moments", 2e-6),
-                     state.count() == cpu.count() && dropped.download()[0] == static_cast<unsigned long long>(expected_dropped));
+  return with_counts(
+      errors.result("error of values and moments", 2e-6),
+      state.count() == cpu.count() && dropped.download()[0] == static_cast<unsigned long long>(expected_dropped));
 }
 
 CheckResult check_touched_optimiser(const Context& c) { return check_table(c, false); }

@@ -4,10 +4,10 @@
 #include <limits>
 
 #include "app/selftest/entries.h"
-#include "base/rng.h"
-#include "base/threads.h"
-#include "geometry/offset_math.h"
-#include "geometry/surface_sampling.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+#include "octrad/geometry/offset_math.h"
+#include "octrad/geometry/surface_sampling.h"
 
 namespace octrad::selftest {
 namespace {
@@ -25,7 +25,9 @@ void add_corners(TriangleMesh& mesh, Vec3f a, Vec3f b, Vec3f c) {
   mesh.triangles.push_back({first, first + 1, first + 2});
 }
 
-Vec3f random_point(Rng& rng, float size) { return {size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f)}; }
+Vec3f random_point(Rng& rng, float size) {
+  return {size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f)};
+}
 
 }  // namespace
 
@@ -114,7 +116,8 @@ RayFixture::RayFixture(const Context& context, std::size_t n, bool finite)
 }
 
 Bvh8View RayFixture::bvh() const {
-  return {nodes_.data(), primitives_.data(), static_cast<std::uint32_t>(nodes_.size()), static_cast<std::uint32_t>(primitives_.size())};
+  return {nodes_.data(), primitives_.data(), static_cast<std::uint32_t>(nodes_.size()),
+          static_cast<std::uint32_t>(primitives_.size())};
 }
 
 namespace {
@@ -134,7 +137,10 @@ CheckResult compare_hits(const Context& c, decltype(run_closest)* run, bool embr
   Errors errors;
   for (std::size_t i = 0; i < got.size(); ++i) {
     if (got[i].valid() != expected[i].valid()) errors.add(std::numeric_limits<double>::infinity());
-    else errors.add(got[i].valid() ? std::fabs(static_cast<double>(got[i].t) - expected[i].t) / std::max(1e-20, static_cast<double>(expected[i].t)) : 0.0);
+    else
+      errors.add(got[i].valid() ? std::fabs(static_cast<double>(got[i].t) - expected[i].t) /
+                                      std::max(1e-20, static_cast<double>(expected[i].t))
+                                : 0.0);
   }
   return errors.result("relative error of t", tolerance, allowed);
 }
@@ -147,7 +153,8 @@ CheckResult compare_occlusion(const Context& c, decltype(run_occluded)* run, boo
   Errors errors;
   for (std::size_t i = 0; i < got.size(); ++i) {
     const RayQuery& r = rays.host()[i];
-    const bool expected = embree ? c.tracer.occluded(r.origin, r.direction, 0.0f, r.t_max) : bvh8_occluded(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
+    const bool expected = embree ? c.tracer.occluded(r.origin, r.direction, 0.0f, r.t_max)
+                                 : bvh8_occluded(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
     errors.add((got[i] != 0) == expected ? 0.0 : 1.0);
   }
   return errors.result(embree ? "other answers than Embree" : "other answers than the CPU", 0.0, allowed);

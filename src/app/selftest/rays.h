@@ -6,7 +6,7 @@
 
 #include "app/selftest/kernels.h"
 #include "app/selftest/selftest.h"
-#include "device/array.h"
+#include "octrad/device/array.h"
 
 namespace octrad::selftest {
 

@@ -1,7 +1,7 @@
 #include <memory>
 
 #include "app/selftest/entries.h"
-#include "scene/fingerprint.h"
+#include "octrad/scene/fingerprint.h"
 
 namespace octrad::selftest {
 namespace {
@@ -94,11 +94,12 @@ cli::LoadedScene built_in_room() {
   auto made = std::make_unique<Scene>();
   Scene& scene = *made;
   scene.file = "(built-in room)";
-  const int white = add_diffuse(scene, {0.7f, 0.7f, 0.7f}), red = add_diffuse(scene, {0.6f, 0.1f, 0.1f}), green = add_diffuse(scene, {0.1f, 0.5f, 0.1f});
-  add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, white);     // floor
-  add_wall(scene, {-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, white);      // ceiling
-  add_wall(scene, {-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, white);     // back
-  add_wall(scene, {-1, -1, 1}, {0, 2, 0}, {2, 0, 0}, white);      // front, behind the camera
+  const int white = add_diffuse(scene, {0.7f, 0.7f, 0.7f}), red = add_diffuse(scene, {0.6f, 0.1f, 0.1f}),
+            green = add_diffuse(scene, {0.1f, 0.5f, 0.1f});
+  add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, white);  // floor
+  add_wall(scene, {-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, white);   // ceiling
+  add_wall(scene, {-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, white);  // back
+  add_wall(scene, {-1, -1, 1}, {0, 2, 0}, {2, 0, 0}, white);   // front, behind the camera
   add_wall(scene, {-1, -1, -1}, {0, 2, 0}, {0, 0, 2}, red);
   add_wall(scene, {1, -1, -1}, {0, 0, 2}, {0, 2, 0}, green);
   add_light(scene, add_wall(scene, {-0.3f, 0.98f, -0.3f}, {0.6f, 0, 0}, {0, 0, 0.6f}, white), Vec3f(10.0f));
@@ -123,9 +124,9 @@ cli::LoadedScene varied_room() {
   curtain.opacity = add_texture(scene, Vec3f(0.5f));
   one_sided.reflectance = add_texture(scene, {0.1f, 0.5f, 0.1f});
   const int white = add_diffuse(scene, Vec3f(0.7f));
-  add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, add_material(scene, glossy));     // floor
-  add_wall(scene, {-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, white);                            // ceiling
-  add_wall(scene, {-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, white);                           // back; the front is open
+  add_wall(scene, {-1, -1, -1}, {0, 0, 2}, {2, 0, 0}, add_material(scene, glossy));  // floor
+  add_wall(scene, {-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, white);                         // ceiling
+  add_wall(scene, {-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, white);                        // back; the front is open
   add_wall(scene, {-1, -1, -1}, {0, 2, 0}, {0, 0, 2}, add_diffuse(scene, {0.6f, 0.1f, 0.1f}));
   add_wall(scene, {1, -1, -1}, {0, 0, 2}, {0, 2, 0}, add_material(scene, one_sided));
   add_wall(scene, {-0.7f, -0.9f, 0.45f}, {0.9f, 0, 0}, {0, 0.9f, 0}, add_material(scene, curtain));
@@ -137,7 +138,8 @@ cli::LoadedScene varied_room() {
   Environment sky;
   sky.width = 4;
   sky.height = 3;
-  for (int i = 0; i < sky.width * sky.height; ++i) sky.pixels.push_back({0.1f + 0.05f * static_cast<float>(i % 5), 0.2f, 0.3f});
+  for (int i = 0; i < sky.width * sky.height; ++i)
+    sky.pixels.push_back({0.1f + 0.05f * static_cast<float>(i % 5), 0.2f, 0.3f});
   scene.environments.push_back(sky);
   return complete(std::move(made));
 }

@@ -1,5 +1,5 @@
-// What octrad selftest runs: checks of kernels against the CPU's definitions, micro-benchmarks, and whole stages. Three lists,
-// each in its own file; a new entry is a function and a line of the list.
+// What octrad selftest runs: checks of kernels against the CPU's definitions, micro-benchmarks, and whole stages. Three
+// lists, each in its own file; a new entry is a function and a line of the list.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "device/stream.h"
-#include "geometry/bvh8.h"
-#include "geometry/tracer.h"
+#include "octrad/device/stream.h"
+#include "octrad/geometry/bvh8.h"
+#include "octrad/geometry/tracer.h"
 
 namespace octrad::cli {
 struct LoadedScene;
@@ -24,11 +24,11 @@ namespace octrad::selftest {
 struct Context {
   Stream& stream;
   std::uint64_t seed;
-  const Scene& scene;              // geometry; materials and lights only where `loaded` is not null
-  const Tracer& tracer;            // Embree
+  const Scene& scene;    // geometry; materials and lights only where `loaded` is not null
+  const Tracer& tracer;  // Embree
   const Bvh8& bvh;
   const cli::LoadedScene* loaded = nullptr;  // the scene that the user gave
-  bool quick = false;              // small sizes on a device too
+  bool quick = false;                        // small sizes on a device too
 
   // A size for a device, or a small one for the host and for quick runs.
   std::size_t items(std::size_t device, std::size_t host) const { return stream.on_device() && !quick ? device : host; }
@@ -37,12 +37,12 @@ struct Context {
 // ---- Checks (checks.cc)
 
 struct CheckResult {
-  std::string error;               // what is measured: "relative error of t"
+  std::string error;  // what is measured: "relative error of t"
   std::size_t items = 0;
   double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;
   double tolerance = 0.0;
-  double allowed = 0.0;            // share of the items that may be above
-  double above = 0.0;              // that is
+  double allowed = 0.0;  // share of the items that may be above
+  double above = 0.0;    // that is
   bool passed = false;
 };
 
@@ -59,15 +59,15 @@ class Errors {
 struct Check {
   const char* name;
   CheckResult (*run)(const Context&);
-  bool needs_scene = false;        // one with materials: Context::loaded
+  bool needs_scene = false;  // one with materials: Context::loaded
 };
 std::span<const Check> checks();
 
 // ---- Micro-benchmarks (benchmarks.cc)
 
 struct BenchmarkResult {
-  double rate = 0.0;               // of the median run
-  std::string unit;                // "rays/s"
+  double rate = 0.0;  // of the median run
+  std::string unit;   // "rays/s"
   double median_ms = 0.0, min_ms = 0.0, max_ms = 0.0;
   int runs = 0;
   std::vector<std::pair<std::string, double>> sizes;
@@ -76,15 +76,16 @@ struct BenchmarkResult {
 struct Benchmark {
   const char* name;
   BenchmarkResult (*run)(const Context&);
-  const char* missing = nullptr;   // why there is nothing to run yet; run is null then
+  const char* missing = nullptr;  // why there is nothing to run yet; run is null then
 };
 std::span<const Benchmark> benchmarks();
 
-// ---- Stages (stages.cc): a short training and a frame, against the CPU's. On the scene given, else in a room that is built in.
+// ---- Stages (stages.cc): a short training and a frame, against the CPU's. On the scene given, else in a room that is
+// built in.
 
 struct StageResult {
   nlohmann::json report;
-  std::string summary;             // one line
+  std::string summary;  // one line
   bool passed = false;
 };
 

@@ -6,10 +6,10 @@
 #include "app/cli/loaded_scene.h"
 #include "app/selftest/entries.h"
 #include "app/selftest/rays.h"
-#include "base/rng.h"
-#include "base/threads.h"
-#include "device/array.h"
-#include "shading/device_scene.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+#include "octrad/device/array.h"
+#include "octrad/shading/device_scene.h"
 
 namespace octrad::selftest {
 namespace {
@@ -18,7 +18,9 @@ namespace {
 struct CpuWorld {
   const cli::LoadedScene& s;
   SurfaceInteraction interact(const Hit& hit, Vec3f o, Vec3f d) const { return octrad::interact(*s.scene, hit, o, d); }
-  ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const { return octrad::shade(*s.materials, surface, wo); }
+  ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
+    return octrad::shade(*s.materials, surface, wo);
+  }
   LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const { return s.lights->sample(x, u_pick, u); }
   Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return s.lights->emitted(surface, wo); }
   Vec3f environment(Vec3f d) const { return s.lights->environment(d); }
@@ -43,14 +45,17 @@ CheckResult check_shading(const Context& c) {
   });
   const DeviceScene scene(c.stream, {*loaded.scene, *loaded.materials, *loaded.lights, c.bvh, nullptr});
   const DeviceArray<Hit> device_hits(c.stream, std::span<const Hit>(hits), "selftest");
-  const DeviceArray<float> device_u(c.stream, std::span<const float>(u), "selftest"), out(c.stream, n * kShadingNumbers, "selftest");
+  const DeviceArray<float> device_u(c.stream, std::span<const float>(u), "selftest"),
+      out(c.stream, n * kShadingNumbers, "selftest");
   run_shading(c.stream, n, scene.world(), rays.data(), device_hits.data(), device_u.data(), out.data());
   const std::vector<float> got = out.download();
   Errors errors;
   for (std::size_t i = 0; i < got.size(); ++i) {
-    errors.add(std::fabs(static_cast<double>(got[i]) - expected[i]) / std::max(1.0, std::fabs(static_cast<double>(expected[i]))));
+    errors.add(std::fabs(static_cast<double>(got[i]) - expected[i]) /
+               std::max(1.0, std::fabs(static_cast<double>(expected[i]))));
   }
-  return errors.result("relative error of normals, albedos, lights, samples", 1e-3, 2e-3);  // near ties fall to either side
+  return errors.result("relative error of normals, albedos, lights, samples", 1e-3,
+                       2e-3);  // near ties fall to either side
 }
 
 }  // namespace octrad::selftest

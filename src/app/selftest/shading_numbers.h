@@ -1,8 +1,8 @@
 // What a World (the CPU's classes, or DeviceWorld) says about the end of a ray, as numbers to compare.
 #pragma once
 
-#include "base/vec.h"
-#include "geometry/hit.h"
+#include "octrad/base/vec.h"
+#include "octrad/geometry/hit.h"
 
 namespace octrad::selftest {
 
@@ -12,7 +12,8 @@ inline constexpr int kShadingNumbers = 24;
 #pragma nv_exec_check_disable
 #endif
 template <typename World>
-OCTRAD_HD void shading_numbers(const World& world, const Hit& hit, Vec3f origin, Vec3f direction, const float* u, float* out) {
+OCTRAD_HD void shading_numbers(const World& world, const Hit& hit, Vec3f origin, Vec3f direction, const float* u,
+                               float* out) {
   for (int k = 0; k < kShadingNumbers; ++k) out[k] = 0.0f;
   const auto put = [&](int at, Vec3f v) {
     for (int a = 0; a < 3; ++a) out[at + a] = v[a];

@@ -7,13 +7,13 @@
 #include "app/cli/common.h"
 #include "app/selftest/entries.h"
 #include "app/selftest/ground.h"
-#include "base/rng.h"
-#include "base/stopwatch.h"
-#include "geometry/surface_sampling.h"
-#include "image/metrics.h"
-#include "render/cache_integrators.h"
-#include "render/device_render.h"
-#include "train/trainer.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/geometry/surface_sampling.h"
+#include "octrad/image/metrics.h"
+#include "octrad/render/cache_integrators.h"
+#include "octrad/render/device_render.h"
+#include "octrad/train/trainer.h"
 
 namespace octrad::selftest {
 namespace {
@@ -69,15 +69,16 @@ std::vector<Vec3f> radiance(const RadianceField& field, const std::vector<Surfac
   return out;
 }
 
-// The same steps on both sides. Sums in another order, tables read as halves and small products of halves lead the two apart as
-// they learn; the distance of two seeds on the CPU tells what that is worth.
+// The same steps on both sides. Sums in another order, tables read as halves and small products of halves lead the two
+// apart as they learn; the distance of two seeds on the CPU tells what that is worth.
 StageResult short_training(const Context& c) {
   constexpr double kTolerance = 0.05;
   const Ground ground(c, built_in_room);
   const Config config = short_run(c);
   Config other = config;
   ++other.seed;
-  const TrainResult on_stream = train_short(ground.context, config, &c.stream), on_cpu = train_short(ground.context, config, nullptr);
+  const TrainResult on_stream = train_short(ground.context, config, &c.stream),
+                    on_cpu = train_short(ground.context, config, nullptr);
   const TrainResult other_seed = train_short(ground.context, other, nullptr);
   const std::vector<SurfacePoint> probes = probe_points(ground.context, 4096, c.seed);
   const std::vector<Vec3f> expected = radiance(*on_cpu.field, probes);
@@ -102,8 +103,9 @@ StageResult short_training(const Context& c) {
               {"difference", difference},
               {"difference_of_seeds", seeds},
               {"tolerance", kTolerance}};
-  r.summary = fmt::format("{} steps: radiance differs from the CPU's by {:.2g} (another seed's: {:.2g}; at most {:.2g}), loss {:.4g} and {:.4g}; {:.2f} s",
-                          on_stream.steps, difference, seeds, kTolerance, on_stream.loss, on_cpu.loss, on_stream.seconds);
+  r.summary = fmt::format(
+      "{} steps: radiance differs from the CPU's by {:.2g} (another seed's: {:.2g}; at most {:.2g}), loss {:.4g} and {:.4g}; {:.2f} s",
+      on_stream.steps, difference, seeds, kTolerance, on_stream.loss, on_cpu.loss, on_stream.seconds);
   return r;
 }
 
@@ -121,14 +123,17 @@ StageResult frame(const Context& c) {
   options.spp = 1;
   options.seed = c.seed;
   options.width = options.height = large ? 256 : 64;
-  const RenderResult expected = render(options, cache_integrator(ground.context, *trained.field, config, CacheMode::lhs, 1, options.seed));
-  const RenderResult got = DeviceRenderer(c.stream, ground.context, options, trained.field.get(), config, "lhs", memory).render();
+  const RenderResult expected =
+      render(options, cache_integrator(ground.context, *trained.field, config, CacheMode::lhs, 1, options.seed));
+  const RenderResult got =
+      DeviceRenderer(c.stream, ground.context, options, trained.field.get(), config, "lhs", memory).render();
   const double mape = compare(expected.image, got.image).mape;
 
   RenderOptions timed = options;
   timed.width = timed.height = c.stream.on_device() ? (c.quick ? 256 : 1024) : 32;
   const int frames = c.stream.on_device() ? 200 : 3;
-  const FrameTimes times = DeviceRenderer(c.stream, ground.context, timed, trained.field.get(), config, "lhs", memory).time_frames(frames);
+  const FrameTimes times =
+      DeviceRenderer(c.stream, ground.context, timed, trained.field.get(), config, "lhs", memory).time_frames(frames);
 
   StageResult r;
   r.passed = mape <= kTolerance;
@@ -144,8 +149,10 @@ StageResult frame(const Context& c) {
               {"median_ms", times.median},
               {"p95_ms", times.p95},
               {"stages_ms", cli::stages_json(times.stages)}};
-  r.summary = fmt::format("differs from the CPU's picture by MAPE {:.2g} (at most {:.2g}); {} x {}: median {:.3g} ms{} ({})", mape, kTolerance, timed.width, timed.height,
-                          times.median, c.stream.on_device() ? "" : " on the host", cli::format_stages(times.stages));
+  r.summary =
+      fmt::format("differs from the CPU's picture by MAPE {:.2g} (at most {:.2g}); {} x {}: median {:.3g} ms{} ({})",
+                  mape, kTolerance, timed.width, timed.height, times.median, c.stream.on_device() ? "" : " on the host",
+                  cli::format_stages(times.stages));
   return r;
 }
 

@@ -3,17 +3,17 @@
 
 #include "app/selftest/entries.h"
 #include "app/selftest/ground.h"
-#include "base/rng.h"
-#include "base/threads.h"
-#include "geometry/surface_sampling.h"
-#include "shading/device_scene.h"
-#include "transport/gbuffer_device.h"
-#include "transport/lhs_device.h"
-#include "transport/lhs_sampler.h"
-#include "transport/path.h"
-#include "transport/path_device.h"
-#include "transport/rhs_device.h"
-#include "transport/rhs_estimator.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+#include "octrad/geometry/surface_sampling.h"
+#include "octrad/shading/device_scene.h"
+#include "octrad/transport/gbuffer_device.h"
+#include "octrad/transport/lhs_device.h"
+#include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/path.h"
+#include "octrad/transport/path_device.h"
+#include "octrad/transport/rhs_device.h"
+#include "octrad/transport/rhs_estimator.h"
 
 namespace octrad::selftest {
 namespace {
@@ -22,7 +22,7 @@ namespace {
 struct TransportGround : Ground {
   SurfaceSampler surfaces;
   DeviceScene device;
-  float size;                      // of the scene
+  float size;  // of the scene
 
   explicit TransportGround(const Context& c)
       : Ground(c, varied_room),
@@ -34,12 +34,14 @@ struct TransportGround : Ground {
   // What a cache might say of a point: smooth in all that it is told.
   Vec3f answer(const SurfacePoint& p) const {
     const float d = p.disparity * size;
-    return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y), 0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d)};
+    return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y),
+            0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d)};
   }
   std::vector<Vec3f> answers(Stream& stream, const SurfacePointArray& points, std::uint32_t count) const {
     HostPlanes host(stream, points.data, points.stride, kSurfacePointNumbers);
     std::vector<Vec3f> values(count);
-    for (std::uint32_t q = 0; q < count; ++q) values[q] = answer(SurfacePointArray{host.planes().data, points.stride}.load(q));
+    for (std::uint32_t q = 0; q < count; ++q)
+      values[q] = answer(SurfacePointArray{host.planes().data, points.stride}.load(q));
     return values;
   }
 };
@@ -70,14 +72,16 @@ CameraJob small_picture(const Context& c, const Scene& scene, int count) {
   return job;
 }
 
-void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const Vec3f> radiance, std::span<const FirstHit> first, float size, Estimates& estimates) {
+void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const Vec3f> radiance,
+                     std::span<const FirstHit> first, float size, Estimates& estimates) {
   HostPlanes host(stream, found.data, found.stride, kSampleNumbers);
   const FloatPlanes planes = host.planes();
   for (std::size_t k = 0; k < radiance.size(); ++k) {
     estimates.add(planes.get3(0, k), radiance[k]);
     estimates.add(planes.get3(3, k), first[k].albedo);
     estimates.add(planes.get3(6, k), first[k].normal);
-    estimates.add({planes.get(9, k) / size, planes.get(10, k), 0.0f}, {first[k].depth / size, first[k].roughness, 0.0f});
+    estimates.add({planes.get(9, k) / size, planes.get(10, k), 0.0f},
+                  {first[k].depth / size, first[k].roughness, 0.0f});
   }
 }
 
@@ -111,9 +115,13 @@ CheckResult compare_paths(const Context& c, int wave_bounces) {
   return estimates.result(c, "relative error of samples", 2e-3, 0.005);
 }
 
-struct RhsCase { int directions; bool inside, traced, keys, ask; };
+struct RhsCase {
+  int directions;
+  bool inside, traced, keys, ask;
+};
 
-void compare_right_hand_sides(const Context& c, const TransportGround& ground, std::size_t n, const RhsCase& kind, Estimates& estimates) {
+void compare_right_hand_sides(const Context& c, const TransportGround& ground, std::size_t n, const RhsCase& kind,
+                              Estimates& estimates) {
   const LhsOptions draw = lhs_options(c);
   const LhsSampler sampler(ground.context, draw);
   const unsigned long long number = c.seed % 1000;
@@ -141,7 +149,8 @@ void compare_right_hand_sides(const Context& c, const TransportGround& ground, s
     for (std::size_t i = 0; i < asked.size(); ++i) out[i] = ground.answer(asked[i]);
   };
   std::vector<Vec3f> expected(n);
-  const RhsStatistics statistics = estimate_rhs(ground.context, points, options, kind.ask ? query : RadianceQuery(), expected);
+  const RhsStatistics statistics =
+      estimate_rhs(ground.context, points, options, kind.ask ? query : RadianceQuery(), expected);
   for (std::size_t i = 0; i < n && kind.inside; ++i) {
     if (points[i].surface.emitter >= 0) expected[i] += ground.context.emitted(points[i].surface, points[i].wo);
   }
@@ -157,7 +166,7 @@ void compare_right_hand_sides(const Context& c, const TransportGround& ground, s
   device_points.points = lhs.points();
   device_points.most = n;
   device_points.stream = step.data();
-  device_points.keys = device_keys.data();       // null where there are none
+  device_points.keys = device_keys.data();  // null where there are none
   DeviceRhs rhs(c.stream, ground.world(), n * static_cast<std::size_t>(kind.directions), kind.traced);
   rhs.trace(device_points, device_options);
   const std::vector<Vec3f> values = ground.answers(c.stream, rhs.queries(), fetch(c.stream, rhs.query_count(), 1)[0]);
@@ -172,7 +181,8 @@ void compare_right_hand_sides(const Context& c, const TransportGround& ground, s
   estimates.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
 }
 
-void compare_first_hits(const Context& c, const TransportGround& ground, const GBufferOptions& options, bool traced, Estimates& estimates) {
+void compare_first_hits(const Context& c, const TransportGround& ground, const GBufferOptions& options, bool traced,
+                        Estimates& estimates) {
   using Bounce = GBufferOptions::Bounce;
   const CameraJob job = small_picture(c, *ground.use.scene, 3);
   const auto right_hand_side = [&](const ShadingPoint& p, unsigned long long key) {
@@ -183,11 +193,14 @@ void compare_first_hits(const Context& c, const TransportGround& ground, const G
   std::vector<TraceCounts> of(job.size());
   parallel_for(job.size(), [&](std::size_t k) {
     CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
-    const RayEnd end =
-        follow_ray(ground.context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_delta, options.max_chain, sample.ray.t_max, &first[k]);
+    const RayEnd end = follow_ray(ground.context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
+                                  options.follow_delta, options.max_chain, sample.ray.t_max, &first[k]);
     of[k].rays = static_cast<unsigned long long>(end.rays);
-    const bool bounce = end.surface && (options.bounce == Bounce::all || (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold));
-    radiance[k] = end.surface && options.emission_inside && !bounce ? end.passed_emitted : end.first_emitted + end.emitted;
+    const bool bounce =
+        end.surface && (options.bounce == Bounce::all ||
+                        (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold));
+    radiance[k] =
+        end.surface && options.emission_inside && !bounce ? end.passed_emitted : end.first_emitted + end.emitted;
     if (bounce) {
       const unsigned long long high = sample.rng.bits();
       radiance[k] += end.throughput * right_hand_side(end.point, (high << 32) | sample.rng.bits());
@@ -210,13 +223,15 @@ void compare_first_hits(const Context& c, const TransportGround& ground, const G
   DeviceGBuffer buffer(c.stream, ground.world(), job.size(), options.bounce != Bounce::none, traced);
   buffer.set(job);
   buffer.run(options);
-  const std::vector<Vec3f> answers = ground.answers(c.stream, buffer.queries(), fetch(c.stream, buffer.query_count(), 1)[0]);
+  const std::vector<Vec3f> answers =
+      ground.answers(c.stream, buffer.queries(), fetch(c.stream, buffer.query_count(), 1)[0]);
   const std::size_t bounced = fetch(c.stream, buffer.bounce_count(), 1)[0];
   const std::vector<ShadingPoint> points = fetch(c.stream, buffer.bounce_points(), bounced);
   const std::vector<unsigned long long> keys = fetch(c.stream, buffer.bounce_keys(), bounced);
   std::vector<Vec3f> right(bounced);
   for (std::size_t b = 0; b < bounced; ++b) right[b] = right_hand_side(points[b], keys[b]);
-  const DeviceArray<Vec3f> device_answers(c.stream, std::span<const Vec3f>(answers), "selftest"), device_right(c.stream, std::span<const Vec3f>(right), "selftest");
+  const DeviceArray<Vec3f> device_answers(c.stream, std::span<const Vec3f>(answers), "selftest"),
+      device_right(c.stream, std::span<const Vec3f>(right), "selftest");
   buffer.add(device_answers.data(), device_right.data());
   compare_samples(c.stream, buffer.samples(), radiance, first, ground.size, estimates);
   const TraceCounts counts = buffer.take_counts();
@@ -227,7 +242,7 @@ void compare_first_hits(const Context& c, const TransportGround& ground, const G
 }  // namespace
 
 CheckResult check_left_hand_sides(const Context& c) {
-  constexpr int kSteps = 2;        // drawn together, then taken
+  constexpr int kSteps = 2;  // drawn together, then taken
   const std::size_t n = c.items(1 << 15, 1 << 10);
   const TransportGround ground(c);
   const LhsOptions options = lhs_options(c);
@@ -249,16 +264,19 @@ CheckResult check_left_hand_sides(const Context& c) {
       const SurfacePoint a = seen.load(i), b = surface_point(expected[i]);
       const auto near = [&](float disparity) { return static_cast<double>(1.0f / (1.0f + disparity * ground.size)); };
       const float disparity = traced_disparity(ground.context, b, expected[i].surface.geometric_normal);
-      errors.add(std::max({distance(a.x, b.x) / static_cast<double>(ground.size), distance(a.wo, b.wo), distance(a.n, b.n), distance(a.albedo, b.albedo),
-                           std::fabs(static_cast<double>(a.alpha - b.alpha)), std::fabs(near(a.disparity) - near(disparity)),
-                           distance(got[i].surface.position, expected[i].surface.position) / static_cast<double>(ground.size), distance(got[i].wo, expected[i].wo),
-                           distance(got[i].ns, expected[i].ns), distance(got[i].s, expected[i].s),
-                           distance(got[i].surface.geometric_normal, expected[i].surface.geometric_normal)}));
+      errors.add(std::max(
+          {distance(a.x, b.x) / static_cast<double>(ground.size), distance(a.wo, b.wo), distance(a.n, b.n),
+           distance(a.albedo, b.albedo), std::fabs(static_cast<double>(a.alpha - b.alpha)),
+           std::fabs(near(a.disparity) - near(disparity)),
+           distance(got[i].surface.position, expected[i].surface.position) / static_cast<double>(ground.size),
+           distance(got[i].wo, expected[i].wo), distance(got[i].ns, expected[i].ns), distance(got[i].s, expected[i].s),
+           distance(got[i].surface.geometric_normal, expected[i].surface.geometric_normal)}));
     }
   }
   // Smooth and curved surfaces on a walk make more of a direction's rounding, vertex by vertex.
   const bool on_device = c.stream.on_device();
-  CheckResult r = errors.result("error of positions, directions, materials", on_device ? 1e-3 : 1e-6, on_device ? 0.03 : 0.0);
+  CheckResult r =
+      errors.result("error of positions, directions, materials", on_device ? 1e-3 : 1e-6, on_device ? 0.03 : 0.0);
   if (lhs.take_missing() != 0) {
     r.passed = false;
     r.error += "; points are missing";

@@ -1,0 +1,49 @@
+// Bits of a word, on host and device.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#include "octrad/base/hd.h"
+
+namespace octrad {
+
+// A float's bits, and the float of some bits.
+OCTRAD_HD inline std::uint32_t bits_of(float value) {
+#if defined(__CUDA_ARCH__)
+  return __float_as_uint(value);
+#else
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, 4);
+  return bits;
+#endif
+}
+OCTRAD_HD inline float float_of(std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return __uint_as_float(bits);
+#else
+  float value;
+  std::memcpy(&value, &bits, 4);
+  return value;
+#endif
+}
+
+// How many bits are set.
+OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return static_cast<std::uint32_t>(__popc(bits));
+#else
+  return static_cast<std::uint32_t>(__builtin_popcount(bits));
+#endif
+}
+
+// Index of the highest bit that is set; bits != 0.
+OCTRAD_HD inline std::uint32_t highest_bit(std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return 31u - static_cast<std::uint32_t>(__clz(static_cast<int>(bits)));
+#else
+  return 31u - static_cast<std::uint32_t>(__builtin_clz(bits));
+#endif
+}
+
+}  // namespace octrad

@@ -1,0 +1,47 @@
+#include "octrad/base/interrupt.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstddef>
+
+namespace octrad {
+namespace {
+std::atomic<int> g_signal{0};
+static_assert(std::atomic<int>::is_always_lock_free, "used in a signal handler");
+
+std::atomic<bool> g_deferred{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "used in a signal handler");
+
+template <std::size_t N>
+[[noreturn]] void end_at_once(const char (&message)[N]) {
+  const ssize_t ignored = write(STDERR_FILENO, message, N - 1);
+  static_cast<void>(ignored);
+  _exit(130);
+}
+
+void on_signal(int signal) {
+  if (!g_deferred.load()) end_at_once("\noctrad: interrupted before there was anything to save\n");
+  if (g_signal.exchange(signal) != 0)
+    end_at_once("\noctrad: stopped at once by a second signal; nothing more was saved\n");
+}
+}  // namespace
+
+void install_interrupt_handler() {
+  g_deferred.store(false);
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+void defer_interrupts() { g_deferred.store(true); }
+
+bool interrupted() { return g_signal.load(std::memory_order_relaxed) != 0; }
+int interrupt_signal() { return g_signal.load(std::memory_order_relaxed); }
+void set_interrupted(int signal) { g_signal.store(signal); }
+
+}  // namespace octrad

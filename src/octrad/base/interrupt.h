@@ -1,0 +1,20 @@
+// SIGINT and SIGTERM as a flag that long loops look at.
+#pragma once
+
+namespace octrad {
+
+// From now on SIGINT and SIGTERM say so and end the process at once with exit code 130: nothing is lost yet.
+void install_interrupt_handler();
+
+// Call when there begins to be something to save (again does no harm): from now on the first signal only sets a flag,
+// and the second one ends the process at once.
+void defer_interrupts();
+
+// Whether a signal has arrived. Cheap and thread-safe.
+bool interrupted();
+// The signal's number, 0 if none came.
+int interrupt_signal();
+// For tests: as if a signal had arrived (or none).
+void set_interrupted(int signal);
+
+}  // namespace octrad

@@ -1,0 +1,49 @@
+// What a radiance field is asked about (method section 1): one point of a surface seen from one direction.
+#pragma once
+
+#include <cstddef>
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+struct SurfacePoint {
+  Vec3f x;                 // world position
+  Vec3f n;                 // unit shading normal, on the side of wo
+  Vec3f wo;                // unit direction towards the viewer
+  Vec3f albedo;            // linear RGB, independent of wo
+  float alpha = 1.0f;      // roughness: 1 diffuse, 0 perfectly smooth
+  float disparity = 0.0f;  // 1 / distance along the mirror direction, only where `lookup.offset = traced` asks for it
+};
+
+// Many of them as kernels keep them: one array a number, `stride` items apart, so that neighbouring items are
+// neighbours in memory.
+inline constexpr int kSurfacePointNumbers = 14;
+
+struct SurfacePointArray {
+  float* data = nullptr;  // [kSurfacePointNumbers][stride]
+  std::size_t stride = 0;
+
+  OCTRAD_HD float get(int number, std::size_t i) const { return data[static_cast<std::size_t>(number) * stride + i]; }
+  OCTRAD_HD Vec3f get3(int number, std::size_t i) const {
+    return {get(number, i), get(number + 1, i), get(number + 2, i)};
+  }
+  OCTRAD_HD SurfacePoint load(std::size_t i) const {
+    SurfacePoint p;
+    p.x = get3(0, i);
+    p.n = get3(3, i);
+    p.wo = get3(6, i);
+    p.albedo = get3(9, i);
+    p.alpha = get(12, i);
+    p.disparity = get(13, i);
+    return p;
+  }
+  OCTRAD_HD void store(std::size_t i, const SurfacePoint& p) const {
+    const float numbers[kSurfacePointNumbers] = {p.x.x,      p.x.y,      p.x.z,   p.n.x,      p.n.y,
+                                                 p.n.z,      p.wo.x,     p.wo.y,  p.wo.z,     p.albedo.x,
+                                                 p.albedo.y, p.albedo.z, p.alpha, p.disparity};
+    for (int n = 0; n < kSurfacePointNumbers; ++n) data[static_cast<std::size_t>(n) * stride + i] = numbers[n];
+  }
+};
+
+}  // namespace octrad

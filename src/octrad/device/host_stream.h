@@ -1,0 +1,16 @@
+// What launch.h needs of the host stream.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+#include "octrad/device/stream.h"
+
+namespace octrad {
+
+// Runs body over blocks of [0, n) now, or records it while the stream captures. `stream` must be a host stream.
+// `block`: items that a thread takes at a time.
+void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t begin, std::size_t end)>& body,
+                 std::size_t block = 256);
+
+}  // namespace octrad

@@ -1,0 +1,140 @@
+// launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads; launch_levels: the same
+// for each of several levels. For files named *_device.cc: they compile as CUDA where octrad is built with it, and as
+// plain C++ otherwise; both know the host stream.
+//
+// A functor is a trivially copyable struct with `OCTRAD_HD void operator()(std::uint32_t i) const`; pointers in it
+// point to memory of the stream. Items that write to the same place use atomic_add or atomic_append below.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+
+#include "octrad/base/error.h"
+#include "octrad/base/hd.h"
+#include "octrad/device/host_stream.h"
+#include "octrad/device/stream.h"
+#if defined(__CUDACC__)
+#include "octrad/device/cuda_stream.h"
+#endif
+
+namespace octrad {
+
+#if defined(__CUDACC__)
+template <typename F>
+__global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_kernel(std::uint32_t n, F f) {
+  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  if (i < n) f(i);
+}
+template <typename F>
+__global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_levels_kernel(std::uint32_t n, F f) {
+  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  if (i < n) f(blockIdx.y, i);
+}
+#endif
+
+// Functors derive from this; another block size or a name for error messages and timings shadow these.
+struct Kernel {
+  static constexpr unsigned kBlock = 128;
+  static constexpr unsigned kMinBlocks =
+      0;  // blocks that must fit on a multiprocessor; 0: the assembler decides, and may spill
+};
+
+// Arguments of a kernel that every driver and device takes, less the count; larger tables belong into memory of the
+// stream.
+inline constexpr std::size_t kMostArguments = 4096 - 16;
+// Items are numbered in 32 bits, and the last block must not wrap around.
+inline constexpr std::size_t kMostItems = 0xffffffffu - 1023u;
+
+template <typename F>
+void check_launch_of(std::size_t n) {
+  static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
+  static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
+  static_assert(F::kBlock % 32 == 0 && F::kBlock >= 32 && F::kBlock <= 1024);
+  if (n > kMostItems)
+    throw DeviceError("a launch of " + std::to_string(n) + " items; " + std::to_string(kMostItems) + " are possible");
+}
+
+template <typename F>
+void launch(Stream& stream, std::size_t n, const F& functor) {
+  check_launch_of<F>(n);
+  if (n == 0) return;
+#if defined(__CUDACC__)
+  if (stream.on_device()) {
+    const auto count = static_cast<std::uint32_t>(n);
+    launch_kernel<F><<<(count + F::kBlock - 1) / F::kBlock, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    check_launch(stream);
+    return;
+  }
+#endif
+  host_launch(stream, n, [functor](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) functor(static_cast<std::uint32_t>(i));
+  });
+}
+
+// functor(level, i) for level = 0 .. levels - 1 and i = 0 .. n - 1. On a device all threads of a block have one level,
+// so that what depends on it alone is read once for all of them, and blocks of a level start before those of the next
+// one.
+template <typename F>
+void launch_levels(Stream& stream, std::size_t n, int levels, const F& functor) {
+  check_launch_of<F>(n);
+  if (n == 0 || levels <= 0) return;
+#if defined(__CUDACC__)
+  if (stream.on_device()) {
+    const auto count = static_cast<std::uint32_t>(n);
+    const dim3 blocks((count + F::kBlock - 1) / F::kBlock, static_cast<unsigned>(levels));
+    launch_levels_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    check_launch(stream);
+    return;
+  }
+#endif
+  host_launch(stream, n * static_cast<std::size_t>(levels), [functor, n](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      functor(static_cast<std::uint32_t>(i / n), static_cast<std::uint32_t>(i % n));
+  });
+}
+
+// Adds and returns the old value. Sums of floats depend on the order in which items come.
+template <typename T>
+OCTRAD_HD inline T atomic_add(T* at, T value) {
+#if defined(__CUDA_ARCH__)
+  return atomicAdd(at, value);
+#else
+  if constexpr (std::is_integral_v<T>) {
+    return __atomic_fetch_add(at, value, __ATOMIC_RELAXED);
+  } else {
+    T old;
+    __atomic_load(at, &old, __ATOMIC_RELAXED);
+    T sum = old + value;
+    while (!__atomic_compare_exchange(at, &old, &sum, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) sum = old + value;
+    return old;
+  }
+#endif
+}
+
+// Takes the next place of a list of *count. Lanes of a warp that come here together take theirs with one atomic
+// operation.
+OCTRAD_HD inline std::uint32_t atomic_append(std::uint32_t* count) {
+#if defined(__CUDA_ARCH__)
+  const unsigned lanes = __activemask();
+  unsigned lane;
+  asm("mov.u32 %0, %%laneid;" : "=r"(lane));
+  const int leader = __ffs(static_cast<int>(lanes)) - 1;
+  unsigned base = 0;
+  if (static_cast<int>(lane) == leader) base = atomicAdd(count, static_cast<unsigned>(__popc(lanes)));
+  return __shfl_sync(lanes, base, leader) + static_cast<unsigned>(__popc(lanes & ((1u << lane) - 1u)));
+#else
+  return atomic_add(count, std::uint32_t{1});
+#endif
+}
+
+OCTRAD_HD inline std::uint32_t atomic_or(std::uint32_t* at, std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return atomicOr(at, bits);
+#else
+  return __atomic_fetch_or(at, bits, __ATOMIC_RELAXED);
+#endif
+}
+
+}  // namespace octrad

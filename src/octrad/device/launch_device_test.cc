@@ -1,0 +1,257 @@
+// launch(), arrays and recorded graphs on every stream that this machine has.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <numeric>
+#include <vector>
+
+#include "octrad/base/error.h"
+#include "octrad/device/array.h"
+#include "octrad/device/launch.h"
+#include "octrad/device/stage_times.h"
+#include "octrad/device/stream_test_helper.h"
+
+namespace octrad {
+namespace {
+
+struct Affine : Kernel {
+  const float* in;
+  float* out;
+  float scale;
+  OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = scale * in[i] + 1.0f; }
+};
+
+struct CountLevels : Kernel {
+  std::uint32_t* counts;  // [levels][n]
+  std::uint32_t n;
+  OCTRAD_HD void operator()(std::uint32_t level, std::uint32_t i) const {
+    atomic_add(&counts[level * n + i], level + 1);
+  }
+};
+
+struct Histogram : Kernel {
+  const std::uint32_t* values;
+  std::uint32_t* counts;
+  float* sum;
+  std::uint32_t* flags;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    atomic_add(&counts[values[i] & 7u], std::uint32_t{1});
+    atomic_add(sum, 1.0f);
+    atomic_or(flags, 1u << (values[i] & 7u));
+  }
+};
+
+class Streams : public ::testing::TestWithParam<bool> {};
+
+TEST_P(Streams, LaunchesWriteEveryItemOnce) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  for (const std::size_t n :
+       {std::size_t{0}, std::size_t{1}, std::size_t{127}, std::size_t{128}, std::size_t{100'001}}) {
+    std::vector<float> values(n);
+    std::iota(values.begin(), values.end(), 0.0f);
+    const DeviceArray<float> in(*stream, std::span<const float>(values), "in");
+    DeviceArray<float> out(*stream, n, "out");
+    out.fill(0xff);
+    launch(*stream, n, Affine{{}, in.data(), out.data(), 2.0f});
+    const std::vector<float> result = out.download();
+    ASSERT_EQ(result.size(), n);
+    for (std::size_t i = 0; i < n; ++i) ASSERT_EQ(result[i], 2.0f * static_cast<float>(i) + 1.0f) << i;
+  }
+}
+
+TEST_P(Streams, LaunchesOfLevelsMeetEveryItemOfEachOnce) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  for (const std::uint32_t n : {1u, 127u, 129u, 5000u}) {
+    constexpr int kLevels = 9;
+    DeviceArray<std::uint32_t> counts(*stream, std::size_t{kLevels} * n, "counts");
+    counts.fill(0);
+    launch_levels(*stream, n, kLevels, CountLevels{{}, counts.data(), n});
+    launch_levels(*stream, n, 0, CountLevels{{}, counts.data(), n});
+    launch_levels(*stream, 0, kLevels, CountLevels{{}, counts.data(), n});
+    const std::vector<std::uint32_t> result = counts.download();
+    for (std::uint32_t i = 0; i < kLevels * n; ++i) ASSERT_EQ(result[i], i / n + 1) << i;
+  }
+}
+
+TEST_P(Streams, AtomicsLoseNothing) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const std::size_t n = 80'000;
+  std::vector<std::uint32_t> values(n);
+  std::iota(values.begin(), values.end(), 0u);
+  const DeviceArray<std::uint32_t> in(*stream, std::span<const std::uint32_t>(values), "in");
+  DeviceArray<std::uint32_t> counts(*stream, 8, "counts"), flags(*stream, 1, "flags");
+  DeviceArray<float> sum(*stream, 1, "sum");
+  counts.fill(0);
+  flags.fill(0);
+  sum.fill(0);
+  launch(*stream, n, Histogram{{}, in.data(), counts.data(), sum.data(), flags.data()});
+  for (const std::uint32_t c : counts.download()) EXPECT_EQ(c, n / 8);
+  EXPECT_EQ(sum.download()[0], static_cast<float>(n));
+  EXPECT_EQ(flags.download()[0], 255u);
+}
+
+TEST_P(Streams, GraphsReplayWhatWasRecorded) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const std::vector<float> start(1000, 1.0f);
+  DeviceArray<float> a(*stream, std::span<const float>(start), "a");
+  const auto graph = stream->capture([&] {
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
+  });
+  EXPECT_EQ(a.download()[0], 1.0f) << "recording must not run";
+  for (int i = 0; i < 3; ++i) stream->replay(*graph);
+  float expected = 1.0f;
+  for (int i = 0; i < 3; ++i) expected = 3.0f * (2.0f * expected + 1.0f) + 1.0f;
+  EXPECT_EQ(a.download()[999], expected);
+}
+
+// What a device refuses while it records, the host stream refuses too.
+TEST_P(Streams, RecordingAllowsNothingElse) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const std::vector<float> start(10, 1.0f);
+  DeviceArray<float> a(*stream, std::span<const float>(start), "a");
+  const auto graph = stream->capture([&] { launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f}); });
+  const auto second = stream->capture([&] {
+    EXPECT_THROW(stream->capture([] {}), DeviceError);
+    EXPECT_THROW(DeviceArray<float>(*stream, 1, "b"), DeviceError);
+    EXPECT_THROW(a.upload(std::span<const float>(start)), DeviceError);
+    EXPECT_THROW(a.download(), DeviceError);
+    EXPECT_THROW(stream->synchronize(), DeviceError);
+    EXPECT_THROW(stream->record(), DeviceError);
+    EXPECT_THROW(stream->replay(*graph), DeviceError);
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 3.0f});
+  });
+  stream->replay(*graph);
+  stream->replay(*second);
+  EXPECT_EQ(a.download()[9], 10.0f) << "refusals must not spoil what is recorded";
+}
+
+TEST_P(Streams, FailuresWhileRecordingLeaveTheStreamAsItWas) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  {
+    const std::vector<float> start(10, 1.0f);
+    DeviceArray<float> a(*stream, std::span<const float>(start), "a");
+    EXPECT_THROW(stream->capture([&] {
+      launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+      a.download();
+    }),
+                 DeviceError);
+    EXPECT_EQ(a.download()[3], 1.0f);
+    launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f});
+    EXPECT_EQ(a.download()[3], 3.0f);
+  }
+  EXPECT_EQ(stream->allocated_bytes(), 0u);
+}
+
+// Items are numbered in 32 bits.
+TEST_P(Streams, TooManyItemsAreRefused) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  EXPECT_THROW(launch(*stream, std::size_t{1} << 32, Affine{{}, nullptr, nullptr, 1.0f}), DeviceError);
+}
+
+// New memory holds no zeros that a device would not have: with assertions on, the host stream's holds NaNs.
+TEST(HostStreams, NewMemoryIsNotZero) {
+#if defined(NDEBUG)
+  GTEST_SKIP() << "SKIPPED: assertions are off";
+#else
+  const auto stream = make_host_stream();
+  const DeviceArray<float> a(*stream, 1000, "a");
+  for (const float v : a.download()) ASSERT_TRUE(v != v);
+#endif
+}
+
+TEST_P(Streams, MemoryIsCountedAndGivenBack) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  {
+    DeviceArray<double> a(*stream, 1000, "a");
+    EXPECT_EQ(stream->allocated_bytes(), 8000u);
+    const DeviceArray<double> b = std::move(a);
+    EXPECT_EQ(stream->allocated_bytes(), 8000u);
+    EXPECT_EQ(b.size(), 1000u);
+  }
+  EXPECT_EQ(stream->allocated_bytes(), 0u);
+  EXPECT_EQ(stream->peak_bytes(), 8000u);
+  EXPECT_THROW(stream->allocate(std::size_t{1} << 60, "far too much"), MemoryError);
+}
+
+TEST_P(Streams, EventsMeasureTime) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const auto start = stream->record();
+  DeviceArray<float> a(*stream, 1 << 20, "a");
+  a.fill(0);
+  const auto end = stream->record();
+  const double ms = stream->milliseconds(*start, *end);
+  EXPECT_GE(ms, 0.0);
+  EXPECT_LT(ms, 10'000.0);
+}
+
+TEST_P(Streams, StagesAreTimedInTheirOrder) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  StageTimes times(*stream);
+  times.settle();
+  EXPECT_TRUE(times.means().empty());
+  DeviceArray<float> a(*stream, 1 << 20, "a");
+  const auto pass = [&](int fills) {
+    times.begin();
+    for (int i = 0; i < fills; ++i) a.fill(i);
+    times.mark("fill");
+    times.mark("nothing");
+  };
+  pass(1000);
+  times.forget();
+  for (int i = 0; i < 3; ++i) {
+    pass(200);
+    times.settle();
+  }
+  for (const StageSplit& split : {times.means(), times.medians()}) {
+    ASSERT_EQ(split.size(), 2u);
+    EXPECT_EQ(split[0].first, "fill");
+    EXPECT_EQ(split[1].first, "nothing");
+    EXPECT_GT(split[0].second, split[1].second);
+    EXPECT_GE(split[1].second, 0.0);
+  }
+  // Two marks of a name add up, and one may count in part.
+  StageTimes parts(*stream);
+  parts.begin();
+  for (const double share : {0.0, 1e6, 1e6}) {
+    for (int i = 0; i < 50; ++i) a.fill(i);
+    parts.mark("fill", share);
+  }
+  parts.settle();
+  ASSERT_EQ(parts.means().size(), 1u);
+  EXPECT_GT(parts.means()[0].second, 1e5 * times.means()[0].second);
+  EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.5), 2.0);
+  EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.99), 3.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Streams, ::testing::Values(false, true), testing::stream_name);
+
+TEST(Devices, SurveySaysWhyThereIsNone) {
+  const DeviceSurvey survey = survey_devices();
+  if (survey.devices.empty()) {
+    EXPECT_FALSE(survey.why_none.empty());
+    try {
+      make_cuda_stream(0);
+      FAIL() << "a stream without a device";
+    } catch (const DeviceError& error) {
+      EXPECT_EQ(error.what(), survey.why_none);
+      EXPECT_EQ(error.code(), ExitCode::device);
+    }
+  } else {
+    EXPECT_THROW(make_cuda_stream(static_cast<int>(survey.devices.size())), DeviceError);
+    EXPECT_GT(survey.devices[0].total_bytes, std::size_t{1} << 28);
+  }
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,250 @@
+#include "octrad/encoding/lookup_device.h"
+
+#include <stdexcept>
+
+#include "octrad/device/launch.h"
+
+namespace octrad {
+namespace {
+
+template <int C, typename E, typename Rows>
+struct OctreeLookup : Kernel {
+  OctaOctreeView view;
+  const E* table;
+  DeviceQueries queries;
+  Rows out;
+  int first;
+
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
+    if (!queries.slice.holds(i)) return;
+    float sum[C];
+    OCTRAD_UNROLL
+    for (int c = 0; c < C; ++c) sum[c] = 0.0f;
+    const float d = queries.d != nullptr ? queries.d[i] : 0.0f;
+    visit_level(view, view.level[l], normalize_position(view, queries.position(i)), queries.direction(i), d,
+                [&](std::uint32_t entry, float weight, float) {
+                  float value[C];
+                  load_row<C>(table, entry, value);
+                  OCTRAD_UNROLL
+                  for (int c = 0; c < C; ++c) sum[c] += weight * value[c];
+                });
+    OCTRAD_UNROLL
+    for (int c = 0; c < C; c += 2) out.store2(first + static_cast<int>(l) * C + c, i, sum[c], sum[c + 1]);
+  }
+};
+
+template <int C, typename E, typename Sink>
+struct OctreeScatter : Kernel {
+  static constexpr unsigned kMinBlocks = 6;  // 80 registers: nothing spills
+  OctaOctreeView view;
+  const E* table;
+  DeviceQueries queries;
+  const float* upstream;
+  std::size_t upstream_stride;
+  float* d_disparity;
+  std::size_t d_stride;
+  Sink sink;
+
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
+    if (!queries.slice.holds(i)) return;
+    float up[C];
+    OCTRAD_UNROLL
+    for (int c = 0; c < C; ++c) up[c] = upstream[(l * C + static_cast<std::uint32_t>(c)) * upstream_stride + i];
+    const float d = queries.d != nullptr ? queries.d[i] : 0.0f;
+    std::uint64_t slot = (static_cast<std::uint64_t>(l) * queries.n + i) * kOctreeTaps;
+    float by_disparity = 0.0f;
+    visit_level(view, view.level[l], normalize_position(view, queries.position(i)), queries.direction(i), d,
+                [&](std::uint32_t entry, float weight, float dweight) {
+                  if (d_disparity != nullptr && dweight != 0.0f) {
+                    float value[C];
+                    load_row<C>(table, entry, value);
+                    float product = 0.0f;
+                    OCTRAD_UNROLL
+                    for (int c = 0; c < C; ++c) product += up[c] * value[c];
+                    by_disparity += dweight * product;
+                  }
+                  if (weight != 0.0f) sink.template add<C>(slot++, entry, weight, up);
+                });
+    if (d_disparity != nullptr) d_disparity[l * d_stride + i] = by_disparity;
+  }
+};
+
+template <int F, typename E, typename Rows>
+struct GridLookup : Kernel {
+  HashGridView view;
+  Vec3f origin, size;
+  const E* table;
+  DeviceQueries queries;
+  Rows out;
+  int first;
+
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
+    if (!queries.slice.holds(i)) return;
+    std::uint32_t entry[8];
+    float weight[8], sum[F];
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; ++c) sum[c] = 0.0f;
+    hash_grid_taps(view.level[l], divide(queries.position(i) - origin, size), entry, weight);
+    OCTRAD_UNROLL
+    for (int k = 0; k < 8; ++k) {
+      float value[F];
+      load_row<F>(table, entry[k], value);
+      OCTRAD_UNROLL
+      for (int c = 0; c < F; ++c) sum[c] += weight[k] * value[c];
+    }
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; c += 2) out.store2(first + static_cast<int>(l) * F + c, i, sum[c], sum[c + 1]);
+  }
+};
+
+template <int F, typename Sink>
+struct GridScatter : Kernel {
+  HashGridView view;
+  Vec3f origin, size;
+  DeviceQueries queries;
+  const float* upstream;
+  std::size_t upstream_stride;
+  Sink sink;
+
+  OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
+    if (!queries.slice.holds(i)) return;
+    float up[F];
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; ++c) up[c] = upstream[(l * F + static_cast<std::uint32_t>(c)) * upstream_stride + i];
+    std::uint32_t entry[8];
+    float weight[8];
+    const std::uint64_t slot = (static_cast<std::uint64_t>(l) * queries.n + i) * kHashGridTaps;
+    hash_grid_taps(view.level[l], divide(queries.position(i) - origin, size), entry, weight);
+    OCTRAD_UNROLL
+    for (int k = 0; k < 8; ++k) sink.template add<F>(slot + static_cast<std::uint64_t>(k), entry[k], weight[k], up);
+  }
+};
+
+// Calls f with the number of features as a constant.
+template <typename F>
+void with_width(int features, F&& f) {
+  switch (features) {
+    case 2: f(std::integral_constant<int, 2>{}); return;
+    case 4: f(std::integral_constant<int, 4>{}); return;
+    case 8: f(std::integral_constant<int, 8>{}); return;
+    default: throw std::logic_error("a feature vector of an unsupported length");
+  }
+}
+
+template <typename Rows>
+void octree_lookup(Stream& stream, const OctaOctreeView& view, DeviceFeatures table, const DeviceQueries& queries,
+                   Rows out, int first) {
+  with_width(view.features, [&](auto width) {
+    constexpr int C = decltype(width)::value;
+    if (table.halves != nullptr)
+      launch_levels(stream, queries.n, view.levels,
+                    OctreeLookup<C, Half, Rows>{{}, view, table.halves, queries, out, first});
+    else
+      launch_levels(stream, queries.n, view.levels,
+                    OctreeLookup<C, float, Rows>{{}, view, table.floats, queries, out, first});
+  });
+}
+
+template <typename Sink>
+void octree_scatter(Stream& stream, const OctaOctreeView& view, DeviceFeatures table, const DeviceQueries& queries,
+                    const float* upstream, std::size_t upstream_stride, float* d_disparity, std::size_t d_stride,
+                    const Sink& sink) {
+  with_width(view.features, [&](auto width) {
+    constexpr int C = decltype(width)::value;
+    if (table.halves != nullptr) {
+      launch_levels(stream, queries.n, view.levels,
+                    OctreeScatter<C, Half, Sink>{
+                        {}, view, table.halves, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
+    } else {
+      launch_levels(stream, queries.n, view.levels,
+                    OctreeScatter<C, float, Sink>{
+                        {}, view, table.floats, queries, upstream, upstream_stride, d_disparity, d_stride, sink});
+    }
+  });
+}
+
+template <typename Rows>
+void grid_lookup(Stream& stream, const HashGridView& view, Vec3f origin, Vec3f size, DeviceFeatures table,
+                 const DeviceQueries& queries, Rows out, int first) {
+  with_width(view.features, [&](auto width) {
+    constexpr int F = decltype(width)::value;
+    if (table.halves != nullptr)
+      launch_levels(stream, queries.n, view.levels,
+                    GridLookup<F, Half, Rows>{{}, view, origin, size, table.halves, queries, out, first});
+    else
+      launch_levels(stream, queries.n, view.levels,
+                    GridLookup<F, float, Rows>{{}, view, origin, size, table.floats, queries, out, first});
+  });
+}
+
+template <typename Sink>
+void grid_scatter(Stream& stream, const HashGridView& view, Vec3f origin, Vec3f size, const DeviceQueries& queries,
+                  const float* upstream, std::size_t upstream_stride, const Sink& sink) {
+  with_width(view.features, [&](auto width) {
+    constexpr int F = decltype(width)::value;
+    launch_levels(stream, queries.n, view.levels,
+                  GridScatter<F, Sink>{{}, view, origin, size, queries, upstream, upstream_stride, sink});
+  });
+}
+
+}  // namespace
+
+DeviceOctree::DeviceOctree(Stream& stream, const OctaOctree& octree) : view_(octree.view()) {
+  view_.table = nullptr;
+  for (int l = 0; l < view_.levels; ++l) {
+    CellIndexView& index = view_.level[l].index;
+    const auto bricks = static_cast<std::size_t>(index.bricks_per_axis);
+    const std::span<const std::uint32_t> top(index.top, bricks * bricks * bricks);
+    std::uint32_t last = 0;
+    for (const std::uint32_t brick : top) last = brick > last ? brick : last;
+    tops_.emplace_back(stream, top, "the octree's cell index");
+    octants_.emplace_back(stream, std::span<const CellOctant>(index.octants, (std::size_t{last} + 1) * 8),
+                          "the octree's cell index");
+    index.top = tops_.back().data();
+    index.octants = octants_.back().data();
+  }
+}
+
+void DeviceOctree::lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, HalfRows out,
+                          int first) const {
+  octree_lookup(stream, view_, table, queries, out, first);
+}
+void DeviceOctree::lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, FloatRows out,
+                          int first) const {
+  octree_lookup(stream, view_, table, queries, out, first);
+}
+void DeviceOctree::scatter(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, const float* upstream,
+                           std::size_t upstream_stride, float* d_disparity, std::size_t d_stride,
+                           const AddNow& sink) const {
+  octree_scatter(stream, view_, table, queries, upstream, upstream_stride, d_disparity, d_stride, sink);
+}
+void DeviceOctree::scatter(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, const float* upstream,
+                           std::size_t upstream_stride, float* d_disparity, std::size_t d_stride,
+                           const KeepForSort& sink) const {
+  octree_scatter(stream, view_, table, queries, upstream, upstream_stride, d_disparity, d_stride, sink);
+}
+
+DeviceHashGrid::DeviceHashGrid(const HashGrid& grid, Vec3f origin, Vec3f size)
+    : view_(grid.view()),
+      origin_(origin),
+      size_(size) {
+  view_.table = nullptr;
+}
+void DeviceHashGrid::lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, HalfRows out,
+                            int first) const {
+  grid_lookup(stream, view_, origin_, size_, table, queries, out, first);
+}
+void DeviceHashGrid::lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, FloatRows out,
+                            int first) const {
+  grid_lookup(stream, view_, origin_, size_, table, queries, out, first);
+}
+void DeviceHashGrid::scatter(Stream& stream, const DeviceQueries& queries, const float* upstream,
+                             std::size_t upstream_stride, const AddNow& sink) const {
+  grid_scatter(stream, view_, origin_, size_, queries, upstream, upstream_stride, sink);
+}
+void DeviceHashGrid::scatter(Stream& stream, const DeviceQueries& queries, const float* upstream,
+                             std::size_t upstream_stride, const KeepForSort& sink) const {
+  grid_scatter(stream, view_, origin_, size_, queries, upstream, upstream_stride, sink);
+}
+
+}  // namespace octrad

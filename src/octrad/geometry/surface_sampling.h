@@ -1,0 +1,36 @@
+// Points uniform in area over all surfaces of a scene.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "octrad/geometry/surface_sampling_math.h"
+#include "octrad/scene/scene.h"
+
+namespace octrad {
+
+class SurfaceSampler {
+ public:
+  // Throws InputError for a scene without area. The scene must outlive the sampler.
+  explicit SurfaceSampler(const Scene& scene);
+
+  SurfaceSampler(const SurfaceSampler&) = delete;
+  SurfaceSampler& operator=(const SurfaceSampler&) = delete;
+
+  // u_pick and u in [0, 1): which triangle or sphere, and where on it. SurfaceInteraction::t is 0.
+  SurfaceInteraction sample(float u_pick, Vec2f u) const;
+  // Only where that point lies; several times as fast.
+  Vec3f sample_position(float u_pick, Vec2f u) const;
+  double total_area() const { return view_.total_area; }  // square world units
+  // The tables as surface_sampling_math.h reads them.
+  const SurfaceSamplerView& view() const { return view_; }
+
+ private:
+  std::vector<SurfaceElement> elements_;
+  std::vector<double> cumulative_;
+  std::vector<std::uint32_t> guide_;
+  std::vector<ShapeView> shapes_;
+  SurfaceSamplerView view_;
+};
+
+}  // namespace octrad

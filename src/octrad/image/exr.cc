@@ -1,0 +1,152 @@
+// OpenEXR files through the OpenEXR library's general interface.
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfInputFile.h>
+#include <ImfOutputFile.h>
+#include <ImfPartType.h>
+#include <ImfStringAttribute.h>
+#include <ImfTestFile.h>
+#include <ImfVersion.h>
+#include <half.h>
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+#include <sstream>
+#include <tuple>
+
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+#include "octrad/image/io.h"
+#include "octrad/image/io_internal.h"
+
+namespace octrad {
+namespace {
+
+// Main picture first, then layers by name; colours and vectors in their usual order, anything else by name.
+std::tuple<std::string, int, std::string> channel_order(const std::string& name) {
+  const std::size_t dot = name.rfind('.');
+  const std::string layer = dot == std::string::npos ? "" : name.substr(0, dot);
+  const std::string base = dot == std::string::npos ? name : name.substr(dot + 1);
+  static const std::string kOrder[] = {"R", "G", "B", "A", "X", "Y", "Z"};
+  const auto* found = std::find(std::begin(kOrder), std::end(kOrder), base);
+  return {layer, static_cast<int>(found - std::begin(kOrder)), base};
+}
+
+// Reserved by the format or filled in by the library; the rest of the metadata is free text.
+bool is_own_key(const std::string& key) { return key == "dataWindow.min" || key == "displayWindow"; }
+
+}  // namespace
+
+Image image_io::read_exr(const std::string& file) {
+  try {
+    bool tiled = false, deep = false, multipart = false;
+    if (!Imf::isOpenExrFile(file.c_str(), tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
+    if (deep) throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
+    Imf::InputFile in(file.c_str(), 0);
+    const Imf::Header& header = in.header();
+    const Imath::Box2i window = header.dataWindow(), display = header.displayWindow();
+    const long long width = static_cast<long long>(window.max.x) - window.min.x + 1;
+    const long long height = static_cast<long long>(window.max.y) - window.min.y + 1;
+
+    std::vector<std::string> names;
+    for (auto c = header.channels().begin(); c != header.channels().end(); ++c) {
+      if (c.channel().xSampling != 1 || c.channel().ySampling != 1) {
+        throw InputError(file + ": channel " + c.name() +
+                         " is subsampled (luminance/chroma), which is not supported: save it as RGB");
+      }
+      names.push_back(c.name());
+    }
+    check_size(file, width, height, static_cast<long long>(names.size()));
+    if (!in.isComplete())
+      throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
+    std::sort(names.begin(), names.end(),
+              [](const std::string& a, const std::string& b) { return channel_order(a) < channel_order(b); });
+
+    Image image(static_cast<int>(width), static_cast<int>(height), names);
+    const std::size_t stride_x = names.size() * sizeof(float), stride_y = stride_x * static_cast<std::size_t>(width);
+    Imf::FrameBuffer buffer;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      buffer.insert(names[c], Imf::Slice::Make(Imf::FLOAT, image.data.data() + c, window, stride_x, stride_y));
+    }
+    in.setFrameBuffer(buffer);
+    in.readPixels(window.min.y, window.max.y);
+
+    for (auto a = header.begin(); a != header.end(); ++a) {
+      if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&a.attribute())) {
+        if (std::string(a.name()) != "type") image.metadata[a.name()] = text->value();
+      }
+    }
+    // Relative to the display window, so that files of a renderer whose display window is not at 0 0 read the same.
+    const long long x = static_cast<long long>(window.min.x) - display.min.x,
+                    y = static_cast<long long>(window.min.y) - display.min.y;
+    const long long display_width = static_cast<long long>(display.max.x) - display.min.x + 1;
+    const long long display_height = static_cast<long long>(display.max.y) - display.min.y + 1;
+    if (x != 0 || y != 0) image.metadata["dataWindow.min"] = std::to_string(x) + " " + std::to_string(y);
+    if (x != 0 || y != 0 || display_width != width || display_height != height) {
+      image.metadata["displayWindow"] = std::to_string(display_width) + " " + std::to_string(display_height);
+    }
+    return image;
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& e) {
+    throw InputError(file + ": cannot read EXR file: " + e.what());
+  }
+}
+
+void write_exr(const std::string& file, const Image& image, ExrPrecision precision) {
+  assert(image.width > 0 && image.height > 0 && !image.channels.empty());
+  assert(image.data.size() == image.pixel_count() * image.channels.size());
+  const Imf::PixelType type = precision == ExrPrecision::half ? Imf::HALF : Imf::FLOAT;
+
+  Imath::V2i origin(0, 0), display(image.width, image.height);
+  const auto read_pair = [&](const char* key, Imath::V2i& pair) {
+    const auto found = image.metadata.find(key);
+    if (found == image.metadata.end()) return;
+    std::istringstream text(found->second);
+    if (!(text >> pair.x >> pair.y))
+      throw InputError(file + ": metadata " + key + " must be two integers, not \"" + found->second + "\"");
+  };
+  read_pair("dataWindow.min", origin);
+  read_pair("displayWindow", display);
+  constexpr int kFar = 1 << 20;
+  if (std::max({std::abs(origin.x), std::abs(origin.y), display.x, display.y}) > kFar || display.x < 1 ||
+      display.y < 1) {
+    throw InputError(file + ": data or display window out of range");
+  }
+  const Imath::Box2i window(origin, origin + Imath::V2i(image.width - 1, image.height - 1));
+
+  std::vector<half> halves;
+  if (precision == ExrPrecision::half) {
+    halves.resize(image.data.size());
+    std::transform(image.data.begin(), image.data.end(), halves.begin(), [](float v) { return half(v); });
+  }
+  AtomicFile out_file(file);
+  try {
+    Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
+    header.compression() = Imf::ZIP_COMPRESSION;
+    for (const auto& [key, value] : image.metadata) {
+      if (!is_own_key(key)) header.insert(key, Imf::StringAttribute(value));
+    }
+    const std::size_t value_size = precision == ExrPrecision::half ? sizeof(half) : sizeof(float);
+    const std::size_t stride_x = image.channels.size() * value_size,
+                      stride_y = stride_x * static_cast<std::size_t>(image.width);
+    const char* base = precision == ExrPrecision::half ? reinterpret_cast<const char*>(halves.data())
+                                                       : reinterpret_cast<const char*>(image.data.data());
+    Imf::FrameBuffer buffer;
+    for (std::size_t c = 0; c < image.channels.size(); ++c) {
+      assert(image.channel(image.channels[c]) == static_cast<int>(c));  // names are unique
+      header.channels().insert(image.channels[c], Imf::Channel(type));
+      buffer.insert(image.channels[c], Imf::Slice::Make(type, base + c * value_size, window, stride_x, stride_y));
+    }
+    Imf::OutputFile out(out_file.temporary().c_str(), header, 0);
+    out.setFrameBuffer(buffer);
+    out.writePixels(image.height);
+  } catch (const std::exception& e) {
+    throw IoError(file + ": cannot write EXR file: " + e.what());
+  }
+  out_file.commit();
+}
+
+}  // namespace octrad

@@ -1,0 +1,19 @@
+// Shared by the readers of single formats; private to this room.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "octrad/image/image.h"
+
+namespace octrad::image_io {
+
+// Throws InputError when a header asks for more than this program is willing to hold.
+void check_size(const std::string& file, long long width, long long height, long long channels);
+
+Image read_exr(const std::string& file);
+Image read_hdr(const std::string& file, const std::vector<unsigned char>& bytes);
+Image read_stb(const std::string& file, const std::vector<unsigned char>& bytes);  // PNG, JPEG
+
+}  // namespace octrad::image_io

@@ -1,0 +1,377 @@
+#include "octrad/image/io.h"
+
+#include <ImfArray.h>
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfOutputFile.h>
+#include <ImfTiledOutputFile.h>
+#include <gtest/gtest.h>
+#include <half.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "octrad/base/error.h"
+#include "octrad/base/rng.h"
+
+namespace octrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+class IoTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("octrad_io_" + std::to_string(::getpid()) + "_" +
+                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  void write_bytes(const std::string& name, const std::string& bytes) const {
+    std::ofstream(path(name), std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+  std::string read_bytes(const std::string& name) const {
+    std::ifstream in(path(name), std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  // The message of the error that reading throws; "" when it does not.
+  template <typename E>
+  std::string error_of(const std::string& name) const {
+    try {
+      read_image(path(name));
+    } catch (const E& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+ private:
+  fs::path folder_;
+};
+
+Image test_image(int width, int height, std::vector<std::string> channels) {
+  Image image(width, height, std::move(channels));
+  Rng rng(1, RngPurpose::test, 0);
+  for (float& v : image.data) v = rng.uniform() * 10.0f - 2.0f;
+  return image;
+}
+
+// A JPEG of 8 x 8 pixels, grey, all coefficients 0 but the first: every value is 128 + 8 * 8 / 8 = 136.
+std::string grey_jpeg() {
+  std::string s("\xff\xd8", 2);
+  s += std::string("\xff\xdb\x00\x43\x00", 5) + std::string(64, '\x08');         // quantisation: 8
+  s += std::string("\xff\xc0\x00\x0b\x08\x00\x08\x00\x08\x01\x01\x11\x00", 13);  // 8 x 8, one component
+  std::string counts(16, '\0');
+  counts[1] = 2;                                                                      // two codes of 2 bits
+  s += std::string("\xff\xc4\x00\x15\x00", 5) + counts + std::string("\x04\x00", 2);  // DC: 00 -> 4 bits
+  s += std::string("\xff\xc4\x00\x15\x10", 5) + counts + std::string("\x00\x01", 2);  // AC: 00 -> end of block
+  s += std::string("\xff\xda\x00\x08\x01\x01\x00\x00\x3f\x00", 10);
+  s += std::string("\x20\x7f", 2);  // 00 1000 00 | padding of ones: DC difference 8, end of block
+  return s + std::string("\xff\xd9", 2);
+}
+
+TEST_F(IoTest, ExrRoundTripKeepsEveryBitChannelAndAttribute) {
+  Image image = test_image(13, 7,
+                           {"R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "depth.Z", "normal.X", "normal.Y",
+                            "normal.Z", "roughness.Y"});
+  image.metadata = {{"config", "{\"octree\": 5}"}, {"octrad.version", "0.1.0"}};
+  image.at(0, 0, 0) = std::numeric_limits<float>::infinity();
+  write_exr(path("a.exr"), image);
+  const Image back = read_image(path("a.exr"));
+  EXPECT_EQ(back.width, 13);
+  EXPECT_EQ(back.height, 7);
+  EXPECT_EQ(back.channels, image.channels);
+  EXPECT_EQ(back.data, image.data);
+  EXPECT_EQ(back.metadata, image.metadata);
+  EXPECT_FALSE(fs::exists(path("a.exr.tmp")));
+}
+
+TEST_F(IoTest, ExrChannelsComeBackInUsefulOrder) {
+  write_exr(path("a.exr"), test_image(2, 2, {"b.Z", "A", "B", "G", "R", "a.Y", "a.X", "b.other"}));
+  EXPECT_EQ(read_image(path("a.exr")).channels,
+            (std::vector<std::string>{"R", "G", "B", "A", "a.X", "a.Y", "b.Z", "b.other"}));
+}
+
+TEST_F(IoTest, ExrKeepsTheWindowOfACrop) {
+  Image image = test_image(3, 2, {"R", "G", "B"});
+  image.metadata = {{"dataWindow.min", "5 -1"}, {"displayWindow", "20 10"}};
+  write_exr(path("a.exr"), image);
+  const Image back = read_image(path("a.exr"));
+  EXPECT_EQ(back.data, image.data);
+  EXPECT_EQ(back.metadata, image.metadata);
+}
+
+TEST_F(IoTest, ExrHalfRounds) {
+  Image image(1, 1, {"R", "G", "B"});
+  image.data = {1.0f, 0.1f, 1e6f};
+  write_exr(path("a.exr"), image, ExrPrecision::half);
+  const Image back = read_image(path("a.exr"));
+  EXPECT_EQ(back.data[0], 1.0f);
+  EXPECT_NEAR(back.data[1], 0.1f, 5e-5f);
+  EXPECT_NE(back.data[1], 0.1f);
+  EXPECT_TRUE(std::isinf(back.data[2]));
+}
+
+TEST_F(IoTest, ExrReadsAllCompressionsTypesAndTiles) {
+  const int width = 37, height = 41;
+  const Imath::Box2i window(Imath::V2i(-3, 4), Imath::V2i(-3 + width - 1, 4 + height - 1));
+  std::vector<float> r(static_cast<std::size_t>(width * height));
+  std::vector<half> g(r.size());
+  std::vector<unsigned> id(r.size());
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    r[i] = static_cast<float>(i) / 16.0f;
+    g[i] = half(static_cast<float>(i / static_cast<std::size_t>(width)) / 4.0f);
+    id[i] = static_cast<unsigned>(i % 7);
+  }
+  for (int compression = Imf::NO_COMPRESSION; compression < Imf::NUM_COMPRESSION_METHODS; ++compression) {
+    for (const bool tiled : {false, true}) {
+      SCOPED_TRACE("compression " + std::to_string(compression) + (tiled ? " tiled" : ""));
+      Imf::Header header(window, window);
+      header.compression() = static_cast<Imf::Compression>(compression);
+      header.channels().insert("R", Imf::Channel(Imf::FLOAT));
+      header.channels().insert("G", Imf::Channel(Imf::HALF));
+      header.channels().insert("id", Imf::Channel(Imf::UINT));
+      Imf::FrameBuffer buffer;
+      const std::size_t w = static_cast<std::size_t>(width);
+      buffer.insert("R", Imf::Slice::Make(Imf::FLOAT, r.data(), window, 4, 4 * w));
+      buffer.insert("G", Imf::Slice::Make(Imf::HALF, g.data(), window, 2, 2 * w));
+      buffer.insert("id", Imf::Slice::Make(Imf::UINT, id.data(), window, 4, 4 * w));
+      if (tiled) {
+        header.setTileDescription(Imf::TileDescription(16, 16, Imf::MIPMAP_LEVELS));
+        Imf::TiledOutputFile out(path("a.exr").c_str(), header, 0);
+        out.setFrameBuffer(buffer);
+        out.writeTiles(0, out.numXTiles() - 1, 0, out.numYTiles() - 1);
+        for (int level = 1; level < out.numLevels(); ++level) {  // content does not matter; the file must be complete
+          Imf::FrameBuffer small;
+          const std::vector<char> zeros(4 * r.size(), 0);
+          const Imath::Box2i box = out.dataWindowForLevel(level);
+          for (const auto& [name, type] :
+               {std::pair{"R", Imf::FLOAT}, std::pair{"G", Imf::HALF}, std::pair{"id", Imf::UINT}}) {
+            small.insert(name, Imf::Slice::Make(type, zeros.data(), box, 4, 4 * w));
+          }
+          out.setFrameBuffer(small);
+          out.writeTiles(0, out.numXTiles(level) - 1, 0, out.numYTiles(level) - 1, level);
+        }
+      } else {
+        Imf::OutputFile out(path("a.exr").c_str(), header, 0);
+        out.setFrameBuffer(buffer);
+        out.writePixels(height);
+      }
+      const Image image = read_image(path("a.exr"));
+      ASSERT_EQ(image.width, width);
+      ASSERT_EQ(image.height, height);
+      ASSERT_EQ(image.channels, (std::vector<std::string>{"R", "G", "id"}));
+      const bool lossy = compression == Imf::PXR24_COMPRESSION || compression >= Imf::B44_COMPRESSION;
+      double worst = 0.0;
+      for (std::size_t i = 0; i < r.size(); ++i) {
+        worst = std::max(worst,
+                         std::abs(static_cast<double>(image.data[3 * i]) - static_cast<double>(r[i])) / (1.0 + r[i]));
+        worst = std::max(
+            worst, std::abs(static_cast<double>(image.data[3 * i + 1]) - static_cast<double>(g[i])) / (1.0 + g[i]));
+        ASSERT_EQ(image.data[3 * i + 2], static_cast<float>(id[i]));
+      }
+      EXPECT_LE(worst, lossy ? 0.2 : 0.0);
+    }
+  }
+}
+
+TEST_F(IoTest, BrokenExrFilesAreRefused) {
+  write_exr(path("a.exr"), test_image(40, 40, {"R", "G", "B"}));
+  const std::string good = read_bytes("a.exr");
+  for (std::size_t cut = 4; cut + 1 < good.size(); cut += good.size() / 23) {
+    write_bytes("cut.exr", good.substr(0, cut));
+    EXPECT_NE(error_of<InputError>("cut.exr").find("cut.exr: "), std::string::npos) << "cut at " << cut;
+  }
+  // Any single broken byte: an error or a picture, never a crash.
+  Rng rng(2, RngPurpose::test, 0);
+  for (int i = 0; i < 300; ++i) {
+    std::string bad = good;
+    const std::size_t at = i < 200 ? 4 + rng.below(500) : 4 + rng.below(static_cast<std::uint32_t>(good.size() - 4));
+    bad[at] = static_cast<char>(rng.below(256));
+    write_bytes("bad.exr", bad);
+    try {
+      read_image(path("bad.exr"));
+    } catch (const InputError&) {
+    }
+  }
+}
+
+TEST_F(IoTest, HugeSizesAreRefusedBeforeAllocation) {
+  write_exr(path("a.exr"), test_image(4, 4, {"R", "G", "B"}));
+  std::string bytes = read_bytes("a.exr");
+  const std::size_t window =
+      bytes.find("dataWindow") + std::string("dataWindow").size() + 1 + std::string("box2i").size() + 1 + 4;
+  const std::int32_t box[4] = {0, 0, 0x3ffffff, 0x3ffffff};
+  bytes.replace(window, 16, reinterpret_cast<const char*>(box), 16);
+  write_bytes("huge.exr", bytes);
+  EXPECT_NE(error_of<InputError>("huge.exr").find("huge.exr"), std::string::npos);
+
+  write_bytes("huge.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n");
+  EXPECT_NE(error_of<InputError>("huge.hdr").find("too large"), std::string::npos);
+
+  Image8 small(2, 2, 3);
+  write_png(path("a.png"), small);
+  std::string png = read_bytes("a.png");
+  png.replace(16, 8, std::string("\x00\x01\x00\x00\x00\x01\x00\x00", 8));  // 65536 x 65536
+  write_bytes("huge.png", png);
+  EXPECT_NE(error_of<InputError>("huge.png").find("too large"), std::string::npos);
+  png.replace(16, 8,
+              std::string("\x00\x00\x40\x00\x00\x00\x40\x00", 8));  // 16384 x 16384: allowed, but not in 70 bytes
+  write_bytes("hollow.png", png);
+  EXPECT_NE(error_of<InputError>("hollow.png").find("truncated"), std::string::npos);
+}
+
+TEST_F(IoTest, PngRoundTrip) {
+  for (const int channels : {1, 3, 4}) {
+    Image8 image(5, 3, channels);
+    for (std::size_t i = 0; i < image.data.size(); ++i) image.data[i] = static_cast<std::uint8_t>(i * 4);
+    write_png(path("a.png"), image);
+    const Image back = read_image(path("a.png"));
+    EXPECT_EQ(back.width, 5);
+    EXPECT_EQ(back.height, 3);
+    const std::vector<std::string> rgba = {"R", "G", "B", "A"};
+    EXPECT_EQ(back.channels, channels == 1 ? std::vector<std::string>{"Y"}
+                                           : std::vector<std::string>(rgba.begin(), rgba.begin() + channels));
+    EXPECT_EQ(back.metadata.at("encoding"), "srgb8");
+    for (std::size_t i = 0; i < image.data.size(); ++i)
+      EXPECT_FLOAT_EQ(back.data[i], static_cast<float>(image.data[i]) / 255.0f);
+  }
+}
+
+TEST_F(IoTest, ReadsSixteenBitPng) {
+  // 2 x 1 grey, 16 bits: 0x0102 and 0xffff, one stored deflate block. stb does not look at check sums.
+  const auto chunk = [](const std::string& type, const std::string& body) {
+    const auto n = static_cast<unsigned char>(body.size());
+    return std::string("\0\0\0", 3) + static_cast<char>(n) + type + body + std::string(4, '\0');
+  };
+  const std::string row("\x00\x01\x02\xff\xff", 5);
+  const std::string zlib = std::string("\x78\x01\x01\x05\x00\xfa\xff", 7) + row + std::string(4, '\0');
+  write_bytes("a.png", "\x89PNG\r\n\x1a\n" + chunk("IHDR", std::string("\0\0\0\x02\0\0\0\x01\x10\0\0\0\0", 13)) +
+                           chunk("IDAT", zlib) + chunk("IEND", ""));
+  const Image image = read_image(path("a.png"));
+  ASSERT_EQ(image.channels, std::vector<std::string>{"Y"});
+  EXPECT_FLOAT_EQ(image.data[0], 258.0f / 65535.0f);
+  EXPECT_FLOAT_EQ(image.data[1], 1.0f);
+}
+
+TEST_F(IoTest, ReadsJpegAndRefusesATruncatedOne) {
+  const std::string jpeg = grey_jpeg();
+  write_bytes("a.jpg", jpeg);
+  const Image image = read_image(path("a.jpg"));
+  ASSERT_EQ(image.channels, std::vector<std::string>{"Y"});
+  ASSERT_EQ(image.pixel_count(), 64u);
+  for (const float v : image.data) EXPECT_FLOAT_EQ(v, 136.0f / 255.0f);
+  for (std::size_t cut = 3; cut < jpeg.size(); ++cut) {
+    write_bytes("cut.jpg", jpeg.substr(0, cut));
+    EXPECT_NE(error_of<InputError>("cut.jpg"), "") << cut;
+  }
+}
+
+TEST_F(IoTest, ReadsHdrInBothForms) {
+  const std::string header = "#?RADIANCE\n# comment\nFORMAT=32-bit_rle_rgbe\n\n";
+  write_bytes("flat.hdr", header + "-Y 1 +X 3\n" + std::string("\x80\x40\x20\x81\x01\x01\x01\x01\x00\x00\x00\x00", 12));
+  const Image flat = read_image(path("flat.hdr"));  // mantissa / 256 * 2^(exponent - 128), a repeat, black
+  EXPECT_EQ(flat.metadata.at("encoding"), "linear");
+  EXPECT_EQ(flat.rgb(0, 0), Vec3f(1.0f, 0.5f, 0.25f));
+  EXPECT_EQ(flat.rgb(1, 0), Vec3f(1.0f, 0.5f, 0.25f));
+  EXPECT_EQ(flat.rgb(2, 0), Vec3f(0.0f));
+
+  std::string rle = header + "-Y 2 +X 8\n";
+  for (int y = 0; y < 2; ++y) {
+    rle += std::string("\x02\x02\x00\x08", 4) + std::string("\x88\x80", 2);  // red: run of 8
+    rle += std::string("\x04\x10\x20\x30\x40\x84\x50", 7);                   // green: 4 literals, run of 4
+    rle += std::string("\x88\x00", 2) + std::string("\x88\x82", 2);          // blue 0, exponent +2
+  }
+  write_bytes("rle.hdr", rle);
+  const Image image = read_image(path("rle.hdr"));
+  EXPECT_EQ(image.rgb(2, 1), Vec3f(2.0f, 0.75f, 0.0f));
+  EXPECT_EQ(image.rgb(7, 0), Vec3f(2.0f, 1.25f, 0.0f));
+  for (std::size_t cut = 2; cut < rle.size(); ++cut) {
+    write_bytes("cut.hdr", rle.substr(0, cut));
+    EXPECT_NE(error_of<InputError>("cut.hdr"), "") << cut;
+  }
+  Rng rng(3, RngPurpose::test, 0);
+  for (int i = 0; i < 500; ++i) {
+    std::string bad = rle;
+    bad[2 + rng.below(static_cast<std::uint32_t>(bad.size() - 2))] = static_cast<char>(rng.below(256));
+    write_bytes("bad.hdr", bad);
+    try {
+      read_image(path("bad.hdr"));
+    } catch (const InputError&) {
+    }
+  }
+}
+
+TEST_F(IoTest, BrokenPngAndJpegNeverCrash) {
+  Image8 image(40, 30, 3);
+  Rng rng(4, RngPurpose::test, 0);
+  for (std::uint8_t& v : image.data) v = static_cast<std::uint8_t>(rng.below(8));
+  write_png(path("a.png"), image);
+  const std::string png = read_bytes("a.png"), jpeg = grey_jpeg();
+  for (std::size_t cut = 8; cut < png.size() - 12; cut += 29) {
+    write_bytes("cut.png", png.substr(0, cut));
+    EXPECT_NE(error_of<InputError>("cut.png").find("cut.png: "), std::string::npos) << cut;
+  }
+  for (int i = 0; i < 400; ++i) {
+    std::string bad = i % 2 == 0 ? png : jpeg;
+    bad[3 + rng.below(static_cast<std::uint32_t>(bad.size() - 3))] = static_cast<char>(rng.below(256));
+    write_bytes("bad", bad);
+    try {
+      read_image(path("bad"));
+    } catch (const InputError&) {
+    }
+  }
+}
+
+TEST_F(IoTest, ErrorsNameTheFileAndTheReason) {
+  EXPECT_NE(error_of<IoError>("missing.exr").find("missing.exr: cannot open: No such file"), std::string::npos);
+  write_bytes("text.exr", "hello");
+  EXPECT_NE(
+      error_of<InputError>("text.exr").find("text.exr: not a picture that can be read (EXR, PNG, JPEG and HDR can)"),
+      std::string::npos);
+  write_bytes("empty.png", "");
+  EXPECT_NE(error_of<InputError>("empty.png"), "");
+  EXPECT_NE(error_of<IoError>(""), "");  // the folder itself
+
+  const Image image = test_image(2, 2, {"R", "G", "B"});
+  EXPECT_THROW(write_exr(path("no/such/folder/a.exr"), image), IoError);
+  EXPECT_THROW(write_png(path("no/such/folder/a.png"), Image8(2, 2, 3)), IoError);
+}
+
+TEST_F(IoTest, AFailedWriteLeavesTheOldFile) {
+  write_exr(path("a.exr"), test_image(2, 2, {"R", "G", "B"}));
+  const std::string before = read_bytes("a.exr");
+  Image bad = test_image(2, 2, {"R", "G", "B"});
+  bad.metadata["dataWindow.min"] = "not numbers";
+  EXPECT_THROW(write_exr(path("a.exr"), bad), InputError);
+  bad.metadata = {{"compression", "a text under a name that the format reserves"}};
+  EXPECT_THROW(write_exr(path("a.exr"), bad), IoError);
+  EXPECT_EQ(read_bytes("a.exr"), before);
+  EXPECT_FALSE(fs::exists(path("a.exr.tmp")));
+}
+
+TEST(Image, ChannelsAndLayers) {
+  Image image(2, 1, {"R", "G", "B", "normal.X", "normal.Y", "normal.Z", "roughness.Y"});
+  for (std::size_t i = 0; i < image.data.size(); ++i) image.data[i] = static_cast<float>(i);
+  EXPECT_EQ(image.channel("normal.Y"), 4);
+  EXPECT_EQ(image.channel("alpha"), -1);
+  EXPECT_EQ(extract_rgb(image).rgb(1, 0), Vec3f(7, 8, 9));
+  EXPECT_EQ(extract_rgb(image, "normal").rgb(0, 0), Vec3f(3, 4, 5));
+  EXPECT_EQ(extract_rgb(image, "roughness").rgb(1, 0), Vec3f(13, 13, 13));
+  try {
+    extract_rgb(image, "albedo");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("albedo.R"), std::string::npos);
+    EXPECT_NE(std::string(e.what()).find("roughness.Y"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace octrad

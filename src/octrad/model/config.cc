@@ -1,0 +1,364 @@
+// The table of configuration keys: one line a switch, with its range and one line of help. Everything else here
+// (parsing, JSON, presets, the manual's table) is derived from it.
+#include "octrad/model/config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <variant>
+
+#include "octrad/base/duration.h"
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+using Member =
+    std::variant<int Config::*, long long Config::*, double Config::*, bool Config::*, std::string Config::*>;
+
+struct Range {
+  double low, high;
+  bool open_low = false;
+};
+constexpr double kAny = 1e300;
+
+struct Key {
+  std::string name;
+  Member member;
+  Range range;
+  std::vector<std::string> choices;  // strings: what is accepted; empty: any text
+  bool duration;
+  std::string help;
+};
+
+Key number(const char* name, Member member, Range range, const char* help) {
+  return {name, member, range, {}, false, help};
+}
+Key choice(const char* name, std::string Config::*member, std::vector<std::string> choices, const char* help) {
+  return {name, member, {}, std::move(choices), false, help};
+}
+Key flag(const char* name, bool Config::*member, const char* help) { return {name, member, {}, {}, false, help}; }
+Key duration(const char* name, double Config::*member, Range range, const char* help) {
+  return {name, member, range, {}, true, help};
+}
+
+const std::vector<Key>& keys() {
+  using C = Config;
+  static const std::vector<Key> table = {
+      choice("preset", &C::preset, {"paper", "default", "cpu"}, "the preset that the other keys started from"),
+      choice("field", &C::field, {"octaoctree", "nr"}, "what is trained: OctaOctree or Neural Radiosity (a hash grid)"),
+
+      number("octree.levels", &C::octree_levels, {1, 9},
+             "K; the finest level has 2^(K+1) cells per axis; memory grows about 4.5 x a level"),
+      number("octree.features", &C::octree_features, {2, 8}, "C, features per level and vertex: 2, 4 or 8"),
+      choice("octree.box", &C::octree_box, {"axis", "cube"},
+             "domain: the padded bounding box normalised per axis, or its enclosing cube"),
+      choice("octree.occupancy", &C::octree_occupancy, {"conservative", "sampled"},
+             "cells kept: every cell that a surface overlaps, or those hit by 2^26 surface samples"),
+      choice("octree.interpolation", &C::octree_interpolation, {"trilinear", "nearest"},
+             "between the cells of a level"),
+      choice("octa.interpolation", &C::octa_interpolation, {"barycentric", "nearest"},
+             "between the vertices of a cell's octahedral map"),
+      choice("lookup.direction", &C::lookup_direction, {"mirror", "outgoing"},
+             "direction of the query on glossy surfaces: mirror direction or wo"),
+      choice("lookup.offset", &C::lookup_offset, {"predicted", "none", "traced"},
+             "disparity of the query: learned, 0, or 1/distance of a traced ray"),
+      choice("lookup.rough_direction", &C::lookup_rough_direction, {"normal", "mirror"},
+             "direction of the query where alpha is at least lookup.rough_threshold"),
+      number("lookup.rough_threshold", &C::lookup_rough_threshold, {0, 2},
+             "roughness from which a surface counts as rough"),
+
+      number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
+      number("disparity.features", &C::disparity_features, {2, 8}, "features per level: 2, 4 or 8"),
+      number("disparity.log2_table", &C::disparity_log2_table, {10, 24}, "log2 of the entries a level may have"),
+      number("disparity.base", &C::disparity_base, {2, 512}, "resolution of the coarsest level"),
+      number("disparity.scale", &C::disparity_scale, {1, 4}, "growth of the resolution from level to level"),
+      flag("disparity.direction", &C::disparity_direction,
+           "also give the predictor spherical harmonics of the query direction"),
+      number("disparity.width", &C::disparity_width, {16, 256}, "neurons a hidden layer"),
+      number("disparity.hidden", &C::disparity_hidden, {1, 8}, "hidden layers"),
+      choice("disparity.unit", &C::disparity_unit, {"extent", "world"},
+             "output in 1/(largest side of the domain) or in 1/world unit"),
+
+      number("decoder.width", &C::decoder_width, {16, 256}, "neurons a hidden layer"),
+      number("decoder.hidden", &C::decoder_hidden, {1, 8}, "hidden layers"),
+      choice("decoder.output", &C::decoder_output, {"squareplus", "exp"},
+             "output activation; exp is continued linearly above 4"),
+      choice("decoder.position", &C::decoder_position, {"normalized", "world"},
+             "position input: in [-1, 1] or in world units"),
+
+      number("nr.levels", &C::nr_levels, {1, 16}, "field nr: levels of the hash grid"),
+      number("nr.features", &C::nr_features, {2, 8}, "field nr: features per level: 2, 4 or 8"),
+      number("nr.log2_table", &C::nr_log2_table, {10, 24}, "field nr: log2 of the entries a level may have"),
+      number("nr.base", &C::nr_base, {2, 512}, "field nr: resolution of the coarsest level"),
+      number("nr.scale", &C::nr_scale, {1, 4}, "field nr: growth of the resolution from level to level"),
+      number("nr.width", &C::nr_width, {16, 256}, "field nr: neurons a hidden layer"),
+      number("nr.hidden", &C::nr_hidden, {1, 8}, "field nr: hidden layers"),
+      choice("nr.output", &C::nr_output, {"abs", "squareplus", "exp"}, "field nr: output activation"),
+
+      choice("target.emission", &C::target_emission, {"outside", "inside"},
+             "own emission added outside the network, or learned"),
+      choice("target.demodulate", &C::target_demodulate, {"none", "albedo"},
+             "albedo: the network predicts radiance / albedo on rough surfaces"),
+      number("target.scale", &C::target_scale, {0, 1e6},
+             "exposure of the network's output; 0: chosen from the first batches and stored"),
+
+      duration("train.time", &C::train_seconds, {0, kAny, true},
+               "train for this long; setting it sets train.steps to 0"),
+      number("train.steps", &C::train_steps, {0, 100000000}, "train this many steps; 0: until train.time is over"),
+      number("train.points", &C::train_points, {64, 1 << 20}, "N, left-hand-side points a step"),
+      number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
+      flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
+      number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
+      number("train.view_share", &C::train_view_share, {0, 1},
+             "share of points on the primary hits of the scene's view (for a fixed camera)"),
+      number("train.keep_direction", &C::train_keep_direction, {0, 1},
+             "share of walk vertices that keep the direction they were reached from"),
+      choice("train.fresh_direction", &C::train_fresh_direction, {"cosine", "uniform"},
+             "density of the directions that glossy points are seen from"),
+      number("train.glossy_boost", &C::train_glossy_boost, {1, 100},
+             "how much likelier a glossy point is taken than a rough one"),
+      number("train.stop_probability", &C::train_stop_probability, {0, 1, true},
+             "probability of stopping a walk at a vertex"),
+      number("train.max_walk", &C::train_max_walk, {1, 64}, "longest walk"),
+      number(
+          "train.poses", &C::train_poses, {0, 100000},
+          "camera poses drawn once for all walks (the sensors count); 0: a fresh one for every walk. Not used with train.cameras"),
+      {"train.cameras", &C::train_cameras, {}, {}, false, "JSON file with more camera poses"},
+      choice("train.sampler", &C::train_sampler, {"walks", "area", "mixture"},
+             "left-hand-side points: camera walks, by area, or both (train.walks)"),
+      number("train.max_chain", &C::train_max_chain, {1, 64},
+             "perfectly specular surfaces that a right-hand-side ray passes"),
+
+      choice("loss.normalizer", &C::loss_normalizer, {"symmetric", "prediction"},
+             "denominator: mean of target and prediction (dark-biased) or the prediction"),
+      number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true}, "epsilon of the denominator at the start"),
+      number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true}, "epsilon of the denominator at the end"),
+      choice("adam.mode", &C::adam_mode, {"touched", "dense"},
+             "feature tables: update entries with a gradient (own step counts), or all (the textbook)"),
+      number("adam.beta1", &C::adam_beta1, {0, 0.999999}, "decay of the first moment"),
+      number("adam.beta2", &C::adam_beta2, {0, 0.999999}, "decay of the second moment"),
+      number("adam.epsilon", &C::adam_epsilon, {0, 1, true}, "added to the root of the second moment"),
+      number("adam.rate.features", &C::adam_rate_features, {0, 10}, "learning rate of the OctaOctree features"),
+      number("adam.rate.networks", &C::adam_rate_networks, {0, 10}, "learning rate of the MLPs"),
+      number("adam.rate.grids", &C::adam_rate_grids, {0, 10}, "learning rate of the hash grids"),
+      number("adam.warmup", &C::adam_warmup, {0, 1000000}, "steps over which the rates rise from 0"),
+      number("adam.decay.start", &C::adam_decay_start, {0, 1},
+             "share of the budget from which the rates decay; 1: constant"),
+      number("adam.decay.to", &C::adam_decay_to, {0, 1}, "cosine decay to this share of the rates"),
+      number("adam.max_non_finite", &C::adam_max_non_finite, {0, 1e15}, "dropped gradients after which training stops"),
+
+      duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
+      choice("render.delta", &C::render_delta, {"cache", "trace"},
+             "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
+      number("seed", &C::seed, {0, 9e15}, "of every random number"),
+  };
+  return table;
+}
+
+const Key& find(const std::string& name) {
+  for (const Key& key : keys()) {
+    if (key.name == name) return key;
+  }
+  std::vector<std::string> names;
+  for (const Key& key : keys()) names.push_back(key.name);
+  throw UsageError(fmt::format("unknown configuration key \"{}\"{}; octrad info --keys lists all keys", name,
+                               did_you_mean(name, names)));
+}
+
+bool is_feature_count(const Key& key) {
+  return key.name == "octree.features" || key.name == "disparity.features" || key.name == "nr.features";
+}
+
+std::string accepted(const Key& key) {
+  if (!key.choices.empty()) {
+    std::string list;
+    for (const std::string& c : key.choices) list += (list.empty() ? "" : " | ") + c;
+    return list;
+  }
+  if (is_feature_count(key)) return "2 | 4 | 8";
+  if (key.duration) return "a duration above 0: 90, 30s, 2m, 1h";
+  if (std::holds_alternative<bool Config::*>(key.member)) return "true | false";
+  if (std::holds_alternative<std::string Config::*>(key.member)) return "text";
+  const char* kind = std::holds_alternative<double Config::*>(key.member) ? "number" : "whole number";
+  return fmt::format("{} {} {} … {:g}", kind, key.range.open_low ? "above" : "in", key.range.low, key.range.high);
+}
+
+[[noreturn]] void refuse(const Key& key, const std::string& value) {
+  throw UsageError(fmt::format("{} = \"{}\" is not accepted: expected {}{}", key.name, value, accepted(key),
+                               key.choices.empty() ? "" : did_you_mean(value, key.choices)));
+}
+
+void check_range(const Key& key, double value, const std::string& text) {
+  if (!std::isfinite(value) || value < key.range.low || value > key.range.high ||
+      (key.range.open_low && value <= key.range.low))
+    refuse(key, text);
+  if (is_feature_count(key) && value != 2 && value != 4 && value != 8) refuse(key, text);
+}
+
+// Whole text as a number, decimal only.
+double parse_number(const Key& key, const std::string& text) {
+  if (text.empty() || text.find_first_not_of("+-.0123456789eE") != std::string::npos) refuse(key, text);
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (*end != '\0') refuse(key, text);
+  return value;
+}
+
+// Assigns without the side effects of set().
+void assign(Config& config, const Key& key, const std::string& text) {
+  std::visit(
+      [&](auto member) {
+        using T = std::remove_reference_t<decltype(config.*member)>;
+        if constexpr (std::is_same_v<T, bool>) {
+          if (text == "true" || text == "1" || text == "yes" || text == "on") config.*member = true;
+          else if (text == "false" || text == "0" || text == "no" || text == "off") config.*member = false;
+          else refuse(key, text);
+        } else if constexpr (std::is_same_v<T, std::string>) {
+          if (!key.choices.empty() && std::find(key.choices.begin(), key.choices.end(), text) == key.choices.end())
+            refuse(key, text);
+          config.*member = text;
+        } else if constexpr (std::is_same_v<T, double>) {
+          const double value = key.duration ? parse_duration(text) : parse_number(key, text);
+          check_range(key, value, text);
+          config.*member = value;
+        } else {
+          const double value = parse_number(key, text);
+          check_range(key, value, text);
+          if (value != std::floor(value)) refuse(key, text);
+          config.*member = static_cast<T>(value);
+        }
+      },
+      key.member);
+}
+
+// Nested or dotted JSON -> dotted key, value.
+void flatten(const nlohmann::json& object, const std::string& prefix, std::map<std::string, nlohmann::json>& out,
+             int depth) {
+  if (depth > 8) throw UsageError("objects nested too deeply");
+  for (const auto& [name, value] : object.items()) {
+    const std::string key = prefix.empty() ? name : prefix + "." + name;
+    if (value.is_object()) {
+      flatten(value, key, out, depth + 1);
+    } else if (!out.emplace(key, value).second) {
+      throw UsageError(fmt::format("{} is given twice (nested and dotted)", key));
+    }
+  }
+}
+
+std::string text_of(const nlohmann::json& value, const std::string& key) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_boolean() || value.is_number()) return value.dump();
+  throw UsageError(fmt::format("{} must be a number, a text or true/false, not {}", key, value.type_name()));
+}
+
+}  // namespace
+
+Config preset(const std::string& name) {
+  Config c;  // the struct's own values are the `cpu` preset (training.md, "Starting points")
+  c.preset = name;
+  if (name == "cpu") {
+    c.nr_width = 128;     // the width that the comparison at equal seconds was made with
+    c.nr_output = "exp";  // the same recipe for both fields
+    return c;
+  }
+  if (name != "paper" && name != "default") {
+    throw UsageError(fmt::format("unknown preset \"{}\"{}; there are paper, default and cpu", name,
+                                 did_you_mean(name, {"paper", "default", "cpu"})));
+  }
+  // Full size (method sections 3, 5 and 7).
+  c.octree_levels = 8;
+  c.disparity_log2_table = 19;
+  c.train_steps = 20000;
+  c.train_points = 65536;
+  c.train_directions = 32;
+  c.train_quarters = true;
+  c.adam_beta2 = 0.999;  // the shorter memory and lower rates of `cpu` go with its small batches
+  c.adam_rate_features = 1e-2;
+  c.adam_rate_networks = 3e-3;
+  if (name == "default") {
+    c.nr_output = "exp";
+    return c;
+  }
+  // The paper, and the constants behind its tables.
+  c.octree_box = "axis";
+  c.octree_occupancy = "sampled";
+  c.disparity_direction = false;
+  c.disparity_unit = "world";
+  c.decoder_output = "squareplus";
+  c.decoder_position = "world";
+  c.nr_output = "abs";
+  c.target_emission = "inside";
+  c.target_demodulate = "none";
+  c.target_scale = 1.0;
+  c.train_sampler = "walks";
+  c.train_poses = 64;
+  c.train_fresh_direction = "cosine";
+  c.train_glossy_boost = 1.0;
+  c.train_walks = 1.0;
+  c.loss_normalizer = "symmetric";
+  c.adam_mode =
+      "dense";  // the published optimiser is plain Adam: untouched entries keep moving along their decaying moments
+  c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;
+  c.adam_warmup = 0;
+  c.adam_decay_start = 1.0;
+  c.adam_decay_to = 1.0;
+  return c;
+}
+
+void set(Config& config, const std::string& name, const std::string& value) {
+  const Key& key = find(name);
+  if (name == "preset")
+    throw UsageError("the preset is chosen with --preset or in a configuration file, before other keys");
+  assign(config, key, value);
+  if (name == "train.time") config.train_steps = 0;  // the last of train.time and train.steps decides
+}
+
+void apply(Config& config, const nlohmann::json& object, const std::string& where) {
+  try {
+    if (!object.is_object()) throw UsageError("a configuration is a JSON object");
+    std::map<std::string, nlohmann::json> values;
+    flatten(object, "", values, 0);
+    for (const auto& [name, value] : values) find(name);
+    if (const auto it = values.find("preset"); it != values.end()) config = preset(text_of(it->second, "preset"));
+    for (const Key& key : keys()) {
+      if (key.name == "preset") continue;
+      if (const auto it = values.find(key.name); it != values.end())
+        set(config, key.name, text_of(it->second, key.name));
+    }
+  } catch (const UsageError& error) {
+    throw InputError(where + ": " + error.what());
+  }
+}
+
+nlohmann::json to_json(const Config& config) {
+  nlohmann::json out = nlohmann::json::object();
+  for (const Key& key : keys()) {
+    std::string path = "/" + key.name;
+    std::replace(path.begin(), path.end(), '.', '/');
+    std::visit([&](auto member) { out[nlohmann::json::json_pointer(path)] = config.*member; }, key.member);
+  }
+  return out;
+}
+
+std::vector<ConfigKey> describe(const Config& config) {
+  std::vector<ConfigKey> out;
+  for (const Key& key : keys()) {
+    std::string value = std::visit(
+        [&](auto member) -> std::string {
+          using T = std::remove_cvref_t<decltype(config.*member)>;
+          if constexpr (std::is_same_v<T, bool>) return config.*member ? "true" : "false";
+          else return fmt::format("{}", config.*member);
+        },
+        key.member);
+    if (key.duration) value += "s";
+    out.push_back({key.name, value, accepted(key), key.help});
+  }
+  return out;
+}
+
+}  // namespace octrad

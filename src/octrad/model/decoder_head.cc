@@ -1,0 +1,77 @@
+#include "octrad/model/decoder_head.h"
+
+namespace octrad {
+
+LookupRule lookup_rule(const Config& config) {
+  LookupRule rule;
+  rule.mirror = config.lookup_direction == "mirror";
+  rule.rough = config.lookup_rough_direction == "normal" ? RoughDirection::normal : RoughDirection::mirror;
+  rule.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  return rule;
+}
+
+Activation output_activation(const std::string& name) {
+  if (name == "exp") return Activation::exp;
+  return name == "abs" ? Activation::abs : Activation::squareplus;
+}
+
+DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
+                         Vec3f origin, Vec3f size, unsigned long long stream)
+    : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
+      adam_(mlp_.parameter_count(), adam_options(config)) {
+  rules_.activation = activation;
+  rules_.normalizer = config.loss_normalizer == "symmetric" ? LossNormalizer::symmetric : LossNormalizer::prediction;
+  rules_.demodulate = config.target_demodulate == "albedo" &&
+                      config.target_emission == "outside";  // emission does not scale with albedo
+  rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  if (config.decoder_position == "normalized") {
+    rules_.position_scale = Vec3f(2.0f) / size;
+    rules_.position_offset = Vec3f(-1.0f) - origin * rules_.position_scale;
+  }
+  mlp_.initialize(static_cast<unsigned long long>(config.seed), stream);
+  mlp_.prepare();
+}
+
+void DecoderHead::fill_inputs(std::span<const SurfacePoint> points, const Vec3f* directions, float* inputs, int first,
+                              int stride) const {
+  float* row[kPointInputs];
+  for (int r = 0; r < kPointInputs; ++r) row[r] = inputs + static_cast<std::ptrdiff_t>(first + r) * stride;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    float numbers[kPointInputs];
+    decoder_inputs(rules_, points[i], directions[i], numbers);
+    for (int r = 0; r < kPointInputs; ++r) row[r][i] = numbers[r];
+  }
+  for (std::size_t i = points.size(); i < static_cast<std::size_t>(stride); ++i) {
+    for (int r = 0; r < kPointInputs; ++r) row[r][i] = 0.0f;
+  }
+}
+
+void DecoderHead::activate(std::span<const SurfacePoint> points, const float* linear, int stride,
+                           Vec3f* radiance) const {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3f f = factor(points[i]);
+    for (int c = 0; c < 3; ++c)
+      radiance[i][c] = decoder_radiance(rules_, f[c], linear[static_cast<std::size_t>(c * stride) + i]);
+  }
+}
+
+double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const float* linear,
+                         int stride, std::size_t batch, double epsilon, float* d_linear, long long& non_finite) const {
+  double total = 0.0;
+  const float norm = 1.0f / (3.0f * static_cast<float>(batch));
+  for (int c = 0; c < 3; ++c) {
+    const float* in = linear + static_cast<std::ptrdiff_t>(c) * stride;
+    float* out = d_linear + static_cast<std::ptrdiff_t>(c) * stride;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const float f = factor(points[i])[c];
+      const LossTerm<float> term = decoder_loss(rules_, f, in[i], targets[i][c], static_cast<float>(epsilon), norm);
+      total += static_cast<double>(term.value);
+      out[i] = term.gradient;
+      if (!term.finite) ++non_finite;
+    }
+    for (int i = static_cast<int>(points.size()); i < stride; ++i) out[i] = 0.0f;
+  }
+  return total;
+}
+
+}  // namespace octrad

@@ -1,0 +1,62 @@
+// The last part of every field: the decoder MLP over [encoding, position, direction, normal, albedo, roughness], its
+// output activation, exposure and albedo demodulation, loss and gradient (method sections 5-7).
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octrad/base/surface_point.h"
+#include "octrad/model/config.h"
+#include "octrad/model/decoder_math.h"
+#include "octrad/model/field_storage.h"
+#include "octrad/network/activations_math.h"
+#include "octrad/network/adam.h"
+#include "octrad/network/loss_math.h"
+#include "octrad/network/mlp.h"
+
+namespace octrad {
+
+LookupRule lookup_rule(const Config& config);
+
+// decoder.output or nr.output by name.
+Activation output_activation(const std::string& name);
+
+class DecoderHead {
+ public:
+  static constexpr int kPointInputs = octrad::kPointInputs;
+
+  DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation, Vec3f origin,
+              Vec3f size, unsigned long long stream);
+
+  // Fills rows [first, first + 13) of the feature-major inputs [rows][stride].
+  void fill_inputs(std::span<const SurfacePoint> points, const Vec3f* directions, float* inputs, int first,
+                   int stride) const;
+  // Radiance from the linear outputs [3][stride].
+  void activate(std::span<const SurfacePoint> points, const float* linear, int stride, Vec3f* radiance) const;
+  // Loss summed over points and channels, and its gradient (scaled by 1 / (3 batch)) at the linear outputs [3][stride].
+  double loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const float* linear, int stride,
+              std::size_t batch, double epsilon, float* d_linear, long long& non_finite) const;
+
+  Mlp& mlp() { return mlp_; }
+  const Mlp& mlp() const { return mlp_; }
+  DenseAdam& adam() { return adam_; }
+  void set_target_scale(float scale) { target_scale_ = scale; }
+  float target_scale() const { return target_scale_; }
+  const DecoderRules& rules() const { return rules_; }
+
+ private:
+  Vec3f factor(const SurfacePoint& point) const {
+    return decoder_factor(rules_, point.albedo, point.alpha, target_scale_);
+  }
+
+  Mlp mlp_;
+  DenseAdam adam_;
+  DecoderRules rules_;
+  float target_scale_ = 1.0f;
+};
+
+// Rounds a batch up to whole kernel tiles.
+inline int padded(int n) { return (n + kMlpTile - 1) / kMlpTile * kMlpTile; }
+
+}  // namespace octrad

@@ -1,0 +1,79 @@
+// What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7): with which
+// direction the field is asked, what the network is told of the point, how its linear outputs become radiance, and the
+// loss. The definition: called by the CPU and by kernels.
+#pragma once
+
+#include <cmath>
+
+#include "octrad/base/surface_point.h"
+#include "octrad/network/activations_math.h"
+#include "octrad/network/loss_math.h"
+
+namespace octrad {
+
+// Direction with which a field is looked up at a point.
+enum class RoughDirection { normal, mirror };
+struct LookupRule {
+  bool mirror = true;  // lookup.direction: mirror | outgoing
+  RoughDirection rough = RoughDirection::normal;
+  float rough_threshold = 0.5f;
+};
+
+OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
+  if (point.alpha >= rule.rough_threshold && rule.rough == RoughDirection::normal) return point.n;
+  return rule.mirror ? reflect(point.wo, point.n) : point.wo;
+}
+
+inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
+
+struct DecoderRules {
+  Activation activation = Activation::exp;
+  LossNormalizer normalizer = LossNormalizer::prediction;
+  bool demodulate = false;  // rough surfaces: the network predicts radiance / albedo
+  float rough_threshold = 0.5f;
+  Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // network input = x * scale + offset
+};
+
+// out[0 .. kPointInputs - 1]
+OCTRAD_HD inline void decoder_inputs(const DecoderRules& rules, const SurfacePoint& p, Vec3f w, float* out) {
+  const Vec3f x = p.x * rules.position_scale + rules.position_offset;
+  out[0] = x.x;
+  out[1] = x.y;
+  out[2] = x.z;
+  out[3] = w.x;
+  out[4] = w.y;
+  out[5] = w.z;
+  out[6] = p.n.x;
+  out[7] = p.n.y;
+  out[8] = p.n.z;
+  out[9] = p.albedo.x;
+  out[10] = p.albedo.y;
+  out[11] = p.albedo.z;
+  out[12] = p.alpha;
+}
+
+// Exposure times demodulation.
+OCTRAD_HD inline Vec3f decoder_factor(const DecoderRules& rules, Vec3f albedo, float alpha, float target_scale) {
+  if (!rules.demodulate || alpha < rules.rough_threshold) return Vec3f(target_scale);
+  return albedo * target_scale;
+}
+
+// One channel of radiance from the linear output.
+OCTRAD_HD inline float decoder_radiance(const DecoderRules& rules, float factor, float linear) {
+  return factor * activate(rules.activation, linear).value;
+}
+
+// Loss of one channel and its gradient at the linear output, times `norm`.
+OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, float factor, float linear, float target,
+                                              float epsilon, float norm) {
+  const Activated<float> output = activate(rules.activation, linear);
+  LossTerm<float> term = relative_squared_loss(factor * output.value, target, epsilon, rules.normalizer);
+  term.gradient = term.gradient * factor * output.derivative * norm;
+  if (!term.finite || !std::isfinite(term.gradient)) {
+    term.gradient = 0.0f;
+    term.finite = false;
+  }
+  return term;
+}
+
+}  // namespace octrad

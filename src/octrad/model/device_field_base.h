@@ -1,0 +1,122 @@
+// What device fields have in common: the decoder with its inputs, loss and optimiser. Not for users.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "octrad/device/array.h"
+#include "octrad/device/rows.h"
+#include "octrad/device/sort.h"
+#include "octrad/encoding/lookup_device.h"
+#include "octrad/model/decoder_head.h"
+#include "octrad/model/device_field.h"
+#include "octrad/network/adam_device.h"
+#include "octrad/network/mlp_device.h"
+
+namespace octrad {
+
+// In device memory.
+struct TrainCounters {
+  unsigned long long non_finite = 0, touched = 0, steps = 0;
+  float losses[DeviceField::kLossHistory] = {};
+};
+
+class DeviceFieldBase : public DeviceField {
+ public:
+  static constexpr std::size_t kTrainChunk = std::size_t{1} << 16;  // rows whose activations are kept at a time
+
+  // Rows that are in flight together when asked, and when trained.
+  static std::size_t query_rows(const DeviceFieldOptions& options) { return options.max_points; }
+  static std::size_t train_rows(const DeviceFieldOptions& options) {
+    return std::min(options.max_train_points, kTrainChunk);
+  }
+  static std::size_t rows(const DeviceFieldOptions& options) {
+    return std::max(query_rows(options), train_rows(options));
+  }
+  static std::vector<MemoryPart> decoder_memory(const MlpShape& shape, const DeviceFieldOptions& options);
+  static DeviceTableOptions table_options(const Config& config, const DeviceFieldOptions& options, int levels,
+                                          int taps);
+
+  DeviceFieldBase(Stream& stream, const DecoderHead& head, const Config& config, const DeviceFieldOptions& options);
+
+  void radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) override;
+  void train(SurfacePointArray points, const Vec3f* targets, std::size_t n, const StepConstants* constants) override;
+  DeviceTrainReport collect() override;
+  void inspect(SurfacePointArray points, std::size_t n, FloatRows features, float* disparity) override;
+  void set_target_scale(float scale) override;
+  float target_scale() const override { return target_scale_; }
+
+ protected:
+  // Some rows on their way through the field.
+  struct Chunk {
+    SurfacePointArray points;  // its first one is row 0
+    QueueSlice slice;
+    std::uint32_t n = 0;
+    bool training = false;
+  };
+  // Positions (when training: of points that were found to be in order), directions w and the inputs of the decoder
+  // that the point itself gives are ready; fills inputs_ from number 0 on, keeping what encode_backward needs.
+  // Disparities go to d_disparity unless that is null.
+  virtual void encode(const Chunk& chunk) = 0;
+  // d_inputs_ holds the gradient at the features.
+  virtual void encode_backward(const Chunk& chunk, bool first) = 0;
+  virtual void encode_step(const StepConstants* constants) = 0;
+  // For inspect(), after encode().
+  virtual void features(const Chunk& chunk, FloatRows out) = 0;
+  virtual const float* disparities() const { return nullptr; }
+  virtual LookupRule rule() const = 0;
+
+  DeviceQueries queries(const Chunk& chunk) const;
+  // Brings decoder and counters over.
+  void upload_decoder(DecoderHead& head);
+  void download_decoder(DecoderHead& head);
+  // Scale and inverse for gradients `values` [n] (finite) on their way through a network of halves.
+  void choose_scale(const float* values, std::uint32_t n, float* scale);
+  // Sums gradients of table rows in the order that the options ask for.
+  template <typename Scatter>
+  void scatter(DeviceTable& table, const Scatter& scatter, int taps, std::uint32_t n, int levels, const float* upstream,
+               std::size_t upstream_stride) {
+    if (!options_.deterministic) {
+      scatter(table.add());
+      return;
+    }
+    table.begin_sorted(stream_);
+    scatter(table.keep());
+    table.sum_sorted(stream_, taps, n, levels, upstream, upstream_stride);
+  }
+
+  Stream& stream_;
+  const Config config_;
+  const DeviceFieldOptions options_;
+  const DecoderRules rules_;
+  const int features_;      // the encoding's, at the front of the decoder's inputs
+  std::size_t rows_;        // stride of the arrays below
+  std::size_t train_rows_;  // stride of those that only training has
+  DeviceMlp decoder_;
+  DeviceDenseAdam decoder_adam_;
+  float target_scale_ = 1.0f;
+  DeviceArray<float> scalars_;  // target_scale
+  DeviceArray<std::uint32_t> inputs_;
+  DeviceArray<float> w_, linear_;
+  // Training only.
+  DeviceArray<float> x_, d_linear_, d_inputs_, row_losses_, loss_sum_;
+  DeviceArray<std::uint32_t> valid_, largest_;
+  DeviceArray<float> scale_;  // of gradients while they are halves: value and inverse
+  DeviceArray<TrainCounters> counters_;
+  SortWorkspace sum_workspace_;
+
+ private:
+  void prepare(const Chunk& chunk);
+};
+
+std::unique_ptr<DeviceField> make_device_octaoctree(Stream& stream, RadianceField& field, const Config& config,
+                                                    const DeviceFieldOptions& options);
+std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field, const Config& config,
+                                            const DeviceFieldOptions& options);
+std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                                 const DeviceFieldOptions& options);
+std::vector<MemoryPart> device_nr_memory(const Config& config, const DeviceFieldOptions& options);
+
+}  // namespace octrad

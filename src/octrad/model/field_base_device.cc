@@ -1,0 +1,391 @@
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/bits.h"
+#include "octrad/base/error.h"
+#include "octrad/device/launch.h"
+#include "octrad/model/device_field_base.h"
+
+namespace octrad {
+namespace {
+
+// What the point itself gives: direction w, the decoder's inputs, and when training whether all of it is finite.
+struct Prepare : Kernel {
+  SurfacePointArray points;
+  QueueSlice slice;
+  LookupRule rule;
+  DecoderRules rules;
+  int features;
+  HalfRows inputs;
+  float* w;
+  std::size_t stride;
+  float* x;  // training: positions
+  std::size_t x_stride;
+  std::uint32_t* valid;  // training
+
+  // What a half holds, and NaN for what is not finite.
+  OCTRAD_HD static float bounded(float a) {
+    return (a > kLargestHalf ? kLargestHalf : (a < -kLargestHalf ? -kLargestHalf : a)) + (a - a);
+  }
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!slice.holds(i)) return;
+    SurfacePoint p = points.load(i);
+    if (valid != nullptr) {
+      // One infinite number would be one in the sum of all rows' gradients.
+      const bool good = is_finite(p.x) && is_finite(p.n) && is_finite(p.wo) && is_finite(p.albedo) &&
+                        std::isfinite(p.alpha) && std::isfinite(p.disparity);
+      valid[i] = good ? 1u : 0u;
+      if (!good) {
+        p = SurfacePoint{};
+        p.n = p.wo = Vec3f(0.0f, 0.0f, 1.0f);
+      }
+      x[i] = p.x.x;
+      x[x_stride + i] = p.x.y;
+      x[2 * x_stride + i] = p.x.z;
+    }
+    const Vec3f direction = lookup_direction(rule, p);
+    w[i] = direction.x;
+    w[stride + i] = direction.y;
+    w[2 * stride + i] = direction.z;
+    float numbers[kPointInputs + 1];
+    decoder_inputs(rules, p, direction, numbers);
+    numbers[kPointInputs] = 0.0f;
+    OCTRAD_UNROLL
+    for (int k = 0; k <= kPointInputs; k += 2)
+      inputs.store2(features + k, i, bounded(numbers[k]), bounded(numbers[k + 1]));
+  }
+};
+
+struct Radiance : Kernel {
+  SurfacePointArray points;
+  QueueSlice slice;
+  DecoderRules rules;
+  const float* scalars;
+  FloatRows linear;
+  Vec3f* out;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!slice.holds(i)) return;
+    const Vec3f f = decoder_factor(rules, points.get3(9, i), points.get(12, i), scalars[0]);
+    Vec3f radiance;
+    OCTRAD_UNROLL
+    for (int c = 0; c < 3; ++c)
+      radiance[c] = decoder_radiance(rules, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
+    out[i] = radiance;
+  }
+};
+
+OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
+#if defined(__CUDA_ARCH__)
+  if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
+#if __CUDA_ARCH__ >= 800
+  // Lanes that are here together ask once: in the beginning everybody's value is the largest yet.
+  const unsigned lanes = __activemask();
+  value = __reduce_max_sync(lanes, value);
+  if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;
+#endif
+  atomicMax(at, value);
+#else
+  std::uint32_t old = __atomic_load_n(at, __ATOMIC_RELAXED);
+  while (value > old && !__atomic_compare_exchange_n(at, &old, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+  }
+#endif
+}
+
+// Grows with |x|.
+OCTRAD_HD inline std::uint32_t magnitude_bits(float x) { return bits_of(x) & 0x7fffffffu; }
+
+struct Loss : Kernel {
+  SurfacePointArray points;
+  const std::uint32_t* valid;
+  const Vec3f* targets;
+  DecoderRules rules;
+  const float* scalars;
+  const StepConstants* constants;
+  FloatRows linear;
+  float norm;
+  float* d_linear;  // [3][d_stride]
+  std::size_t d_stride;
+  float* row_losses;
+  std::uint32_t* largest;  // bits of the largest gradient
+  unsigned long long* non_finite;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const bool good = valid[i] != 0;
+    const Vec3f f = good ? decoder_factor(rules, points.get3(9, i), points.get(12, i), scalars[0]) : Vec3f(1.0f);
+    const Vec3f target = targets[i];
+    float sum = 0.0f, most = 0.0f;
+    unsigned long long dropped = 0;
+    OCTRAD_UNROLL
+    for (int c = 0; c < 3; ++c) {
+      const std::size_t at = static_cast<std::size_t>(c) * linear.stride + i;
+      LossTerm<float> term{0.0f, 0.0f, false};
+      if (good) term = decoder_loss(rules, f[c], linear.data[at], target[c], constants->epsilon, norm);
+      sum += term.value;
+      d_linear[static_cast<std::size_t>(c) * d_stride + i] = term.gradient;
+      most = std::abs(term.gradient) > most ? std::abs(term.gradient) : most;
+      dropped += term.finite ? 0 : 1;
+    }
+    row_losses[i] = sum;
+    if (dropped > 0) atomic_add(non_finite, dropped);
+    atomic_largest(largest, magnitude_bits(most));
+  }
+};
+
+struct Largest : Kernel {
+  const float* values;
+  std::uint32_t* largest;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const { atomic_largest(largest, magnitude_bits(values[i])); }
+};
+
+// A power of 2 that brings the largest gradient to 16 .. 32: layers may make it 2,000 times as large before it is
+// bounded, and gradients 2^18 times smaller are still held to full precision.
+struct ChooseScale : Kernel {
+  std::uint32_t* largest;
+  float* scale;
+
+  OCTRAD_HD void operator()(std::uint32_t) const {
+    const int exponent = static_cast<int>(*largest >> 23) - 127;
+    int up = 4 - exponent;
+    up = *largest == 0 ? 0 : (up > 100 ? 100 : (up < -100 ? -100 : up));
+    scale[0] = std::ldexp(1.0f, up);
+    scale[1] = std::ldexp(1.0f, -up);
+    *largest = 0;
+  }
+};
+
+// After a chunk: its loss. After the last one: the step is counted.
+struct EndChunk : Kernel {
+  float* sum;  // of the chunk's rows; [1] adds up the step's
+  bool first, last;
+  float norm;
+  TrainCounters* counters;
+
+  OCTRAD_HD void operator()(std::uint32_t) const {
+    const float total = (first ? 0.0f : sum[1]) + sum[0];
+    sum[1] = total;
+    if (!last) return;
+    counters->losses[counters->steps % DeviceField::kLossHistory] = total * norm;
+    ++counters->steps;
+  }
+};
+
+}  // namespace
+
+std::vector<MemoryPart> DeviceFieldBase::decoder_memory(const MlpShape& shape, const DeviceFieldOptions& options) {
+  const std::size_t n = rows(options), t = train_rows(options);
+  std::vector<MemoryPart> parts = DeviceMlp::memory(shape, t, "decoder");
+  const auto pairs = static_cast<std::size_t>(shape.inputs + 1) / 2;
+  parts.push_back({"queries in flight", n * (pairs + 3 + 3) * 4});
+  if (t > 0) {
+    parts.push_back({"decoder optimiser",
+                     DeviceDenseAdam::bytes(
+                         static_cast<std::size_t>(shape.width) *
+                         static_cast<std::size_t>(shape.inputs + (shape.hidden - 1) * shape.width + shape.outputs))});
+    parts.push_back(
+        {"training points in flight", t * static_cast<std::size_t>(shape.inputs - kPointInputs + 3 + 3 + 2) * 4});
+  }
+  return parts;
+}
+
+DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const DeviceFieldOptions& options, int levels,
+                                                  int taps) {
+  DeviceTableOptions table;
+  table.halves = options.half_features;
+  table.training = options.max_train_points > 0;
+  table.dense = config.adam_mode == "dense";
+  table.sorted = table.training && options.deterministic;
+  // The list of touched entries is that of a whole step, the sort works on a chunk.
+  table.touches = options.max_train_points * static_cast<std::size_t>(levels * taps);
+  table.slots = train_rows(options) * static_cast<std::size_t>(levels * taps);
+  table.adam = adam_options(config);
+  return table;
+}
+
+DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const Config& config,
+                                 const DeviceFieldOptions& options)
+    : stream_(stream),
+      config_(config),
+      options_(options),
+      rules_(head.rules()),
+      features_(head.mlp().shape().inputs - kPointInputs),
+      rows_(rows(options)),
+      train_rows_(train_rows(options)),
+      decoder_(stream, head.mlp().shape(), train_rows(options), "decoder"),
+      scalars_(stream, 1, "constants"),
+      inputs_(stream, static_cast<std::size_t>(head.mlp().shape().inputs + 1) / 2 * rows_, "queries in flight"),
+      w_(stream, 3 * rows_, "queries in flight"),
+      linear_(stream, 3 * rows_, "queries in flight") {
+  if (options.max_train_points == 0) return;
+  const std::size_t n = train_rows_;
+  decoder_adam_ = DeviceDenseAdam(stream, decoder_.parameter_count(), adam_options(config), "decoder");
+  x_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
+  d_linear_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
+  d_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(features_) * n, "training points in flight");
+  row_losses_ = DeviceArray<float>(stream, n, "training points in flight");
+  loss_sum_ = DeviceArray<float>(stream, 2, "training points in flight");
+  valid_ = DeviceArray<std::uint32_t>(stream, n, "training points in flight");
+  largest_ = DeviceArray<std::uint32_t>(stream, 1, "training points in flight");
+  largest_.fill(0);
+  scale_ = DeviceArray<float>(stream, 2, "training points in flight");
+  counters_ = DeviceArray<TrainCounters>(stream, 1, "training points in flight");
+  counters_.fill(0);
+  sum_workspace_ = SortWorkspace(stream, n, "training points in flight");
+}
+
+DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
+  DeviceQueries q;
+  q.x = chunk.training ? x_.data() : chunk.points.data;
+  q.x_stride = chunk.training ? train_rows_ : chunk.points.stride;
+  q.w = w_.data();
+  q.w_stride = rows_;
+  q.slice = chunk.slice;
+  q.n = chunk.n;
+  return q;
+}
+
+void DeviceFieldBase::prepare(const Chunk& chunk) {
+  launch(stream_, chunk.n,
+         Prepare{{},
+                 chunk.points,
+                 chunk.slice,
+                 rule(),
+                 rules_,
+                 features_,
+                 {inputs_.data(), rows_},
+                 w_.data(),
+                 rows_,
+                 chunk.training ? x_.data() : nullptr,
+                 train_rows_,
+                 chunk.training ? valid_.data() : nullptr});
+}
+
+void DeviceFieldBase::choose_scale(const float* values, std::uint32_t n, float* scale) {
+  launch(stream_, n, Largest{{}, values, largest_.data()});
+  launch(stream_, 1, ChooseScale{{}, largest_.data(), scale});
+}
+
+void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) {
+  for (std::size_t begin = 0; begin < capacity; begin += options_.max_points) {
+    const Chunk chunk{{points.data + begin, points.stride},
+                      {count, static_cast<std::uint32_t>(begin)},
+                      static_cast<std::uint32_t>(std::min(options_.max_points, capacity - begin)),
+                      false};
+    prepare(chunk);
+    encode(chunk);
+    const FloatRows linear{linear_.data(), rows_};
+    decoder_.forward(stream_, {inputs_.data(), rows_}, linear, chunk.n, chunk.slice);
+    launch(stream_, chunk.n, Radiance{{}, chunk.points, chunk.slice, rules_, scalars_.data(), linear, out + begin});
+  }
+}
+
+void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std::size_t n,
+                            const StepConstants* constants) {
+  if (n > options_.max_train_points) throw DeviceError("a training step of more points than there is memory for");
+  if (n == 0) return;
+  const float norm = 1.0f / (3.0f * static_cast<float>(n));
+  const HalfRows inputs{inputs_.data(), rows_};
+  const FloatRows linear{linear_.data(), rows_};
+  const std::size_t chunk_rows = train_rows_;
+  TrainCounters* counters = counters_.data();
+  for (std::size_t begin = 0; begin < n; begin += chunk_rows) {
+    const Chunk chunk{
+        {points.data + begin, points.stride}, {}, static_cast<std::uint32_t>(std::min(chunk_rows, n - begin)), true};
+    const bool first = begin == 0, last = begin + chunk_rows >= n;
+    prepare(chunk);
+    encode(chunk);
+    decoder_.forward_keep(stream_, inputs, linear, chunk.n);
+    launch(stream_, chunk.n,
+           Loss{{},
+                chunk.points,
+                valid_.data(),
+                targets + begin,
+                rules_,
+                scalars_.data(),
+                constants,
+                linear,
+                norm,
+                d_linear_.data(),
+                train_rows_,
+                row_losses_.data(),
+                largest_.data(),
+                &counters->non_finite});
+    launch(stream_, 1, ChooseScale{{}, largest_.data(), scale_.data()});
+    sum(stream_, sum_workspace_, chunk.n, row_losses_.data(), loss_sum_.data());
+    launch(stream_, 1, EndChunk{{}, loss_sum_.data(), first, last, norm, counters});
+    decoder_.backward(stream_, inputs, {d_linear_.data(), train_rows_}, scale_.data(), {d_inputs_.data(), train_rows_},
+                      features_, chunk.n, !first);
+    encode_backward(chunk, first);
+  }
+  decoder_adam_.step(stream_, decoder_.weights().data(), decoder_.gradient().data(), config_.adam_rate_networks,
+                     &constants->rate_scale, &counters->non_finite);
+  decoder_.refresh(stream_);
+  encode_step(constants);
+}
+
+DeviceTrainReport DeviceFieldBase::collect() {
+  DeviceTrainReport report;
+  if (counters_.empty()) return report;
+  const TrainCounters counters = counters_.download()[0];
+  counters_.fill(0);
+  report.steps = static_cast<long long>(counters.steps);
+  report.non_finite = static_cast<long long>(counters.non_finite);
+  report.touched = static_cast<long long>(counters.touched);
+  const unsigned long long kept = std::min<unsigned long long>(counters.steps, kLossHistory);
+  for (unsigned long long s = counters.steps - kept; s < counters.steps; ++s)
+    report.losses.push_back(static_cast<double>(counters.losses[s % kLossHistory]));
+  return report;
+}
+
+void DeviceFieldBase::inspect(SurfacePointArray points, std::size_t n, FloatRows out, float* disparity) {
+  for (std::size_t begin = 0; begin < n; begin += options_.max_points) {
+    const Chunk chunk{{points.data + begin, points.stride},
+                      {},
+                      static_cast<std::uint32_t>(std::min(options_.max_points, n - begin)),
+                      false};
+    prepare(chunk);
+    encode(chunk);
+    if (out.data != nullptr) features(chunk, {out.data + begin, out.stride});
+    if (disparity == nullptr) continue;
+    if (disparities() != nullptr) stream_.copy(disparity + begin, disparities(), chunk.n * sizeof(float));
+    else stream_.fill(disparity + begin, 0, chunk.n * sizeof(float));
+  }
+}
+
+void DeviceFieldBase::set_target_scale(float scale) {
+  target_scale_ = scale;
+  scalars_.upload(std::span<const float>(&target_scale_, 1));
+}
+
+void DeviceFieldBase::upload_decoder(DecoderHead& head) {
+  decoder_.weights().upload(head.mlp().weights());
+  decoder_.refresh(stream_);
+  if (options_.max_train_points > 0) decoder_adam_.upload(head.adam());
+  set_target_scale(head.target_scale());
+}
+
+void DeviceFieldBase::download_decoder(DecoderHead& head) {
+  if (options_.max_train_points == 0)
+    throw DeviceError("a field that is not trained on the device is not copied back from it");
+  decoder_.weights().download(head.mlp().weights());
+  head.mlp().prepare();
+  decoder_adam_.download(head.adam());
+  head.set_target_scale(target_scale_);
+}
+
+std::unique_ptr<DeviceField> make_device_field(Stream& stream, RadianceField& field, const Config& config,
+                                               const DeviceFieldOptions& options) {
+  if (options.max_points == 0) throw InputError("a device field needs room for at least one point");
+  if (field.name() == "octaoctree") return make_device_octaoctree(stream, field, config, options);
+  if (field.name() == "nr") return make_device_nr(stream, field, config, options);
+  throw InputError("the field \"" + field.name() + "\" does not run on a device");
+}
+
+std::vector<MemoryPart> estimate_device_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                               const DeviceFieldOptions& options) {
+  return config.field == "nr" ? device_nr_memory(config, options)
+                              : device_octaoctree_memory(config, cells_per_level, options);
+}
+
+}  // namespace octrad

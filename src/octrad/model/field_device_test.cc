@@ -1,0 +1,475 @@
+// Fields on the device against the same fields on the CPU: what they answer, what they learn, and how they move.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "octrad/base/error.h"
+#include "octrad/device/array.h"
+#include "octrad/device/stream_test_helper.h"
+#include "octrad/model/device_field.h"
+#include "octrad/model/field_test_helper.h"
+#include "octrad/model/nr_field.h"
+#include "octrad/model/octaoctree_field.h"
+
+namespace octrad {
+namespace {
+
+using testing::pattern;
+using testing::random_points;
+using testing::shell;
+
+constexpr int kLevels = 3;
+
+Config small_config(const std::string& field) {
+  Config config = preset("cpu");
+  config.field = field;
+  config.octree_levels = kLevels;
+  config.disparity_log2_table = 10;
+  config.nr_log2_table = 12;
+  config.nr_width = config.decoder_width = 64;
+  config.decoder_hidden = config.nr_hidden = 2;
+  config.target_scale = 1.0;
+  return config;
+}
+
+// Points and numbers in device memory.
+struct Batch {
+  Batch(Stream& stream, const std::vector<SurfacePoint>& p, const std::vector<Vec3f>& t = {})
+      : n(p.size()),
+        targets(stream, std::span<const Vec3f>(t), "targets") {
+    std::vector<float> numbers(kSurfacePointNumbers * n);
+    const SurfacePointArray host{numbers.data(), n};
+    for (std::size_t i = 0; i < n; ++i) host.store(i, p[i]);
+    data = DeviceArray<float>(stream, std::span<const float>(numbers), "points");
+  }
+  SurfacePointArray points() const { return {data.data(), n}; }
+  std::size_t n;
+  DeviceArray<float> data;
+  DeviceArray<Vec3f> targets;
+};
+
+std::vector<Vec3f> targets_of(const std::vector<SurfacePoint>& points) {
+  std::vector<Vec3f> targets;
+  for (const SurfacePoint& p : points) targets.push_back(pattern(p));
+  return targets;
+}
+
+// A field that has learnt a little, so that nothing is 0 any more.
+std::unique_ptr<RadianceField> trained_field(const Config& config, int steps = 25) {
+  auto field = make_field(config, shell(kLevels));
+  for (int s = 0; s < steps; ++s) {
+    const auto points = random_points(256, 100 + static_cast<unsigned long long>(s));
+    field->train(points, targets_of(points), 0.05, 1.0);
+  }
+  return field;
+}
+
+double share_beyond(const std::vector<float>& got, const std::vector<float>& expected, double tolerance) {
+  double square = 0.0;
+  for (const float e : expected) square += double(e) * e;
+  const double unit = std::sqrt(square / static_cast<double>(expected.size())) + 1e-30;
+  std::size_t beyond = 0;
+  for (std::size_t i = 0; i < got.size(); ++i) beyond += !(std::abs(got[i] - expected[i]) <= tolerance * unit);
+  return static_cast<double>(beyond) / static_cast<double>(got.size());
+}
+
+std::vector<float> as_floats(const std::vector<Vec3f>& values) {
+  std::vector<float> result;
+  for (const Vec3f& v : values) {
+    for (int c = 0; c < 3; ++c) result.push_back(v[c]);
+  }
+  return result;
+}
+
+std::vector<float> ask(Stream& stream, DeviceField& field, const std::vector<SurfacePoint>& points) {
+  const Batch batch(stream, points);
+  DeviceArray<Vec3f> out(stream, points.size(), "out");
+  field.radiance(batch.points(), nullptr, points.size(), out.data());
+  return as_floats(out.download());
+}
+std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& points) {
+  std::vector<Vec3f> out(points.size());
+  field.radiance(points, out);
+  return as_floats(out);
+}
+
+// Every number of a field that training changes, by name.
+struct Part {
+  std::string name;
+  std::vector<float> values;
+};
+std::vector<Part> parts_of(RadianceField& field) {
+  std::vector<Part> parts;
+  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}}); };
+  const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
+    add(name, values);
+    add(name + " moments", adam.moments());
+    add(name + " counts", adam.counts());
+    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}});
+  };
+  const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
+    add(name, mlp.weights());
+    add(name + " m", adam.m());
+    add(name + " v", adam.v());
+    parts.push_back({name + " steps", {static_cast<float>(adam.count())}});
+  };
+  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
+    octree->make_optimizers();
+    table("octree", octree->octree().features(), *octree->octree_adam());
+    table("grid", octree->grid().table(), *octree->grid_adam());
+    network("disparity", octree->disparity(), octree->disparity_adam());
+    network("decoder", octree->decoder().mlp(), octree->decoder().adam());
+  } else {
+    auto& nr = dynamic_cast<NrField&>(field);
+    nr.make_optimizer();
+    table("grid", nr.grid().table(), *nr.grid_adam());
+    network("decoder", nr.decoder().mlp(), nr.decoder().adam());
+  }
+  return parts;
+}
+
+DeviceFieldOptions training_options(bool deterministic = false) {
+  DeviceFieldOptions options;
+  options.max_points = 1000;
+  options.max_train_points = 512;
+  options.deterministic = deterministic;
+  return options;
+}
+
+const StepConstants kConstants{0.05f, 1.0f};
+
+class DeviceFields : public ::testing::TestWithParam<std::tuple<std::string, bool>> {
+ protected:
+  void SetUp() override {
+    stream_ = testing::stream_or_skip(std::get<1>(GetParam()));
+    if (!stream_) GTEST_SKIP() << testing::kNoDevice;
+    constants_ = DeviceArray<StepConstants>(*stream_, std::span<const StepConstants>(&kConstants, 1), "constants");
+  }
+  std::string name() const { return std::get<0>(GetParam()); }
+  Config config() const { return small_config(name()); }
+  void train(DeviceField& field, int first, int steps, std::size_t n = 256) {
+    for (int s = first; s < first + steps; ++s) {
+      const auto points = random_points(n, 100 + static_cast<unsigned long long>(s));
+      const Batch batch(*stream_, points, targets_of(points));
+      field.train(batch.points(), batch.targets.data(), n, constants_.data());
+      stream_->synchronize();
+    }
+  }
+  std::unique_ptr<Stream> stream_;
+  DeviceArray<StepConstants> constants_;
+};
+
+TEST_P(DeviceFields, AnswerLikeTheCpu) {
+  std::vector<Config> configs(1, config());
+  if (name() == "octaoctree") {
+    configs.resize(4, config());
+    configs[1].lookup_offset = "traced";
+    configs[2].lookup_offset = "none";
+    configs[2].decoder_output = "squareplus";
+    configs[2].lookup_direction = "outgoing";
+    configs[2].target_demodulate = "none";
+    configs[3].disparity_direction = false;
+    configs[3].decoder_position = "world";
+    configs[3].octree_features = 2;
+    configs[3].disparity_features = 4;
+    configs[3].lookup_rough_direction = "mirror";
+  }
+  auto points = random_points(700, 5);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].disparity = 0.01f * static_cast<float>(i % 300);
+  points[3].x = Vec3f(7.0f, -3.0f, 0.5f);  // nothing is there
+  for (const Config& c : configs) {
+    const auto field = trained_field(c);
+    field->set_target_scale(1.7f);
+    const std::vector<float> expected = ask(*field, points);
+    for (const bool halves : {true, false}) {
+      DeviceFieldOptions options;
+      options.max_points = 256;  // in turns
+      options.half_features = halves;
+      const auto device = make_device_field(*stream_, *field, c, options);
+      const std::vector<float> got = ask(*stream_, *device, points);
+      EXPECT_LT(share_beyond(got, expected, 3e-3), 0.03) << "halves " << halves;
+      EXPECT_LT(share_beyond(got, expected, 2e-2), 0.003);
+      device->set_target_scale(3.4f);
+      const std::vector<float> doubled = ask(*stream_, *device, points);
+      for (std::size_t i = 0; i < got.size(); ++i) ASSERT_NEAR(doubled[i], 2.0f * got[i], 1e-6f * std::abs(doubled[i]));
+    }
+  }
+}
+
+TEST_P(DeviceFields, QueuesMayBeShort) {
+  const auto field = trained_field(config(), 5);
+  DeviceFieldOptions options;
+  options.max_points = 100;
+  const auto device = make_device_field(*stream_, *field, config(), options);
+  const auto points = random_points(350, 5);
+  const std::vector<float> all = ask(*stream_, *device, points);
+  const Batch batch(*stream_, points);
+  const std::vector<std::uint32_t> length{215};
+  const DeviceArray<std::uint32_t> count(*stream_, std::span<const std::uint32_t>(length), "count");
+  DeviceArray<Vec3f> out(*stream_, points.size(), "out");
+  out.fill(0);  // what is beyond the queue is compared below: new memory may hold NaNs
+  device->radiance(batch.points(), count.data(), points.size(), out.data());
+  const std::vector<float> some = as_floats(out.download());
+  EXPECT_TRUE(std::equal(some.begin(), some.begin() + 3 * 215, all.begin()));
+  device->radiance(batch.points(), nullptr, 0, out.data());
+  EXPECT_EQ(as_floats(out.download()), some) << "an empty batch changes nothing";
+  EXPECT_THROW(device->train(batch.points(), out.data(), 10, constants_.data()), DeviceError);
+  EXPECT_THROW(device->download_to(*field), DeviceError);
+}
+
+TEST_P(DeviceFields, ShowTheirFeatures) {
+  const auto field = trained_field(config());
+  DeviceFieldOptions options;
+  options.max_points = 100;
+  options.half_features = false;
+  const auto device = make_device_field(*stream_, *field, config(), options);
+  const auto points = random_points(250, 5);
+  const auto count = static_cast<std::size_t>(field->feature_count());
+  std::vector<float> expected(points.size() * count), distance(points.size());
+  field->inspect(points, expected, distance);
+  const Batch batch(*stream_, points);
+  DeviceArray<float> features(*stream_, points.size() * count, "features"),
+      disparity(*stream_, points.size(), "disparity");
+  device->inspect(batch.points(), points.size(), {features.data(), points.size()}, disparity.data());
+  const std::vector<float> got = features.download();
+  std::vector<float> turned(got.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (std::size_t f = 0; f < count; ++f) turned[i * count + f] = got[f * points.size() + i];
+  }
+  EXPECT_LT(share_beyond(turned, expected, 5e-3), 0.01);
+  EXPECT_LT(share_beyond(disparity.download(), distance, 5e-3), 0.01);
+}
+
+// Adam's first step leaves (1 - beta1) times the gradient in its first moments.
+TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
+  for (const bool dense : {false, true}) {
+    Config c = config();
+    c.adam_mode = dense ? "dense" : "touched";
+    const auto start = trained_field(c);
+    auto cpu = make_field(c, shell(kLevels)), copy = make_field(c, shell(kLevels));
+    // The same weights, no moments: a field made anew that takes the tables and networks of `start`.
+    const auto take = [&](RadianceField& to) {
+      const auto from = make_device_field(*stream_, *start, c, training_options());
+      auto scratch = make_field(c, shell(kLevels));
+      from->download_to(*scratch);
+      if (name() == "octaoctree") {
+        auto &a = dynamic_cast<OctaOctreeField&>(*scratch), &b = dynamic_cast<OctaOctreeField&>(to);
+        std::copy(a.octree().features().begin(), a.octree().features().end(), b.octree().features().begin());
+        std::copy(a.grid().table().begin(), a.grid().table().end(), b.grid().table().begin());
+        std::copy(a.disparity().weights().begin(), a.disparity().weights().end(), b.disparity().weights().begin());
+        std::copy(a.decoder().mlp().weights().begin(), a.decoder().mlp().weights().end(),
+                  b.decoder().mlp().weights().begin());
+        b.disparity().prepare();
+        b.decoder().mlp().prepare();
+      } else {
+        auto &a = dynamic_cast<NrField&>(*scratch), &b = dynamic_cast<NrField&>(to);
+        std::copy(a.grid().table().begin(), a.grid().table().end(), b.grid().table().begin());
+        std::copy(a.decoder().mlp().weights().begin(), a.decoder().mlp().weights().end(),
+                  b.decoder().mlp().weights().begin());
+        b.decoder().mlp().prepare();
+      }
+    };
+    take(*cpu);
+    take(*copy);
+    const auto device = make_device_field(*stream_, *copy, c, training_options());
+    const auto points = random_points(400, 77);
+    const FieldStep step = cpu->train(points, targets_of(points), 0.05, 1.0);
+    const Batch batch(*stream_, points, targets_of(points));
+    device->train(batch.points(), batch.targets.data(), points.size(), constants_.data());
+    const DeviceTrainReport report = device->collect();
+    ASSERT_EQ(report.losses.size(), 1u);
+    EXPECT_NEAR(report.losses[0], step.loss, 3e-3 * step.loss);
+    EXPECT_EQ(report.touched, step.touched);
+    EXPECT_EQ(report.non_finite, 0);
+    device->download_to(*copy);
+    const std::vector<Part> got = parts_of(*copy), expected = parts_of(*cpu);
+    ASSERT_EQ(got.size(), expected.size());
+    for (std::size_t i = 0; i < got.size(); ++i) {
+      const std::string& part = got[i].name;
+      if (part.ends_with("counts") || part.ends_with("steps")) {
+        EXPECT_EQ(got[i].values, expected[i].values) << part;
+      } else if (part.ends_with(" m") || part.ends_with("moments")) {
+        EXPECT_LT(share_beyond(got[i].values, expected[i].values, 0.05), 0.05) << part << (dense ? ", dense" : "");
+        EXPECT_LT(share_beyond(got[i].values, expected[i].values, 0.5), 0.01) << part << (dense ? ", dense" : "");
+      }
+    }
+  }
+}
+
+TEST_P(DeviceFields, LearnLikeTheCpu) {
+  Config c = config();
+  const auto cpu = make_field(c, shell(kLevels)), start = make_field(c, shell(kLevels));
+  const auto device = make_device_field(*stream_, *start, c, training_options());
+  const int steps = 60;
+  std::vector<double> losses;
+  for (int s = 0; s < steps; ++s) {
+    const auto points = random_points(256, 100 + static_cast<unsigned long long>(s));
+    losses.push_back(cpu->train(points, targets_of(points), 0.05, 1.0).loss);
+  }
+  train(*device, 0, steps);
+  const DeviceTrainReport report = device->collect();
+  EXPECT_EQ(report.steps, steps);
+  ASSERT_EQ(report.losses.size(), losses.size());
+  for (int s = 0; s < 5; ++s) EXPECT_NEAR(report.losses[s], losses[s], 0.02 * losses[s]) << s;
+  double mine = 0.0, theirs = 0.0;
+  for (int s = steps - 20; s < steps; ++s) {
+    mine += report.losses[s];
+    theirs += losses[s];
+  }
+  EXPECT_LT(mine, 0.6 * 20 * losses[0]) << "it learns";
+  EXPECT_NEAR(mine, theirs, 0.15 * theirs);
+  EXPECT_EQ(device->collect().steps, 0);
+
+  // What was learnt on the device, asked on the CPU.
+  device->download_to(*start);
+  const auto points = random_points(500, 3);
+  const std::vector<float> there = ask(*stream_, *device, points), here = ask(*start, points);
+  EXPECT_LT(share_beyond(there, here, 1e-2), 0.02);
+}
+
+TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
+  for (const bool dense : {false, true}) {
+    Config c = config();
+    c.adam_mode = dense ? "dense" : "touched";
+    const auto field = trained_field(c);
+    field->set_target_scale(0.7f);
+    const auto device = make_device_field(*stream_, *field, c, training_options());
+    const auto other = make_field(c, shell(kLevels));
+    device->download_to(*other);
+    const std::vector<Part> got = parts_of(*other), expected = parts_of(*field);
+    for (std::size_t i = 0; i < got.size(); ++i) EXPECT_EQ(got[i].values, expected[i].values) << got[i].name;
+    EXPECT_EQ(other->target_scale(), 0.7f);
+    // A run goes on on the CPU as if it had never left.
+    const auto points = random_points(300, 8);
+    const FieldStep a = field->train(points, targets_of(points), 0.05, 1.0),
+                    b = other->train(points, targets_of(points), 0.05, 1.0);
+    EXPECT_EQ(a.loss, b.loss);
+    EXPECT_EQ(ask(*field, points), ask(*other, points));
+    // And from there on the device again.
+    device->upload_from(*other);
+    train(*device, 0, 1);
+    EXPECT_EQ(device->collect().steps, 1);
+  }
+  Config larger = config();
+  larger.octree_levels = kLevels - 1;
+  larger.nr_log2_table = 11;
+  const auto field = make_field(config(), shell(kLevels)), wrong = make_field(larger, shell(kLevels - 1));
+  const auto device = make_device_field(*stream_, *field, config(), training_options());
+  EXPECT_THROW(device->upload_from(*wrong), InputError);
+}
+
+TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
+  for (const bool dense : {false, true}) {
+    Config c = config();
+    c.adam_mode = dense ? "dense" : "touched";
+    std::vector<Part> first;
+    for (int run = 0; run < 2; ++run) {
+      const auto field = make_field(c, shell(kLevels));
+      const auto device = make_device_field(*stream_, *field, c, training_options(true));
+      train(*device, 0, 4, 500);
+      device->download_to(*field);
+      const std::vector<Part> parts = parts_of(*field);
+      if (run == 0) first = parts;
+      for (std::size_t i = 0; i < parts.size(); ++i) EXPECT_EQ(parts[i].values, first[i].values) << parts[i].name;
+      // The same as adding in any order, but for rounding.
+      if (run == 0) {
+        const auto again = make_field(c, shell(kLevels));
+        const auto atomics = make_device_field(*stream_, *again, c, training_options());
+        train(*atomics, 0, 4, 500);
+        const auto points = random_points(200, 8);
+        EXPECT_LT(share_beyond(ask(*stream_, *atomics, points), ask(*stream_, *device, points), 5e-3), 0.02);
+      }
+    }
+  }
+}
+
+TEST_P(DeviceFields, BadNumbersDoNotSpread) {
+  Config c = config();
+  if (name() == "octaoctree") c.lookup_offset = "traced";
+  const auto field = trained_field(c, 5);
+  const auto device = make_device_field(*stream_, *field, c, training_options());
+  auto points = random_points(200, 8);
+  auto targets = targets_of(points);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  points[10].x.y = nan;
+  points[11].wo.x = nan;
+  points[12].n = Vec3f(inf, 0.0f, 0.0f);
+  points[13].albedo.z = nan;
+  points[14].alpha = nan;
+  points[15].disparity = nan;
+  targets[20] = Vec3f(nan, 1.0f, inf);
+  points[21].x = Vec3f(1e30f, 0.0f, 0.0f);  // finite, though halves cannot hold it
+  Batch batch(*stream_, points, targets);
+  device->train(batch.points(), batch.targets.data(), points.size(), constants_.data());
+  EXPECT_EQ(device->collect().non_finite, 6 * 3 + 2);
+  device->download_to(*field);
+  for (const Part& part : parts_of(*field)) {
+    for (const float v : part.values) ASSERT_TRUE(std::isfinite(v)) << part.name;
+  }
+  const std::vector<float> answers = ask(*stream_, *device, points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (i >= 10 && i <= 14) {
+      EXPECT_FALSE(std::isfinite(answers[3 * i])) << i << ": a point that is not a number has no radiance";
+    } else if (i != 15 && i != 21) {
+      EXPECT_TRUE(std::isfinite(answers[3 * i])) << i;
+    }
+  }
+}
+
+TEST_P(DeviceFields, WorkCanBeRecorded) {
+  const Config c = config();
+  const auto field = make_field(c, shell(kLevels)), again = make_field(c, shell(kLevels));
+  const auto recorded = make_device_field(*stream_, *field, c, training_options(true)),
+             direct = make_device_field(*stream_, *again, c, training_options(true));
+  const auto points = random_points(300, 8);
+  const Batch batch(*stream_, points, targets_of(points));
+  DeviceArray<Vec3f> out(*stream_, points.size(), "out");
+  const auto work = [&](DeviceField& f) {
+    f.train(batch.points(), batch.targets.data(), points.size(), constants_.data());
+    f.radiance(batch.points(), nullptr, points.size(), out.data());
+  };
+  work(*recorded);
+  const auto graph = stream_->capture([&] { work(*recorded); });
+  for (int i = 0; i < 3; ++i) stream_->replay(*graph);
+  const std::vector<float> a = as_floats(out.download());
+  for (int i = 0; i < 4; ++i) work(*direct);
+  EXPECT_EQ(as_floats(out.download()), a);
+  EXPECT_EQ(recorded->collect().losses, direct->collect().losses);
+  // New exposures reach what was recorded.
+  recorded->set_target_scale(0.0f);
+  stream_->replay(*graph);
+  EXPECT_EQ(out.download()[0].x, 0.0f);
+}
+
+TEST_P(DeviceFields, MemoryIsWhatWasEstimated) {
+  for (const bool training : {false, true}) {
+    Config c = config();
+    c.disparity_log2_table = 15;
+    const FieldDomain domain = shell(kLevels);
+    const auto field = make_field(c, domain);
+    DeviceFieldOptions options = training_options(true);
+    if (!training) options.max_train_points = 0;
+    options.max_points = 10'000;
+    const std::size_t before = stream_->allocated_bytes();
+    const auto device = make_device_field(*stream_, *field, c, options);
+    const auto took = static_cast<double>(stream_->allocated_bytes() - before);
+    double estimate = 0.0;
+    for (const MemoryPart& part : estimate_device_memory(c, field->cells_per_level(), options))
+      estimate += static_cast<double>(part.bytes);
+    EXPECT_NEAR(estimate, took, 0.1 * took + 1.2e6);
+  }
+}
+
+std::string test_name(const ::testing::TestParamInfo<std::tuple<std::string, bool>>& info) {
+  return std::get<0>(info.param) + (std::get<1>(info.param) ? "Cuda" : "Host");
+}
+INSTANTIATE_TEST_SUITE_P(All, DeviceFields,
+                         ::testing::Combine(::testing::Values("octaoctree", "nr"), ::testing::Bool()), test_name);
+
+}  // namespace
+}  // namespace octrad

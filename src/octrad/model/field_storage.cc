@@ -1,0 +1,107 @@
+#include "octrad/model/field_storage.h"
+
+#include <cstring>
+
+#include "octrad/base/error.h"
+#include "octrad/base/half.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+
+namespace octrad {
+namespace {
+
+template <typename T>
+void read_into(const TensorReader& in, const std::string& name, DType type, const std::vector<std::int64_t>& shape,
+               T* out) {
+  const auto t = in.get(name, type, shape);
+  std::memcpy(out, t.data, t.bytes);
+}
+
+}  // namespace
+
+AdamOptions adam_options(const Config& config) { return {config.adam_beta1, config.adam_beta2, config.adam_epsilon}; }
+
+long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate) {
+  std::vector<float> sum(mlp.parameter_count());
+  parallel_blocks(sum.size(), 4096, [&](std::size_t begin, std::size_t end) {
+    for (const auto& g : gradients) {
+      for (std::size_t i = begin; i < end; ++i) sum[i] += g[i];
+    }
+  });
+  const long long dropped = adam.step(mlp.weights(), sum, rate);
+  mlp.prepare();
+  return dropped;
+}
+
+void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long long stream) {
+  const std::span<float> table = grid.table();
+  parallel_blocks(table.size(), 65536, [&](std::size_t begin, std::size_t end) {
+    Rng rng(seed, RngPurpose::weights, (stream << 32) + begin);
+    for (std::size_t i = begin; i < end; ++i) table[i] = (rng.uniform() * 2.0f - 1.0f) * 1e-4f;
+  });
+}
+
+void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
+                 std::span<float> out) {
+  const auto any = in.get(name);
+  if (any.type != DType::f16) {
+    read_into(in, name, DType::f32, shape, out.data());
+    return;
+  }
+  const auto t = in.get(name, DType::f16, shape);
+  const auto* half = static_cast<const std::uint16_t*>(t.data);
+  for (std::int64_t i = 0; i < t.count; ++i) out[static_cast<std::size_t>(i)] = to_float(Half{half[i]});
+}
+
+void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
+  for (int i = 0; i < mlp.layer_count(); ++i) {
+    out.add(prefix + "." + std::to_string(i) + ".weight", DType::f32, {mlp.layer_outputs(i), mlp.layer_inputs(i)},
+            mlp.layer(i).data());
+  }
+  if (!adam) return;
+  const auto n = static_cast<std::int64_t>(mlp.parameter_count());
+  out.add("optimizer." + prefix + ".m", DType::f32, {n}, adam->m().data());
+  out.add("optimizer." + prefix + ".v", DType::f32, {n}, adam->v().data());
+  out.add("optimizer." + prefix + ".count", DType::i64, {1}, &adam->count());
+}
+
+void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
+  for (int i = 0; i < mlp.layer_count(); ++i) {
+    read_into(in, prefix + "." + std::to_string(i) + ".weight", DType::f32, {mlp.layer_outputs(i), mlp.layer_inputs(i)},
+              mlp.layer(i).data());
+  }
+  mlp.prepare();
+  if (!adam || !in.has("optimizer." + prefix + ".m")) return;
+  const auto n = static_cast<std::int64_t>(mlp.parameter_count());
+  read_into(in, "optimizer." + prefix + ".m", DType::f32, {n}, adam->m().data());
+  read_into(in, "optimizer." + prefix + ".v", DType::f32, {n}, adam->v().data());
+  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam->count());
+}
+
+void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid) {
+  out.add(prefix + ".table", DType::f32, {grid.entry_count(), grid.options().features}, grid.table().data());
+  out.add(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(grid.offsets().size())}, grid.offsets().data());
+}
+
+void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid) {
+  const auto offsets = in.get(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(grid.offsets().size())});
+  if (std::memcmp(offsets.data, grid.offsets().data(), offsets.bytes) != 0) {
+    throw InputError(in.file() + ": " + prefix + ".offsets does not fit the configuration stored beside it");
+  }
+  read_floats(in, prefix + ".table", {grid.entry_count(), grid.options().features}, grid.table());
+}
+
+void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features) {
+  out.add("optimizer." + prefix + ".moments", DType::f32, {entries, 2, features}, adam.moments().data());
+  out.add("optimizer." + prefix + ".counts", DType::u16, {entries}, adam.counts().data());
+  out.add("optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
+}
+
+void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries,
+               int features) {
+  read_into(in, "optimizer." + prefix + ".moments", DType::f32, {entries, 2, features}, adam.moments().data());
+  read_into(in, "optimizer." + prefix + ".counts", DType::u16, {entries}, adam.counts().data());
+  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
+}
+
+}  // namespace octrad

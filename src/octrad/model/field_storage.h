@@ -1,0 +1,52 @@
+// Tensors of the parts that fields are made of (method section 13), and the optimiser step that they share.
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octrad/encoding/hash_grid.h"
+#include "octrad/model/config.h"
+#include "octrad/model/safetensors.h"
+#include "octrad/network/adam.h"
+#include "octrad/network/mlp.h"
+
+namespace octrad {
+
+// Cuts a batch into at most 32 groups of at least 64 points. Depends on the batch alone, so that sums over groups in
+// their order are the same at any thread count.
+class GroupedBatch {
+ public:
+  explicit GroupedBatch(std::size_t n) : n_(n), count_(std::clamp<std::size_t>(n / 64, 1, 32)) {}
+  std::size_t count() const { return count_; }
+  std::size_t begin(std::size_t g) const { return n_ * g / count_; }
+  std::size_t end(std::size_t g) const { return n_ * (g + 1) / count_; }
+
+ private:
+  std::size_t n_, count_;
+};
+
+AdamOptions adam_options(const Config& config);
+
+// Sums the groups' gradients in order, takes one Adam step and repacks the kernels. Returns dropped gradients.
+long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate);
+
+// Uniform +-1e-4 (method section 5).
+void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long long stream);
+
+// float32 tensor, or float16 widened, of exactly `shape` into `out`.
+void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
+                 std::span<float> out);
+
+// "prefix.{i}.weight" and, with an optimiser, "optimizer.prefix.m", ".v", ".count".
+void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam);
+void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam);
+// "prefix.table", "prefix.offsets".
+void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid);
+void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid);
+// "optimizer.prefix.moments", ".counts", ".count".
+void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
+void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
+
+}  // namespace octrad

@@ -1,0 +1,122 @@
+#include "octrad/model/model_file.h"
+
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "octrad/base/error.h"
+#include "octrad/base/version.h"
+#include "octrad/encoding/octaoctree.h"
+#include "octrad/model/safetensors.h"
+
+namespace octrad {
+namespace {
+
+constexpr const char* kFormat = "octrad";
+constexpr const char* kFormatVersion = "1";
+
+ModelInfo info_of(const TensorReader& in) {
+  const auto& metadata = in.metadata();
+  const auto text = [&](const char* key) {
+    const auto found = metadata.find(key);
+    if (found == metadata.end())
+      throw InputError(in.file() + ": not an octrad model: the header lacks \"" + key + "\"");
+    return found->second;
+  };
+  if (text("format") != kFormat)
+    throw InputError(in.file() + ": not an octrad model (format \"" + text("format") + "\")");
+  if (text("version") != kFormatVersion)
+    throw InputError(in.file() + ": format version " + text("version") + "; this program reads version " +
+                     kFormatVersion);
+  ModelInfo info;
+  try {
+    apply(info.config, nlohmann::json::parse(text("config")), in.file());
+    const nlohmann::json scene = nlohmann::json::parse(text("scene"));
+    info.scene_file = scene.at("file").get<std::string>();
+    info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
+    const nlohmann::json state = nlohmann::json::parse(text("state"));
+    info.state.step = state.at("step").get<long long>();
+    info.state.seconds = state.at("seconds").get<double>();
+    info.state.lhs_samples = state.at("lhs_samples").get<long long>();
+    info.state.rhs_queries = state.at("rhs_queries").get<long long>();
+  } catch (const nlohmann::json::exception& e) {
+    throw InputError(in.file() + ": broken model header: " + e.what());
+  } catch (const UsageError& e) {
+    throw InputError(in.file() + ": broken model header: " + e.what());
+  }
+  info.program = text("program");
+  return info;
+}
+
+Vec3f read_vec3(const TensorReader& in, const std::string& name) {
+  float v[3];
+  std::memcpy(v, in.get(name, DType::f32, {3}).data, sizeof(v));
+  const Vec3f result{v[0], v[1], v[2]};
+  if (!is_finite(result)) throw InputError(in.file() + ": " + name + " is not finite");
+  return result;
+}
+
+FieldDomain read_domain(const TensorReader& in, const Config& config) {
+  FieldDomain domain;
+  domain.origin = read_vec3(in, "octree.origin");
+  domain.size = read_vec3(in, "octree.size");
+  if (min_component(domain.size) <= 0.0f) throw InputError(in.file() + ": octree.size must be positive");
+  if (config.field != "octaoctree") return domain;
+  for (int l = 1; l <= config.octree_levels; ++l) {
+    const std::string name = "octree.level" + std::to_string(l) + ".cells";
+    const auto t = in.get(name, DType::i32, {-1, 3});
+    std::vector<Vec3i> cells(static_cast<std::size_t>(t.shape[0]));
+    std::memcpy(cells.data(), t.data, t.bytes);
+    const int resolution = spatial_resolution(l);
+    for (const Vec3i& c : cells) {
+      if (min_component(c) < 0 || max_component(c) >= resolution)
+        throw InputError(in.file() + ": " + name + " has a cell outside the level's grid");
+    }
+    domain.occupied_cells.push_back(std::move(cells));
+  }
+  return domain;
+}
+
+}  // namespace
+
+void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer) {
+  TensorWriter out;
+  out.metadata("format", kFormat);
+  out.metadata("version", kFormatVersion);
+  Config config = info.config;
+  config.target_scale = static_cast<double>(field.target_scale());
+  out.metadata("config", to_json(config).dump());
+  out.metadata("scene", nlohmann::json{{"file", info.scene_file}, {"fingerprint", info.scene_fingerprint}}.dump());
+  out.metadata("program", std::string("octrad ") + kVersion);
+  out.metadata("step", std::to_string(info.state.step));
+  out.metadata("seed", std::to_string(config.seed));
+  out.metadata("state", nlohmann::json{{"step", info.state.step},
+                                       {"seconds", info.state.seconds},
+                                       {"lhs_samples", info.state.lhs_samples},
+                                       {"rhs_queries", info.state.rhs_queries}}
+                            .dump());
+  field.save(out, optimizer);
+  out.write(file);
+}
+
+ModelInfo read_model_info(const std::string& file) { return info_of(TensorReader(file)); }
+
+Model load_model(const std::string& file, bool optimizer) {
+  const TensorReader in(file);
+  Model model;
+  model.info = info_of(in);
+  model.field = make_field(model.info.config, read_domain(in, model.info.config));
+  model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
+  model.has_optimizer = model.field->load(in, optimizer) && optimizer;
+  return model;
+}
+
+void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
+                 const std::string& fingerprint, bool force) {
+  if (force || info.scene_fingerprint == fingerprint) return;
+  throw InputError(file + " was trained on another scene: " + info.scene_file + " (fingerprint " +
+                   info.scene_fingerprint + "), not " + scene_file + " (" + fingerprint +
+                   "); --force uses it all the same");
+}
+
+}  // namespace octrad

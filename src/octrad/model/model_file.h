@@ -1,0 +1,47 @@
+// The .octrad model file: a field's tensors with its configuration and the scene it belongs to (method section 13).
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "octrad/model/config.h"
+#include "octrad/model/radiance_field.h"
+
+namespace octrad {
+
+// Where a training run stands; with the optimiser's state it is all that continuing needs, because every random number
+// is a function of seed and step.
+struct TrainingState {
+  long long step = 0;
+  double seconds = 0.0;  // of training so far
+  long long lhs_samples = 0, rhs_queries = 0;
+};
+
+struct ModelInfo {
+  Config config;  // resolved
+  std::string scene_file;
+  std::string scene_fingerprint;
+  std::string program;  // version that wrote it
+  TrainingState state;
+};
+
+struct Model {
+  ModelInfo info;
+  std::unique_ptr<RadianceField> field;
+  bool has_optimizer = false;
+};
+
+// Atomic: an interrupted or failed write leaves the old file. Throws IoError.
+void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer);
+
+// Throws IoError, or InputError for a file that is no model, broken, or of another format version.
+Model load_model(const std::string& file, bool optimizer = false);
+
+// The header alone.
+ModelInfo read_model_info(const std::string& file);
+
+// Throws InputError when the model was trained on another scene, unless `force`.
+void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
+                 const std::string& fingerprint, bool force);
+
+}  // namespace octrad

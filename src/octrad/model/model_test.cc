@@ -1,0 +1,212 @@
+// Fields as a whole: gradients of every trainable part, saving and loading, determinism, learning something easy.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+#include "octrad/encoding/octaoctree.h"
+#include "octrad/model/field_test_helper.h"
+#include "octrad/model/model_file.h"
+
+namespace octrad {
+namespace {
+
+using testing::pattern;
+using testing::random_points;
+using testing::shell;
+
+Config small_config(const std::string& field) {
+  Config config = preset("cpu");
+  config.field = field;
+  config.octree_levels = 3;
+  config.disparity_log2_table = 10;
+  config.nr_log2_table = 12;
+  config.nr_width = 64;
+  return config;
+}
+
+std::string temporary(const std::string& name) {
+  return (std::filesystem::temp_directory_path() / ("octrad_" + std::to_string(::getpid()) + "_" + name)).string();
+}
+
+double train_steps(RadianceField& field, int steps, int first = 0) {
+  double loss = 0.0;
+  for (int s = first; s < first + steps; ++s) {
+    const auto points = random_points(512, 100 + static_cast<unsigned long long>(s));
+    std::vector<Vec3f> targets;
+    for (const SurfacePoint& p : points) targets.push_back(pattern(p));
+    loss = field.train(points, targets, 0.05, 1.0).loss;
+  }
+  return loss;
+}
+
+std::vector<Vec3f> evaluate(const RadianceField& field, std::span<const SurfacePoint> points) {
+  std::vector<Vec3f> out(points.size());
+  field.radiance(points, out);
+  return out;
+}
+
+class AllFields : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Registry, AllFields, ::testing::ValuesIn(field_names()));
+
+TEST_P(AllFields, LearnsAPattern) {
+  const auto field = make_field(small_config(GetParam()), shell(3));
+  const double first = train_steps(*field, 1);
+  const double last = train_steps(*field, 250, 1);
+  EXPECT_LT(last, 0.05 * first);
+}
+
+TEST_P(AllFields, SaveThenLoadGivesTheSamePicturesAndTheSameNextStep) {
+  Config config = small_config(GetParam());
+  const auto field = make_field(config, shell(3));
+  field->set_target_scale(1.7f);
+  train_steps(*field, 20);
+  const std::string file = temporary("model.octrad");
+  ModelInfo info;
+  info.config = config;
+  info.scene_file = "scene.xml";
+  info.scene_fingerprint = "0123456789abcdef";
+  info.state.step = 20;
+  save_model(file, *field, info, true);
+  Model loaded = load_model(file, true);
+  EXPECT_TRUE(loaded.has_optimizer);
+  EXPECT_EQ(loaded.info.state.step, 20);
+  EXPECT_EQ(loaded.info.config.field, GetParam());
+  const auto points = random_points(300, 1);
+  EXPECT_TRUE(evaluate(*field, points) == evaluate(*loaded.field, points));
+  train_steps(*field, 5, 20);
+  train_steps(*loaded.field, 5, 20);
+  EXPECT_TRUE(evaluate(*field, points) == evaluate(*loaded.field, points));
+
+  save_model(file, *field, info, false);
+  Model small = load_model(file, true);
+  EXPECT_FALSE(small.has_optimizer);
+  EXPECT_TRUE(evaluate(*field, points) == evaluate(*small.field, points));
+  EXPECT_NO_THROW(check_scene(file, small.info, "scene.xml", "0123456789abcdef", false));
+  EXPECT_THROW(check_scene(file, small.info, "other.xml", "fedcba9876543210", false), InputError);
+  EXPECT_NO_THROW(check_scene(file, small.info, "other.xml", "fedcba9876543210", true));
+  std::filesystem::remove(file);
+}
+
+TEST_P(AllFields, SameBitsAtAnyThreadCount) {
+  std::vector<std::vector<Vec3f>> results;
+  for (const int threads : {1, 2, 3}) {
+    set_thread_count(threads);
+    const auto field = make_field(small_config(GetParam()), shell(3));
+    train_steps(*field, 10);
+    results.push_back(evaluate(*field, random_points(200, 2)));
+  }
+  set_thread_count(0);
+  EXPECT_TRUE(results[0] == results[1]);
+  EXPECT_TRUE(results[0] == results[2]);
+}
+
+TEST_P(AllFields, TrainingDoesNotDependOnWhereTheBatchIsEvaluated) {
+  // A point's radiance must be the same alone and inside a batch.
+  const auto field = make_field(small_config(GetParam()), shell(3));
+  train_steps(*field, 3);
+  const auto points = random_points(261, 3);
+  const auto together = evaluate(*field, points);
+  for (const std::size_t i : {std::size_t{0}, std::size_t{127}, std::size_t{128}, std::size_t{260}}) {
+    EXPECT_TRUE(evaluate(*field, std::span(points).subspan(i, 1))[0] == together[i]);
+  }
+}
+
+TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
+  const auto field = make_field(small_config(GetParam()), shell(3));
+  const auto points = random_points(128, 4);
+  std::vector<Vec3f> targets(points.size(), Vec3f(1.0f));
+  targets[5].x = std::nanf("");
+  targets[9] = Vec3f(INFINITY);
+  const FieldStep step = field->train(points, targets, 0.1, 1.0);
+  EXPECT_EQ(step.non_finite, 4);
+  EXPECT_TRUE(std::isfinite(step.loss));
+  for (const Vec3f& v : evaluate(*field, points)) EXPECT_TRUE(is_finite(v));
+}
+
+// Switches of the method that must train and that must change the result.
+TEST(OctaOctreeField, EverySwitchTrainsAndMatters) {
+  const std::vector<std::pair<std::string, std::string>> switches = {{"lookup.offset", "none"},
+                                                                     {"lookup.offset", "traced"},
+                                                                     {"lookup.direction", "outgoing"},
+                                                                     {"octree.interpolation", "nearest"},
+                                                                     {"octa.interpolation", "nearest"},
+                                                                     {"octree.features", "2"},
+                                                                     {"octree.features", "8"},
+                                                                     {"decoder.output", "squareplus"},
+                                                                     {"disparity.direction", "false"},
+                                                                     {"lookup.rough_direction", "mirror"},
+                                                                     {"adam.mode", "dense"},
+                                                                     {"loss.normalizer", "symmetric"},
+                                                                     {"target.demodulate", "none"},
+                                                                     {"decoder.position", "world"}};
+  const auto points = random_points(128, 5);
+  const auto base = make_field(small_config("octaoctree"), shell(3));
+  train_steps(*base, 5);
+  const auto expected = evaluate(*base, points);
+  for (const auto& [key, value] : switches) {
+    Config config = small_config("octaoctree");
+    set(config, key, value);
+    const auto field = make_field(config, shell(3));
+    EXPECT_TRUE(std::isfinite(train_steps(*field, 5))) << key << "=" << value;
+    EXPECT_FALSE(evaluate(*field, points) == expected) << key << "=" << value << " changes nothing";
+  }
+}
+
+TEST(ModelFile, RefusesBrokenFiles) {
+  const std::string file = temporary("broken.octrad");
+  EXPECT_THROW(load_model(file), IoError);
+  std::ofstream(file) << "no model";
+  EXPECT_THROW(load_model(file), InputError);
+  TensorWriter other;
+  other.metadata("format", "something else");
+  other.write(file);
+  EXPECT_THROW(load_model(file), InputError);
+
+  // A sound model, but with cells outside the grid, or with a tensor missing.
+  const auto field = make_field(small_config("octaoctree"), shell(3));
+  ModelInfo info;
+  info.config = small_config("octaoctree");
+  save_model(file, *field, info, false);
+  const TensorReader in(file);
+  for (const std::string broken :
+       {"octree.level2.cells", "decoder.mlp.1.weight", "octree.origin", "disparity.grid.table"}) {
+    TensorWriter out;
+    for (const auto& [key, value] : in.metadata()) out.metadata(key, value);
+    const std::vector<std::int32_t> outside(static_cast<std::size_t>(in.get("octree.level2.cells").count), 1000);
+    for (const std::string& name : in.names()) {
+      const auto t = in.get(name);
+      if (name != broken) out.add(name, t.type, t.shape, t.data);
+      else if (name == "octree.level2.cells") out.add_copy(name, t.type, t.shape, outside.data());
+    }
+    const std::string copy = temporary("broken2.octrad");
+    out.write(copy);
+    try {
+      load_model(copy);
+      ADD_FAILURE() << broken << " was accepted";
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find(broken), std::string::npos) << e.what();
+    }
+    std::filesystem::remove(copy);
+  }
+  std::filesystem::remove(file);
+}
+
+TEST(Registry, UnknownFieldIsRefusedWithASuggestion) {
+  Config config;
+  config.field = "octaoctre";
+  try {
+    make_field(config, shell(1));
+    FAIL();
+  } catch (const UsageError& e) {
+    EXPECT_NE(std::string(e.what()).find("octaoctree"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace octrad

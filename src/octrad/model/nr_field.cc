@@ -1,0 +1,169 @@
+#include "octrad/model/nr_field.h"
+
+#include <algorithm>
+
+#include "octrad/base/threads.h"
+
+namespace octrad {
+namespace {
+
+constexpr int kChunk = 128;
+
+}  // namespace
+
+HashGridOptions nr_grid_options(const Config& config) {
+  return {config.nr_levels, config.nr_features, config.nr_log2_table, config.nr_base, config.nr_scale};
+}
+
+struct NrField::Encoded {
+  int stride = 0;
+  std::vector<Vec3f> p, w;
+  std::vector<float> inputs, linear, d_linear, d_inputs;
+  std::vector<Tap> taps;
+  Mlp::Workspace kept;
+};
+
+NrField::NrField(const Config& config, const FieldDomain& domain)
+    : config_(config),
+      origin_(domain.origin),
+      size_(domain.size),
+      grid_(nr_grid_options(config)),
+      decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, output_activation(config.nr_output),
+               domain.origin, domain.size, 4) {
+  initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
+}
+
+void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
+  const int n = static_cast<int>(points.size());
+  const int stride = e.stride = padded(n);
+  e.p.resize(points.size());
+  e.w.resize(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    e.p[i] = (points[i].x - origin_) / size_;
+    e.w[i] = reflect(points[i].wo, points[i].n);
+  }
+  const int features = grid_.feature_count();
+  e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * static_cast<std::size_t>(stride));
+  if (record) {
+    e.taps.clear();
+    grid_.lookup_record(e.p.data(), n, e.inputs.data(), stride, e.taps);
+  } else {
+    grid_.lookup(e.p.data(), n, e.inputs.data(), stride);
+  }
+  for (int f = 0; f < features; ++f)
+    std::fill_n(e.inputs.data() + static_cast<std::ptrdiff_t>(f) * stride + n, stride - n, 0.0f);
+  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, stride);
+}
+
+void NrField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
+  thread_local Encoded e;
+  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+    encode(chunk, e, false);
+    e.linear.resize(3 * static_cast<std::size_t>(e.stride));
+    decoder_.mlp().forward(e.inputs.data(), static_cast<int>(chunk.size()), e.stride, e.linear.data());
+    decoder_.activate(chunk, e.linear.data(), e.stride, out.data() + begin);
+  }
+}
+
+void NrField::inspect(std::span<const SurfacePoint> points, std::span<float> features,
+                      std::span<float> disparity) const {
+  Encoded e;
+  const auto count = static_cast<std::size_t>(feature_count());
+  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+    encode(chunk, e, false);
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      for (std::size_t f = 0; f < count; ++f)
+        features[(begin + i) * count + f] = e.inputs[f * static_cast<std::size_t>(e.stride) + i];
+    }
+  }
+  std::fill(disparity.begin(), disparity.end(), 0.0f);
+}
+
+void NrField::make_optimizer() {
+  if (grid_adam_) return;
+  grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
+  grid_adam_->set_dense(config_.adam_mode == "dense");
+}
+
+FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
+                         double rate_scale) {
+  make_optimizer();
+  struct Gradients {
+    std::vector<float> decoder;
+    std::vector<SparseTap> grid;
+    double loss = 0.0;
+    long long non_finite = 0;
+  };
+  const std::size_t n = points.size();
+  const int levels = grid_.options().levels, width = grid_.options().features;
+  upstream_.resize(n * static_cast<std::size_t>(feature_count()));
+  const GroupedBatch groups(n);
+  std::vector<Gradients> gradients(groups.count());
+  parallel_for(groups.count(), [&](std::size_t g) {
+    thread_local Encoded e;
+    Gradients& mine = gradients[g];
+    mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
+    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kChunk) {
+      const std::size_t count = std::min<std::size_t>(kChunk, groups.end(g) - begin);
+      const auto chunk = points.subspan(begin, count);
+      encode(chunk, e, true);
+      e.linear.resize(3 * static_cast<std::size_t>(e.stride));
+      e.d_linear.resize(e.linear.size());
+      e.d_inputs.resize(e.inputs.size());
+      decoder_.mlp().forward(e.inputs.data(), static_cast<int>(count), e.stride, e.linear.data(), e.kept);
+      mine.loss += decoder_.loss(chunk, targets.subspan(begin, count), e.linear.data(), e.stride, n, epsilon,
+                                 e.d_linear.data(), mine.non_finite);
+      decoder_.mlp().backward(e.inputs.data(), e.d_linear.data(), e.kept, mine.decoder, e.d_inputs.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        for (int l = 0; l < levels; ++l) {
+          const std::size_t source = (begin + i) * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l);
+          for (int c = 0; c < width; ++c) {
+            upstream_[source * static_cast<std::size_t>(width) + static_cast<std::size_t>(c)] =
+                e.d_inputs[static_cast<std::size_t>(l * width + c) * static_cast<std::size_t>(e.stride) + i];
+          }
+          const Tap* taps = e.taps.data() + (i * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l)) * 8;
+          for (int k = 0; k < 8; ++k)
+            mine.grid.push_back({taps[k].entry, static_cast<std::uint32_t>(source), taps[k].weight});
+        }
+      }
+    }
+  });
+  FieldStep step;
+  std::vector<std::span<const float>> decoder;
+  std::vector<std::span<const SparseTap>> grid;
+  for (const Gradients& g : gradients) {
+    decoder.push_back(g.decoder);
+    grid.push_back(g.grid);
+    step.loss += g.loss / (3.0 * static_cast<double>(n));
+    step.non_finite += g.non_finite;
+  }
+  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
+  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_features * rate_scale);
+  step.touched = sparse.touched;
+  step.non_finite += sparse.non_finite;
+  return step;
+}
+
+void NrField::save(TensorWriter& out, bool optimizer) {
+  if (optimizer) make_optimizer();
+  out.add("octree.origin", DType::f32, {3}, &origin_);
+  out.add("octree.size", DType::f32, {3}, &size_);
+  save_hash_grid(out, "nr.grid", grid_);
+  const bool training = optimizer;
+  save_mlp(out, "nr.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
+  if (training) save_adam(out, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+}
+
+bool NrField::load(const TensorReader& in, bool optimizer) {
+  load_hash_grid(in, "nr.grid", grid_);
+  load_mlp(in, "nr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
+  if (!optimizer) return true;
+  if (!in.has("optimizer.nr.grid.moments")) return false;
+  make_optimizer();
+  load_adam(in, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+  return true;
+}
+
+}  // namespace octrad

@@ -1,0 +1,81 @@
+// Neural Radiosity on a device (method section 9).
+#include "octrad/base/error.h"
+#include "octrad/model/device_field_base.h"
+#include "octrad/model/nr_field.h"
+
+namespace octrad {
+namespace {
+
+class DeviceNrField : public DeviceFieldBase {
+ public:
+  DeviceNrField(Stream& stream, NrField& field, const Config& config, const DeviceFieldOptions& options)
+      : DeviceFieldBase(stream, field.decoder(), config, options),
+        grid_(field.grid(), field.origin(), field.size()),
+        table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
+               table_options(config, options, field.levels(), kHashGridTaps), "hash grid") {
+    upload_from(field);
+  }
+
+  void upload_from(RadianceField& from) override {
+    NrField& field = same_kind(from);
+    upload_decoder(field.decoder());
+    table_.upload(stream_, field.grid().table(), field.grid_adam());
+  }
+  void download_to(RadianceField& to) override {
+    NrField& field = same_kind(to);
+    download_decoder(field.decoder());
+    field.make_optimizer();
+    table_.download(field.grid().table(), field.grid_adam());
+  }
+
+ protected:
+  LookupRule rule() const override { return {true, RoughDirection::mirror, 0.5f}; }
+  void encode(const Chunk& chunk) override {
+    grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
+  }
+  void encode_backward(const Chunk& chunk, bool) override {
+    scatter(
+        table_, [&](const auto& sink) { grid_.scatter(stream_, queries(chunk), d_inputs_.data(), train_rows_, sink); },
+        kHashGridTaps, chunk.n, grid_.levels(), d_inputs_.data(), train_rows_);
+  }
+  void encode_step(const StepConstants* constants) override {
+    table_.step(stream_, config_.adam_rate_features, &constants->rate_scale, &counters_.data()->non_finite,
+                &counters_.data()->touched);
+  }
+  void features(const Chunk& chunk, FloatRows out) override {
+    grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), out, 0);
+  }
+
+ private:
+  NrField& same_kind(RadianceField& field) const {
+    auto* nr = dynamic_cast<NrField*>(&field);
+    if (nr == nullptr || static_cast<std::size_t>(nr->grid().entry_count()) != table_.entries() ||
+        nr->feature_count() != features_ || nr->decoder().mlp().parameter_count() != decoder_.parameter_count()) {
+      throw InputError("the field on the device and the field given have different shapes");
+    }
+    return *nr;
+  }
+
+  DeviceHashGrid grid_;
+  DeviceTable table_;
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field, const Config& config,
+                                            const DeviceFieldOptions& options) {
+  return std::make_unique<DeviceNrField>(stream, dynamic_cast<NrField&>(field), config, options);
+}
+
+std::vector<MemoryPart> device_nr_memory(const Config& config, const DeviceFieldOptions& options) {
+  using Base = DeviceFieldBase;
+  std::vector<MemoryPart> parts = Base::decoder_memory(
+      {config.nr_levels * config.nr_features + kPointInputs, config.nr_width, config.nr_hidden, 3}, options);
+  const std::vector<MemoryPart> table =
+      DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(nr_grid_options(config))), config.nr_features,
+                          Base::table_options(config, options, config.nr_levels, kHashGridTaps), "hash grid");
+  parts.insert(parts.end(), table.begin(), table.end());
+  return parts;
+}
+
+}  // namespace octrad

@@ -1,0 +1,308 @@
+#include "octrad/model/octaoctree_field.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "octrad/base/threads.h"
+#include "octrad/encoding/spherical_harmonics_math.h"
+#include "octrad/network/activations_math.h"
+
+namespace octrad {
+namespace {
+
+constexpr int kChunk = 128;  // queries that go through the field together: activations stay in the L2 cache
+
+OctaOctreeOptions octree_options(const Config& config) {
+  return {config.octree_levels, config.octree_features, config.octree_interpolation == "trilinear",
+          config.octa_interpolation == "barycentric"};
+}
+
+float* row(std::vector<float>& rows, int r, int stride) {
+  return rows.data() + static_cast<std::ptrdiff_t>(r) * stride;
+}
+
+}  // namespace
+
+HashGridOptions disparity_grid_options(const Config& config) {
+  return {config.disparity_levels, config.disparity_features, config.disparity_log2_table, config.disparity_base,
+          config.disparity_scale};
+}
+
+MlpShape disparity_shape(const Config& config) {
+  const int inputs =
+      config.disparity_levels * config.disparity_features + (config.disparity_direction ? kSphericalHarmonics : 0);
+  return {inputs, config.disparity_width, config.disparity_hidden, 1};
+}
+
+struct OctaOctreeField::Encoded {
+  int stride = 0;
+  std::vector<Vec3f> x, p, w;
+  std::vector<float> disparity, disparity_inputs, disparity_linear, inputs, linear;
+  std::vector<float> d_linear, d_inputs, d_disparity_linear, d_disparity_inputs;
+  OctaOctree::Record record;
+  std::vector<Tap> grid_taps;
+  Mlp::Workspace decoder_kept, disparity_kept;
+};
+
+struct OctaOctreeField::Gradients {
+  std::vector<float> decoder, disparity;
+  std::vector<SparseTap> octree, grid;
+  double loss = 0.0;
+  long long non_finite = 0;
+};
+
+OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain)
+    : config_(config),
+      origin_(domain.origin),
+      size_(domain.size),
+      rule_(octrad::lookup_rule(config)),
+      offset_(config.lookup_offset == "predicted" ? Offset::predicted
+              : config.lookup_offset == "none"    ? Offset::none
+                                                  : Offset::traced),
+      disparity_unit_(config.disparity_unit == "extent" ? 1.0f / max_component(domain.size) : 1.0f),
+      octree_(octree_options(config), domain.occupied_cells, domain.origin, domain.size),
+      grid_(disparity_grid_options(config)),
+      disparity_(disparity_shape(config)),
+      decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden,
+               output_activation(config.decoder_output), domain.origin, domain.size, 1),
+      disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
+  const auto seed = static_cast<unsigned long long>(config.seed);
+  disparity_.initialize(seed, 2);
+  disparity_.prepare();
+  initialize_hash_grid(grid_, seed, 3);
+}
+
+// Fills e.inputs (features first, then the point's own inputs) for up to kChunk points.
+void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
+  const int n = static_cast<int>(points.size());
+  const int stride = e.stride = padded(n);
+  const auto s = static_cast<std::size_t>(stride);
+  e.x.resize(s);
+  e.p.resize(s);
+  e.w.resize(s);
+  e.disparity.assign(s, 0.0f);
+  for (int i = 0; i < n; ++i) {
+    e.x[i] = points[i].x;
+    e.w[i] = lookup_direction(rule_, points[i]);
+    e.p[i] = (points[i].x - origin_) / size_;
+  }
+  if (offset_ == Offset::predicted) {
+    const int grid_rows = grid_.feature_count();
+    e.disparity_inputs.resize(static_cast<std::size_t>(disparity_.shape().inputs) * s);
+    e.disparity_linear.resize(s);
+    if (record) {
+      e.grid_taps.clear();
+      grid_.lookup_record(e.p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
+    } else {
+      grid_.lookup(e.p.data(), n, e.disparity_inputs.data(), stride);
+    }
+    if (config_.disparity_direction) {
+      for (int i = 0; i < n; ++i) spherical_harmonics(e.w[i], row(e.disparity_inputs, grid_rows, stride) + i, stride);
+    }
+    for (int r = 0; r < disparity_.shape().inputs; ++r)
+      std::fill(row(e.disparity_inputs, r, stride) + n, row(e.disparity_inputs, r, stride) + stride, 0.0f);
+    if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
+    else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
+    for (int i = 0; i < n; ++i) e.disparity[i] = squareplus(e.disparity_linear[i]).value * disparity_unit_;
+  } else if (offset_ == Offset::traced) {
+    for (int i = 0; i < n; ++i) e.disparity[i] = points[i].disparity;
+  }
+  const int features = octree_.feature_count();
+  e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * s);
+  if (record) octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record);
+  else octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
+  for (int r = 0; r < features; ++r) std::fill(row(e.inputs, r, stride) + n, row(e.inputs, r, stride) + stride, 0.0f);
+  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, stride);
+}
+
+void OctaOctreeField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
+  thread_local Encoded e;
+  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+    encode(chunk, e, false);
+    e.linear.resize(3 * static_cast<std::size_t>(e.stride));
+    decoder_.mlp().forward(e.inputs.data(), static_cast<int>(chunk.size()), e.stride, e.linear.data());
+    decoder_.activate(chunk, e.linear.data(), e.stride, out.data() + begin);
+  }
+}
+
+void OctaOctreeField::inspect(std::span<const SurfacePoint> points, std::span<float> features,
+                              std::span<float> disparity) const {
+  Encoded e;
+  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+    encode(chunk, e, false);
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      for (int f = 0; f < feature_count() && !features.empty(); ++f) {
+        features[(begin + i) * static_cast<std::size_t>(feature_count()) + static_cast<std::size_t>(f)] =
+            row(e.inputs, f, e.stride)[i];
+      }
+      if (!disparity.empty()) disparity[begin + i] = e.disparity[i];
+    }
+  }
+}
+
+// Forward and backward of one chunk; `first` is its first point within the batch.
+double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
+                                 std::size_t first, std::size_t batch, double epsilon, Encoded& e,
+                                 Gradients& gradients) {
+  encode(points, e, true);
+  const int n = static_cast<int>(points.size()), stride = e.stride;
+  const int features = octree_.feature_count(), levels = octree_.options().levels, width = octree_.options().features;
+  const auto s = static_cast<std::size_t>(stride);
+  e.linear.resize(3 * s);
+  e.d_linear.resize(3 * s);
+  e.d_inputs.resize(e.inputs.size());
+  decoder_.mlp().forward(e.inputs.data(), n, stride, e.linear.data(), e.decoder_kept);
+  const double loss =
+      decoder_.loss(points, targets, e.linear.data(), stride, batch, epsilon, e.d_linear.data(), gradients.non_finite);
+  decoder_.mlp().backward(e.inputs.data(), e.d_linear.data(), e.decoder_kept, gradients.decoder, e.d_inputs.data());
+
+  for (int i = 0; i < n; ++i) {
+    for (int l = 0; l < levels; ++l) {
+      const auto source = static_cast<std::uint32_t>(
+          (first + static_cast<std::size_t>(i)) * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l));
+      float* upstream = octree_upstream_.data() + static_cast<std::size_t>(source) * static_cast<std::size_t>(width);
+      for (int c = 0; c < width; ++c) upstream[c] = row(e.d_inputs, l * width + c, stride)[i];
+      const std::uint32_t* begin = e.record.begin.data() +
+                                   static_cast<std::size_t>(i) * static_cast<std::size_t>(levels + 1) +
+                                   static_cast<std::size_t>(l);
+      for (std::uint32_t t = begin[0]; t < begin[1]; ++t)
+        gradients.octree.push_back({e.record.taps[t].entry, source, e.record.taps[t].weight});
+    }
+  }
+  if (offset_ != Offset::predicted) return loss;
+
+  e.d_disparity_linear.assign(s, 0.0f);
+  for (int f = 0; f < features; ++f) {
+    const float* upstream = row(e.d_inputs, f, stride);
+    const float* derivative = row(e.record.derivative, f, stride);
+    for (int i = 0; i < n; ++i) e.d_disparity_linear[i] += upstream[i] * derivative[i];
+  }
+  for (int i = 0; i < n; ++i) e.d_disparity_linear[i] *= squareplus(e.disparity_linear[i]).derivative * disparity_unit_;
+  e.d_disparity_inputs.resize(e.disparity_inputs.size());
+  disparity_.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept, gradients.disparity,
+                      e.d_disparity_inputs.data());
+  const int grid_levels = grid_.options().levels, grid_width = grid_.options().features;
+  for (int i = 0; i < n; ++i) {
+    for (int l = 0; l < grid_levels; ++l) {
+      const auto source = static_cast<std::uint32_t>(
+          (first + static_cast<std::size_t>(i)) * static_cast<std::size_t>(grid_levels) + static_cast<std::size_t>(l));
+      float* upstream = grid_upstream_.data() + static_cast<std::size_t>(source) * static_cast<std::size_t>(grid_width);
+      for (int c = 0; c < grid_width; ++c) upstream[c] = row(e.d_disparity_inputs, l * grid_width + c, stride)[i];
+      const Tap* taps =
+          e.grid_taps.data() +
+          (static_cast<std::size_t>(i) * static_cast<std::size_t>(grid_levels) + static_cast<std::size_t>(l)) * 8;
+      for (int k = 0; k < 8; ++k) gradients.grid.push_back({taps[k].entry, source, taps[k].weight});
+    }
+  }
+  return loss;
+}
+
+void OctaOctreeField::make_optimizers() {
+  if (octree_adam_) return;
+  octree_adam_ = std::make_unique<SparseAdam>(octree_.entry_count(), octree_.options().features, adam_options(config_));
+  grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
+  octree_adam_->set_dense(config_.adam_mode == "dense");
+  grid_adam_->set_dense(config_.adam_mode == "dense");
+}
+
+FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
+                                 double rate_scale) {
+  make_optimizers();
+  const std::size_t n = points.size();
+  octree_upstream_.resize(n * static_cast<std::size_t>(feature_count()));
+  grid_upstream_.resize(n * static_cast<std::size_t>(grid_.feature_count()));
+  const GroupedBatch groups(n);
+  std::vector<Gradients> gradients(groups.count());
+  parallel_for(groups.count(), [&](std::size_t g) {
+    thread_local Encoded e;
+    Gradients& mine = gradients[g];
+    mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
+    mine.disparity.assign(disparity_.parameter_count(), 0.0f);
+    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kChunk) {
+      const std::size_t count = std::min<std::size_t>(kChunk, groups.end(g) - begin);
+      mine.loss += backward(points.subspan(begin, count), targets.subspan(begin, count), begin, n, epsilon, e, mine);
+    }
+  });
+
+  FieldStep step;
+  std::vector<std::span<const float>> decoder, disparity;
+  std::vector<std::span<const SparseTap>> octree, grid;
+  for (const Gradients& g : gradients) {
+    decoder.push_back(g.decoder);
+    disparity.push_back(g.disparity);
+    octree.push_back(g.octree);
+    grid.push_back(g.grid);
+    step.loss += g.loss / (3.0 * static_cast<double>(n));
+    step.non_finite += g.non_finite;
+  }
+  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
+  const auto sparse =
+      octree_adam_->step(octree_.features(), octree, octree_upstream_, config_.adam_rate_features * rate_scale);
+  step.touched = sparse.touched;
+  step.non_finite += sparse.non_finite;
+  if (offset_ == Offset::predicted) {
+    step.non_finite += step_mlp(disparity_, disparity_adam_, disparity, config_.adam_rate_networks * rate_scale);
+    step.non_finite +=
+        grid_adam_->step(grid_.table(), grid, grid_upstream_, config_.adam_rate_grids * rate_scale).non_finite;
+  }
+  return step;
+}
+
+std::vector<long long> OctaOctreeField::cells_per_level() const {
+  std::vector<long long> counts;
+  for (int level = 1; level <= levels(); ++level) counts.push_back(static_cast<long long>(octree_.cells(level).size()));
+  return counts;
+}
+
+std::size_t OctaOctreeField::parameter_count() const {
+  return octree_.features().size() + grid_.table().size() + disparity_.parameter_count() +
+         decoder_.mlp().parameter_count();
+}
+
+void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
+  if (optimizer) make_optimizers();  // a run stopped before its first step can be resumed too
+  const int width = octree_.options().features;
+  octree_.canonicalize_rims();
+  for (int l = 1; l <= levels(); ++l) {
+    const std::string prefix = "octree.level" + std::to_string(l);
+    const auto& cells = octree_.cells(l);
+    const auto count = static_cast<std::int64_t>(cells.size());
+    const std::int64_t r = octahedral_resolution(levels(), l) + 1;
+    static_assert(sizeof(Vec3i) == 3 * sizeof(std::int32_t));
+    out.add(prefix + ".cells", DType::i32, {count, 3}, cells.data());
+    out.add(prefix + ".features", DType::f32, {count, r * r, width},
+            octree_.features().data() + octree_.level_offset(l) * width);
+  }
+  out.add("octree.origin", DType::f32, {3}, &origin_);
+  out.add("octree.size", DType::f32, {3}, &size_);
+  save_hash_grid(out, "disparity.grid", grid_);
+  const bool training = optimizer;
+  save_mlp(out, "disparity.mlp", disparity_, training ? &disparity_adam_ : nullptr);
+  save_mlp(out, "decoder.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
+  if (!training) return;
+  save_adam(out, "octree", *octree_adam_, octree_.entry_count(), width);
+  save_adam(out, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+}
+
+bool OctaOctreeField::load(const TensorReader& in, bool optimizer) {
+  const int width = octree_.options().features;
+  for (int l = 1; l <= levels(); ++l) {
+    const std::string name = "octree.level" + std::to_string(l) + ".features";
+    const std::int64_t r = octahedral_resolution(levels(), l) + 1;
+    read_floats(in, name, {static_cast<std::int64_t>(octree_.cells(l).size()), r * r, width},
+                octree_.features().subspan(static_cast<std::size_t>(octree_.level_offset(l) * width)));
+  }
+  load_hash_grid(in, "disparity.grid", grid_);
+  load_mlp(in, "disparity.mlp", disparity_, optimizer ? &disparity_adam_ : nullptr);
+  load_mlp(in, "decoder.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
+  if (!optimizer) return true;
+  if (!in.has("optimizer.octree.moments")) return false;
+  make_optimizers();
+  load_adam(in, "octree", *octree_adam_, octree_.entry_count(), width);
+  load_adam(in, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+  return true;
+}
+
+}  // namespace octrad

@@ -1,0 +1,276 @@
+// The OctaOctree field on a device (method sections 4, 5 and 7).
+#include "octrad/base/error.h"
+#include "octrad/device/launch.h"
+#include "octrad/encoding/spherical_harmonics_math.h"
+#include "octrad/model/device_field_base.h"
+#include "octrad/model/octaoctree_field.h"
+
+namespace octrad {
+namespace {
+
+using Offset = OctaOctreeField::Offset;
+
+struct Harmonics : Kernel {
+  const float* w;
+  std::size_t stride;
+  QueueSlice slice;
+  HalfRows inputs;
+  int first;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!slice.holds(i)) return;
+    float values[kSphericalHarmonics];
+    spherical_harmonics(Vec3f(w[i], w[stride + i], w[2 * stride + i]), values);
+    OCTRAD_UNROLL
+    for (int k = 0; k < kSphericalHarmonics; k += 2) inputs.store2(first + k, i, values[k], values[k + 1]);
+  }
+};
+
+struct ToDisparity : Kernel {
+  const float* linear;
+  QueueSlice slice;
+  float unit;
+  float* disparity;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (slice.holds(i)) disparity[i] = squareplus(linear[i]).value * unit;
+  }
+};
+
+struct TracedDisparity : Kernel {
+  const float* traced;
+  QueueSlice slice;
+  const std::uint32_t* valid;  // training
+  float* disparity;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (slice.holds(i)) disparity[i] = valid != nullptr && valid[i] == 0 ? 0.0f : traced[i];
+  }
+};
+
+// Gradient at the linear output from its parts by level.
+struct DisparityGradient : Kernel {
+  const float* parts;  // [levels][stride]
+  std::size_t stride;
+  int levels;
+  const float* linear;
+  float unit;
+  float* d_linear;
+  unsigned long long* non_finite;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    float sum = 0.0f;
+    for (int l = 0; l < levels; ++l) sum += parts[static_cast<std::size_t>(l) * stride + i];
+    sum *= squareplus(linear[i]).derivative * unit;
+    if (!std::isfinite(sum)) {
+      sum = 0.0f;
+      atomic_add(non_finite, 1ull);
+    }
+    d_linear[i] = sum;
+  }
+};
+
+MlpShape decoder_shape(const Config& config) {
+  return {config.octree_levels * config.octree_features + kPointInputs, config.decoder_width, config.decoder_hidden, 3};
+}
+
+class DeviceOctaOctreeField : public DeviceFieldBase {
+ public:
+  DeviceOctaOctreeField(Stream& stream, OctaOctreeField& field, const Config& config, const DeviceFieldOptions& options)
+      : DeviceFieldBase(stream, field.decoder(), config, options),
+        offset_(field.offset()),
+        rule_(field.lookup_rule()),
+        unit_(field.disparity_unit()),
+        entries_(field.octree().entry_count()),
+        octree_(stream, field.octree()),
+        grid_(field.grid(), field.octree().origin(), field.octree().size()),
+        table_(stream, static_cast<std::size_t>(entries_), field.octree().options().features,
+               table_options(config, options, field.levels(), kOctreeTaps), "octree features"),
+        grid_table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
+                    table_options(config, options, field.grid().options().levels, kHashGridTaps), "disparity grid"),
+        disparity_(stream, field.disparity().shape(), train_rows(options), "disparity network"),
+        disparity_inputs_(stream, static_cast<std::size_t>(field.disparity().shape().inputs + 1) / 2 * rows_,
+                          "queries in flight"),
+        disparity_linear_(stream, rows_, "queries in flight"),
+        distance_(stream, rows_, "queries in flight") {
+    distance_.fill(0);
+    if (options.max_train_points > 0) {
+      disparity_adam_ =
+          DeviceDenseAdam(stream, disparity_.parameter_count(), adam_options(config), "disparity network");
+      parts_ = DeviceArray<float>(stream, static_cast<std::size_t>(field.levels()) * train_rows_,
+                                  "training points in flight");
+      d_disparity_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(grid_.feature_count()) * train_rows_,
+                                               "training points in flight");
+      d_disparity_linear_ = DeviceArray<float>(stream, train_rows_, "training points in flight");
+      disparity_scale_ = DeviceArray<float>(stream, 2, "training points in flight");
+    }
+    upload_from(field);
+  }
+
+  void upload_from(RadianceField& from) override {
+    OctaOctreeField& field = same_kind(from);
+    upload_decoder(field.decoder());
+    table_.upload(stream_, field.octree().features(), field.octree_adam());
+    grid_table_.upload(stream_, field.grid().table(), field.grid_adam());
+    disparity_.weights().upload(field.disparity().weights());
+    disparity_.refresh(stream_);
+    if (options_.max_train_points > 0) disparity_adam_.upload(field.disparity_adam());
+  }
+
+  void download_to(RadianceField& to) override {
+    OctaOctreeField& field = same_kind(to);
+    download_decoder(field.decoder());
+    field.make_optimizers();
+    table_.download(field.octree().features(), field.octree_adam());
+    grid_table_.download(field.grid().table(), field.grid_adam());
+    disparity_.weights().download(field.disparity().weights());
+    field.disparity().prepare();
+    disparity_adam_.download(field.disparity_adam());
+  }
+
+ protected:
+  LookupRule rule() const override { return rule_; }
+  const float* disparities() const override { return distance_.data(); }
+
+  void encode(const Chunk& chunk) override {
+    if (offset_ == Offset::predicted) {
+      const HalfRows inputs{disparity_inputs_.data(), rows_};
+      grid_.lookup(stream_, read(grid_table_), queries(chunk), inputs, 0);
+      if (config_.disparity_direction) {
+        launch(stream_, chunk.n, Harmonics{{}, w_.data(), rows_, chunk.slice, inputs, grid_.feature_count()});
+      }
+      const FloatRows linear{disparity_linear_.data(), rows_};
+      if (chunk.training) disparity_.forward_keep(stream_, inputs, linear, chunk.n);
+      else disparity_.forward(stream_, inputs, linear, chunk.n, chunk.slice);
+      launch(stream_, chunk.n, ToDisparity{{}, disparity_linear_.data(), chunk.slice, unit_, distance_.data()});
+    } else if (offset_ == Offset::traced) {
+      launch(stream_, chunk.n,
+             TracedDisparity{{},
+                             chunk.points.data + 13 * chunk.points.stride,
+                             chunk.slice,
+                             chunk.training ? valid_.data() : nullptr,
+                             distance_.data()});
+    }
+    octree_.lookup(stream_, read(table_), with_disparity(chunk), HalfRows{inputs_.data(), rows_}, 0);
+  }
+
+  void encode_backward(const Chunk& chunk, bool first) override {
+    const bool disparity = offset_ == Offset::predicted;
+    scatter(
+        table_,
+        [&](const auto& sink) {
+          octree_.scatter(stream_, read(table_), with_disparity(chunk), d_inputs_.data(), train_rows_,
+                          disparity ? parts_.data() : nullptr, train_rows_, sink);
+        },
+        kOctreeTaps, chunk.n, octree_.view().levels, d_inputs_.data(), train_rows_);
+    if (!disparity) return;
+    launch(stream_, chunk.n,
+           DisparityGradient{{},
+                             parts_.data(),
+                             train_rows_,
+                             octree_.view().levels,
+                             disparity_linear_.data(),
+                             unit_,
+                             d_disparity_linear_.data(),
+                             &counters_.data()->non_finite});
+    choose_scale(d_disparity_linear_.data(), chunk.n, disparity_scale_.data());
+    disparity_.backward(stream_, {disparity_inputs_.data(), rows_}, {d_disparity_linear_.data(), train_rows_},
+                        disparity_scale_.data(), {d_disparity_inputs_.data(), train_rows_}, grid_.feature_count(),
+                        chunk.n, !first);
+    scatter(
+        grid_table_,
+        [&](const auto& sink) {
+          grid_.scatter(stream_, queries(chunk), d_disparity_inputs_.data(), train_rows_, sink);
+        },
+        kHashGridTaps, chunk.n, grid_.levels(), d_disparity_inputs_.data(), train_rows_);
+  }
+
+  void encode_step(const StepConstants* constants) override {
+    TrainCounters* counters = counters_.data();
+    table_.step(stream_, config_.adam_rate_features, &constants->rate_scale, &counters->non_finite, &counters->touched);
+    if (offset_ != Offset::predicted) return;
+    disparity_adam_.step(stream_, disparity_.weights().data(), disparity_.gradient().data(), config_.adam_rate_networks,
+                         &constants->rate_scale, &counters->non_finite);
+    disparity_.refresh(stream_);
+    grid_table_.step(stream_, config_.adam_rate_grids, &constants->rate_scale, &counters->non_finite, nullptr);
+  }
+
+  void features(const Chunk& chunk, FloatRows out) override {
+    octree_.lookup(stream_, read(table_), with_disparity(chunk), out, 0);
+  }
+
+ private:
+  static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
+  DeviceQueries with_disparity(const Chunk& chunk) const {
+    DeviceQueries q = queries(chunk);
+    q.d = distance_.data();
+    return q;
+  }
+  OctaOctreeField& same_kind(RadianceField& field) const {
+    auto* octree = dynamic_cast<OctaOctreeField*>(&field);
+    if (octree == nullptr || octree->octree().entry_count() != entries_ ||
+        octree->feature_count() != octree_.feature_count() ||
+        static_cast<std::size_t>(octree->grid().entry_count()) != grid_table_.entries() ||
+        octree->parameter_count() != parameters(*octree)) {
+      throw InputError("the field on the device and the field given have different shapes");
+    }
+    return *octree;
+  }
+  std::size_t parameters(OctaOctreeField& field) const {
+    return field.octree().features().size() + field.grid().table().size() + disparity_.parameter_count() +
+           decoder_.parameter_count();
+  }
+
+  Offset offset_;
+  LookupRule rule_;
+  float unit_;
+  std::int64_t entries_;
+  DeviceOctree octree_;
+  DeviceHashGrid grid_;
+  DeviceTable table_, grid_table_;
+  DeviceMlp disparity_;
+  DeviceDenseAdam disparity_adam_;
+  DeviceArray<std::uint32_t> disparity_inputs_;
+  DeviceArray<float> disparity_linear_, distance_;
+  DeviceArray<float> parts_, d_disparity_inputs_, d_disparity_linear_, disparity_scale_;
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceField> make_device_octaoctree(Stream& stream, RadianceField& field, const Config& config,
+                                                    const DeviceFieldOptions& options) {
+  return std::make_unique<DeviceOctaOctreeField>(stream, dynamic_cast<OctaOctreeField&>(field), config, options);
+}
+
+std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                                 const DeviceFieldOptions& options) {
+  using Base = DeviceFieldBase;
+  std::vector<MemoryPart> parts = Base::decoder_memory(decoder_shape(config), options);
+  const auto append = [&](const std::vector<MemoryPart>& more) { parts.insert(parts.end(), more.begin(), more.end()); };
+  std::int64_t entries = 0, cells = 0;
+  for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
+    entries += octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]);
+    cells += cells_per_level[l];
+  }
+  append(DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
+                             Base::table_options(config, options, config.octree_levels, kOctreeTaps),
+                             "octree features"));
+  parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
+  append(DeviceTable::memory(
+      static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))), config.disparity_features,
+      Base::table_options(config, options, config.disparity_levels, kHashGridTaps), "disparity grid"));
+  const MlpShape shape = disparity_shape(config);
+  append(DeviceMlp::memory(shape, Base::train_rows(options), "disparity network"));
+  parts.push_back(
+      {"disparity queries in flight", Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 2) * 4});
+  if (options.max_train_points > 0) {
+    parts.push_back(
+        {"disparity training points in flight",
+         Base::train_rows(options) *
+             static_cast<std::size_t>(config.octree_levels + config.disparity_levels * config.disparity_features + 1) *
+             4});
+  }
+  return parts;
+}
+
+}  // namespace octrad

@@ -1,0 +1,319 @@
+#include "octrad/model/safetensors.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "tensors are stored little-endian");
+
+constexpr std::size_t kMaxHeader = 100'000'000;  // the reference implementation's limit
+constexpr std::size_t kMaxRank = 16;
+
+struct TypeName {
+  DType type;
+  const char* name;
+};
+constexpr TypeName kTypes[] = {{DType::f32, "F32"}, {DType::f16, "F16"}, {DType::i32, "I32"},
+                               {DType::i64, "I64"}, {DType::u8, "U8"},   {DType::u16, "U16"},
+                               {DType::u32, "U32"}, {DType::u64, "U64"}, {DType::f64, "F64"}};
+
+const char* type_name(DType type) {
+  for (const TypeName& t : kTypes) {
+    if (t.type == type) return t.name;
+  }
+  return "?";
+}
+
+std::optional<DType> type_of(const std::string& name) {
+  for (const TypeName& t : kTypes) {
+    if (name == t.name) return t.type;
+  }
+  return std::nullopt;
+}
+
+std::string format_shape(const std::vector<std::int64_t>& shape) {
+  std::string out = "[";
+  for (std::size_t i = 0; i < shape.size(); ++i)
+    out += (i > 0 ? ", " : "") + (shape[i] < 0 ? std::string("any") : std::to_string(shape[i]));
+  return out + "]";
+}
+
+std::size_t product(const std::vector<std::int64_t>& shape) {
+  std::size_t n = 1;
+  for (const std::int64_t d : shape) n *= static_cast<std::size_t>(d);
+  return n;
+}
+
+}  // namespace
+
+std::size_t size_of(DType type) {
+  switch (type) {
+    case DType::u8: return 1;
+    case DType::f16:
+    case DType::u16: return 2;
+    case DType::f32:
+    case DType::i32:
+    case DType::u32: return 4;
+    case DType::i64:
+    case DType::u64:
+    case DType::f64: return 8;
+  }
+  return 0;
+}
+
+void TensorWriter::metadata(const std::string& key, const std::string& value) { metadata_[key] = value; }
+
+void TensorWriter::add(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data) {
+  entries_.push_back({name, type, std::move(shape), data, nullptr});
+}
+
+void TensorWriter::add_copy(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data) {
+  const std::size_t bytes = product(shape) * size_of(type);
+  const char* begin = static_cast<const char*>(data);
+  auto owned = std::make_shared<std::vector<char>>(begin, begin + bytes);
+  const void* copy = owned->data();
+  entries_.push_back({name, type, std::move(shape), copy, std::move(owned)});
+}
+
+void TensorWriter::write(const std::string& file) const {
+  // Widest types first: every tensor is then aligned to its own type in the file and in a mapping of it.
+  std::vector<const Entry*> order;
+  for (const Entry& entry : entries_) order.push_back(&entry);
+  std::stable_sort(order.begin(), order.end(),
+                   [](const Entry* a, const Entry* b) { return size_of(a->type) > size_of(b->type); });
+
+  nlohmann::ordered_json header;
+  if (!metadata_.empty()) header["__metadata__"] = metadata_;
+  std::size_t offset = 0;
+  for (const Entry* entry : order) {
+    const std::size_t bytes = product(entry->shape) * size_of(entry->type);
+    if (header.contains(entry->name))
+      throw IoError(fmt::format("cannot write {}: two tensors are named {}", file, entry->name));
+    header[entry->name] = {
+        {"dtype", type_name(entry->type)}, {"shape", entry->shape}, {"data_offsets", {offset, offset + bytes}}};
+    offset += bytes;
+  }
+  std::string text =
+      header.is_null() ? "{}" : header.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  text.append((64 - (text.size() + 8) % 64) % 64, ' ');  // data begins on a cache line
+  AtomicFile out(file);
+  const std::uint64_t length = text.size();
+  out.write(&length, sizeof(length));
+  out.write(text);
+  for (const Entry* entry : order) out.write(entry->data, product(entry->shape) * size_of(entry->type));
+  out.commit();
+}
+
+struct TensorReader::Impl {
+  std::string file;
+  std::map<std::string, std::string> metadata;
+  std::map<std::string, Tensor> tensors;
+  std::vector<std::unique_ptr<std::uint64_t[]>> copies;  // of tensors that are not aligned in the file
+  void* mapping = MAP_FAILED;
+  std::size_t size = 0;
+
+  ~Impl() {
+    if (mapping != MAP_FAILED) munmap(mapping, size);
+  }
+
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw InputError(fmt::format("{} is not a usable model file: {}", file, why));
+  }
+
+  void open_and_map();
+  void parse_header();
+  Tensor parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes, std::size_t& begin,
+                      std::size_t& end) const;
+};
+
+void TensorReader::Impl::open_and_map() {
+  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // non-blocking: a pipe must not hang
+  if (descriptor < 0) throw IoError(fmt::format("cannot read {}: {}", file, std::strerror(errno)));
+  struct stat info {};
+  const bool regular = fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode);
+  size = regular ? static_cast<std::size_t>(info.st_size) : 0;
+  if (size > 0) mapping = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
+  const int error = errno;
+  close(descriptor);
+  if (!regular) throw IoError(fmt::format("cannot read {}: not a regular file", file));
+  if (size == 0) refuse("it is empty");
+  if (mapping == MAP_FAILED) throw IoError(fmt::format("cannot map {}: {}", file, std::strerror(error)));
+}
+
+TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, const nlohmann::json& entry,
+                                                      std::size_t data_bytes, std::size_t& begin,
+                                                      std::size_t& end) const {
+  const auto broken = [&](const std::string& why) { refuse(fmt::format("tensor \"{}\" {}", name, why)); };
+  if (!entry.is_object() || !entry.contains("dtype") || !entry.contains("shape") || !entry.contains("data_offsets")) {
+    broken("lacks dtype, shape or data_offsets");
+  }
+  const nlohmann::json& dtype = entry["dtype"];
+  const std::optional<DType> type = dtype.is_string() ? type_of(dtype.get<std::string>()) : std::nullopt;
+  if (!type)
+    broken(fmt::format("has dtype {}; supported are F16, F32, F64, I32, I64, U8, U16, U32, U64", dtype.dump()));
+  const nlohmann::json& shape = entry["shape"];
+  if (!shape.is_array() || shape.size() > kMaxRank) broken("has a shape that is not a list of at most 16 numbers");
+  Tensor tensor{*type, {}, nullptr, size_of(*type), 1};
+  for (const nlohmann::json& d : shape) {
+    if (!d.is_number_unsigned() || d.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX))
+      broken("has a shape with something else than non-negative whole numbers");
+    const auto n = d.get<std::int64_t>();
+    tensor.shape.push_back(n);
+    if (__builtin_mul_overflow(tensor.count, n, &tensor.count))
+      broken(fmt::format("has shape {}, which overflows", format_shape(tensor.shape)));
+  }
+  if (__builtin_mul_overflow(tensor.bytes, static_cast<std::size_t>(tensor.count), &tensor.bytes))
+    broken("has a size that overflows");
+  const nlohmann::json& offsets = entry["data_offsets"];
+  if (!offsets.is_array() || offsets.size() != 2 || !offsets[0].is_number_unsigned() ||
+      !offsets[1].is_number_unsigned()) {
+    broken("has data_offsets that are not two non-negative whole numbers");
+  }
+  begin = offsets[0].get<std::size_t>();
+  end = offsets[1].get<std::size_t>();
+  if (begin > end) broken(fmt::format("has data_offsets [{}, {}] in the wrong order", begin, end));
+  if (end > data_bytes) {
+    broken(fmt::format("lies at bytes {} to {} of {} in the file: the file is truncated or damaged", begin, end,
+                       data_bytes));
+  }
+  if (end - begin != tensor.bytes) {
+    broken(fmt::format("holds {} bytes where {} of type {} need {}", end - begin, format_shape(tensor.shape),
+                       type_name(*type), tensor.bytes));
+  }
+  return tensor;
+}
+
+void TensorReader::Impl::parse_header() {
+  const char* base = static_cast<const char*>(mapping);
+  std::uint64_t length = 0;
+  if (size < sizeof(length)) refuse("it has only a few bytes");
+  std::memcpy(&length, base, sizeof(length));
+  if (length > kMaxHeader || length > size - sizeof(length)) {
+    refuse(
+        fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated",
+                    length, size));
+  }
+  const char* text = base + sizeof(length);
+  if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");
+
+  // Two levels of objects with one list inside are all that a header has; a key twice would hide what was checked.
+  std::vector<std::vector<std::string>> names;
+  const auto check = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+    using Event = nlohmann::json::parse_event_t;
+    if (depth > 4) refuse("its header is nested too deeply");
+    if (event == Event::object_start) names.emplace_back();
+    if (event == Event::object_end) names.pop_back();
+    if (event == Event::key) names.back().push_back(parsed.get<std::string>());
+    return true;
+  };
+  nlohmann::json header;
+  std::vector<std::string> top;
+  try {
+    header = nlohmann::json::parse(text, text + length,
+                                   [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+                                     if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1)
+                                       top = names.back();
+                                     return check(depth, event, parsed);
+                                   });
+  } catch (const nlohmann::json::exception& error) {
+    refuse(fmt::format("its header is not valid JSON ({})", error.what()));
+  }
+  if (!header.is_object()) refuse("its header is not a JSON object");
+  std::sort(top.begin(), top.end());
+  if (const auto twice = std::adjacent_find(top.begin(), top.end()); twice != top.end())
+    refuse(fmt::format("\"{}\" appears twice in its header", *twice));
+
+  const std::size_t data_bytes = size - sizeof(length) - length;
+  struct Extent {
+    std::size_t begin, end;
+    const std::string* name;
+  };
+  std::vector<Extent> extents;
+  for (const auto& [name, entry] : header.items()) {
+    if (name == "__metadata__") {
+      if (!entry.is_object()) refuse("its __metadata__ is not an object");
+      for (const auto& [key, value] : entry.items()) {
+        if (!value.is_string()) refuse(fmt::format("its metadata \"{}\" is not a text", key));
+        metadata[key] = value.get<std::string>();
+      }
+      continue;
+    }
+    std::size_t begin = 0, end = 0;
+    Tensor tensor = parse_tensor(name, entry, data_bytes, begin, end);
+    const std::size_t position = sizeof(length) + length + begin;
+    tensor.data = base + position;
+    if (tensor.bytes > 0 && position % size_of(tensor.type) != 0) {  // the mapping begins on a page
+      copies.push_back(std::make_unique<std::uint64_t[]>(tensor.bytes / 8 + 1));
+      std::memcpy(copies.back().get(), base + position, tensor.bytes);
+      tensor.data = copies.back().get();
+    }
+    const auto where = tensors.emplace(name, std::move(tensor)).first;
+    extents.push_back({begin, end, &where->first});
+  }
+  std::sort(extents.begin(), extents.end(),
+            [](const Extent& a, const Extent& b) { return a.begin != b.begin ? a.begin < b.begin : a.end < b.end; });
+  std::size_t reached = 0;
+  const std::string* previous = nullptr;
+  for (const Extent& extent : extents) {
+    if (extent.begin < reached) refuse(fmt::format("tensors \"{}\" and \"{}\" overlap", *previous, *extent.name));
+    if (extent.begin > reached) refuse(fmt::format("bytes {} to {} belong to no tensor", reached, extent.begin));
+    reached = extent.end;
+    previous = extent.name;
+  }
+  if (reached != data_bytes)
+    refuse(fmt::format("{} bytes after the last tensor belong to no tensor", data_bytes - reached));
+}
+
+TensorReader::TensorReader(const std::string& file) : impl_(std::make_unique<Impl>()) {
+  impl_->file = file;
+  impl_->open_and_map();
+  impl_->parse_header();
+}
+
+TensorReader::~TensorReader() = default;
+
+const std::map<std::string, std::string>& TensorReader::metadata() const { return impl_->metadata; }
+bool TensorReader::has(const std::string& name) const { return impl_->tensors.count(name) > 0; }
+const std::string& TensorReader::file() const { return impl_->file; }
+
+std::vector<std::string> TensorReader::names() const {
+  std::vector<std::string> out;
+  for (const auto& [name, tensor] : impl_->tensors) out.push_back(name);
+  return out;
+}
+
+TensorReader::Tensor TensorReader::get(const std::string& name) const {
+  const auto it = impl_->tensors.find(name);
+  if (it == impl_->tensors.end())
+    impl_->refuse(fmt::format("tensor \"{}\" is missing{}", name, did_you_mean(name, names())));
+  return it->second;
+}
+
+TensorReader::Tensor TensorReader::get(const std::string& name, DType type,
+                                       const std::vector<std::int64_t>& shape) const {
+  Tensor tensor = get(name);
+  bool fits = tensor.type == type && tensor.shape.size() == shape.size();
+  for (std::size_t i = 0; fits && i < shape.size(); ++i) fits = shape[i] < 0 || shape[i] == tensor.shape[i];
+  if (!fits) {
+    impl_->refuse(fmt::format("tensor \"{}\" is {} {} where {} {} is expected", name, type_name(tensor.type),
+                              format_shape(tensor.shape), type_name(type), format_shape(shape)));
+  }
+  return tensor;
+}
+
+}  // namespace octrad

@@ -1,0 +1,64 @@
+// Reading and writing safetensors files (method section 13), memory-bounded: tensors are streamed.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace octrad {
+
+enum class DType { f32, f16, i32, i64, u8, u16, u32, u64, f64 };
+std::size_t size_of(DType type);
+
+// Collects views of tensors (the memory must stay valid until write()), then writes them in one pass.
+class TensorWriter {
+ public:
+  void metadata(const std::string& key, const std::string& value);
+  void add(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
+  // Copies, for small or temporary tensors.
+  void add_copy(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
+  // Writes to `file`.tmp, syncs and renames: the old file survives any failure. Throws IoError.
+  void write(const std::string& file) const;
+
+ private:
+  struct Entry {
+    std::string name;
+    DType type;
+    std::vector<std::int64_t> shape;
+    const void* data;
+    std::shared_ptr<std::vector<char>> owned;
+  };
+  std::vector<Entry> entries_;
+  std::map<std::string, std::string> metadata_;
+};
+
+class TensorReader {
+ public:
+  // Maps the file and checks the whole header (sizes, offsets, overlaps, overflow). Throws IoError or InputError.
+  explicit TensorReader(const std::string& file);
+  ~TensorReader();
+  const std::map<std::string, std::string>& metadata() const;
+  bool has(const std::string& name) const;
+  std::vector<std::string> names() const;
+  struct Tensor {
+    DType type;
+    std::vector<std::int64_t> shape;
+    const void* data;
+    std::size_t bytes;
+    std::int64_t count;
+  };
+  // Throws InputError naming the tensor when it is missing, or when type or shape (-1: any) differ.
+  Tensor get(const std::string& name) const;
+  Tensor get(const std::string& name, DType type, const std::vector<std::int64_t>& shape) const;
+  const std::string& file() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace octrad

@@ -1,0 +1,223 @@
+#include "octrad/model/safetensors.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+class Safetensors : public ::testing::Test {
+ protected:
+  Safetensors() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "octrad-tensors-XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    file_ = (folder_ / "m.octrad").string();
+  }
+  ~Safetensors() override { std::filesystem::remove_all(folder_); }
+
+  void put(const std::string& header, const std::string& data, std::int64_t length = -1) const {
+    std::ofstream out(file_, std::ios::binary);
+    const std::uint64_t n = length == -1 ? header.size() : static_cast<std::uint64_t>(length);
+    out.write(reinterpret_cast<const char*>(&n), 8);
+    out << header << data;
+  }
+  // The error that opening gives, "" if none.
+  std::string refusal() const {
+    try {
+      TensorReader reader(file_);
+      // Touch every byte: a sanitizer sees it when validation let something through.
+      std::size_t sum = 0;
+      for (const std::string& name : reader.names()) {
+        const auto tensor = reader.get(name);
+        for (std::size_t i = 0; i < tensor.bytes; ++i) sum += static_cast<const unsigned char*>(tensor.data)[i];
+      }
+      return sum == static_cast<std::size_t>(-1) ? "?" : "";
+    } catch (const InputError& error) {
+      return error.what();
+    }
+  }
+
+  std::filesystem::path folder_;
+  std::string file_;
+};
+
+TEST_F(Safetensors, RoundTrip) {
+  const std::vector<float> a = {1, 2, 3, 4, 5, 6};
+  const std::vector<std::uint8_t> odd = {9, 8, 7};
+  const std::vector<std::int64_t> wide = {-1, INT64_MAX};
+  TensorWriter writer;
+  writer.metadata("format", "octrad");
+  writer.metadata("config", "{\"a\": \"\\u00e4\"}");
+  writer.add("odd", DType::u8, {3}, odd.data());
+  writer.add("a", DType::f32, {2, 3}, a.data());
+  writer.add("wide", DType::i64, {2}, wide.data());
+  writer.add("none", DType::f32, {0, 4}, nullptr);
+  {
+    const float temporary = 42.0f;
+    writer.add_copy("scalar", DType::f32, {}, &temporary);
+  }
+  writer.write(file_);
+  writer.write(file_);  // over an existing file
+  EXPECT_FALSE(std::filesystem::exists(file_ + ".tmp"));
+
+  const TensorReader reader(file_);
+  EXPECT_EQ(reader.metadata().at("format"), "octrad");
+  EXPECT_EQ(reader.metadata().at("config"), "{\"a\": \"\\u00e4\"}");
+  EXPECT_EQ(reader.names().size(), 5u);
+  const auto t = reader.get("a", DType::f32, {-1, 3});
+  EXPECT_EQ(std::memcmp(t.data, a.data(), t.bytes), 0);
+  EXPECT_EQ(t.count, 6);
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(t.data) % 4, 0u);
+  const auto w = reader.get("wide");
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(w.data) % 8, 0u);
+  EXPECT_EQ(std::memcmp(w.data, wide.data(), 16), 0);
+  EXPECT_EQ(*static_cast<const float*>(reader.get("scalar", DType::f32, {}).data), 42.0f);
+  EXPECT_EQ(reader.get("none").bytes, 0u);
+  EXPECT_FALSE(reader.has("b"));
+  EXPECT_THROW(reader.get("b"), InputError);
+  EXPECT_THROW(reader.get("a", DType::f16, {2, 3}), InputError);
+  EXPECT_THROW(reader.get("a", DType::f32, {3, 2}), InputError);
+  EXPECT_THROW(reader.get("a", DType::f32, {6}), InputError);
+}
+
+TEST_F(Safetensors, EmptyModelIsAFile) {
+  TensorWriter().write(file_);
+  EXPECT_TRUE(TensorReader(file_).names().empty());
+}
+
+TEST_F(Safetensors, ReadsUnalignedTensorsOfOtherWriters) {
+  std::string data = "x";
+  const float value = 3.5f;
+  data.append(reinterpret_cast<const char*>(&value), 4);
+  put(R"({"b":{"dtype":"U8","shape":[1],"data_offsets":[0,1]},"f":{"dtype":"F32","shape":[1],"data_offsets":[1,5]}})",
+      data);
+  const TensorReader reader(file_);
+  const auto tensor = reader.get("f");
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(tensor.data) % 4, 0u);
+  EXPECT_EQ(*static_cast<const float*>(tensor.data), 3.5f);
+}
+
+TEST_F(Safetensors, MissingAndUnreadableFiles) {
+  EXPECT_THROW(TensorReader(file_ + "x"), IoError);
+  EXPECT_THROW(TensorReader(folder_.string()), IoError);
+  EXPECT_THROW(TensorReader("/dev/null"), IoError);
+}
+
+TEST_F(Safetensors, RefusesBrokenFiles) {
+  const auto tensor = [](const std::string& dtype, const std::string& shape, const std::string& offsets) {
+    return R"({"t":{"dtype":)" + dtype + R"(,"shape":)" + shape + R"(,"data_offsets":)" + offsets + "}}";
+  };
+  const std::string data(16, 'x');
+  struct Case {
+    const char* why;
+    std::string header;
+    std::int64_t length;
+  };
+  put(tensor("\"F32\"", "[2,2]", "[0,16]"), data);
+  ASSERT_EQ(refusal(), "") << "the sound file that the others are variants of";
+  const Case cases[] = {
+      {"claims", tensor("\"F32\"", "[2,2]", "[0,16]"), 1 << 20},
+      {"claims", tensor("\"F32\"", "[2,2]", "[0,16]"), INT64_MAX},
+      {"claims", tensor("\"F32\"", "[2,2]", "[0,16]"), INT64_MIN + 8},
+      {"not a JSON object", "[]", -1},
+      {"not a JSON object", "", -1},
+      {"not valid JSON", "{\"t\":", -1},
+      {"not valid JSON", "{\"t\":1}}", -1},
+      {"not valid JSON", "{\"\xff\xfe\":1}", -1},
+      {"nested too deeply", "{\"t\":" + std::string(100000, '['), -1},
+      {"nested too deeply", R"({"t":{"a":{"a":{"a":{"a":{"a":{}}}}}}})", -1},
+      {"lacks", R"({"t":{"dtype":"F32","shape":[4]}})", -1},
+      {"lacks", R"({"t":5})", -1},
+      {"dtype", tensor("\"F33\"", "[2,2]", "[0,16]"), -1},
+      {"dtype", tensor("7", "[2,2]", "[0,16]"), -1},
+      {"shape", tensor("\"F32\"", "\"2\"", "[0,16]"), -1},
+      {"shape", tensor("\"F32\"", "[2,-2]", "[0,16]"), -1},
+      {"shape", tensor("\"F32\"", "[2.0,2]", "[0,16]"), -1},
+      {"shape", tensor("\"F32\"", "[18446744073709551615,4]", "[0,16]"), -1},
+      {"shape", tensor("\"F32\"", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,4]", "[0,16]"), -1},
+      {"overflows", tensor("\"F32\"", "[4294967296,4294967296,4]", "[0,16]"), -1},
+      {"overflows", tensor("\"F32\"", "[4611686018427387908]", "[0,16]"), -1},
+      {"data_offsets", tensor("\"F32\"", "[2,2]", "[0]"), -1},
+      {"data_offsets", tensor("\"F32\"", "[2,2]", "[-16,0]"), -1},
+      {"data_offsets", tensor("\"F32\"", "[2,2]", "[0,1e1]"), -1},
+      {"wrong order", tensor("\"F32\"", "[2,2]", "[16,0]"), -1},
+      {"truncated", tensor("\"F32\"", "[2,4]", "[0,32]"), -1},
+      {"truncated", tensor("\"F32\"", "[2,2]", "[18446744073709551600,18446744073709551615]"), -1},
+      {"holds 16 bytes", tensor("\"F32\"", "[2,1]", "[0,16]"), -1},
+      {"belong to no tensor", tensor("\"F32\"", "[1,2]", "[0,8]"), -1},
+      {"belong to no tensor", tensor("\"F32\"", "[1,2]", "[8,16]"), -1},
+      {"overlap",
+       R"({"a":{"dtype":"F32","shape":[3],"data_offsets":[0,12]},"b":{"dtype":"F32","shape":[2],"data_offsets":[8,16]}})",
+       -1},
+      {"twice",
+       R"({"a":{"dtype":"F32","shape":[4],"data_offsets":[0,16]},"a":{"dtype":"F32","shape":[4],"data_offsets":[0,16]}})",
+       -1},
+      {"metadata", R"({"__metadata__":{"a":1}})", -1},
+      {"metadata", R"({"__metadata__":"a"})", -1},
+  };
+  for (const Case& c : cases) {
+    put(c.header, data, c.length);
+    const std::string text = refusal();
+    EXPECT_NE(text.find(c.why), std::string::npos) << c.header.substr(0, 120) << "\n  gave: " << text;
+    EXPECT_NE(text.find(file_), std::string::npos);
+  }
+}
+
+TEST_F(Safetensors, RefusesEveryTruncation) {
+  const std::vector<float> a(8, 1.0f);
+  TensorWriter writer;
+  writer.metadata("format", "octrad");
+  writer.add("a", DType::f32, {8}, a.data());
+  writer.write(file_);
+  const std::string whole = read_text_file(file_);
+  for (std::size_t n = 0; n < whole.size(); ++n) {
+    std::ofstream(file_, std::ios::binary) << whole.substr(0, n);
+    EXPECT_NE(refusal(), "") << n << " of " << whole.size() << " bytes";
+  }
+  write_text_file(file_, whole + "x");
+  EXPECT_NE(refusal(), "");
+  write_text_file(file_, whole);
+  EXPECT_EQ(refusal(), "");
+}
+
+TEST_F(Safetensors, SurvivesFlippedHeaderBytes) {
+  const std::vector<float> a(8, 1.0f);
+  TensorWriter writer;
+  writer.add("a", DType::f32, {8}, a.data());
+  writer.write(file_);
+  const std::string whole = read_text_file(file_);
+  int accepted = 0;
+  for (std::size_t i = 0; i < whole.size() - 32; ++i) {
+    for (const char bits : {'\x01', '\x10', '\x80'}) {
+      std::string broken = whole;
+      broken[i] = static_cast<char>(broken[i] ^ bits);
+      std::ofstream(file_, std::ios::binary) << broken;
+      accepted += refusal().empty();  // a changed name or padding is fine; a crash or a read outside is not
+    }
+  }
+  EXPECT_LT(accepted, 60);
+}
+
+TEST_F(Safetensors, FailedWritesKeepTheOldFile) {
+  const float one = 1.0f, two = 2.0f;
+  TensorWriter writer;
+  writer.add("a", DType::f32, {1}, &one);
+  writer.write(file_);
+  writer.add("a", DType::f32, {1}, &two);
+  EXPECT_THROW(writer.write(file_), IoError) << "the same name twice";
+  EXPECT_EQ(*static_cast<const float*>(TensorReader(file_).get("a").data), 1.0f);
+  TensorWriter other;
+  other.add("a", DType::f32, {1}, &one);
+  EXPECT_THROW(other.write((folder_ / "none" / "m").string()), IoError);
+  EXPECT_THROW(other.write("/dev/full"), IoError);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,394 @@
+#include "octrad/network/adam_device.h"
+
+#include <algorithm>
+#include <bit>
+#include <stdexcept>
+
+#include "octrad/base/error.h"
+#include "octrad/device/launch.h"
+
+namespace octrad {
+namespace {
+
+// One more step: its correction and rate.
+struct Advance : Kernel {
+  AdamStep* step;
+  double beta1, beta2, rate;
+  const float* rate_scale;
+
+  OCTRAD_HD void operator()(std::uint32_t) const {
+    const std::int64_t count = ++step->count;
+    const AdamCorrection correction = adam_correction(beta1, beta2, static_cast<double>(count));
+    step->scaled_rate = static_cast<float>(rate * static_cast<double>(*rate_scale)) * correction.first;
+    step->second = correction.second;
+  }
+};
+
+struct DenseStep : Kernel {
+  float* parameters;
+  const float* gradients;
+  float* m;
+  float* v;
+  AdamConstants constants;
+  const AdamStep* step;
+  unsigned long long* non_finite;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    float gradient = gradients[i];
+    if (!adam_usable(gradient)) {
+      gradient = 0.0f;
+      atomic_add(non_finite, 1ull);
+    }
+    parameters[i] = adam_update(parameters[i], gradient, m[i], v[i], constants, step->scaled_rate, step->second);
+  }
+};
+
+// Rows of C floats that are read and written at once.
+template <int C>
+struct alignas(C >= 4 ? 16 : 8) Row {
+  float v[C];
+};
+template <int C>
+struct alignas(C >= 8 ? 16 : C * 2) HalfRow {
+  std::uint32_t v[C / 2];
+};
+
+template <int C>
+struct TableArrays {
+  float* values;
+  Half* halves;    // null: look-ups read the values
+  float* moments;  // [entries][2][C]
+  float* gradient;
+  AdamConstants constants;
+  unsigned long long* non_finite;
+
+  // `touched`: the entry may have a gradient. One without, and without any moments, does not move.
+  OCTRAD_HD void update(std::uint32_t entry, float scaled_rate, float second, bool touched = true) const {
+    Row<C>& gradient_row = reinterpret_cast<Row<C>*>(gradient)[entry];
+    Row<C>* moment_rows = reinterpret_cast<Row<C>*>(moments) + static_cast<std::uint64_t>(entry) * 2;
+    Row<C> m = moment_rows[0], v = moment_rows[1], g{};
+    if (touched) {
+      g = gradient_row;
+    } else {
+      bool rests = true;
+      OCTRAD_UNROLL
+      for (int c = 0; c < C; ++c) rests = rests && m.v[c] == 0.0f && v.v[c] == 0.0f;
+      if (rests) return;
+    }
+    Row<C> p = reinterpret_cast<const Row<C>*>(values)[entry];
+    unsigned dropped = 0;
+    OCTRAD_UNROLL
+    for (int c = 0; c < C; ++c) {
+      if (!adam_usable(g.v[c])) {
+        g.v[c] = 0.0f;
+        ++dropped;
+      }
+      p.v[c] = adam_update(p.v[c], g.v[c], m.v[c], v.v[c], constants, scaled_rate, second);
+    }
+    if (dropped > 0) atomic_add(non_finite, static_cast<unsigned long long>(dropped));
+    reinterpret_cast<Row<C>*>(values)[entry] = p;
+    moment_rows[0] = m;
+    moment_rows[1] = v;
+    if (touched) gradient_row = Row<C>{};
+    if (halves != nullptr) {
+      HalfRow<C> h;
+      OCTRAD_UNROLL
+      for (int c = 0; c < C; c += 2) h.v[c / 2] = pack_halves(p.v[c], p.v[c + 1]);
+      reinterpret_cast<HalfRow<C>*>(halves)[entry] = h;
+    }
+  }
+};
+
+template <int C>
+struct TouchedStep : Kernel {
+  TableArrays<C> arrays;
+  TouchedRows touched;
+  std::uint16_t* counts;
+  const AdamCorrection* corrections;
+  std::uint32_t last_correction;
+  float rate;
+  const float* rate_scale;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (i >= *touched.count) return;
+    const std::uint32_t entry = touched.list[i];
+    const std::uint32_t count = counts[entry];
+    const std::uint32_t now = count == 0xffffu ? count : count + 1;
+    const AdamCorrection correction = corrections[now < last_correction ? now : last_correction];
+    arrays.update(entry, rate * *rate_scale * correction.first, correction.second);
+    // Stores last: no load waits for them.
+    counts[entry] = static_cast<std::uint16_t>(now);
+    touched.bits[entry >> 5] = 0;  // every bit that is set there belongs to an entry of the list
+  }
+};
+
+template <int C>
+struct EveryStep : Kernel {
+  TableArrays<C> arrays;
+  const AdamStep* step;
+  const std::uint32_t* touched;  // bits
+
+  OCTRAD_HD void operator()(std::uint32_t entry) const {
+    arrays.update(entry, step->scaled_rate, step->second, (touched[entry >> 5] >> (entry & 31u) & 1u) != 0);
+  }
+};
+
+// Counts the step's entries and makes room for the next one's.
+struct EndStep : Kernel {
+  std::uint32_t* count;  // null: all of `entries`
+  std::uint32_t entries;
+  unsigned long long* touched;
+
+  OCTRAD_HD void operator()(std::uint32_t) const {
+    if (touched != nullptr) *touched += count != nullptr ? *count : entries;
+    if (count != nullptr) *count = 0;
+  }
+};
+
+struct Numbers : Kernel {
+  std::uint32_t* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = i; }
+};
+
+struct ToHalves : Kernel {
+  const float* in;
+  Half* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = to_half(in[i]); }
+};
+
+// The first of a run of equal rows sums the run.
+template <int C>
+struct SumRun : Kernel {
+  const std::uint32_t* rows;  // sorted
+  const std::uint32_t* slots;
+  const float* scales;
+  std::uint32_t capacity, taps, n;
+  const float* upstream;
+  std::size_t stride;
+  float* gradient;
+  TouchedRows touched;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const std::uint32_t row = rows[i];
+    if (row == kNoRow || (i > 0 && rows[i - 1] == row)) return;
+    Row<C> sum = reinterpret_cast<const Row<C>*>(gradient)[row];
+    for (std::uint32_t k = i; k < capacity && rows[k] == row; ++k) {
+      const std::uint32_t slot = slots[k], item = slot / taps, level = item / n;
+      const float scale = scales[slot];
+      OCTRAD_UNROLL
+      for (int c = 0; c < C; ++c)
+        sum.v[c] += scale * upstream[(level * C + static_cast<std::uint32_t>(c)) * stride + (item - level * n)];
+    }
+    reinterpret_cast<Row<C>*>(gradient)[row] = sum;
+    touched.touch(row);
+  }
+};
+
+template <typename F>
+void with_width(int features, F&& f) {
+  switch (features) {
+    case 2: f(std::integral_constant<int, 2>{}); return;
+    case 4: f(std::integral_constant<int, 4>{}); return;
+    case 8: f(std::integral_constant<int, 8>{}); return;
+    default: throw std::logic_error("a feature vector of an unsupported length");
+  }
+}
+
+constexpr std::size_t kUploadPart = std::size_t{1} << 24;  // floats that wait on the device to be rounded
+
+std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
+  return options.training && !options.dense ? std::min(entries, options.touches) : 0;
+}
+
+}  // namespace
+
+DeviceDenseAdam::DeviceDenseAdam(Stream& stream, std::size_t parameters, const AdamOptions& options,
+                                 const std::string& what)
+    : options_(options),
+      m_(stream, parameters, what + " optimiser"),
+      v_(stream, parameters, what + " optimiser"),
+      step_(stream, 1, what + " optimiser") {
+  m_.fill(0);
+  v_.fill(0);
+  step_.fill(0);
+}
+
+void DeviceDenseAdam::step(Stream& stream, float* parameters, const float* gradients, double rate,
+                           const float* rate_scale, unsigned long long* non_finite) {
+  launch(stream, 1, Advance{{}, step_.data(), options_.beta1, options_.beta2, rate, rate_scale});
+  launch(stream, m_.size(),
+         DenseStep{{},
+                   parameters,
+                   gradients,
+                   m_.data(),
+                   v_.data(),
+                   adam_constants(options_.beta1, options_.beta2, options_.epsilon),
+                   step_.data(),
+                   non_finite});
+}
+
+void DeviceDenseAdam::upload(DenseAdam& from) {
+  m_.upload(from.m());
+  v_.upload(from.v());
+  const AdamStep step{from.count(), 0.0f, 0.0f};
+  step_.upload(std::span<const AdamStep>(&step, 1));
+}
+
+void DeviceDenseAdam::download(DenseAdam& to) const {
+  m_.download(to.m());
+  v_.download(to.v());
+  to.count() = step_.download()[0].count;
+}
+
+std::vector<MemoryPart> DeviceTable::memory(std::size_t entries, int features, const DeviceTableOptions& options,
+                                            const std::string& what) {
+  const std::uint64_t floats =
+      static_cast<std::uint64_t>(entries) * static_cast<std::uint64_t>(features) * sizeof(float);
+  std::vector<MemoryPart> parts;
+  if (options.halves) parts.push_back({what + " (halves)", floats / 2});
+  if (options.training || !options.halves) parts.push_back({what + " (floats)", floats});
+  if (!options.training) return parts;
+  parts.push_back({what + " optimiser state", 2 * floats + entries * sizeof(std::uint16_t)});
+  parts.push_back({what + " gradient", floats + list_capacity(entries, options) * sizeof(std::uint32_t) + entries / 8});
+  // Five numbers a contribution, and what the sort needs again.
+  if (options.sorted)
+    parts.push_back({what + " contributions, sorted (--deterministic)", options.slots * 7 * sizeof(std::uint32_t)});
+  return parts;
+}
+
+DeviceTable::DeviceTable(Stream& stream, std::size_t entries, int features, const DeviceTableOptions& options,
+                         const std::string& what)
+    : entries_(entries),
+      features_(features),
+      options_(options),
+      capacity_(list_capacity(entries, options)) {
+  const std::size_t floats = entries * static_cast<std::size_t>(features);
+  if (options.halves) halves_ = DeviceArray<Half>(stream, floats, what);
+  if (options.training || !options.halves) values_ = DeviceArray<float>(stream, floats, what);
+  if (!options.training) return;
+  moments_ = DeviceArray<float>(stream, 2 * floats, what + " optimiser state");
+  counts_ = DeviceArray<std::uint16_t>(stream, entries, what + " optimiser state");
+  gradient_ = DeviceArray<float>(stream, floats, what + " gradient");
+  gradient_.fill(0);
+  step_ = DeviceArray<AdamStep>(stream, 1, what + " optimiser state");
+  bits_ = DeviceArray<std::uint32_t>(stream, (entries + 31) / 32, what + " gradient");
+  bits_.fill(0);
+  if (!options.dense) {
+    list_ = DeviceArray<std::uint32_t>(stream, capacity_, what + " gradient");
+    list_count_ = DeviceArray<std::uint32_t>(stream, 1, what + " gradient");
+    list_count_.fill(0);
+    // As SparseAdam: until both corrections have become exactly 1 in float, or the count saturates.
+    std::vector<AdamCorrection> corrections{{0.0f, 0.0f}};
+    do {
+      corrections.push_back(
+          adam_correction(options.adam.beta1, options.adam.beta2, static_cast<double>(corrections.size())));
+    } while (corrections.size() <= 0xffff && (corrections.back().first > 1.0f || corrections.back().second > 1.0f));
+    last_correction_ = static_cast<std::uint32_t>(corrections.size() - 1);
+    corrections_ =
+        DeviceArray<AdamCorrection>(stream, std::span<const AdamCorrection>(corrections), what + " optimiser state");
+  }
+  if (!options.sorted) return;
+  const std::string sorting = what + " contributions";
+  slot_rows_ = DeviceArray<std::uint32_t>(stream, options.slots, sorting);
+  slot_numbers_ = DeviceArray<std::uint32_t>(stream, options.slots, sorting);
+  sorted_rows_ = DeviceArray<std::uint32_t>(stream, options.slots, sorting);
+  sorted_slots_ = DeviceArray<std::uint32_t>(stream, options.slots, sorting);
+  slot_scales_ = DeviceArray<float>(stream, options.slots, sorting);
+  workspace_ = SortWorkspace(stream, options.slots, sorting);
+  launch(stream, options.slots, Numbers{{}, slot_numbers_.data()});
+}
+
+void DeviceTable::upload(Stream& stream, std::span<const float> values, SparseAdam* adam) {
+  if (!values_.empty()) {
+    values_.upload(values);
+    if (!halves_.empty()) launch(stream, values_.size(), ToHalves{{}, values_.data(), halves_.data()});
+  } else {
+    const DeviceArray<float> part(stream, std::min(kUploadPart, values.size()), "a part of a feature table");
+    for (std::size_t begin = 0; begin < values.size(); begin += kUploadPart) {
+      const std::span<const float> some = values.subspan(begin, std::min(kUploadPart, values.size() - begin));
+      stream.upload(part.data(), some.data(), some.size_bytes());
+      launch(stream, some.size(), ToHalves{{}, part.data(), halves_.data() + begin});
+      stream.synchronize();
+    }
+  }
+  if (!options_.training) return;
+  if (adam == nullptr) {
+    moments_.fill(0);
+    counts_.fill(0);
+    step_.fill(0);
+    return;
+  }
+  moments_.upload(adam->moments());
+  counts_.upload(adam->counts());
+  const AdamStep step{adam->global_count(), 0.0f, 0.0f};
+  step_.upload(std::span<const AdamStep>(&step, 1));
+}
+
+void DeviceTable::download(std::span<float> values, SparseAdam* adam) const {
+  if (values_.empty()) throw DeviceError("a table of halves has no floats to give back");
+  values_.download(values);
+  if (adam == nullptr || !options_.training) return;
+  moments_.download(adam->moments());
+  counts_.download(adam->counts());
+  adam->global_count() = step_.download()[0].count;
+}
+
+AddNow DeviceTable::add() const { return {gradient_.data(), {bits_.data(), list_.data(), list_count_.data()}}; }
+
+void DeviceTable::begin_sorted(Stream&) { slot_rows_.fill(0xff); }
+
+void DeviceTable::sum_sorted(Stream& stream, int taps, std::uint32_t n, int levels, const float* upstream,
+                             std::size_t upstream_stride) {
+  const std::size_t slots = static_cast<std::size_t>(taps) * n * static_cast<std::size_t>(levels);
+  if (slots == 0) return;
+  if (slots > options_.slots) throw DeviceError("more contributions to a feature table than there is memory for");
+  sort_pairs(stream, workspace_, slots, slot_rows_.data(), sorted_rows_.data(), slot_numbers_.data(),
+             sorted_slots_.data(), static_cast<int>(std::bit_width(entries_)));
+  with_width(features_, [&](auto width) {
+    constexpr int C = decltype(width)::value;
+    launch(stream, slots,
+           SumRun<C>{{},
+                     sorted_rows_.data(),
+                     sorted_slots_.data(),
+                     slot_scales_.data(),
+                     static_cast<std::uint32_t>(slots),
+                     static_cast<std::uint32_t>(taps),
+                     n,
+                     upstream,
+                     upstream_stride,
+                     gradient_.data(),
+                     {bits_.data(), list_.data(), list_count_.data()}});
+  });
+}
+
+void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite,
+                       unsigned long long* touched) {
+  const AdamOptions& adam = options_.adam;
+  launch(stream, 1, Advance{{}, step_.data(), adam.beta1, adam.beta2, rate, rate_scale});
+  with_width(features_, [&](auto width) {
+    constexpr int C = decltype(width)::value;
+    const TableArrays<C> arrays{values_.data(),
+                                halves_.data(),
+                                moments_.data(),
+                                gradient_.data(),
+                                adam_constants(adam.beta1, adam.beta2, adam.epsilon),
+                                non_finite};
+    if (options_.dense) {
+      launch(stream, entries_, EveryStep<C>{{}, arrays, step_.data(), bits_.data()});
+      bits_.fill(0);
+    } else {
+      launch(stream, capacity_,
+             TouchedStep<C>{{},
+                            arrays,
+                            {bits_.data(), list_.data(), list_count_.data()},
+                            counts_.data(),
+                            corrections_.data(),
+                            last_correction_,
+                            static_cast<float>(rate),
+                            rate_scale});
+    }
+  });
+  launch(stream, 1, EndStep{{}, list_count_.data(), static_cast<std::uint32_t>(entries_), touched});
+}
+
+}  // namespace octrad

@@ -1,0 +1,102 @@
+// Adam on a device, with the semantics of adam.h: dense for networks; for feature tables touched entries only (with
+// their own step counts) or all. A table keeps float masters and, where asked for, the halves that look-ups read.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octrad/base/bytes.h"
+#include "octrad/base/half.h"
+#include "octrad/device/array.h"
+#include "octrad/device/rows.h"
+#include "octrad/device/sort.h"
+#include "octrad/network/adam.h"
+#include "octrad/network/adam_math.h"
+
+namespace octrad {
+
+// What bias correction and the rate come to in the present step; in device memory, advanced by a kernel.
+struct AdamStep {
+  std::int64_t count = 0;    // steps done
+  float scaled_rate = 0.0f;  // rate of this step times correction.first
+  float second = 0.0f;
+};
+
+class DeviceDenseAdam {
+ public:
+  DeviceDenseAdam() = default;
+  DeviceDenseAdam(Stream& stream, std::size_t parameters, const AdamOptions& options, const std::string& what);
+  static std::uint64_t bytes(std::size_t parameters) { return parameters * 2 * sizeof(float); }
+  // One step at rate * *rate_scale (device memory). Gradients that are not usable count as 0 and are added to
+  // *non_finite.
+  void step(Stream& stream, float* parameters, const float* gradients, double rate, const float* rate_scale,
+            unsigned long long* non_finite);
+  void upload(DenseAdam& from);
+  void download(DenseAdam& to) const;
+
+ private:
+  AdamOptions options_;
+  DeviceArray<float> m_, v_;
+  DeviceArray<AdamStep> step_;
+};
+
+struct DeviceTableOptions {
+  bool halves = true;  // look-ups read halves
+  bool training = false;
+  bool dense = false;       // Adam over every entry
+  bool sorted = false;      // contributions summed in a fixed order
+  std::size_t touches = 0;  // most entries that a step can touch (at most all)
+  std::size_t slots = 0;    // most contributions between begin_sorted() and sum_sorted()
+  AdamOptions adam;
+};
+
+// A table of feature vectors [entries][features] with its optimiser.
+class DeviceTable {
+ public:
+  DeviceTable(Stream& stream, std::size_t entries, int features, const DeviceTableOptions& options,
+              const std::string& what);
+  static std::vector<MemoryPart> memory(std::size_t entries, int features, const DeviceTableOptions& options,
+                                        const std::string& what);
+
+  // Exactly one of the two is set.
+  const Half* halves() const { return halves_.data(); }
+  const float* floats() const { return halves_.empty() ? values_.data() : nullptr; }
+  std::size_t entries() const { return entries_; }
+
+  // The optimiser's state may be null: zeros.
+  void upload(Stream& stream, std::span<const float> values, SparseAdam* adam);
+  // Needs `training`, or a table of floats.
+  void download(std::span<float> values, SparseAdam* adam) const;
+
+  // Where a step's contributions go: add(), or with options.sorted keep() after begin_sorted().
+  AddNow add() const;
+  void begin_sorted(Stream& stream);
+  KeepForSort keep() const { return {slot_rows_.data(), slot_scales_.data()}; }
+  // Sums what keep() was given by entry, in the order of slots: slot s of `taps` an item adds its scale times the
+  // features of item s / taps = level n + i, upstream[level features + c][i]. Adds to what the step has summed before.
+  void sum_sorted(Stream& stream, int taps, std::uint32_t n, int levels, const float* upstream,
+                  std::size_t upstream_stride);
+  // Applies the gradient and clears it. The counters, in device memory, are added to; touched may be null.
+  void step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite,
+            unsigned long long* touched);
+
+ private:
+  std::size_t entries_;
+  int features_;
+  DeviceTableOptions options_;
+  std::size_t capacity_ = 0;  // of the touched list
+  std::uint32_t last_correction_ = 0;
+  DeviceArray<Half> halves_;
+  DeviceArray<float> values_, moments_, gradient_;
+  DeviceArray<std::uint16_t> counts_;
+  DeviceArray<std::uint32_t> bits_, list_, list_count_;
+  DeviceArray<AdamCorrection> corrections_;
+  DeviceArray<AdamStep> step_;  // of dense mode; its count also counts the steps of the other
+  DeviceArray<std::uint32_t> slot_rows_, slot_numbers_, sorted_rows_, sorted_slots_;
+  DeviceArray<float> slot_scales_;
+  SortWorkspace workspace_;
+};
+
+}  // namespace octrad

@@ -1,0 +1,247 @@
+// Networks on the device and their gradients against double precision and against the CPU.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "octrad/base/rng.h"
+#include "octrad/device/stream_test_helper.h"
+#include "octrad/network/mlp_device.h"
+
+namespace octrad {
+namespace {
+
+struct Case {
+  MlpShape shape;
+  std::size_t n;
+};
+const Case kCases[] = {
+    {{45, 128, 4, 3}, 203},  // the decoder
+    {{28, 64, 2, 1}, 300},   // the disparity predictor
+    {{45, 256, 4, 3}, 40},   // nr of the paper
+    {{7, 40, 1, 2}, 33},     // nothing is a multiple of anything
+    {{141, 128, 2, 20}, 64},
+};
+
+// Forward and backward in double precision; `rounded`: with activations and gradients of hidden layers as halves (the
+// latter `scale` times), which decides about neurons close to 0 as the device does.
+struct Reference {
+  std::vector<std::vector<double>> out, d_in;  // [row][..]
+  std::vector<double> d_weights;
+};
+Reference evaluate(const Mlp& mlp, const std::vector<float>& in, const std::vector<float>& d_out, std::size_t n,
+                   bool rounded, double scale) {
+  const auto half = [](double x) { return double(to_float(to_half(static_cast<float>(x)))); };
+  const MlpShape& s = mlp.shape();
+  Reference r;
+  r.d_weights.assign(mlp.parameter_count(), 0.0);
+  for (std::size_t row = 0; row < n; ++row) {
+    std::vector<std::vector<double>> x(1);
+    for (int i = 0; i < s.inputs; ++i) x[0].push_back(in[static_cast<std::size_t>(i) * n + row]);
+    for (int l = 0; l < mlp.layer_count(); ++l) {
+      std::vector<double> y(static_cast<std::size_t>(mlp.layer_outputs(l)), 0.0);
+      for (std::size_t o = 0; o < y.size(); ++o) {
+        for (std::size_t i = 0; i < x.back().size(); ++i)
+          y[o] += double(mlp.layer(l)[o * x.back().size() + i]) * x.back()[i];
+        if (l + 1 < mlp.layer_count()) y[o] = rounded ? half(std::max(y[o], 0.0)) : std::max(y[o], 0.0);
+      }
+      x.push_back(y);
+    }
+    r.out.push_back(x.back());
+    std::vector<double> d;
+    for (int o = 0; o < s.outputs; ++o) d.push_back(d_out[static_cast<std::size_t>(o) * n + row]);
+    std::size_t end = mlp.parameter_count();
+    for (int l = s.hidden; l >= 0; --l) {
+      const std::vector<double>& input = x[static_cast<std::size_t>(l)];
+      const std::size_t begin = end - d.size() * input.size();
+      std::vector<double> d_input(input.size(), 0.0);
+      for (std::size_t o = 0; o < d.size(); ++o) {
+        for (std::size_t i = 0; i < input.size(); ++i) {
+          r.d_weights[begin + o * input.size() + i] += d[o] * input[i];
+          d_input[i] += d[o] * mlp.layer(l)[o * input.size() + i];
+        }
+      }
+      for (std::size_t i = 0; l > 0 && i < input.size(); ++i)
+        d_input[i] = input[i] > 0.0 ? (rounded ? half(d_input[i] * scale) / scale : d_input[i]) : 0.0;
+      d = d_input;
+      end = begin;
+    }
+    r.d_in.push_back(d);
+  }
+  return r;
+}
+
+std::vector<float> random_values(std::size_t n, float scale, std::uint64_t stream) {
+  Rng rng(9, RngPurpose::test, stream);
+  std::vector<float> values(n);
+  for (float& v : values) v = to_float(to_half(scale * (2.0f * rng.uniform() - 1.0f)));
+  return values;
+}
+
+std::vector<std::uint32_t> as_halves(const std::vector<float>& values, std::size_t rows, std::size_t n) {
+  std::vector<std::uint32_t> words((rows + 1) / 2 * n);
+  for (std::size_t f = 0; f < rows; f += 2) {
+    for (std::size_t i = 0; i < n; ++i)
+      words[f / 2 * n + i] = pack_halves(values[f * n + i], f + 1 < rows ? values[(f + 1) * n + i] : 77.0f);
+  }
+  return words;
+}
+
+// Share of |got - expected| above `tolerance` times the root mean square of what was expected.
+double share_beyond(const std::vector<double>& got, const std::vector<double>& expected, double tolerance) {
+  double square = 0.0;
+  for (const double e : expected) square += e * e;
+  const double unit = std::sqrt(square / static_cast<double>(expected.size())) + 1e-30;
+  std::size_t beyond = 0;
+  for (std::size_t i = 0; i < got.size(); ++i) beyond += !(std::abs(got[i] - expected[i]) <= tolerance * unit);
+  return static_cast<double>(beyond) / static_cast<double>(got.size());
+}
+
+class DeviceNetworks : public ::testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    stream_ = testing::stream_or_skip(GetParam());
+    if (!stream_) GTEST_SKIP() << testing::kNoDevice;
+  }
+  std::unique_ptr<Stream> stream_;
+};
+
+TEST_P(DeviceNetworks, ValuesAndGradientsAreThoseOfTheDefinition) {
+  for (const Case& c : kCases) {
+    SCOPED_TRACE(std::to_string(c.shape.inputs) + " inputs, width " + std::to_string(c.shape.width));
+    Stream& stream = *stream_;
+    const auto inputs = static_cast<std::size_t>(c.shape.inputs), outputs = static_cast<std::size_t>(c.shape.outputs);
+    Mlp mlp(c.shape);
+    mlp.initialize(3, 1);
+    for (float& w : mlp.weights())
+      w = to_float(to_half(w));  // rounding of the weights themselves is not what is tested
+    mlp.prepare();
+    const std::vector<float> in = random_values(inputs * c.n, 1.0f, 1);
+    std::vector<float> d_out = random_values(outputs * c.n, 1.0f, 2);
+    for (std::size_t i = 0; i < d_out.size(); ++i)
+      d_out[i] *= i % 3 == 0 ? 1e-6f : 1e-7f;  // far below what halves hold unscaled
+    const Reference expected = evaluate(mlp, in, d_out, c.n, true, 0x1p29),
+                    exact = evaluate(mlp, in, d_out, c.n, false, 1.0);
+
+    DeviceMlp device(stream, c.shape, c.n, "test");
+    device.weights().upload(mlp.weights());
+    device.refresh(stream);
+    const std::vector<std::uint32_t> words = as_halves(in, inputs, c.n);
+    const DeviceArray<std::uint32_t> x(stream, std::span<const std::uint32_t>(words), "in");
+    const HalfRows rows{x.data(), c.n};
+    DeviceArray<float> y(stream, outputs * c.n, "out"), y2(stream, outputs * c.n, "out"),
+        d_in(stream, inputs * c.n, "d");
+    const auto n = static_cast<std::uint32_t>(c.n);
+    device.forward(stream, rows, FloatRows{y.data(), c.n}, n);
+    device.forward_keep(stream, rows, FloatRows{y2.data(), c.n}, n);
+    const std::vector<float> out = y.download();
+    EXPECT_EQ(out, y2.download());
+    std::vector<double> got, want;
+    for (std::size_t o = 0; o < outputs; ++o) {
+      for (std::size_t i = 0; i < c.n; ++i) {
+        got.push_back(out[o * c.n + i]);
+        want.push_back(exact.out[i][o]);
+      }
+    }
+    EXPECT_EQ(share_beyond(got, want, 6e-3), 0.0);
+    EXPECT_LT(share_beyond(got, want, 1e-3), 0.35);
+
+    const std::vector<float> scale{0x1p29f, 0x1p-29f};
+    const DeviceArray<float> s(stream, std::span<const float>(scale), "scale"),
+        d(stream, std::span<const float>(d_out), "d");
+    const int wanted = c.shape.inputs - 5;
+    d_in.fill(0);
+    device.backward(stream, rows, FloatRows{d.data(), c.n}, s.data(), FloatRows{d_in.data(), c.n}, wanted, n, false);
+    const std::vector<float> di = d_in.download(), dw = device.gradient().download();
+    got.clear();
+    want.clear();
+    for (std::size_t k = 0; k < inputs; ++k) {
+      for (std::size_t i = 0; i < c.n; ++i) {
+        if (static_cast<int>(k) >= wanted) {
+          ASSERT_EQ(di[k * c.n + i], 0.0f) << "an input that was not asked for";
+          continue;
+        }
+        got.push_back(di[k * c.n + i]);
+        want.push_back(expected.d_in[i][k]);
+      }
+    }
+    // A neuron whose input is within rounding of 0 may be on either side: few and not far off.
+    EXPECT_LT(share_beyond(got, want, 2e-3), 0.03);
+    EXPECT_LT(share_beyond(got, want, 0.2), 0.002);
+    EXPECT_LT(share_beyond({dw.begin(), dw.end()}, expected.d_weights, 2e-3), 0.03);
+    EXPECT_LT(share_beyond({dw.begin(), dw.end()}, expected.d_weights, 5e-2), 0.001);
+    EXPECT_LT(share_beyond({dw.begin(), dw.end()}, exact.d_weights, 0.1), 0.02);
+    // A second chunk of rows adds; the same work gives the same bits.
+    device.backward(stream, rows, FloatRows{d.data(), c.n}, s.data(), FloatRows{d_in.data(), c.n}, wanted, n, true);
+    const std::vector<float> twice = device.gradient().download();
+    for (std::size_t i = 0; i < dw.size(); ++i) ASSERT_EQ(twice[i], 2.0f * dw[i]);
+    EXPECT_EQ(d_in.download(), di);
+  }
+}
+
+TEST_P(DeviceNetworks, AgreeWithTheFloatNetworkOfTheCpu) {
+  const MlpShape shape{45, 128, 4, 3};
+  const std::size_t n = 256;
+  Mlp mlp(shape);
+  mlp.initialize(5, 1);
+  const std::vector<float> in = random_values(45 * n, 1.0f, 4);
+  std::vector<float> expected(3 * n);
+  mlp.forward(in.data(), static_cast<int>(n), static_cast<int>(n), expected.data());
+  DeviceMlp device(*stream_, shape, 0, "test");
+  device.weights().upload(mlp.weights());
+  device.refresh(*stream_);
+  const std::vector<std::uint32_t> words = as_halves(in, 45, n);
+  const DeviceArray<std::uint32_t> x(*stream_, std::span<const std::uint32_t>(words), "in");
+  DeviceArray<float> y(*stream_, 3 * n, "out");
+  device.forward(*stream_, {x.data(), n}, {y.data(), n}, n);
+  const std::vector<float> out = y.download();
+  EXPECT_EQ(share_beyond({out.begin(), out.end()}, {expected.begin(), expected.end()}, 1e-2), 0.0);
+  EXPECT_LT(share_beyond({out.begin(), out.end()}, {expected.begin(), expected.end()}, 2e-3), 0.1);
+}
+
+TEST_P(DeviceNetworks, RowsDoNotDisturbEachOther) {
+  const MlpShape shape{20, 64, 2, 3};
+  const std::size_t n = 50;
+  Mlp mlp(shape);
+  mlp.initialize(5, 1);
+  DeviceMlp device(*stream_, shape, 0, "test");
+  device.weights().upload(mlp.weights());
+  device.refresh(*stream_);
+  std::vector<float> in = random_values(20 * n, 1.0f, 4);
+  const auto run = [&](std::uint32_t rows, QueueSlice slice) {
+    const std::vector<std::uint32_t> words = as_halves(in, 20, n);
+    const DeviceArray<std::uint32_t> x(*stream_, std::span<const std::uint32_t>(words), "in");
+    DeviceArray<float> y(*stream_, 3 * n, "out");
+    y.fill(0x11);
+    device.forward(*stream_, {x.data(), n}, {y.data(), n}, rows, slice);
+    return y.download();
+  };
+  const std::vector<float> before = run(n, {});
+  in[7 * n + 20] = std::numeric_limits<float>::quiet_NaN();
+  in[7 * n + 21] = 60000.0f;
+  const std::vector<float> after = run(n, {});
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t o = 0; o < 3; ++o) {
+      if (i == 20) {
+        EXPECT_TRUE(std::isnan(after[o * n + i]));
+      } else if (i == 21) {
+        EXPECT_TRUE(std::isfinite(after[o * n + i])) << "activations that are too large for halves are bounded";
+      } else {
+        EXPECT_EQ(after[o * n + i], before[o * n + i]);
+      }
+    }
+  }
+  const std::vector<std::uint32_t> length{40};
+  const DeviceArray<std::uint32_t> count(*stream_, std::span<const std::uint32_t>(length), "count");
+  const std::vector<float> nothing = run(0, {}), fewer = run(n, {count.data(), 40}), some = run(n, {count.data(), 37});
+  EXPECT_EQ(fewer, nothing) << "an empty queue";
+  EXPECT_EQ(some[2], before[2]);
+  EXPECT_EQ(some[40], nothing[40]);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, DeviceNetworks, ::testing::Values(false, true), testing::stream_name);
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,184 @@
+// The cache integrators with fields whose answer is known.
+#include "octrad/render/cache_integrators.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/scene/load.h"
+
+namespace octrad {
+namespace {
+
+// A field that answers `value` everywhere and remembers nothing.
+class ConstantField : public RadianceField {
+ public:
+  std::string name() const override { return "constant"; }
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override {
+    std::fill_n(out.begin(), points.size(), Vec3f(2.0f, 1.0f, 0.5f));
+  }
+  FieldStep train(std::span<const SurfacePoint>, std::span<const Vec3f>, double, double) override { return {}; }
+  void set_target_scale(float) override {}
+  float target_scale() const override { return 1.0f; }
+  Vec3f normalized(Vec3f x) const override { return x * 0.4f + Vec3f(0.5f); }
+  int feature_count() const override { return 8; }
+  int levels() const override { return 2; }
+  void inspect(std::span<const SurfacePoint> points, std::span<float> features,
+               std::span<float> disparity) const override {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      for (std::size_t f = 0; f < 8 && !features.empty(); ++f)
+        features[i * 8 + f] = points[i].x.x * static_cast<float>(f) + points[i].x.y;
+      if (!disparity.empty()) disparity[i] = 0.25f;
+    }
+  }
+  void save(TensorWriter&, bool) override {}
+  bool load(const TensorReader&, bool) override { return true; }
+  std::size_t parameter_count() const override { return 0; }
+};
+
+// A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
+struct Box {
+  Scene scene;
+  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
+  Materials materials{scene};
+  Lights lights{scene};
+  TransportContext context{scene, *tracer, materials, lights};
+  ConstantField field;
+  Config config = preset("cpu");
+
+  explicit Box(const std::string& emitter = "") : scene(load(emitter)) {}
+  static Scene load(const std::string& emitter) {
+    const auto file = std::filesystem::temp_directory_path() / ("octrad_cache_" + std::to_string(::getpid()) + ".xml");
+    std::ofstream(file)
+        << R"(<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="80"/><transform name="to_world">
+      <lookat origin="0,0,-0.9" target="0,0,1" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="24"/>
+      <rfilter type="box"/></film></sensor><shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)"
+        << emitter
+        << R"(</shape><shape type="sphere"><float name="radius" value="0.4"/><bsdf type="conductor"><string name="material" value="none"/></bsdf></shape></scene>)";
+    Scene scene = load_scene(file.string());
+    std::filesystem::remove(file);
+    return scene;
+  }
+  RenderOptions options(int spp) const {
+    RenderOptions o;
+    o.camera = scene.cameras[0];
+    o.width = 32;
+    o.height = 24;
+    o.spp = spp;
+    o.film = scene.film;
+    return o;
+  }
+  RenderResult picture(CacheMode mode, int spp, int directions) const {
+    return render(options(spp), cache_integrator(context, field, config, mode, directions, 1));
+  }
+};
+
+bool on_sphere(const Image& image, int x, int y) { return image.at(x, y, image.channel("roughness.Y")) < 0.01f; }
+
+TEST(CacheIntegrators, LhsShowsTheFieldAtTheFirstHit) {
+  const Box box;
+  const RenderResult r = box.picture(CacheMode::lhs, 2, 1);
+  int mirror = 0;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      EXPECT_TRUE(r.image.rgb(x, y) == Vec3f(2.0f, 1.0f, 0.5f));
+      mirror += on_sphere(r.image, x, y);
+    }
+  }
+  EXPECT_GT(mirror, 20);
+  EXPECT_EQ(r.counts.queries, 32 * 24 * 2);
+}
+
+TEST(CacheIntegrators, RhsReflectsTheFieldOnce) {
+  const Box box;
+  const RenderResult r = box.picture(CacheMode::rhs, 1, 4);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      const float roughness = r.image.at(x, y, r.image.channel("roughness.Y"));
+      EXPECT_NEAR(r.image.rgb(x, y).x, roughness < 0.5f ? 2.0f : 1.0f,
+                  1e-3f);  // the mirror shows the cache behind it, grey walls half of it
+    }
+  }
+}
+
+TEST(CacheIntegrators, DeferredBouncesOnlyWhereItIsGlossy) {
+  const Box box;
+  const RenderResult r = box.picture(CacheMode::deferred, 1, 4);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) EXPECT_NEAR(r.image.rgb(x, y).x, 2.0f, 1e-3f);
+  }
+}
+
+TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
+  Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
+  const RenderResult outside = box.picture(CacheMode::lhs, 1, 1);
+  box.config.target_emission = "inside";
+  const RenderResult inside = box.picture(CacheMode::lhs, 1, 1);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      EXPECT_FLOAT_EQ(outside.image.rgb(x, y).x, on_sphere(outside.image, x, y) ? 2.0f : 5.0f);
+      EXPECT_FLOAT_EQ(inside.image.rgb(x, y).x, 2.0f);
+    }
+  }
+}
+
+TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
+  Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
+  box.config.render_delta = "trace";
+  const RenderResult r = box.picture(CacheMode::lhs, 1, 1);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) EXPECT_FLOAT_EQ(r.image.rgb(x, y).x, 5.0f);
+  }
+}
+
+TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
+  Box box;
+  const RenderResult cached = box.picture(CacheMode::lhs, 1, 1);
+  box.config.render_delta = "trace";
+  const RenderResult traced = box.picture(CacheMode::lhs, 1, 1);
+  int mirror = 0;
+  for (const char* layer : {"albedo.R", "normal.X", "normal.Z", "depth.Z", "roughness.Y"}) {
+    const int c = cached.image.channel(layer);
+    for (int y = 0; y < 24; ++y) {
+      for (int x = 0; x < 32; ++x)
+        EXPECT_EQ(traced.image.at(x, y, c), cached.image.at(x, y, c)) << layer << " " << x << "," << y;
+    }
+  }
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) mirror += on_sphere(traced.image, x, y);
+  }
+  EXPECT_GT(mirror, 20);
+}
+
+TEST(Views, DisparityTracedFeaturesOccupancy) {
+  const Box box;
+  const RenderResult disparity = render_view(box.options(1), box.context, box.field, box.config, "disparity");
+  EXPECT_FLOAT_EQ(disparity.image.rgb(3, 3).x, 0.25f);
+  const RenderResult traced = render_view(box.options(1), box.context, box.field, box.config, "traced");
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x)
+      EXPECT_GT(traced.image.rgb(x, y).x, 1.0f / (2.0f * std::sqrt(3.0f)));  // nothing is farther than the diagonal
+  }
+  const RenderResult features = render_view(box.options(4), box.context, box.field, box.config, "features2");
+  float low = 1e9f, high = -1e9f;
+  for (int x = 0; x < 32; ++x) {
+    low = std::min(low, features.image.rgb(x, 12).x);
+    high = std::max(high, features.image.rgb(x, 12).x);
+  }
+  EXPECT_GT(high - low, 0.5f);
+  EXPECT_LE(high, 1.0f);
+  EXPECT_NO_THROW(render_view(box.options(1), box.context, box.field, box.config, "occupancy1"));
+  try {
+    render_view(box.options(1), box.context, box.field, box.config, "feature2");
+    FAIL();
+  } catch (const UsageError& e) {
+    EXPECT_NE(std::string(e.what()).find("features2"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace octrad

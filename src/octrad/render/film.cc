@@ -1,0 +1,82 @@
+#include "octrad/render/film.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace octrad {
+
+const std::vector<std::string>& picture_channels() {
+  static const std::vector<std::string> names = {
+      "R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "roughness.Y"};
+  return names;
+}
+
+ReconstructionFilter::ReconstructionFilter(const Film& film) {
+  shape_.type = film.filter == Film::Filter::box    ? FilterShape::Type::box
+                : film.filter == Film::Filter::tent ? FilterShape::Type::tent
+                                                    : FilterShape::Type::gaussian;
+  shape_.radius = film.filter_radius;
+  if (!(shape_.radius > 0.0f)) {
+    shape_.radius = shape_.type == FilterShape::Type::box
+                        ? 0.5f
+                        : (shape_.type == FilterShape::Type::tent ? 1.0f : 4.0f * film.filter_stddev);
+  }
+  box_ = shape_.type == FilterShape::Type::box && shape_.radius <= 0.5f;
+  if (shape_.type == FilterShape::Type::gaussian) {
+    shape_.exponent = -0.5f / (film.filter_stddev * film.filter_stddev);
+    shape_.floor = std::exp(shape_.exponent * shape_.radius * shape_.radius);
+  }
+}
+
+FilmBuffer::FilmBuffer(int x0, int y0, int width, int height)
+    : x0_(x0),
+      y0_(y0),
+      width_(width),
+      height_(height),
+      sums_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * kStride, 0.0) {}
+
+void FilmBuffer::clear() { std::fill(sums_.begin(), sums_.end(), 0.0); }
+
+void FilmBuffer::add_to_pixel(int x, int y, const PixelSample& sample) {
+  accumulate_sample(pixel(x, y), 1, sample, 1.0);
+}
+
+void FilmBuffer::add(const ReconstructionFilter& filter, Vec2f p, const PixelSample& sample) {
+  const FilterShape& shape = filter.shape();
+  const int xa = std::max(x0_, shape.first(p.x)), xb = std::min(x0_ + width_ - 1, shape.last(p.x));
+  const int ya = std::max(y0_, shape.first(p.y)), yb = std::min(y0_ + height_ - 1, shape.last(p.y));
+  for (int y = ya; y <= yb; ++y) {
+    const float wy = shape(static_cast<float>(y) + 0.5f - p.y);
+    if (wy == 0.0f) continue;
+    for (int x = xa; x <= xb; ++x) {
+      const float w = wy * shape(static_cast<float>(x) + 0.5f - p.x);
+      if (w > 0.0f) accumulate_sample(pixel(x, y), 1, sample, static_cast<double>(w));
+    }
+  }
+}
+
+void FilmBuffer::add(const FilmBuffer& other) {
+  const int xa = std::max(x0_, other.x0_), xb = std::min(x0_ + width_, other.x0_ + other.width_);
+  const int ya = std::max(y0_, other.y0_), yb = std::min(y0_ + height_, other.y0_ + other.height_);
+  if (xa >= xb) return;
+  for (int y = ya; y < yb; ++y) {
+    double* to = pixel(xa, y);
+    const double* from = other.pixel(xa, y);
+    const std::size_t n = static_cast<std::size_t>(xb - xa) * kStride;
+    for (std::size_t i = 0; i < n; ++i) to[i] += from[i];
+  }
+}
+
+Image FilmBuffer::image() const {
+  Image out(width_, height_, picture_channels());
+  for (std::size_t i = 0; i < static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); ++i) {
+    const double* from = sums_.data() + i * kStride;
+    const double weight = from[kPictureChannelCount];
+    if (!(weight > 0.0)) continue;
+    for (std::size_t c = 0; c < kPictureChannelCount; ++c)
+      out.data[i * kPictureChannelCount + c] = static_cast<float>(from[c] / weight);
+  }
+  return out;
+}
+
+}  // namespace octrad

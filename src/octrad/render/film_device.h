@@ -1,0 +1,39 @@
+// The film of render/film.h in the memory of a Stream: sums of filtered samples of a window of the picture, in double
+// and in a fixed order.
+#pragma once
+
+#include "octrad/device/array.h"
+#include "octrad/render/film.h"
+#include "octrad/transport/camera_job.h"
+
+namespace octrad {
+
+class DeviceFilm {
+ public:
+  // Window [x0, x0 + width) x [y0, y0 + height) of the picture's pixels.
+  DeviceFilm(Stream& stream, int x0, int y0, int width, int height, const Film& film);
+
+  void clear();
+  // Adds the samples of *job (device memory), each to all pixels of the window within the filter's reach. Samples whose
+  // radiance is not finite count as black. Both can be recorded.
+  void add(const CameraJob* job, const SamplePlanes& samples);
+  // How many pixels around a window have samples that reach into it.
+  int reach() const { return reach_; }
+
+  // The sums, kFilmNumbers planes of a double a pixel, in device memory.
+  const double* sums() const { return sums_.data(); }
+  std::size_t pixels() const { return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); }
+  Image image() const;
+  unsigned long long take_non_finite();  // since the last call
+  static std::size_t bytes(int width, int height);
+
+ private:
+  Stream* stream_;
+  int x0_, y0_, width_, height_;
+  ReconstructionFilter filter_;
+  int reach_;
+  DeviceArray<double> sums_;
+  DeviceArray<unsigned long long> non_finite_;
+};
+
+}  // namespace octrad

@@ -1,0 +1,55 @@
+// Reconstruction filter and sums of samples, for host and device.
+#pragma once
+
+#include <cmath>
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+inline constexpr int kPictureChannelCount = 11;
+inline constexpr int kFilmNumbers = kPictureChannelCount + 1;  // channels, then weight
+
+// What an integrator finds for one camera ray. Attributes are those of the first hit (method section 1); the values
+// here where nothing is hit.
+struct PixelSample {
+  Vec3f radiance{0, 0, 0}, albedo{0, 0, 0}, normal{0, 0, 0};
+  float depth = 0.0f;  // distance along the ray
+  float roughness = 1.0f;
+};
+
+// A filter along one axis.
+struct FilterShape {
+  enum class Type { box, tent, gaussian } type = Type::box;
+  float radius = 0.5f;
+  float exponent = 0.0f, floor = 0.0f;  // gaussian
+
+  // At signed distance `d` in pixels.
+  OCTRAD_HD float operator()(float d) const {
+    const float a = std::fabs(d);
+    if (type == Type::box) return a <= radius ? 1.0f : 0.0f;
+    if (type == Type::tent) return std::fmax(0.0f, 1.0f - a / radius);
+    return a < radius ? std::fmax(0.0f, std::exp(exponent * d * d) - floor) : 0.0f;
+  }
+  // The pixels first .. last along the axis that a sample at `p` counts for.
+  OCTRAD_HD int first(float p) const { return static_cast<int>(std::ceil(p - radius - 0.5f)); }
+  OCTRAD_HD int last(float p) const { return static_cast<int>(std::floor(p + radius - 0.5f)); }
+};
+
+// Adds a sample to sums whose numbers lie `stride` apart.
+OCTRAD_HD inline void accumulate_sample(double* to, std::size_t stride, const PixelSample& s, double weight) {
+  to[0] += weight * static_cast<double>(s.radiance.x);
+  to[stride] += weight * static_cast<double>(s.radiance.y);
+  to[2 * stride] += weight * static_cast<double>(s.radiance.z);
+  to[3 * stride] += weight * static_cast<double>(s.albedo.x);
+  to[4 * stride] += weight * static_cast<double>(s.albedo.y);
+  to[5 * stride] += weight * static_cast<double>(s.albedo.z);
+  to[6 * stride] += weight * static_cast<double>(s.normal.x);
+  to[7 * stride] += weight * static_cast<double>(s.normal.y);
+  to[8 * stride] += weight * static_cast<double>(s.normal.z);
+  to[9 * stride] += weight * static_cast<double>(s.depth);
+  to[10 * stride] += weight * static_cast<double>(s.roughness);
+  to[11 * stride] += weight;
+}
+
+}  // namespace octrad

@@ -1,0 +1,167 @@
+#include "octrad/scene/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "octrad/base/error.h"
+#include "octrad/scene/source.h"
+#include "octrad/scene/transform.h"
+
+namespace octrad {
+namespace {
+
+const std::vector<std::string> kFovAxes = {"x", "y", "diagonal", "smaller", "larger"};
+
+void set_frame(Camera& camera, const Transform& to_world) {
+  camera.origin = Vec3f(to_world.column(3));
+  camera.right = Vec3f(-normalize(to_world.column(0)));
+  camera.up = Vec3f(normalize(to_world.column(1)));
+  camera.forward = Vec3f(normalize(to_world.column(2)));
+}
+
+// Numbers of a JSON array of exactly `count`, or an InputError that starts with `where`.
+std::vector<double> read_array(const nlohmann::json& object, const std::string& key, std::size_t count,
+                               const std::string& where) {
+  const nlohmann::json& value = object.at(key);
+  std::vector<double> numbers;
+  if (value.is_array() && value.size() == count) {
+    for (const nlohmann::json& item : value) {
+      if (item.is_number() && std::isfinite(item.get<double>())) numbers.push_back(item.get<double>());
+    }
+  }
+  if (numbers.size() != count)
+    throw InputError(where + "\"" + key + "\" must be a list of " + std::to_string(count) + " finite numbers");
+  return numbers;
+}
+
+double read_number(const nlohmann::json& object, const std::string& key, double fallback, double lower, double upper,
+                   const std::string& where) {
+  if (!object.contains(key)) return fallback;
+  const nlohmann::json& value = object.at(key);
+  if (!value.is_number() || !(value.get<double>() >= lower && value.get<double>() <= upper)) {
+    throw InputError(where + "\"" + key + "\" must be a number between " + std::to_string(lower) + " and " +
+                     std::to_string(upper));
+  }
+  return value.get<double>();
+}
+
+Camera read_camera(const nlohmann::json& object, const std::string& where) {
+  if (!object.is_object())
+    throw InputError(where + "must be an object such as {\"origin\": [0,1,4], \"target\": [0,1,0], \"fov\": 40}");
+  const std::vector<std::string> keys = {"origin",    "target",   "up",    "to_world", "fov", "fov_axis",
+                                         "near_clip", "far_clip", "width", "height",   "name"};
+  for (const auto& [key, value] : object.items()) {
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
+      throw InputError(where + "unknown key \"" + key + "\"" + did_you_mean(key, keys) + "; supported: " + join(keys));
+    }
+  }
+  Camera camera;
+  if (object.contains("to_world")) {
+    if (object.contains("origin") || object.contains("target") || object.contains("up"))
+      throw InputError(where + "give either \"to_world\" or \"origin\" and \"target\"");
+    const std::vector<double> numbers = read_array(object, "to_world", 16, where);
+    Transform t;
+    std::copy(numbers.begin(), numbers.end(), t.m.begin());
+    bool rigid = t.is_affine();
+    for (int i = 0; i < 3; ++i) {
+      rigid = rigid && std::fabs(length(t.column(i)) - 1.0) < 1e-3 &&
+              std::fabs(dot(t.column(i), t.column((i + 1) % 3))) < 1e-3;
+    }
+    if (!rigid) throw InputError(where + "\"to_world\" must not scale or shear, and its last row must be 0 0 0 1");
+    set_frame(camera, t);
+  } else {
+    if (!object.contains("origin") || !object.contains("target"))
+      throw InputError(where + "needs \"origin\" and \"target\", or \"to_world\"");
+    const std::vector<double> o = read_array(object, "origin", 3, where), at = read_array(object, "target", 3, where);
+    const std::vector<double> up =
+        object.contains("up") ? read_array(object, "up", 3, where) : std::vector<double>{0, 1, 0};
+    const auto t = Transform::look_at({o[0], o[1], o[2]}, {at[0], at[1], at[2]}, {up[0], up[1], up[2]});
+    if (!t)
+      throw InputError(where + "origin, target and up define no view (equal points, or up along the view direction)");
+    set_frame(camera, *t);
+  }
+  camera.fov_degrees = static_cast<float>(read_number(object, "fov", camera.fov_degrees, 1e-3, 179.999, where));
+  if (object.contains("fov_axis")) {
+    if (!object.at("fov_axis").is_string())
+      throw InputError(where + "\"fov_axis\" must be a string: " + join(kFovAxes));
+    try {
+      camera.fov_axis = parse_fov_axis(object.at("fov_axis").get<std::string>());
+    } catch (const InputError& error) {
+      throw InputError(where + error.what());
+    }
+  }
+  camera.near_clip = static_cast<float>(read_number(object, "near_clip", camera.near_clip, 1e-12, 1e12, where));
+  camera.far_clip = static_cast<float>(read_number(object, "far_clip", camera.far_clip, 1e-12, 1e30, where));
+  if (!(camera.far_clip > camera.near_clip))
+    throw InputError(where + "\"far_clip\" must be greater than \"near_clip\"");
+  camera.film_width = static_cast<int>(read_number(object, "width", 0, 1, 131072, where));
+  camera.film_height = static_cast<int>(read_number(object, "height", 0, 1, 131072, where));
+  return camera;
+}
+
+}  // namespace
+
+CameraView Camera::view(int width, int height) const {
+  const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  float tan_x = std::tan(fov_degrees * (0.5f * kPi / 180.0f));
+  bool along_y = fov_axis == FovAxis::y;
+  if (fov_axis == FovAxis::smaller) along_y = aspect > 1.0f;
+  if (fov_axis == FovAxis::larger) along_y = aspect < 1.0f;
+  if (along_y) tan_x *= aspect;
+  if (fov_axis == FovAxis::diagonal) tan_x /= std::sqrt(1.0f + 1.0f / (aspect * aspect));
+  return {origin, right, up, forward, principal_point_offset, tan_x, tan_x / aspect, near_clip, far_clip - near_clip,
+          width,  height};
+}
+
+Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis) {
+  const auto t = Transform::look_at(Vec3d(origin), Vec3d(target), Vec3d(up));
+  if (!t)
+    throw InputError(
+        "the camera's origin, target and up define no view (equal points, or up along the view direction)");
+  if (!(fov_degrees > 0.0f && fov_degrees < 180.0f))
+    throw InputError("the camera's field of view must be above 0 and below 180 degrees");
+  Camera camera;
+  set_frame(camera, *t);
+  camera.fov_degrees = fov_degrees;
+  camera.fov_axis = axis;
+  return camera;
+}
+
+Camera::FovAxis parse_fov_axis(const std::string& name) {
+  const auto found = std::find(kFovAxes.begin(), kFovAxes.end(), name);
+  if (found == kFovAxes.end())
+    throw InputError("unknown fov axis \"" + name + "\"" + did_you_mean(name, kFovAxes) +
+                     "; supported: " + join(kFovAxes));
+  return static_cast<Camera::FovAxis>(found - kFovAxes.begin());
+}
+
+std::vector<Camera> read_cameras(const std::string& json_file) {
+  nlohmann::json document;
+  try {
+    document = nlohmann::json::parse(read_file(json_file), nullptr, true, true);
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(json_file + ": " + error.what());
+  }
+  if (document.is_object()) document = nlohmann::json::array({document});
+  if (!document.is_array() || document.empty())
+    throw InputError(json_file + ": expected a camera or a list of cameras");
+  std::vector<Camera> cameras;
+  for (std::size_t i = 0; i < document.size(); ++i) {
+    cameras.push_back(read_camera(document[i], json_file + ": camera " + std::to_string(i + 1) + ": "));
+  }
+  return cameras;
+}
+
+Vec2i picture_size(int film_width, int film_height, int width, int height) {
+  const auto scaled = [](int length, int from, int to) {
+    return static_cast<int>(
+        std::max(1.0, std::round(static_cast<double>(length) * static_cast<double>(to) / static_cast<double>(from))));
+  };
+  if (width > 0 && height > 0) return {width, height};
+  if (width > 0) return {width, scaled(width, film_width, film_height)};
+  if (height > 0) return {scaled(height, film_height, film_width), height};
+  return {film_width, film_height};
+}
+
+}  // namespace octrad

@@ -1,0 +1,43 @@
+// Perspective camera. Mitsuba's convention: camera space looks along +z, +x to the left of the picture, +y up.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "octrad/scene/camera_math.h"
+
+namespace octrad {
+
+struct Camera {
+  Vec3f origin{0, 0, 0};
+  Vec3f right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};  // unit; `right` points to the right of the picture
+  float fov_degrees = 45.0f;                            // along fov_axis
+  enum class FovAxis { x, y, diagonal, smaller, larger };
+  FovAxis fov_axis = FovAxis::x;
+  float near_clip = 0.01f, far_clip = 10000.0f;
+  Vec2f principal_point_offset{0, 0};  // in pictures' widths and heights, added to the position on the film
+  int film_width = 0, film_height = 0;
+
+  // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
+  // on the near clipping plane, as in Mitsuba 3.
+  Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
+  CameraView view(int width, int height) const;
+};
+
+// Camera at `origin` looking at `target`. Throws InputError when the points and `up` define no view.
+Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis);
+
+// Cameras of a JSON file: one object or a list of objects with
+//   {"origin": [x,y,z], "target": [x,y,z], "up": [x,y,z] (default 0,1,0), "fov": degrees, "fov_axis": "x"}   or
+//   {"to_world": [16 numbers, row after row], "fov": degrees, ...}
+// and optionally "near_clip", "far_clip", "width", "height" (film size; 0 where absent).
+// Throws IoError, or InputError naming the file and the camera.
+std::vector<Camera> read_cameras(const std::string& json_file);
+
+// Size of a picture: the film's, or with one of width and height given (> 0) the other by its aspect ratio.
+Vec2i picture_size(int film_width, int film_height, int width, int height);
+
+// "x", "y", "diagonal", "smaller" or "larger".
+Camera::FovAxis parse_fov_axis(const std::string& name);
+
+}  // namespace octrad

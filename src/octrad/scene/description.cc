@@ -1,0 +1,293 @@
+#include "octrad/scene/description.h"
+
+#include <pugixml.hpp>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+// Bounds on what one scene may expand to, so that files that include each other fail with a message and not with the
+// machine's memory.
+constexpr int kMaxIncludes = 1000;
+constexpr int kMaxIncludeDepth = 16;
+constexpr int kMaxElementDepth = 64;
+constexpr std::size_t kMaxElements = 4'000'000;
+constexpr std::size_t kMaxValueLength = 1 << 16;
+
+bool is_name_character(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+class Reader {
+ public:
+  Reader(const std::map<std::string, std::string>& definitions, Description& description)
+      : description_(description),
+        parameters_(definitions),
+        definitions_(definitions) {}
+
+  void read_main(const std::string& file) {
+    std::error_code code;
+    including_.push_back(std::filesystem::weakly_canonical(file, code).string());
+    read_document(file, read_file(file), nullptr);
+    check_definitions();
+    collect_ids(*description_.root);
+    resolve_aliases();
+  }
+
+ private:
+  // Parses `text` and appends its elements to `parent`, or makes it the root.
+  void read_document(const std::string& file, std::string text, Element* parent) {
+    const auto source = std::make_shared<const SourceFile>(file, std::move(text));
+    pugi::xml_document document;
+    const pugi::xml_parse_result result = document.load_buffer(source->text().data(), source->text().size(),
+                                                               pugi::parse_default | pugi::parse_declaration);
+    if (!result) {
+      fail({source, static_cast<std::size_t>(std::max<std::ptrdiff_t>(result.offset, 0))},
+           std::string("not well-formed XML: ") + result.description());
+    }
+    pugi::xml_node top;
+    for (const pugi::xml_node node : document.children()) {
+      if (node.type() != pugi::node_element) continue;
+      if (top)
+        fail(locate(source, node),
+             std::string("a second top-level element <") + node.name() + ">; a file holds one <scene>");
+      top = node;
+    }
+    if (!top) fail({source, 0}, "the file holds no element; expected <scene>");
+    if (!parent) {
+      if (std::string_view(top.name()) != "scene") {
+        fail(locate(source, top), std::string("the top-level element is <") + top.name() + ">, expected <scene>");
+      }
+      description_.root = std::make_unique<Element>();
+      description_.root->tag = "scene";
+      description_.root->location = locate(source, top);
+      read_scene_attributes(top, description_.root->location);
+      read_children(source, top, *description_.root, 1);
+    } else if (std::string_view(top.name()) == "scene") {
+      read_scene_attributes(top, locate(source, top));
+      read_children(source, top, *parent, 1);
+    } else {
+      read_element(source, top, *parent, 1);
+    }
+  }
+
+  static Location locate(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node) {
+    // pugixml gives the offset of the name; the bracket stands before it.
+    const std::ptrdiff_t offset = node.offset_debug();
+    return {source, static_cast<std::size_t>(offset > 0 ? offset - 1 : 0)};
+  }
+
+  void read_scene_attributes(const pugi::xml_node& node, const Location& where) {
+    const std::string version = node.attribute("version").value();
+    if (version.empty()) fail(where, "<scene> has no version attribute; expected version=\"3.0.0\"");
+    if (version[0] != '3' && version[0] != '2') {
+      fail(
+          where,
+          "scene version \"" + version +
+              "\" is not supported; expected 3.x (Mitsuba 3), or 2.x with the same names; older files can be converted "
+              "by loading them in Mitsuba 3");
+    }
+  }
+
+  void read_children(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node, Element& parent,
+                     int depth) {
+    for (const pugi::xml_node child : node.children()) {
+      if (child.type() == pugi::node_element) {
+        read_element(source, child, parent, depth);
+      } else if (child.type() == pugi::node_pcdata) {
+        fail(parent.location,
+             "unexpected text inside <" + parent.tag + ">: \"" + std::string(child.value()).substr(0, 40) + "\"");
+      }
+    }
+  }
+
+  void read_element(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node, Element& parent,
+                    int depth) {
+    const Location where = locate(source, node);
+    if (depth > kMaxElementDepth)
+      fail(where, "elements are nested more than " + std::to_string(kMaxElementDepth) + " deep");
+    if (++elements_ > kMaxElements)
+      fail(where, "the scene has more than " + std::to_string(kMaxElements) + " elements");
+    auto element = std::make_unique<Element>();
+    element->tag = node.name();
+    element->location = where;
+    for (const pugi::xml_attribute attribute : node.attributes()) {
+      if (element->find(attribute.name()))
+        fail(where, std::string("attribute \"") + attribute.name() + "\" is given twice");
+      element->attributes.emplace_back(attribute.name(), substitute(attribute.value(), where));
+    }
+    if (element->tag == "default") {
+      check_attributes(*element, {"name", "value"});
+      const std::string& name = element->get("name");
+      if (name.empty() || !std::all_of(name.begin(), name.end(), is_name_character)) {
+        fail(where, "<default> needs a name of letters, digits and underscores, not \"" + name + "\"");
+      }
+      declared_.insert(name);
+      parameters_.emplace(name, element->get("value"));  // an earlier value (command line, first default) stays
+    } else if (element->tag == "include") {
+      check_attributes(*element, {"filename"});
+      include(*element, parent);
+    } else if (element->tag == "path") {
+      check_attributes(*element, {"value"});
+      const std::filesystem::path path =
+          std::filesystem::path(description_.search_paths.front()) / element->get("value");
+      std::error_code code;
+      if (!std::filesystem::is_directory(path, code)) fail(where, "<path>: \"" + path.string() + "\" is not a folder");
+      description_.search_paths.push_back(path.string());
+    } else if (element->tag == "alias") {
+      check_attributes(*element, {"id", "as"});
+      aliases_.push_back(std::move(element));
+    } else {
+      read_children(source, node, *element, depth + 1);
+      parent.children.push_back(std::move(element));
+    }
+  }
+
+  static void check_attributes(const Element& element, const std::vector<std::string>& required) {
+    for (const std::string& name : required) {
+      if (!element.find(name)) fail(element.location, "<" + element.tag + "> needs the attribute \"" + name + "\"");
+    }
+    for (const auto& [name, value] : element.attributes) {
+      if (std::find(required.begin(), required.end(), name) == required.end()) {
+        fail(element.location, "<" + element.tag + "> has no attribute \"" + name + "\"" +
+                                   did_you_mean(name, required) + "; supported: " + join(required));
+      }
+    }
+  }
+
+  void include(const Element& element, Element& parent) {
+    const std::string file = description_.resolve(element.get("filename"), element.location);
+    std::error_code code;
+    const std::string identity = std::filesystem::weakly_canonical(file, code).string();
+    if (std::find(including_.begin(), including_.end(), identity) != including_.end()) {
+      fail(element.location, "<include>: \"" + file + "\" includes itself");
+    }
+    if (static_cast<int>(including_.size()) >= kMaxIncludeDepth)
+      fail(element.location, "<include>: nested more than " + std::to_string(kMaxIncludeDepth) + " deep");
+    if (++includes_ > kMaxIncludes)
+      fail(element.location, "<include>: more than " + std::to_string(kMaxIncludes) + " files");
+    including_.push_back(identity);
+    read_document(file, read_file(file), &parent);
+    including_.pop_back();
+  }
+
+  // Replaces $name by the parameter's value. Values are not substituted again.
+  std::string substitute(const std::string& text, const Location& where) {
+    if (text.find('$') == std::string::npos) return text;
+    std::string result;
+    for (std::size_t i = 0; i < text.size();) {
+      if (text[i] != '$') {
+        result += text[i++];
+        continue;
+      }
+      std::size_t end = i + 1;
+      while (end < text.size() && is_name_character(text[end])) ++end;
+      const std::string name = text.substr(i + 1, end - i - 1);
+      const auto found = parameters_.find(name);
+      if (name.empty() || found == parameters_.end()) {
+        std::vector<std::string> known;
+        for (const auto& [key, value] : parameters_) known.push_back(key);
+        fail(where, "undefined parameter $" + name + did_you_mean(name, known) + "; define it with <default name=\"" +
+                        (name.empty() ? "..." : name) + "\" value=\"...\"/> before its use or with -D " +
+                        (name.empty() ? "..." : name) + "=value");
+      }
+      used_.insert(name);
+      result += found->second;
+      if (result.size() > kMaxValueLength)
+        fail(where,
+             "an attribute is longer than " + std::to_string(kMaxValueLength) + " characters after substitution");
+      i = end;
+    }
+    return result;
+  }
+
+  void check_definitions() const {
+    for (const auto& [name, value] : definitions_) {
+      if (declared_.count(name) || used_.count(name)) continue;
+      const std::vector<std::string> known(declared_.begin(), declared_.end());
+      throw InputError("-D " + name + "=" + value + ": " + description_.root->location.file->name() +
+                       " has no parameter \"" + name + "\"" + did_you_mean(name, known) +
+                       (known.empty() ? "; it has none at all" : "; it has: " + join(known)));
+    }
+  }
+
+  void collect_ids(const Element& element) {
+    const std::string* id = element.find("id");
+    if (id && element.tag != "ref") {
+      if (id->empty()) fail(element.location, "<" + element.tag + "> has an empty id");
+      const auto [at, inserted] = description_.ids.emplace(*id, &element);
+      if (!inserted)
+        fail(element.location, "the id \"" + *id + "\" is taken already, at " + at->second->location.text());
+    }
+    for (const auto& child : element.children) collect_ids(*child);
+  }
+
+  void resolve_aliases() {
+    for (const auto& alias : aliases_) {
+      const auto target = description_.ids.find(alias->get("id"));
+      if (target == description_.ids.end()) {
+        std::vector<std::string> known;
+        for (const auto& [id, element] : description_.ids) known.push_back(id);
+        fail(alias->location,
+             "<alias>: nothing has the id \"" + alias->get("id") + "\"" + did_you_mean(alias->get("id"), known));
+      }
+      if (!description_.ids.emplace(alias->get("as"), target->second).second) {
+        fail(alias->location, "<alias>: the id \"" + alias->get("as") + "\" is taken already");
+      }
+    }
+  }
+
+  Description& description_;
+  std::map<std::string, std::string> parameters_;
+  const std::map<std::string, std::string>& definitions_;
+  std::set<std::string> declared_, used_;
+  std::vector<std::unique_ptr<Element>> aliases_;
+  std::vector<std::string> including_;
+  int includes_ = 0;
+  std::size_t elements_ = 0;
+};
+
+}  // namespace
+
+const std::string* Element::find(std::string_view attribute) const {
+  for (const auto& [name, value] : attributes) {
+    if (name == attribute) return &value;
+  }
+  return nullptr;
+}
+
+const std::string& Element::get(std::string_view attribute) const {
+  static const std::string empty;
+  const std::string* value = find(attribute);
+  return value ? *value : empty;
+}
+
+std::string Description::resolve(const std::string& file, const Location& where) const {
+  if (file.empty()) fail(where, "empty file name");
+  std::error_code code;
+  std::vector<std::string> tried;
+  for (const std::string& folder : search_paths) {
+    const std::filesystem::path path = std::filesystem::path(folder) / file;  // an absolute `file` replaces the folder
+    if (std::filesystem::exists(path, code)) {
+      if (std::filesystem::is_directory(path, code)) fail(where, "\"" + path.string() + "\" is a folder, not a file");
+      return path.string();
+    }
+    if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
+  }
+  fail(where, "file \"" + file + "\" does not exist (looked for " + join(tried) + ")");
+}
+
+Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions) {
+  Description description;
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  description.search_paths.push_back(folder.empty() ? "." : folder.string());
+  Reader(definitions, description).read_main(file);
+  return description;
+}
+
+}  // namespace octrad

@@ -1,0 +1,44 @@
+// Files for tests of this room: a folder that goes away, and the shared scenes.
+#pragma once
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace octrad {
+
+class TestFolder {
+ public:
+  TestFolder() {
+    static int count = 0;
+    path_ = std::filesystem::temp_directory_path() /
+            ("octrad_test_" + std::to_string(::getpid()) + "_" + std::to_string(count++));
+    std::filesystem::create_directories(path_);
+  }
+  ~TestFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TestFolder(const TestFolder&) = delete;
+  TestFolder& operator=(const TestFolder&) = delete;
+
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+  std::string write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(path_ / name, std::ios::binary) << bytes;
+    return file(name);
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// Folder of the shared scenes: $OCTRAD_SHARED, else ../shared of the project (tests run in the project's root).
+inline std::filesystem::path shared_folder() {
+  const char* given = std::getenv("OCTRAD_SHARED");
+  return given ? std::filesystem::path(given) : std::filesystem::path("../shared");
+}
+
+}  // namespace octrad

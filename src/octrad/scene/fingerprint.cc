@@ -1,0 +1,113 @@
+#include "octrad/scene/fingerprint.h"
+
+#include <cstdio>
+#include <cstring>
+#include <type_traits>
+#include <vector>
+
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+
+namespace octrad {
+namespace {
+
+// One word into the state. For a fixed state this is a bijection of the word and the other way round, so that two
+// inputs that differ in one word never collide in a lane.
+std::uint64_t absorb(std::uint64_t state, std::uint64_t word) {
+  return ((state << 27 | state >> 37) ^ mix64(word + 0x9e3779b97f4a7c15ull)) * 0xe7037ed1a0b428dbull + 1;
+}
+
+std::uint64_t load64(const unsigned char* p) {
+  std::uint64_t v;
+  std::memcpy(&v, p, 8);
+  return v;
+}
+
+class Hasher {
+ public:
+  template <typename T>
+  Hasher& add(const T& value) {
+    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>, "structs may have padding");
+    state_ = hash_bytes(&value, sizeof value, state_);
+    return *this;
+  }
+  Hasher& add(Vec3f v) { return add(v.x).add(v.y).add(v.z); }
+  template <typename T>
+  Hasher& add(const std::vector<T>& values) {
+    static_assert(sizeof(T) == 4 * (sizeof(T) / 4) && alignof(T) == 4, "arrays of packed 32-bit numbers only");
+    state_ = hash_bytes(values.data(), values.size() * sizeof(T), state_ ^ values.size());
+    return *this;
+  }
+  template <std::size_t N>
+  Hasher& add(const float (&values)[N]) {
+    state_ = hash_bytes(values, sizeof values, state_);
+    return *this;
+  }
+  std::uint64_t state() const { return state_; }
+
+ private:
+  std::uint64_t state_ = 0;
+};
+
+}  // namespace
+
+std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed) {
+  const auto* p = static_cast<const unsigned char*>(data);
+  // Four independent lanes keep the multipliers busy.
+  std::uint64_t lanes[4];
+  for (std::uint64_t i = 0; i < 4; ++i) lanes[i] = mix64(seed + i + 1);
+  std::size_t left = bytes;
+  for (; left >= 32; left -= 32, p += 32) {
+    for (std::size_t i = 0; i < 4; ++i) lanes[i] = absorb(lanes[i], load64(p + 8 * i));
+  }
+  unsigned char tail[32] = {};
+  if (left > 0) std::memcpy(tail, p, left);
+  for (std::size_t i = 0; i < 4; ++i) lanes[i] = absorb(lanes[i], load64(tail + 8 * i));
+  std::uint64_t hash = absorb(seed, bytes);
+  for (const std::uint64_t lane : lanes) hash = absorb(hash, lane);
+  return mix64(hash);
+}
+
+std::string scene_fingerprint(const Scene& scene) {
+  std::vector<std::uint64_t> parts(scene.meshes.size() + scene.textures.size());
+  parallel_for(parts.size(), [&](std::size_t i) {
+    Hasher h;
+    if (i < scene.meshes.size()) {
+      const TriangleMesh& m = scene.meshes[i];
+      h.add(m.positions).add(m.normals).add(m.uvs).add(m.triangles).add(m.flip_normals);
+    } else {
+      const Texture& t = scene.textures[i - scene.meshes.size()];
+      h.add(t.kind).add(t.color0).add(t.color1).add(t.to_uv).add(t.filter).add(t.wrap).add(t.width).add(t.height).add(
+          t.pixels);
+    }
+    parts[i] = h.state();
+  });
+  Hasher h;
+  for (const std::uint64_t part : parts) h.add(part);
+  for (const Sphere& s : scene.spheres) h.add(s.center).add(s.radius).add(s.flip_normals).add(s.to_local);
+  for (const Shape& s : scene.shapes) h.add(s.kind).add(s.geometry).add(s.material).add(s.emitter);
+  for (const Material& m : scene.materials) {
+    h.add(m.type)
+        .add(m.two_sided)
+        .add(m.back)
+        .add(m.opacity)
+        .add(m.bump)
+        .add(m.bump_scale)
+        .add(m.reflectance)
+        .add(m.specular_reflectance);
+    h.add(m.specular_transmittance)
+        .add(m.alpha_u)
+        .add(m.alpha_v)
+        .add(m.distribution)
+        .add(m.sample_visible)
+        .add(m.nonlinear);
+    h.add(m.int_ior).add(m.ext_ior).add(m.eta).add(m.k);
+  }
+  for (const AreaLight& l : scene.area_lights) h.add(l.shape).add(l.radiance);
+  for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(h.state()));
+  return text;
+}
+
+}  // namespace octrad

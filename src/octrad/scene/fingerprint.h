@@ -1,0 +1,18 @@
+// A hash of what a scene looks like, to tell whether a model belongs to it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "octrad/scene/scene.h"
+
+namespace octrad {
+
+// 64-bit hash of `bytes` bytes, the same on every little-endian machine. Not for adversaries.
+std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed);
+
+// 16 hex digits over geometry, materials, textures, lights and environment; names, sensors and film do not count.
+std::string scene_fingerprint(const Scene& scene);
+
+}  // namespace octrad

@@ -1,0 +1,662 @@
+// What scene files may say, and how the loader answers when they say something else.
+#include "octrad/scene/load.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "octrad/base/error.h"
+#include "octrad/base/rng.h"
+#include "octrad/base/threads.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/files_test_helper.h"
+#include "octrad/scene/fingerprint.h"
+
+namespace octrad {
+namespace {
+
+const std::string kSensor = "<sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/></sensor>";
+const std::string kSphere = "<shape type=\"sphere\"/>";
+
+std::string scene_text(const std::string& body) { return "<scene version=\"3.0.0\">\n" + body + "\n</scene>\n"; }
+
+class LoadTest : public ::testing::Test {
+ protected:
+  // Loads a scene with the given elements; a sensor and a shape are added unless `complete`.
+  Scene load(const std::string& body, const LoadOptions& options = {}) const {
+    return load_scene(folder_.write("s.xml", scene_text(body + "\n" + kSensor + kSphere)), options);
+  }
+  Scene load_whole(const std::string& body) const { return load_scene(folder_.write("s.xml", scene_text(body))); }
+
+  // The first material that the file defines.
+  Material bsdf(const std::string& element) const {
+    const Scene scene = load(element);
+    return scene.materials.at(scene.materials.size() > 1 ? scene.materials.size() - 1 : 0);
+  }
+  Vec3f color(const std::string& element) const {
+    const Scene scene = load(element);
+    return evaluate(scene.textures.at(static_cast<std::size_t>(scene.materials.at(1).reflectance)), {0, 0});
+  }
+  // Positions of a mesh with the corners (1,0,0), (0,1,0), (0,0,1) after a transform.
+  std::vector<Vec3f> transformed(const std::string& operations) const {
+    folder_.write("p.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+    return load_whole(kSensor +
+                      R"(<shape type="obj"><string name="filename" value="p.obj"/><transform name="to_world">)" +
+                      operations + "</transform></shape>")
+        .meshes.at(0)
+        .positions;
+  }
+  void expect_points(const std::string& operations, const std::vector<Vec3f>& expected) const {
+    const std::vector<Vec3f> found = transformed(operations);
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t i = 0; i < found.size(); ++i)
+      EXPECT_LT(length(found[i] - expected[i]), 1e-6f) << operations << " point " << i;
+  }
+
+  std::string error(const std::string& body) const {
+    try {
+      load(body);
+    } catch (const Error& e) {
+      return strip(e.what());
+    }
+    return "no error";
+  }
+  std::string error_whole(const std::string& text, const LoadOptions& options = {}) const {
+    try {
+      load_scene(folder_.write("s.xml", text), options);
+    } catch (const Error& e) {
+      return strip(e.what());
+    }
+    return "no error";
+  }
+  // Expects the message to begin with s.xml:LINE:COLUMN and to contain all the parts.
+  void refuses(const std::string& body, const std::string& place, std::initializer_list<std::string> parts) const {
+    const std::string message = error(body);
+    EXPECT_EQ(message.rfind("s.xml:" + place + ": ", 0), 0u) << message;
+    for (const std::string& part : parts)
+      EXPECT_NE(message.find(part), std::string::npos) << "\"" << part << "\" not in: " << message;
+  }
+
+  // Without the name of the folder.
+  std::string strip(std::string message) const {
+    const std::string prefix = folder_.file("");
+    for (std::size_t at; (at = message.find(prefix)) != std::string::npos;) message.erase(at, prefix.size());
+    return message;
+  }
+
+  TestFolder folder_;
+};
+
+TEST_F(LoadTest, Defaults) {
+  const Scene scene = load("");
+  EXPECT_EQ(scene.film.width, 768);
+  EXPECT_EQ(scene.film.height, 576);
+  EXPECT_EQ(scene.film.filter, Film::Filter::gaussian);
+  EXPECT_EQ(scene.film.filter_radius, 2.0f);
+  EXPECT_EQ(scene.max_depth, -1);
+  EXPECT_EQ(scene.shapes[0].material, 0);
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials[0].reflectance)], {0, 0}), Vec3f(0.5f));
+  EXPECT_EQ(scene.bounds.lower, Vec3f(-1, -1, -1));
+  EXPECT_EQ(scene.bounds.upper, Vec3f(1, 1, 1));
+  EXPECT_EQ(scene.fingerprint.size(), 16u);
+  EXPECT_TRUE(scene.warnings.empty());
+}
+
+TEST_F(LoadTest, Parameters) {
+  const std::string body =
+      R"(<default name="r" value="0.25"/><default name="r" value="0.75"/><default name="both" value="$r, $r, 1"/>
+    <bsdf type="diffuse"><rgb name="reflectance" value="$both"/></bsdf>)";
+  EXPECT_EQ(color(body), Vec3f(0.25f, 0.25f, 1.0f));
+  LoadOptions options;
+  options.definitions = {{"r", "0.5"}};
+  const Scene scene = load(body, options);
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)], {0, 0}),
+            Vec3f(0.5f, 0.5f, 1.0f));
+
+  refuses(R"(<default name="spp" value="1"/><bsdf type="diffuse"><float name="reflectance" value="$sp"/></bsdf>)",
+          "2:53", {"undefined parameter $sp", "did you mean \"spp\"", "-D sp=value"});
+  options.definitions = {{"sppp", "3"}};
+  EXPECT_NE(error_whole(scene_text(R"(<default name="spp" value="1"/>)" + kSensor + kSphere), options)
+                .find("has no parameter \"sppp\" (did you mean \"spp\"?); it has: spp"),
+            std::string::npos);
+  options.definitions = {{"x", "0.5"}};  // used without a default
+  EXPECT_EQ(error_whole(
+                scene_text(R"(<bsdf type="diffuse"><float name="reflectance" value="$x"/></bsdf>)" + kSensor + kSphere),
+                options),
+            "no error");
+  refuses(R"(<default name="a b" value="1"/>)", "2:1", {"letters, digits and underscores"});
+  refuses(R"(<default name="a"/>)", "2:1", {"needs the attribute \"value\""});
+}
+
+TEST_F(LoadTest, IncludesAliasesAndPaths) {
+  std::filesystem::create_directories(folder_.file("sub"));
+  folder_.write(
+      "part.xml",
+      R"(<scene version="3.0.0"><default name="r" value="0.1"/><bsdf type="diffuse" id="inner"><float name="reflectance" value="$r"/></bsdf></scene>)");
+  folder_.write("one.xml", R"(<bsdf type="conductor" id="single"/>)");
+  folder_.write("sub/q.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  const Scene scene = load(
+      R"(<default name="r" value="0.3"/><include filename="part.xml"/><include filename="one.xml"/><alias id="inner" as="outer"/><path value="sub"/>
+    <shape type="sphere"><ref id="outer"/></shape><shape type="sphere"><ref id="single"/></shape><shape type="obj"><string name="filename" value="q.obj"/></shape>)");
+  EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].id, "inner");
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(
+                         scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)],
+                     {0, 0}),
+            Vec3f(0.3f));
+  EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[1].material)].type, BsdfType::conductor);
+
+  refuses(R"(<alias id="nothing" as="b"/>)", "2:1", {"nothing has the id \"nothing\""});
+  refuses(R"(<include filename="none.xml"/>)", "2:1", {"\"none.xml\" does not exist"});
+  refuses(R"(<path value="none"/>)", "2:1", {"is not a folder"});
+}
+
+TEST_F(LoadTest, IncludesThatNeverEnd) {
+  folder_.write("self.xml", R"(<scene version="3.0.0"><include filename="self.xml"/></scene>)");
+  EXPECT_NE(error(R"(<include filename="self.xml"/>)").find("includes itself"), std::string::npos);
+  folder_.write("a.xml", R"(<scene version="3.0.0"><include filename="b.xml"/></scene>)");
+  folder_.write("b.xml", R"(<scene version="3.0.0"><include filename="a.xml"/></scene>)");
+  EXPECT_NE(error(R"(<include filename="a.xml"/>)").find("includes itself"), std::string::npos);
+  EXPECT_NE(error(R"(<include filename="s.xml"/>)").find("includes itself"), std::string::npos);
+  // Each file includes the next ten times: 10^12 in all.
+  for (int i = 0; i < 12; ++i) {
+    std::string text = "<scene version=\"3.0.0\">";
+    for (int k = 0; k < 10; ++k) text += "<include filename=\"l" + std::to_string(i + 1) + ".xml\"/>";
+    folder_.write("l" + std::to_string(i) + ".xml", text + "</scene>");
+  }
+  folder_.write("l12.xml", "<scene version=\"3.0.0\"/>");
+  EXPECT_NE(error(R"(<include filename="l0.xml"/>)").find("more than 1000 files"), std::string::npos);
+  // Values that double at every step.
+  std::string doubling = R"(<default name="v0" value="0123456789"/>)";
+  for (int i = 0; i < 60; ++i)
+    doubling += "<default name=\"v" + std::to_string(i + 1) + "\" value=\"$v" + std::to_string(i) + "$v" +
+                std::to_string(i) + "\"/>";
+  EXPECT_NE(error(doubling).find("longer than"), std::string::npos);
+  // XML entities are not expanded.
+  EXPECT_NE(error_whole("<!DOCTYPE x [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;\">]>" + scene_text("&b;")),
+            "no error");
+}
+
+TEST_F(LoadTest, DeepNesting) {
+  std::string deep;
+  for (int i = 0; i < 100000; ++i) deep += "<bsdf type=\"twosided\">";
+  EXPECT_NE(error_whole("<scene version=\"3.0.0\">" + deep + "</scene>"), "no error");
+  std::string closed = "<bsdf type=\"diffuse\"/>";
+  for (int i = 0; i < 5000; ++i) closed = "<bsdf type=\"twosided\">" + closed + "</bsdf>";
+  EXPECT_NE(error(closed).find("nested more than 64 deep"), std::string::npos);
+}
+
+TEST_F(LoadTest, TruncatedFiles) {
+  const std::string text = scene_text(
+      R"(<default name="a" value="1"/><!-- note --><bsdf type="twosided" id="m"><bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 $a"/></bsdf></bsdf>)" +
+      kSensor + R"(<shape type="cube"><transform name="to_world"><scale value="2"/></transform><ref id="m"/></shape>)");
+  EXPECT_EQ(error_whole(text), "no error");
+  for (std::size_t n = 0; n < text.find("</scene>") + 8; n += 2) {
+    const std::string message = error_whole(text.substr(0, n));
+    EXPECT_EQ(message.rfind("s.xml:", 0), 0u) << n << ": " << message;
+  }
+  int refused = 0;
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    Rng rng(11, RngPurpose::test, i);
+    std::string broken = text;
+    for (std::uint32_t k = 0, n = 1 + rng.below(3); k < n; ++k)
+      broken[rng.below(static_cast<std::uint32_t>(broken.size()))] = static_cast<char>(rng.below(256));
+    refused += error_whole(broken) != "no error";  // must not crash; most are refused
+  }
+  EXPECT_GT(refused, 150);
+}
+
+TEST_F(LoadTest, Transforms) {
+  // Mitsuba 3.9.1's positions.
+  expect_points(R"(<rotate z="1" angle="40"/>)",
+                {{0.76604444f, 0.64278764f, 0}, {-0.64278764f, 0.76604444f, 0}, {0, 0, 1}});
+  expect_points(R"(<scale value="2"/>)", {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}});
+  expect_points(R"(<scale value="2, 3, 4"/>)", {{2, 0, 0}, {0, 3, 0}, {0, 0, 4}});
+  expect_points(R"(<scale x="2"/>)", {{2, 0, 0}, {0, 1, 0}, {0, 0, 1}});
+  expect_points(R"(<translate x="1"/><scale value="2"/>)", {{4, 0, 0}, {2, 2, 0}, {2, 0, 2}});
+  expect_points(R"(<translate value="1 2 3"/>)", {{2, 2, 3}, {1, 3, 3}, {1, 2, 4}});
+  expect_points(R"(<matrix value="1 2 3 4 5 6 7 8 9 10 12 12 0 0 0 1"/>)", {{5, 13, 21}, {6, 14, 22}, {7, 15, 24}});
+  expect_points(R"(<matrix value="1 2 3 4 5 6 7 8 10"/>)", {{1, 4, 7}, {2, 5, 8}, {3, 6, 10}});
+  for (const std::string name : {"lookat", "lookAt"}) {
+    expect_points(
+        "<" + name + R"( origin="1 2 3" target="0 0 1" up="0 1 0"/>)",
+        {{0.10557282f, 2, 3.4472136f}, {0.70185757f, 2.745356f, 2.4037151f}, {0.6666666f, 1.3333333f, 2.3333333f}});
+  }
+  // A rotation whatever the length of its axis, and a remark.
+  const std::vector<Vec3f> p = transformed(R"(<rotate value="1 2 3" angle="40"/>)");
+  EXPECT_NEAR(length(p[0]), 1.0f, 1e-6f);
+  EXPECT_NEAR(dot(p[0], p[1]), 0.0f, 1e-6f);
+  EXPECT_EQ(load(R"(<shape type="cube"><transform name="to_world"><rotate x="2" angle="40"/></transform></shape>)")
+                .warnings.size(),
+            1u);
+
+  const auto shape = [](const std::string& operations) {
+    return "<shape type=\"cube\"><transform name=\"to_world\">\n" + operations + "</transform></shape>";
+  };
+  refuses(shape(R"(<rotate angle="3"/>)"), "3:1", {"needs \"value\" or some of"});
+  refuses(shape(R"(<rotate x="0" angle="3"/>)"), "3:1", {"the axis is zero"});
+  refuses(shape(R"(<rotate x="1"/>)"), "3:1", {"angle"});
+  refuses(shape(R"(<scale x="2" value="3"/>)"), "3:1", {"both \"value\" and"});
+  refuses(shape(R"(<scale z="q"/>)"), "3:1", {"\"q\" is not a finite number"});
+  refuses(shape(R"(<translate value="1 2"/>)"), "3:1", {"is not three finite numbers"});
+  refuses(shape(R"(<translate w="1"/>)"), "3:1", {"has no attribute \"w\""});
+  refuses(shape(R"(<matrix value="1 2 3 4 5 6 7 8 9 10 11 12"/>)"), "3:1", {"needs 16 (or 9)", "not 12"});
+  refuses(shape(R"(<matrix value="1 0 0 0 0 1 0 0 0 0 nan 0 0 0 0 1"/>)"), "3:1", {"needs 16 (or 9) finite numbers"});
+  refuses(shape(R"(<matrix value="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 2"/>)"), "3:1", {"last row"});
+  refuses(shape(R"(<lookat origin="0 0 0" target="0 0 0" up="0 1 0"/>)"), "3:1", {"do not define a view"});
+  refuses(shape(R"(<lookat origin="0 0 0" target="0 1 0" up="0 1 0"/>)"), "3:1", {"do not define a view"});
+  refuses(shape(R"(<shear x="1"/>)"), "3:1",
+          {"unknown transform operation <shear>", "supported: translate, scale, rotate, matrix, lookat"});
+  refuses(shape(R"(<scale x="0"/>)"), "2:20", {"singular"});
+}
+
+TEST_F(LoadTest, Colors) {
+  const auto diffuse = [this](const std::string& parameter) {
+    return color("<bsdf type=\"diffuse\">" + parameter + "</bsdf>");
+  };
+  EXPECT_EQ(diffuse(R"(<rgb name="reflectance" value="0.5"/>)"), Vec3f(0.5f));
+  EXPECT_EQ(diffuse(R"(<rgb name="reflectance" value="0.5 0.6,0.7"/>)"), Vec3f(0.5f, 0.6f, 0.7f));
+  EXPECT_EQ(diffuse(R"(<rgb name="reflectance" value=" 0.5 ,0.6 , 0.7 "/>)"), Vec3f(0.5f, 0.6f, 0.7f));
+  EXPECT_LT(length(diffuse(R"(<rgb name="reflectance" value="#ff8000"/>)") - Vec3f(1.0f, 0.2158605f, 0.0f)), 1e-6f);
+  EXPECT_EQ(diffuse(R"(<spectrum name="reflectance" value="0.3"/>)"), Vec3f(0.3f));
+  EXPECT_EQ(diffuse(R"(<float name="reflectance" value="0.3"/>)"), Vec3f(0.3f));
+  EXPECT_EQ(diffuse(R"(<spectrum name="reflectance" type="uniform"><float name="value" value="0.2"/></spectrum>)"),
+            Vec3f(0.2f));
+
+  const auto bad = [this](const std::string& parameter, std::initializer_list<std::string> parts) {
+    refuses("<bsdf type=\"diffuse\">\n" + parameter + "</bsdf>", "3:1", parts);
+  };
+  bad(R"(<rgb name="reflectance" value="1.5"/>)", {"between 0 and 1", "1.5"});
+  bad(R"(<rgb name="reflectance" value="-0.5"/>)", {"between 0 and 1"});
+  bad(R"(<rgb name="reflectance" value="0.5 0.5"/>)", {"is not a colour", "supported:"});
+  bad(R"(<rgb name="reflectance" value="#12345"/>)", {"is not a colour"});
+  bad(R"(<rgb name="reflectance" value="#12345g"/>)", {"#rrggbb"});
+  bad(R"(<rgb name="reflectance" value="0.5,,0.5,0.5"/>)", {"is not a colour"});
+  bad(R"(<rgb name="reflectance" value="nan"/>)", {"is not a colour"});
+  bad(R"(<rgb name="reflectance" r="0.5"/>)", {"has no attribute \"r\""});
+  bad(R"(<rgb name="reflectance"/>)", {"needs the attribute \"value\""});
+  bad(R"(<spectrum name="reflectance" value="400:0.1, 700:0.6"/>)", {"wavelengths are not supported"});
+  bad(R"(<spectrum name="reflectance" filename="a.spd"/>)", {"from files are not supported"});
+  bad(R"(<spectrum name="reflectance" type="blackbody"/>)",
+      {"spectrum \"blackbody\" is not supported; supported: uniform, d65"});
+  bad(R"(<string name="reflectance" value="red"/>)", {"must be <float>, <rgb>, <spectrum> or <texture>, not <string>"});
+}
+
+TEST_F(LoadTest, ScatteringModels) {
+  Material m = bsdf(R"(<bsdf type="plastic"/>)");
+  EXPECT_EQ(m.type, BsdfType::plastic);
+  EXPECT_FALSE(m.nonlinear);
+  EXPECT_NEAR(m.int_ior / m.ext_ior, 1.4895873f, 1e-6f);
+  EXPECT_GE(m.reflectance, 0);
+  m = bsdf(R"(<bsdf type="dielectric"/>)");
+  EXPECT_NEAR(m.int_ior / m.ext_ior, 1.5041833f, 1e-6f);
+  EXPECT_EQ(m.reflectance, -1);
+  m = bsdf(
+      R"(<bsdf type="thindielectric"><string name="int_ior" value="Water"/><float name="ext_ior" value="1"/><float name="specular_transmittance" value="0.5"/></bsdf>)");
+  EXPECT_EQ(m.type, BsdfType::thindielectric);
+  EXPECT_EQ(m.int_ior, 1.333f);
+  EXPECT_GE(m.specular_transmittance, 0);
+  m = bsdf(
+      R"(<bsdf type="roughplastic"><string name="distribution" value="GGX"/><float name="alpha" value="0.3"/><boolean name="nonlinear" value="True"/></bsdf>)");
+  EXPECT_EQ(m.distribution, MicrofacetDistribution::ggx);
+  EXPECT_TRUE(m.nonlinear);
+  EXPECT_EQ(m.alpha_u, m.alpha_v);
+  m = bsdf(
+      R"(<bsdf type="roughconductor"><string name="material" value="Au"/><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.2"/></bsdf>)");
+  EXPECT_NEAR(m.eta.z, 1.442f, 1e-3f);
+  EXPECT_NEAR(m.k.x, 3.983f, 1e-3f);
+  EXPECT_NE(m.alpha_u, m.alpha_v);
+  m = bsdf(R"(<bsdf type="conductor"/>)");
+  EXPECT_EQ(m.eta, Vec3f(0.0f));
+  EXPECT_EQ(m.k, Vec3f(1.0f));
+  m = bsdf(R"(<bsdf type="conductor"><rgb name="eta" value="1 2 3"/><float name="k" value="4"/></bsdf>)");
+  EXPECT_EQ(m.eta, Vec3f(1, 2, 3));
+  EXPECT_EQ(m.k, Vec3f(4.0f));
+
+  const auto bad = [this](const std::string& type, const std::string& parameter, const std::string& place,
+                          std::initializer_list<std::string> parts) {
+    refuses("<bsdf type=\"" + type + "\">\n" + parameter + "</bsdf>", place, parts);
+  };
+  bad("difuse", "", "2:1",
+      {"bsdf \"difuse\" is not supported", "did you mean \"diffuse\"", "roughconductor", "bumpmap"});
+  bad("diffuse", R"(<float name="reflectanc" value="0.3"/>)", "3:1",
+      {"unknown parameter \"reflectanc\" of bsdf \"diffuse\"", "did you mean \"reflectance\"",
+       "supported: reflectance"});
+  bad("dielectric", R"(<string name="int_ior" value="diamon"/>)", "3:1",
+      {"unknown medium \"diamon\"", "did you mean \"diamond\"", "bk7"});
+  bad("dielectric", R"(<float name="int_ior" value="-1"/>)", "3:1", {"not an index of refraction"});
+  bad("dielectric", R"(<rgb name="int_ior" value="1"/>)", "3:1", {"must be <float> or <string>, not <rgb>"});
+  bad("plastic", R"(<float name="int_ior" value="0.9"/>)", "3:1", {"int_ior greater than ext_ior"});
+  bad("conductor", R"(<string name="material" value="Gold"/>)", "3:1", {"unknown conductor \"Gold\"", "Au"});
+  bad("conductor", R"(<string name="material" value="Au"/><rgb name="eta" value="2"/>)", "3:1",
+      {"either material or eta and k"});
+  bad("roughconductor", R"(<float name="alpha_u" value="0.1"/>)", "2:1", {"both alpha_u and alpha_v"});
+  bad("roughconductor", R"(<string name="distribution" value="phong"/>)", "3:1",
+      {"cannot be \"phong\"", "supported: beckmann, ggx"});
+  bad("roughplastic", R"(<texture name="alpha" type="checkerboard"/>)", "3:1",
+      {"must be <float> or <integer>, not <texture>"});
+  bad("roughplastic", R"(<float name="alpha" value="-0.1"/>)", "3:1", {"must be between 0 and 10"});
+  bad("diffuse", R"(<bsdf type="diffuse"/>)", "3:1", {"<bsdf> cannot stand inside bsdf \"diffuse\""});
+  bad("diffuse", R"(<float name="reflectance" value="0.5x"/>)", "3:1", {"is not one number"});
+  bad("plastic", R"(<boolean name="nonlinear" value="1"/>)", "3:1", {"is not a boolean; supported: true, false"});
+  bad("plastic", R"(<float name="nonlinear" value="1"/>)", "3:1", {"must be <boolean>, not <float>"});
+  bad("diffuse", R"(<float value="1"/>)", "3:1", {"needs a name"});
+  bad("diffuse", R"(<float name="reflectance" value="1"/><float name="reflectance" value="1"/>)", "3:38",
+      {"is given twice"});
+  bad("diffuse", R"(<scale value="2"/>)", "3:1", {"transform operations stand inside <transform>"});
+  bad("diffuse", R"(<flot name="a" value="2"/>)", "3:1", {"unknown element <flot>", "did you mean \"float\""});
+  refuses("<bsdf/>", "2:1", {"needs the attribute \"type\""});
+  refuses(R"(<bsdf type="diffuse" idd="a"/>)", "2:1", {"no attribute \"idd\"", "did you mean \"id\""});
+}
+
+TEST_F(LoadTest, Wrappers) {
+  Image image(2, 2, {"R", "G", "B"});
+  image.data.assign(12, 0.25f);
+  write_exr(folder_.file("t.exr"), image);
+  const std::string texture = R"(<texture type="bitmap"><string name="filename" value="t.exr"/></texture>)";
+  Material m =
+      bsdf(R"(<bsdf type="mask"><float name="opacity" value="0.3"/><bsdf type="twosided"><bsdf type="bumpmap">)" +
+           texture + R"(<float name="scale" value="3"/><bsdf type="plastic"/></bsdf></bsdf></bsdf>)");
+  EXPECT_EQ(m.type, BsdfType::plastic);
+  EXPECT_TRUE(m.two_sided);
+  EXPECT_GE(m.opacity, 0);
+  EXPECT_GE(m.bump, 0);
+  EXPECT_EQ(m.bump_scale, 3.0f);
+  m = bsdf(R"(<bsdf type="bumpmap">)" + texture + R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>)");
+  EXPECT_TRUE(m.two_sided);
+  EXPECT_GE(m.bump, 0);
+  Scene scene = load(R"(<bsdf type="twosided" id="t"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>)");
+  m = scene.materials.back();
+  EXPECT_EQ(m.id, "t");
+  EXPECT_EQ(scene.materials.at(static_cast<std::size_t>(m.back)).type, BsdfType::plastic);
+  // A mask without opacity is half transparent; a colour counts by its luminance.
+  scene = load(R"(<bsdf type="mask"><bsdf type="diffuse"/></bsdf>)");
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)], {0, 0}).x, 0.5f);
+  scene = load(R"(<bsdf type="mask"><rgb name="opacity" value="1 0 0"/><bsdf type="diffuse"/></bsdf>)");
+  EXPECT_NEAR(evaluate(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)], {0, 0}).x, 0.2126f,
+              1e-3f);
+
+  refuses(R"(<bsdf type="twosided"/>)", "2:1", {"needs a nested <bsdf>"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>)", "2:23", {"lets light through"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>)", "2:23",
+          {"put the mask around"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="dielectric"/></bsdf>)", "2:45",
+          {"lets light through"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>)", "2:67",
+          {"at most 2"});
+  refuses(R"(<bsdf type="mask"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>)", "2:1", {"mask inside a mask"});
+  refuses(R"(<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>)", "2:1", {"exactly one <texture>"});
+  refuses(R"(<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>)", "2:22",
+          {"a texture with a gradient"});
+  refuses(R"(<bsdf type="mask"><float name="opacity" value="2"/><bsdf type="diffuse"/></bsdf>)", "2:19",
+          {"an opacity must be between 0 and 1"});
+}
+
+TEST_F(LoadTest, References) {
+  // Named and unnamed, forwards, to inner objects.
+  const Scene scene =
+      load(R"(<shape type="sphere"><ref id="inner"/></shape><shape type="sphere"><ref name="bsdf" id="outer"/></shape>
+    <bsdf type="twosided" id="outer"><bsdf type="diffuse" id="inner"><ref name="reflectance" id="t"/></bsdf></bsdf><texture type="checkerboard" id="t"/>)");
+  const Material &inner = scene.materials[static_cast<std::size_t>(scene.shapes[0].material)],
+                 &outer = scene.materials[static_cast<std::size_t>(scene.shapes[1].material)];
+  EXPECT_EQ(inner.id, "inner");
+  EXPECT_FALSE(inner.two_sided);
+  EXPECT_TRUE(outer.two_sided);
+  EXPECT_EQ(inner.reflectance, outer.reflectance);
+
+  refuses(R"(<bsdf type="diffuse" id="Wood"/><shape type="sphere"><ref id="Wod"/></shape>)", "2:54",
+          {"nothing has the id \"Wod\"", "did you mean \"Wood\""});
+  refuses(R"(<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="twosided" id="b"><ref id="a"/></bsdf>)",
+          "2:1", {"contains itself"});
+  refuses("<bsdf type=\"diffuse\" id=\"a\"/>\n<bsdf type=\"diffuse\" id=\"a\"/>", "3:1",
+          {"the id \"a\" is taken already", "s.xml:2:1"});
+  refuses(R"(<bsdf type="diffuse" id="a"><ref name="reflectance" id="a"/></bsdf>)", "2:29",
+          {"must be <float>, <rgb>, <spectrum> or <texture>, not <bsdf>"});
+  refuses(R"(<shape type="sphere"><ref/></shape>)", "2:22", {"needs the attribute \"id\""});
+  refuses(R"(<texture type="checkerboard" id="t"/><shape type="sphere"><ref id="t"/></shape>)", "2:59",
+          {"<texture> cannot stand inside shape \"sphere\""});
+}
+
+TEST_F(LoadTest, Textures) {
+  const auto bad = [this](const std::string& texture, const std::string& place,
+                          std::initializer_list<std::string> parts) {
+    refuses("<bsdf type=\"diffuse\"><texture name=\"reflectance\"\n " + texture + "</texture></bsdf>", place, parts);
+  };
+  bad(R"(type="bitmap">)", "2:22", {"needs the parameter <string name=\"filename\""});
+  bad("type=\"bitmap\">\n<string name=\"filename\" value=\"none.png\"/>", "4:1",
+      {"file \"none.png\" does not exist (looked for"});
+  bad(R"(type="bitmpa">)", "2:22", {"texture \"bitmpa\" is not supported", "did you mean \"bitmap\""});
+  bad("type=\"checkerboard\">\n<texture name=\"color0\" type=\"checkerboard\"/>", "4:1", {"must be a constant"});
+  bad("type=\"checkerboard\">\n<rgb name=\"color2\" value=\"1\"/>", "4:1", {"did you mean \"color"});
+  folder_.write("t.png", "x");
+  bad("type=\"bitmap\"><string name=\"filename\" value=\"t.png\"/>\n<string name=\"wrap_mode\" value=\"repat\"/>",
+      "4:1", {"did you mean \"repeat\"", "supported: repeat, mirror, clamp"});
+  bad("type=\"bitmap\">\n<string name=\"filename\" value=\"t.png\"/>", "4:1", {"t.png"});
+}
+
+TEST_F(LoadTest, Emitters) {
+  Scene scene = load_whole(
+      kSensor + R"(<shape type="cube"><emitter type="area"><rgb name="radiance" value="3 20 100"/></emitter></shape>
+    <shape type="sphere"><bsdf type="diffuse"/><emitter type="area"><spectrum name="radiance" value="3"/></emitter></shape><emitter type="constant"><float name="radiance" value="2"/></emitter>)");
+  ASSERT_EQ(scene.area_lights.size(), 2u);
+  EXPECT_EQ(scene.shapes[0].emitter, 0);
+  EXPECT_EQ(scene.area_lights[1].shape, 1);
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)], {0, 0}),
+            Vec3f(3, 20, 100));
+  EXPECT_LT(length(evaluate(scene.textures[static_cast<std::size_t>(scene.area_lights[1].radiance)], {0, 0}) -
+                   Vec3f(3.61438f, 2.84487f, 2.72675f)),
+            2e-5f);  // Mitsuba's
+  // A light without a bsdf is black.
+  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(
+                         scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)],
+                     {0, 0}),
+            Vec3f(0.0f));
+  ASSERT_EQ(scene.environments.size(), 1u);
+  EXPECT_EQ(scene.environments[0].pixels, (std::vector<Vec3f>{Vec3f(2.0f)}));
+
+  Image image(2, 1, {"R", "G", "B"});
+  image.data = {1, 2, 3, 4, 5, 6};
+  write_exr(folder_.file("e.exr"), image);
+  scene = load(R"(<emitter type="envmap"><string name="filename" value="e.exr"/><float name="scale" value="2"/>
+    <transform name="to_world"><scale value="3"/><rotate y="1" angle="90"/></transform></emitter>)");
+  EXPECT_EQ(scene.environments[0].width, 2);
+  EXPECT_EQ(scene.environments[0].pixels[1], Vec3f(8, 10, 12));
+  EXPECT_NEAR(scene.environments[0].to_world[2], 1.0f, 1e-6f);  // +z goes to +x
+
+  refuses(R"(<emitter type="point"/>)", "2:1",
+          {"emitter \"point\" is not supported", "supported: envmap, constant, and area inside a shape"});
+  refuses(R"(<emitter type="area"/>)", "2:1", {"must stand inside a shape"});
+  refuses(R"(<emitter type="constant"/><emitter type="constant"/>)", "2:27", {"second environment"});
+  refuses(R"(<emitter type="envmap"/>)", "2:1", {"filename"});
+  refuses(
+      R"(<emitter type="envmap"><string name="filename" value="e.exr"/><transform name="to_world"><scale x="2"/></transform></emitter>)",
+      "2:63", {"must be a rotation"});
+  refuses(R"(<shape type="sphere"><emitter type="point"/></shape>)", "2:22",
+          {"cannot stand inside a shape; supported: area"});
+  refuses(R"(<shape type="sphere"><emitter type="area"/><emitter type="area"/></shape>)", "2:44",
+          {"at most one emitter"});
+  refuses(R"(<shape type="sphere"><emitter type="area"><rgb name="radiance" value="-1"/></emitter></shape>)", "2:43",
+          {"must be finite and not negative"});
+  image.data[0] = -1.0f;
+  write_exr(folder_.file("negative.exr"), image);
+  refuses(R"(<emitter type="envmap"><string name="filename" value="negative.exr"/></emitter>)", "2:24",
+          {"1 values that are not finite or are negative"});
+}
+
+TEST_F(LoadTest, Shapes) {
+  const Scene scene = load_whole(
+      kSensor + R"(<shape type="sphere"><point name="center" x="1" y="0" z="0"/><float name="radius" value="0.8"/>
+      <transform name="to_world"><scale value="2"/><rotate z="1" angle="90"/></transform></shape>
+    <shape type="sphere"><transform name="to_world"><scale x="-1"/></transform></shape>
+    <shape type="rectangle" id="r"><boolean name="flip_normals" value="true"/></shape>)");
+  EXPECT_LT(length(scene.spheres[0].center - Vec3f(0, 2, 0)), 1e-6f);
+  EXPECT_FLOAT_EQ(scene.spheres[0].radius, 1.6f);
+  EXPECT_FALSE(scene.spheres[0].flip_normals);
+  EXPECT_TRUE(scene.spheres[1].flip_normals);
+  EXPECT_EQ(scene.shapes[2].id, "r");
+  EXPECT_TRUE(scene.meshes[0].flip_normals);
+  EXPECT_EQ(scene.triangle_count(), 2u);
+
+  refuses(R"(<shape type="instance"/>)", "2:1",
+          {"shape \"instance\" is not supported", "supported: obj, ply, rectangle, cube, sphere"});
+  refuses(R"(<shape type="disk"/>)", "2:1", {"shape \"disk\" is not supported"});
+  refuses(R"(<shape type="sphere"><float name="radiu" value="3"/></shape>)", "2:22", {"did you mean \"radius\""});
+  refuses(R"(<shape type="sphere"><float name="radius" value="0"/></shape>)", "2:22", {"above 0"});
+  refuses(R"(<shape type="sphere"><string name="radius" value="3"/></shape>)", "2:22",
+          {"must be <float> or <integer>, not <string>"});
+  refuses(R"(<shape type="sphere"><transform name="to_world"><scale x="2"/></transform></shape>)", "2:22",
+          {"scale all axes alike"});
+  refuses(R"(<shape type="sphere"><bsdf type="diffuse"/><bsdf type="diffuse"/></shape>)", "2:44", {"at most one bsdf"});
+  refuses(R"(<shape type="obj"/>)", "2:1", {"filename"});
+  refuses(R"(<shape type="obj"><string name="filename" value="none.obj"/></shape>)", "2:19",
+          {"\"none.obj\" does not exist"});
+  refuses(R"(<shape type="cube"><boolean name="face_normals" value="true"/></shape>)", "2:20",
+          {"unknown parameter \"face_normals\""});
+  refuses(R"(<shape type="sphere"><medium name="interior" type="homogeneous"/></shape>)", "2:22",
+          {"unknown parameter \"interior\""});
+  folder_.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
+  refuses(R"(<shape type="obj"><string name="filename" value="bad.obj"/></shape>)", "2:19",
+          {"bad.obj:2:5: face: there is no vertex 2"});
+}
+
+TEST_F(LoadTest, SensorsAndFilms) {
+  const Scene scene = load_whole(
+      R"(<integrator type="path"><integer name="max_depth" value="7"/><integer name="rr_depth" value="3"/></integrator>
+    <sensor type="perspective"><float name="fov" value="30"/><string name="fov_axis" value="smaller"/><float name="near_clip" value="0.5"/><float name="far_clip" value="50"/>
+      <float name="focus_distance" value="3"/><float name="principal_point_offset_x" value="0.1"/>
+      <transform name="to_world"><lookat origin="1 2 3" target="0 0 1" up="0 1 0"/></transform><sampler type="independent"><integer name="sample_count" value="3"/></sampler>
+      <film type="hdrfilm"><integer name="width" value="320"/><integer name="height" value="200"/><rfilter type="tent"><float name="radius" value="2"/></rfilter></film></sensor>
+    <sensor type="perspective"><film type="hdrfilm"><integer name="width" value="64"/><rfilter type="box"/></film></sensor>)" +
+      kSphere);
+  EXPECT_EQ(scene.max_depth, 7);
+  ASSERT_EQ(scene.cameras.size(), 2u);
+  const Camera& c = scene.cameras[0];
+  const Camera expected = look_at({1, 2, 3}, {0, 0, 1}, {0, 1, 0}, 30.0f, Camera::FovAxis::smaller);
+  EXPECT_EQ(c.forward, expected.forward);
+  EXPECT_EQ(c.right, expected.right);
+  EXPECT_EQ(c.fov_axis, Camera::FovAxis::smaller);
+  EXPECT_EQ(c.near_clip, 0.5f);
+  EXPECT_EQ(c.principal_point_offset.x, 0.1f);
+  EXPECT_EQ(c.film_width, 320);
+  EXPECT_EQ(scene.film.filter, Film::Filter::tent);
+  EXPECT_EQ(scene.film.filter_radius, 2.0f);
+  EXPECT_EQ(scene.cameras[1].film_width, 64);
+  // No fov: 50 mm on 35 mm film.
+  EXPECT_EQ(scene.cameras[1].fov_axis, Camera::FovAxis::diagonal);
+  EXPECT_NEAR(scene.cameras[1].fov_degrees, 46.7930f, 1e-3f);
+
+  const auto sensor = [](const std::string& body) { return "<sensor type=\"perspective\">\n" + body + "</sensor>"; };
+  const auto film = [&](const std::string& body) { return sensor("<film type=\"hdrfilm\">" + body + "</film>"); };
+  refuses(R"(<sensor type="thinlens"/>)", "2:1", {"sensor \"thinlens\" is not supported; supported: perspective"});
+  refuses(sensor(R"(<float name="fov" value="180"/>)"), "3:1", {"below 180"});
+  refuses(sensor(R"(<float name="fov" value="60"/><string name="fov_axis" value="z"/>)"), "3:31",
+          {"supported: x, y, diagonal, smaller, larger"});
+  refuses(sensor(R"(<float name="near_clip" value="0"/>)"), "3:1", {"near_clip must be above 0"});
+  refuses(sensor(R"(<transform name="to_world"><scale value="2"/></transform>)"), "3:1", {"must not scale"});
+  refuses(sensor(R"(<string name="focal_length" value="wide"/>)"), "3:1", {"is not a length"});
+  refuses(sensor(R"(<film type="ldrfilm"/>)"), "3:1",
+          {"film \"ldrfilm\" is not supported", "did you mean \"hdrfilm\""});
+  refuses(film(R"(<integer name="width" value="0"/>)"), "3:22", {"must be between 1 and 131072"});
+  refuses(film(R"(<integer name="width" value="1.5"/>)"), "3:22", {"is not a 32-bit integer"});
+  refuses(film(R"(<float name="width" value="100"/>)"), "3:22", {"must be <integer>, not <float>"});
+  refuses(film(R"(<rfilter type="mitchell"/>)"), "3:22",
+          {"rfilter \"mitchell\" is not supported", "supported: box, tent, gaussian"});
+  refuses(film(R"(<rfilter type="box"><float name="radius" value="2"/></rfilter>)"), "3:42",
+          {"unknown parameter \"radius\""});
+  refuses(film(R"(<integer name="crop_width" value="10"/>)"), "3:1", {"crop"});
+  refuses(R"(<integrator type="path"><integer name="max_depth" value="-2"/></integrator>)", "2:25",
+          {"must be between -1"});
+  refuses(R"(<integrator type="path"/><integrator type="path"/>)", "2:26", {"second integrator"});
+}
+
+TEST_F(LoadTest, WholeFiles) {
+  EXPECT_NE(error_whole(scene_text(kSphere)).find("s.xml:1:1: the scene has no sensor"), std::string::npos);
+  EXPECT_NE(error_whole(scene_text(kSensor)).find("s.xml:1:1: the scene has no shape"), std::string::npos);
+  EXPECT_NE(error_whole("").find("s.xml:1:1: "), std::string::npos);
+  EXPECT_NE(error_whole("<scene/>").find("no version attribute"), std::string::npos);
+  EXPECT_NE(error_whole("<scene version=\"0.6.0\"/>").find("version \"0.6.0\" is not supported"), std::string::npos);
+  EXPECT_NE(error_whole("<bsdf type=\"diffuse\"/>").find("expected <scene>"), std::string::npos);
+  EXPECT_NE(error_whole("<scene version=\"3.0.0\">\n<shape type=\"cube\">\n</scene>").find("s.xml:3:"),
+            std::string::npos);
+  EXPECT_NE(error_whole("<scene version=\"3.0.0\">hello</scene>").find("unexpected text"), std::string::npos);
+  refuses("<shap type=\"cube\"/>", "2:1", {"unknown element <shap>", "did you mean \"shape\""});
+  refuses("<medium type=\"homogeneous\"/>", "2:1", {"unknown element <medium>", "supported:"});
+  EXPECT_THROW(load_scene(folder_.file("none.xml")), IoError);
+  EXPECT_THROW(load_scene(folder_.file("")), IoError);
+}
+
+TEST(Fingerprint, EveryByteCounts) {
+  // Lengths around the block sizes, zeros included: each single-bit change gives another hash.
+  std::set<std::uint64_t> seen;
+  std::size_t count = 0;
+  for (const std::size_t bytes : {0, 1, 4, 8, 16, 31, 32, 33, 64, 70}) {
+    std::vector<unsigned char> data(bytes, 0);
+    for (const std::uint64_t seed : {0ull, 1ull, 0xa0761d6478bd642full}) {
+      seen.insert(hash_bytes(data.data(), bytes, seed));
+      ++count;
+      for (std::size_t bit = 0; bit < 8 * bytes; ++bit) {
+        data[bit / 8] = static_cast<unsigned char>(1u << (bit % 8));
+        seen.insert(hash_bytes(data.data(), bytes, seed));
+        ++count;
+        data[bit / 8] = 0;
+      }
+    }
+  }
+  EXPECT_EQ(seen.size(), count);
+}
+
+TEST_F(LoadTest, FingerprintCoversWhatIsSeenAndNothingElse) {
+  const std::string bsdf = R"(<bsdf type="diffuse" id="m"><rgb name="reflectance" value="0.1 0.2 0.3"/></bsdf>)";
+  const std::string base = load(bsdf + R"(<shape type="cube"><ref id="m"/></shape>)").fingerprint;
+  EXPECT_EQ(load(bsdf + R"(<shape type="cube"><ref id="m"/></shape>)").fingerprint, base);
+  EXPECT_EQ(
+      load(bsdf + R"(<shape type="cube" id="named"><ref id="m"/></shape><sensor type="perspective"/>)").fingerprint,
+      base);
+  EXPECT_NE(load(bsdf + R"(<shape type="cube"/>)").fingerprint, base);
+  EXPECT_NE(
+      load(bsdf + R"(<shape type="cube"><ref id="m"/><boolean name="flip_normals" value="true"/></shape>)").fingerprint,
+      base);
+  EXPECT_NE(load(bsdf + R"(<shape type="cube"><ref id="m"/><emitter type="area"/></shape>)").fingerprint, base);
+  EXPECT_NE(load(bsdf + R"(<shape type="cube"><ref id="m"/></shape><emitter type="constant"/>)").fingerprint, base);
+  EXPECT_NE(
+      load(
+          R"(<bsdf type="diffuse" id="m"><rgb name="reflectance" value="0.1 0.2 0.30001"/></bsdf><shape type="cube"><ref id="m"/></shape>)")
+          .fingerprint,
+      base);
+  EXPECT_NE(
+      load(bsdf +
+           R"(<shape type="cube"><ref id="m"/><transform name="to_world"><translate x="0.00001"/></transform></shape>)")
+          .fingerprint,
+      base);
+}
+
+// The shared scenes: counts as their files state them, the same at any thread count.
+TEST(SharedScenes, AllLoad) {
+  const std::filesystem::path scenes = shared_folder() / "scenes";
+  if (!std::filesystem::is_directory(scenes)) GTEST_SKIP() << "no shared scenes at " << scenes;
+  struct Expected {
+    const char* file;
+    std::size_t shapes, triangles, lights, environments;
+  };
+  for (const Expected& e :
+       {Expected{"bathroom/scene.xml", 854, 380938, 9, 0}, Expected{"bathroom/scene_origmat.xml", 854, 380938, 1, 0},
+        Expected{"cbox-mitsuba/scene.xml", 8, 12, 1, 0}, Expected{"cornell-box/scene.xml", 10, 169702, 1, 0},
+        Expected{"cornell-box/scene_origmat.xml", 8, 36, 1, 0}, Expected{"kitchen/scene.xml", 293, 1025965, 4, 0},
+        Expected{"kitchen/scene_origmat.xml", 296, 1054061, 4, 0}, Expected{"living-room/scene.xml", 65, 143163, 0, 1},
+        Expected{"living-room/scene_origmat.xml", 65, 143163, 0, 1}, Expected{"veach-ajar/scene.xml", 22, 226114, 1, 0},
+        Expected{"veach-ajar/scene_origmat.xml", 22, 226114, 1, 0}}) {
+    const Scene scene = load_scene((scenes / e.file).string());
+    EXPECT_EQ(scene.shapes.size(), e.shapes) << e.file;
+    EXPECT_EQ(scene.triangle_count(), e.triangles) << e.file;
+    EXPECT_EQ(scene.area_lights.size(), e.lights) << e.file;
+    EXPECT_EQ(scene.environments.size(), e.environments) << e.file;
+    EXPECT_TRUE(scene.warnings.empty()) << e.file << ": " << scene.warnings.front();
+  }
+  const std::string file = (scenes / "veach-ajar/scene.xml").string(), once = load_scene(file).fingerprint;
+  set_thread_count(1);
+  EXPECT_EQ(load_scene(file).fingerprint, once);
+  set_thread_count(0);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,49 @@
+// Triangle meshes on their way into a Scene: readers of mesh files, placement in the world, vertex normals.
+#pragma once
+
+#include <string>
+
+#include "octrad/scene/scene.h"
+#include "octrad/scene/transform.h"
+
+namespace octrad {
+
+// A mesh as its file holds it, in object space.
+struct RawMesh {
+  std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;  // empty, or one per vertex of any length; (0, 0, 0) where the file has none
+  std::vector<Vec2f> uvs;      // empty, or one per vertex
+  std::vector<Vec3i> triangles;
+};
+
+// Wavefront OBJ: v, vt, vn and f (any polygon, negative indices); other statements are skipped. Polygons become fans.
+// Corners with equal indices share a vertex; vertices are numbered in order of first use. Throws InputError with
+// file:line:column, IoError.
+RawMesh read_obj(const std::string& file);
+RawMesh parse_obj(const std::string& name, const std::string& text);
+
+// Stanford PLY, ascii and binary of either byte order. Vertex properties x y z, nx ny nz, u v (or s t, texture_u
+// texture_v); face property vertex_indices (or vertex_index). Others are skipped.
+RawMesh read_ply(const std::string& file);
+RawMesh parse_ply(const std::string& name, const std::string& bytes);
+
+// [-1,1]^2 in the xy-plane facing +z, and [-1,1]^3, with Mitsuba's uv.
+RawMesh make_rectangle();
+RawMesh make_cube();
+
+struct MeshOptions {
+  bool face_normals = false;  // drop vertex normals
+  bool flip_normals = false;
+  bool flip_v = false;  // v := 1 - v
+};
+
+// World-space mesh. As in Mitsuba 3: vertex normals of the file are carried by the inverse transpose; without any (and
+// without face_normals) they are computed in world space, weighted by angle (Thuermer & Wuethrich 1998, "Computing
+// Vertex Normals from Polygonal Facets"). Where a mirroring transform would turn the triangles against the file's
+// normals, the triangles are turned back, so that geometric and shading normals stay on the same side.
+TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options);
+
+// Angle-weighted vertex normals; (1, 0, 0) where a vertex has no triangle with an area.
+std::vector<Vec3f> smooth_normals(const std::vector<Vec3f>& positions, const std::vector<Vec3i>& triangles);
+
+}  // namespace octrad

@@ -1,0 +1,299 @@
+// OBJ and PLY readers, vertex normals and placement; expected numbers where given are Mitsuba 3.9.1's.
+#include "octrad/scene/mesh.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "octrad/base/error.h"
+#include "octrad/base/rng.h"
+
+namespace octrad {
+namespace {
+
+const std::string kQuad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nv 0.5 1.5 0\n";
+
+RawMesh obj(const std::string& text) { return parse_obj("a.obj", text); }
+TriangleMesh placed(RawMesh raw, const MeshOptions& options = {}, const Transform& t = {}) {
+  return place_mesh(std::move(raw), t, options);
+}
+
+std::string error_of(const std::string& text, bool ply = false) {
+  try {
+    ply ? parse_ply("a.ply", text) : parse_obj("a.obj", text);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+void expect_normals(const std::vector<Vec3f>& found, const std::vector<Vec3f>& expected) {
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i)
+    EXPECT_LT(length(found[i] - expected[i]), 3e-6f)
+        << i << ": " << found[i].x << " " << found[i].y << " " << found[i].z;
+}
+
+TEST(Obj, PolygonsBecomeFansWithSmoothNormals) {
+  const TriangleMesh mesh = placed(obj(kQuad + "f 1 2 3 4 5\n"));
+  EXPECT_EQ(mesh.triangles, (std::vector<Vec3i>{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}}));
+  expect_normals(mesh.normals, {{-0.069246285f, -0.17261216f, 0.98255277f},
+                                {0, 0, 1},
+                                {0.2270461f, -0.2270461f, 0.94704807f},
+                                {-0.98573756f, -0.07526156f, 0.15052313f},
+                                {-0.8017837f, 0.26726124f, -0.5345225f}});
+  EXPECT_TRUE(mesh.uvs.empty());
+}
+
+TEST(Obj, NormalsBreakWhereTextureCoordinatesDo) {
+  // Vertices are told apart by all their indices, so a seam in uv is a crease.
+  const TriangleMesh mesh =
+      placed(obj(kQuad + "vt 0.1 0.2\nvt 0.3 0.4\nvt 0.5 0.6\nf 1/1 2/2 3/3\nf 1/2 3/3 4/1\n"), {.flip_v = true});
+  ASSERT_EQ(mesh.positions.size(), 5u);
+  EXPECT_EQ(mesh.triangles[1], (Vec3i{3, 2, 4}));
+  EXPECT_LT(length(mesh.normals[0] - Vec3f(0, 0, 1)), 1e-6f);
+  EXPECT_LT(length(mesh.normals[2] - Vec3f(0.2270461f, -0.2270461f, 0.94704807f)), 1e-6f);
+  EXPECT_FLOAT_EQ(mesh.uvs[0].y, 0.8f);
+  EXPECT_FLOAT_EQ(mesh.uvs[2].x, 0.5f);
+}
+
+TEST(Obj, NormalsAreComputedInWorldSpace) {
+  const TriangleMesh mesh = placed(obj(kQuad + "f 1 2 3\nf 1 3 4\n"), {}, Transform::scale({-1, 2, 1}));
+  expect_normals(mesh.normals, {{0.1435356f, 0.0717678f, -0.98703957f},
+                                {0, 0, -1},
+                                {0.32016897f, 0.16008449f, -0.93373704f},
+                                {0.43643576f, 0.21821788f, -0.8728715f}});
+  EXPECT_TRUE(placed(obj(kQuad + "f 1 2 3\n"), {.face_normals = true}).normals.empty());
+}
+
+TEST(Obj, DegenerateTrianglesGiveNoWeight) {
+  expect_normals(placed(obj(kQuad + "f 1 2 2\nf 1 2 3\n")).normals, {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}});
+  expect_normals(placed(obj(kQuad + "f 1 2 2\n")).normals, {{1, 0, 0}, {1, 0, 0}});
+}
+
+TEST(Obj, FileNormalsAreCarriedByTheInverseTranspose) {
+  const std::string text = kQuad + "vn 0 0 2\nvn 0 1 2\nf 1//1 2//2 3//1\n";
+  const TriangleMesh mesh = placed(obj(text), {}, Transform::scale({2, -1, 1}));
+  expect_normals(mesh.normals, {{0, 0, 1}, {0, -0.44721362f, 0.89442724f}, {0, 0, 1}});
+  // Mirrored: the triangle is turned so that it still faces where its normals point.
+  const Vec3i t = mesh.triangles[0];
+  const Vec3f n = cross(mesh.positions[static_cast<std::size_t>(t.y)] - mesh.positions[static_cast<std::size_t>(t.x)],
+                        mesh.positions[static_cast<std::size_t>(t.z)] - mesh.positions[static_cast<std::size_t>(t.x)]);
+  EXPECT_GT(n.z, 0.0f);
+}
+
+TEST(Obj, MissingNormalsAreComputed) {
+  const TriangleMesh mesh = placed(obj(kQuad + "vn 0 1 0\nf 1//1 2//1 3//1\nf 1 3 4\n"));
+  ASSERT_EQ(mesh.normals.size(), 6u);
+  EXPECT_EQ(mesh.normals[0], Vec3f(0, 1, 0));
+  EXPECT_LT(length(mesh.normals[3] - Vec3f(0.40824828f, -0.40824828f, 0.81649655f)), 1e-6f);
+  // A zero normal counts as missing.
+  EXPECT_LT(length(placed(obj(kQuad + "vn 0 0 0\nf 1//1 2//1 3//1\n")).normals[1] - Vec3f(0, 0, 1)), 1e-6f);
+}
+
+TEST(Obj, SyntaxVariants) {
+  // Negative indices, CRLF, tabs, comments, continuation, w and colours, groups, exponents, plus signs, no final
+  // newline.
+  const RawMesh mesh = obj(
+      "# x\r\nmtllib a.mtl\r\no a\r\nv\t0 0 0 1 0.5 0.5\r\nv +1e0 0 0 1.0\r\nv 1 1.0E+0 -0 # c\r\n\r\ng b\ns off\nusemtl x\nvp 1 2\nl 1 2\nf -3 \\\n -2 -1");
+  ASSERT_EQ(mesh.triangles.size(), 1u);
+  EXPECT_EQ(mesh.positions[1], Vec3f(1, 0, 0));
+  EXPECT_EQ(mesh.positions[2], Vec3f(1, 1, 0));
+  EXPECT_EQ(obj("v 1e-60 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nf 1/1/ 2/1 3/1").uvs[0].x, 0.5f);
+}
+
+TEST(Obj, ErrorsSayWhere) {
+  EXPECT_EQ(error_of(kQuad + "f 1 2 9\n"), "a.obj:6:7: face: there is no vertex 9 (5 so far)");
+  EXPECT_EQ(error_of(kQuad + "f 0 1 2\n"), "a.obj:6:3: face: there is no vertex 0 (5 so far)");
+  EXPECT_EQ(error_of(kQuad + "f -6 1 2\n"), "a.obj:6:3: face: there is no vertex -6 (5 so far)");
+  EXPECT_EQ(error_of(kQuad + "f 1/1 2 3\n"), "a.obj:6:5: face: there is no texture vertex 1 (0 so far)");
+  EXPECT_EQ(error_of(kQuad + "f 1//2 2 3\n"), "a.obj:6:6: face: there is no vertex normal 2 (0 so far)");
+  EXPECT_EQ(error_of(kQuad + "f 1 2\n"), "a.obj:6:2: face: a face needs at least three corners");
+  EXPECT_EQ(error_of(kQuad + "f 1 2 x\n"), "a.obj:6:7: face: expected the index of a vertex");
+  EXPECT_EQ(error_of(kQuad + "f 1 2 3x\n"), "a.obj:6:8: face: expected a blank after the corner");
+  EXPECT_EQ(error_of("v 0 0\n"), "a.obj:1:6: vertex: expected a number");
+  EXPECT_EQ(error_of("v 0 nan 0\n"), "a.obj:1:5: vertex: the number is not finite");
+  EXPECT_EQ(error_of("v 0 1e99 0\n"), "a.obj:1:5: vertex: the number is not finite");
+  EXPECT_EQ(error_of("v 0 0,1 0\n"), "a.obj:1:6: vertex: expected a blank after the number");
+  EXPECT_EQ(error_of("f 99999999999 1 1\n"), "a.obj:1:3: face: expected the index of a vertex");
+  EXPECT_EQ(error_of("# nothing\n"), "a.obj:1:1: the OBJ file holds no face with three or more corners");
+  EXPECT_EQ(error_of(""), "a.obj:1:1: the OBJ file holds no face with three or more corners");
+}
+
+// PLY -------------------------------------------------------------------------------------------------------------
+
+std::string header(const std::string& format, const std::string& vertex_properties, int vertices, int faces,
+                   const std::string& list = "list uchar int vertex_indices") {
+  std::string text = "ply\nformat " + format + " 1.0\ncomment x\nelement vertex " + std::to_string(vertices) + "\n";
+  for (const char* p = vertex_properties.c_str(); *p;) {
+    const char* end = std::strchr(p, ' ');
+    const std::string name = end ? std::string(p, end) : std::string(p);
+    text += "property float " + name + "\n";
+    p = end ? end + 1 : p + name.size();
+  }
+  return text + "element face " + std::to_string(faces) + "\nproperty " + list + "\nend_header\n";
+}
+
+template <typename T>
+void put(std::string& bytes, T value, bool big) {
+  char buffer[sizeof(T)];
+  std::memcpy(buffer, &value, sizeof(T));
+  if (big != (std::endian::native == std::endian::big)) std::reverse(buffer, buffer + sizeof(T));
+  bytes.append(buffer, sizeof(T));
+}
+
+// Two triangles over four vertices with normals and uv.
+std::string binary_ply(bool big) {
+  std::string bytes = header(big ? "binary_big_endian" : "binary_little_endian", "x y z nx ny nz s t", 4, 1);
+  const float corners[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  for (const auto& c : corners) {
+    for (const float v : {c[0], c[1], 0.25f, 0.0f, 0.0f, 2.0f, c[0], 0.5f * c[1]}) put(bytes, v, big);
+  }
+  put<std::uint8_t>(bytes, 4, big);
+  for (int i = 0; i < 4; ++i) put(bytes, i, big);
+  return bytes;
+}
+
+TEST(Ply, BinaryOfBothByteOrdersAndAsciiAgree) {
+  const std::string ascii =
+      header("ascii", "x y z nx ny nz u v", 4, 1) +
+      "0 0 .25 0 0 2 0 0\n1 0 0.25 0 0 2 1 0\n1 1 +0.25 0 0 2 1 0.5\n0 1 2.5e-1 0 0 2 0 0.5\n4 0 1 2 3\n";
+  const RawMesh expected = parse_ply("a.ply", binary_ply(false));
+  EXPECT_EQ(expected.triangles, (std::vector<Vec3i>{{0, 1, 2}, {0, 2, 3}}));
+  EXPECT_EQ(expected.positions[2], Vec3f(1, 1, 0.25f));
+  EXPECT_EQ(expected.uvs[3], (Vec2f{0, 0.5f}));
+  EXPECT_EQ(expected.normals[0], Vec3f(0, 0, 2));
+  for (const std::string& other : {binary_ply(true), ascii}) {
+    const RawMesh mesh = parse_ply("b.ply", other);
+    EXPECT_EQ(mesh.positions, expected.positions);
+    EXPECT_EQ(mesh.normals, expected.normals);
+    EXPECT_EQ(mesh.uvs, expected.uvs);
+    EXPECT_EQ(mesh.triangles, expected.triangles);
+  }
+  expect_normals(placed(parse_ply("a.ply", binary_ply(false))).normals, std::vector<Vec3f>(4, Vec3f(0, 0, 1)));
+}
+
+TEST(Ply, OtherElementsAndPropertiesAreSkipped) {
+  const RawMesh mesh = parse_ply(
+      "a.ply",
+      "ply\r\nformat ascii 1.0\r\nelement material 1\r\nproperty list uchar float c\r\nproperty int q\r\nelement face 1\r\n"
+      "property uchar flag\r\nproperty list ushort uint vertex_index\r\nproperty list uchar float tex\r\nelement vertex 3\r\n"
+      "property double z\r\nproperty uchar red\r\nproperty float x\r\nproperty float y\r\nelement edge 1\r\nproperty int a\r\nend_header\r\n"
+      "2 0.5 0.5 7\r\n9 3 0 1 2 6 0 0 0 0 0 0\r\n5 255 0 0\r\n6 0 1 0\r\n7 0 0 1\r\n3\r\n");
+  EXPECT_EQ(mesh.triangles, (std::vector<Vec3i>{{0, 1, 2}}));
+  EXPECT_EQ(mesh.positions[1], Vec3f(1, 0, 6));
+}
+
+TEST(Ply, NormalsAsMitsuba) {
+  const std::string rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n0.5 1.5 0\n3 0 1 2\n3 0 2 3\n";
+  expect_normals(placed(parse_ply("a.ply", header("ascii", "x y z", 5, 2) + rows)).normals,
+                 {{0.2270461f, -0.2270461f, 0.94704807f},
+                  {0, 0, 1},
+                  {0.2270461f, -0.2270461f, 0.94704807f},
+                  {0.40824828f, -0.40824828f, 0.81649655f},
+                  {1, 0, 0}});
+  const std::string with =
+      "0 0 0 0 0 2\n1 0 0 0 0 2\n1 1 0 1 1 2\n0 1 0.5 0 1 2\n0.5 1.5 0 0.5 1 2\n3 0 1 2\n3 0 2 3\n";
+  expect_normals(
+      placed(parse_ply("a.ply", header("ascii", "x y z nx ny nz", 5, 2) + with), {}, Transform::scale({2, 1, 1}))
+          .normals,
+      {{0, 0, 1},
+       {0, 0, 1},
+       {0.2182179f, 0.4364358f, 0.8728716f},
+       {0, 0.44721362f, 0.89442724f},
+       {0.1111111f, 0.44444442f, 0.88888884f}});
+}
+
+TEST(Ply, ErrorsSayWhatIsWrong) {
+  const std::string xyz = header("ascii", "x y z", 3, 1), rows = "0 0 0\n1 0 0\n0 1 0\n";
+  const auto has = [](const std::string& text, const std::string& expected) {
+    const std::string error = error_of(text, true);
+    EXPECT_NE(error.find(expected), std::string::npos) << error;
+    EXPECT_EQ(error.rfind("a.ply:", 0), 0u) << error;
+  };
+  has("", "header ends before end_header");
+  has("plx\n", "not a PLY file");
+  has("ply\nformat binary 1.0\n", "unknown PLY format \"binary\"");
+  has("ply\nformat ascii 1.0\nelement vertex -3\n", "\"-3\" is not a number of elements");
+  has("ply\nformat ascii 1.0\nelement vertex 3\nproperty half x\n", "unknown PLY type \"half\"");
+  has("ply\nformat ascii 1.0\nelement vertex 3\nproperty list float int x\n", "must have an integer type");
+  has("ply\nformat ascii 1.0\nnonsense\n", "unknown PLY header line");
+  has("ply\nend_header\n", "no format line");
+  has("ply\nformat ascii 1.0\nend_header\n", "no element \"vertex\"");
+  has(header("ascii", "x y", 3, 1) + "0 0\n0 0\n0 0\n3 0 1 2\n", "lacks x, y or z");
+  has(header("ascii", "x y z", 3, 1, "list uchar int corners") + rows + "3 0 1 2\n", "lacks the list vertex_indices");
+  has(xyz + rows + "3 0 1 3\n", "refers to vertex 3, but there are 3");
+  has(xyz + rows + "3 0 1 -1\n", "refers to vertex -1");
+  has(xyz + rows + "3 0 1 0.5\n", "expected an integer");
+  has(xyz + rows + "2 0 1\n", "fewer than three corners");
+  has(xyz + rows + "3 0 1\n", "ends early");
+  has(xyz + "0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "not finite");
+  has(xyz + "0 0 x\n1 0 0\n0 1 0\n3 0 1 2\n", "expected a number");
+  has(xyz + rows + "200 0 1 2\n", "does not fit");
+}
+
+TEST(Ply, HugeCountsAreRefusedBeforeAnythingIsAllocated) {
+  for (const std::string count : {"4000000000", "2000000000", "18446744073709551615", "99999999999999999999"}) {
+    for (const std::string format : {"ascii", "binary_little_endian"}) {
+      const std::string error = error_of("ply\nformat " + format + " 1.0\nelement vertex " + count +
+                                             "\nproperty float x\nproperty float y\nproperty float z\nelement face " +
+                                             count + "\nproperty list uint int vertex_indices\nend_header\nabc",
+                                         true);
+      EXPECT_TRUE(error.find("announces") != std::string::npos || error.find("not a number") != std::string::npos)
+          << error;
+    }
+  }
+  std::string bytes = header("binary_little_endian", "x y z", 1, 1, "list uint int vertex_indices") +
+                      std::string(12, '\0') + "\xff\xff\xff\xff";
+  EXPECT_NE(error_of(bytes, true).find("does not fit"), std::string::npos);
+}
+
+// Truncated and corrupted files must give an InputError or a mesh, never a crash (run under the sanitizers).
+TEST(MeshFuzz, TruncatedAndCorruptedFiles) {
+  const std::string obj_text = kQuad + "vt 0.1 0.2\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1 4//1\nf -1 -2 -3\n";
+  const std::string ply_text = header("ascii", "x y z s t", 3, 1) + "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n";
+  int meshes = 0, errors = 0;
+  const auto attempt = [&](const std::string& text, bool ply) {
+    try {
+      const TriangleMesh mesh = placed(ply ? parse_ply("a.ply", text) : parse_obj("a.obj", text));
+      for (const Vec3i& t : mesh.triangles) {
+        for (int i = 0; i < 3; ++i) ASSERT_LT(static_cast<std::size_t>(t[i]), mesh.positions.size());
+      }
+      ++meshes;
+    } catch (const InputError&) {
+      ++errors;
+    }
+  };
+  for (const auto& [text, ply] : {std::make_pair(obj_text, false), std::make_pair(ply_text, true),
+                                  std::make_pair(binary_ply(false), true), std::make_pair(binary_ply(true), true)}) {
+    for (std::size_t n = 0; n < text.size(); ++n) attempt(text.substr(0, n), ply);
+    for (std::uint64_t i = 0; i < 3000; ++i) {
+      Rng rng(7, RngPurpose::test, i);
+      std::string broken = text;
+      for (std::uint32_t k = 0, n = 1 + rng.below(4); k < n; ++k)
+        broken[rng.below(static_cast<std::uint32_t>(broken.size()))] = static_cast<char>(rng.below(256));
+      attempt(broken, ply);
+    }
+  }
+  EXPECT_GT(meshes, 100);
+  EXPECT_GT(errors, 1000);
+}
+
+TEST(Shapes, RectangleAndCubeFaceOutwards) {
+  for (const RawMesh& mesh : {make_rectangle(), make_cube()}) {
+    double area = 0.0;
+    for (const Vec3i& t : mesh.triangles) {
+      const Vec3f p0 = mesh.positions[static_cast<std::size_t>(t.x)];
+      const Vec3f n =
+          cross(mesh.positions[static_cast<std::size_t>(t.y)] - p0, mesh.positions[static_cast<std::size_t>(t.z)] - p0);
+      area += 0.5 * static_cast<double>(length(n));
+      EXPECT_EQ(normalize(n), mesh.normals[static_cast<std::size_t>(t.x)]);
+    }
+    EXPECT_DOUBLE_EQ(area, mesh.triangles.size() == 2 ? 4.0 : 24.0);
+  }
+}
+
+}  // namespace
+}  // namespace octrad

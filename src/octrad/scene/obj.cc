@@ -1,0 +1,205 @@
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "octrad/scene/mesh.h"
+#include "octrad/scene/source.h"
+
+namespace octrad {
+namespace {
+
+class ObjReader {
+ public:
+  ObjReader(const std::string& name, const std::string& text)
+      : name_(name),
+        text_(text),
+        p_(text.data()),
+        end_(p_ + text.size()) {}
+
+  RawMesh read() {
+    while (p_ < end_) {
+      skip_blanks();
+      if (p_ == end_) break;
+      if (*p_ == 'v') {
+        read_vertex();
+      } else if (*p_ == 'f' && p_ + 1 < end_ && is_blank(p_[1])) {
+        ++p_;
+        read_face();
+      }
+      skip_line();
+    }
+    if (mesh_.triangles.empty()) fail_at(text_.data(), "the OBJ file holds no face with three or more corners");
+    if (!any_uv_) mesh_.uvs.clear();
+    if (!any_normal_) mesh_.normals.clear();
+    return std::move(mesh_);
+  }
+
+ private:
+  struct Corner {
+    int v, vt, vn;
+  };  // from 0; -1: not given
+  struct Known {
+    int vt, vn, index, next;
+  };
+
+  static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+  [[noreturn]] void fail_at(const char* where, const std::string& message) const {
+    fail({std::make_shared<const SourceFile>(name_, text_), static_cast<std::size_t>(where - text_.data())}, message);
+  }
+
+  // Blanks within a statement; a backslash before the line's end continues it.
+  void skip_blanks() {
+    while (p_ < end_) {
+      if (is_blank(*p_)) {
+        ++p_;
+      } else if (*p_ == '\\') {
+        const char* q = p_ + 1;
+        while (q < end_ && *q == '\r') ++q;
+        if (q == end_ || *q != '\n') return;
+        p_ = q + 1;
+      } else {
+        return;
+      }
+    }
+  }
+
+  void skip_line() {
+    while (p_ < end_ && *p_ != '\n') ++p_;
+    if (p_ < end_) ++p_;
+  }
+
+  bool at_line_end() {
+    skip_blanks();
+    return p_ == end_ || *p_ == '\n' || *p_ == '#';
+  }
+
+  float read_float(const char* what) {
+    skip_blanks();
+    const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
+    float value = 0.0f;
+    const auto result = std::from_chars(begin, end_, value);
+    if (result.ec == std::errc::result_out_of_range && result.ptr != begin) {
+      // Too small is zero; too large is an error below.
+      double wide = 0.0;
+      std::from_chars(begin, end_, wide);
+      value = static_cast<float>(wide);
+    } else if (result.ec != std::errc()) {
+      fail_at(p_, std::string(what) + ": expected a number");
+    }
+    if (!std::isfinite(value)) fail_at(p_, std::string(what) + ": the number is not finite");
+    p_ = result.ptr;
+    if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')
+      fail_at(p_, std::string(what) + ": expected a blank after the number");
+    return value;
+  }
+
+  Vec3f read_vec3(const char* what) {
+    const float x = read_float(what), y = read_float(what);
+    return {x, y, read_float(what)};
+  }
+
+  void read_vertex() {
+    const char kind = p_ + 1 < end_ ? p_[1] : '\n';
+    if (is_blank(kind)) {
+      p_ += 1;
+      positions_.push_back(read_vec3("vertex"));  // w and colours are skipped
+      first_.push_back(-1);
+      if (positions_.size() > kMaxCount) fail_at(p_, "the OBJ file has too many vertices");
+    } else if (kind == 't' && p_ + 2 < end_ && is_blank(p_[2])) {
+      p_ += 2;
+      const float u = read_float("texture vertex");
+      uvs_.push_back({u, at_line_end() ? 0.0f : read_float("texture vertex")});
+    } else if (kind == 'n' && p_ + 2 < end_ && is_blank(p_[2])) {
+      p_ += 2;
+      normals_.push_back(read_vec3("vertex normal"));
+    }
+  }
+
+  // Index as written (1 is the first, -1 the last so far) to a position in a list of `count`.
+  int read_index(std::size_t count, const char* what) {
+    const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
+    int value = 0;
+    const auto result = std::from_chars(begin, end_, value);
+    if (result.ec != std::errc()) fail_at(p_, std::string("face: expected the index of a ") + what);
+    const std::int64_t n = static_cast<std::int64_t>(count);
+    const std::int64_t index = value < 0 ? n + value : static_cast<std::int64_t>(value) - 1;
+    if (value == 0 || index < 0 || index >= n) {
+      fail_at(p_, std::string("face: there is no ") + what + " " + std::to_string(value) + " (" +
+                      std::to_string(count) + " so far)");
+    }
+    p_ = result.ptr;
+    return static_cast<int>(index);
+  }
+
+  // v, v/vt, v//vn or v/vt/vn.
+  Corner read_corner() {
+    Corner corner{read_index(positions_.size(), "vertex"), -1, -1};
+    if (p_ < end_ && *p_ == '/') {
+      ++p_;
+      if (p_ < end_ && *p_ != '/' && !is_blank(*p_) && *p_ != '\n')
+        corner.vt = read_index(uvs_.size(), "texture vertex");
+      if (p_ < end_ && *p_ == '/') {
+        ++p_;
+        if (p_ < end_ && !is_blank(*p_) && *p_ != '\n') corner.vn = read_index(normals_.size(), "vertex normal");
+      }
+    }
+    if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')
+      fail_at(p_, "face: expected a blank after the corner");
+    return corner;
+  }
+
+  // Vertex of the mesh for a combination of indices; each combination becomes one vertex.
+  int vertex(const Corner& corner) {
+    int& head = first_[static_cast<std::size_t>(corner.v)];
+    for (int i = head; i >= 0; i = known_[static_cast<std::size_t>(i)].next) {
+      const Known& known = known_[static_cast<std::size_t>(i)];
+      if (known.vt == corner.vt && known.vn == corner.vn) return known.index;
+    }
+    const int index = static_cast<int>(mesh_.positions.size());
+    mesh_.positions.push_back(positions_[static_cast<std::size_t>(corner.v)]);
+    mesh_.uvs.push_back(corner.vt >= 0 ? uvs_[static_cast<std::size_t>(corner.vt)] : Vec2f{});
+    mesh_.normals.push_back(corner.vn >= 0 ? normals_[static_cast<std::size_t>(corner.vn)] : Vec3f{});
+    any_uv_ |= corner.vt >= 0;
+    any_normal_ |= corner.vn >= 0;
+    known_.push_back({corner.vt, corner.vn, index, head});
+    head = static_cast<int>(known_.size()) - 1;
+    return index;
+  }
+
+  void read_face() {
+    const char* begin = p_;
+    int corners = 0, first = -1, last = -1;
+    while (!at_line_end()) {
+      const int index = vertex(read_corner());
+      if (corners == 0) first = index;
+      if (corners >= 2) mesh_.triangles.push_back({first, last, index});
+      last = index;
+      ++corners;
+    }
+    if (corners < 3) fail_at(begin, "face: a face needs at least three corners");
+    if (mesh_.triangles.size() > kMaxCount) fail_at(begin, "the OBJ file has too many faces");
+  }
+
+  static constexpr std::size_t kMaxCount = static_cast<std::size_t>(std::numeric_limits<int>::max()) / 4;
+
+  const std::string& name_;
+  const std::string& text_;
+  const char* p_;
+  const char* end_;
+  std::vector<Vec3f> positions_, normals_;
+  std::vector<Vec2f> uvs_;
+  std::vector<int> first_;  // of positions_: head of its list in known_
+  std::vector<Known> known_;
+  RawMesh mesh_;
+  bool any_uv_ = false, any_normal_ = false;
+};
+
+}  // namespace
+
+RawMesh parse_obj(const std::string& name, const std::string& text) { return ObjReader(name, text).read(); }
+
+RawMesh read_obj(const std::string& file) { return parse_obj(file, read_file(file)); }
+
+}  // namespace octrad

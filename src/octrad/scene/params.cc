@@ -1,0 +1,417 @@
+#include "octrad/scene/params.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+const std::vector<std::string> kPropertyTags = {"float",    "integer", "boolean", "string",   "rgb",
+                                                "spectrum", "point",   "vector",  "transform"};
+const std::vector<std::string> kObjectTags = {"bsdf",    "texture", "emitter",    "shape",  "sensor", "film",
+                                              "rfilter", "sampler", "integrator", "medium", "volume", "phase"};
+
+bool is_property(const std::string& tag) {
+  return std::find(kPropertyTags.begin(), kPropertyTags.end(), tag) != kPropertyTags.end();
+}
+bool is_object(const std::string& tag) {
+  return std::find(kObjectTags.begin(), kObjectTags.end(), tag) != kObjectTags.end();
+}
+
+bool is_space(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
+
+std::string trimmed(const std::string& text) {
+  std::size_t begin = 0, end = text.size();
+  while (begin < end && is_space(text[begin])) ++begin;
+  while (end > begin && is_space(text[end - 1])) --end;
+  return text.substr(begin, end - begin);
+}
+
+std::string lower_case(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+// Reads one number at `p`; null when there is none.
+const char* read_number(const char* p, const char* end, double& value) {
+  if (p < end && *p == '+') ++p;
+  const auto result = std::from_chars(p, end, value);
+  return result.ec == std::errc() && std::isfinite(value) ? result.ptr : nullptr;
+}
+
+const std::string& value_of(const Element& element) {
+  const std::string* value = element.find("value");
+  if (!value) fail(element.location, "<" + element.tag + "> needs the attribute \"value\"");
+  return *value;
+}
+
+void check_attributes(const Element& element, const std::vector<std::string>& supported) {
+  for (const auto& [name, value] : element.attributes) {
+    if (std::find(supported.begin(), supported.end(), name) == supported.end()) {
+      fail(element.location, "<" + element.tag + "> has no attribute \"" + name + "\"" + did_you_mean(name, supported) +
+                                 "; supported: " + join(supported));
+    }
+  }
+}
+
+double parse_double(const Element& element) {
+  check_attributes(element, {"name", "value"});
+  const std::string text = trimmed(value_of(element));
+  double value = 0.0;
+  const char* end = read_number(text.data(), text.data() + text.size(), value);
+  if (text.empty() || end != text.data() + text.size())
+    fail(element.location, "\"" + value_of(element) + "\" is not a finite number");
+  return value;
+}
+
+// value="x y z" or x=, y=, z= attributes.
+Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single,
+                   const std::vector<std::string>& other = {}) {
+  std::vector<std::string> supported = {"value", "x", "y", "z"};
+  supported.insert(supported.end(), other.begin(), other.end());
+  check_attributes(element, supported);
+  const bool by_component = element.find("x") || element.find("y") || element.find("z");
+  if (const std::string* value = element.find("value")) {
+    if (by_component)
+      fail(element.location, "<" + element.tag + "> has both \"value\" and \"x\"/\"y\"/\"z\"; give one of them");
+    const auto numbers = parse_numbers(*value);
+    if (numbers && numbers->size() == 3) return {(*numbers)[0], (*numbers)[1], (*numbers)[2]};
+    if (numbers && numbers->size() == 1 && allow_single) return Vec3d((*numbers)[0]);
+    fail(element.location, "<" + element.tag + ">: \"" + *value + "\" is not " +
+                               (allow_single ? "one or three" : "three") + " finite numbers");
+  }
+  if (!by_component) fail(element.location, "<" + element.tag + "> needs \"value\" or some of \"x\", \"y\", \"z\"");
+  Vec3d result = fallback;
+  for (int i = 0; i < 3; ++i) {
+    const std::string* text = element.find(std::string(1, static_cast<char>('x' + i)));
+    if (!text) continue;
+    const auto numbers = parse_numbers(*text);
+    if (!numbers || numbers->size() != 1)
+      fail(element.location, "<" + element.tag + ">: \"" + *text + "\" is not a finite number");
+    result[i] = (*numbers)[0];
+  }
+  return result;
+}
+
+Vec3d triple(const Element& element, const std::string& attribute) {
+  const auto numbers = parse_numbers(element.get(attribute));
+  if (!numbers || numbers->size() != 3) {
+    fail(element.location,
+         "<" + element.tag + ">: " + attribute + "=\"" + element.get(attribute) + "\" is not three finite numbers");
+  }
+  return {(*numbers)[0], (*numbers)[1], (*numbers)[2]};
+}
+
+Transform parse_operation(const Element& e, std::vector<std::string>& warnings) {
+  if (e.tag == "translate") return Transform::translate(parse_vector(e, Vec3d(0.0), false));
+  if (e.tag == "scale") return Transform::scale(parse_vector(e, Vec3d(1.0), true));
+  if (e.tag == "rotate") {
+    const Vec3d axis = parse_vector(e, Vec3d(0.0), false, {"angle"});
+    const auto angle = parse_numbers(e.get("angle"));
+    if (!angle || angle->size() != 1)
+      fail(e.location, "<rotate>: angle=\"" + e.get("angle") + "\" is not a finite number (degrees)");
+    if (!(length(axis) > 0.0)) fail(e.location, "<rotate>: the axis is zero; give x, y, z");
+    if (std::fabs(length(axis) - 1.0) > 1e-4) {
+      warnings.push_back(e.location.text() +
+                         ": <rotate>: the axis was normalised (Mitsuba 3.9 does not: its result is not a rotation)");
+    }
+    return Transform::rotate(axis, (*angle)[0]);
+  }
+  if (e.tag == "matrix") {
+    check_attributes(e, {"value"});
+    const auto numbers = parse_numbers(value_of(e));
+    if (!numbers || (numbers->size() != 16 && numbers->size() != 9)) {
+      fail(e.location, "<matrix> needs 16 (or 9) finite numbers, row after row" +
+                           (numbers ? ", not " + std::to_string(numbers->size()) : std::string("")));
+    }
+    Transform t;
+    const int n = numbers->size() == 16 ? 4 : 3;
+    for (int row = 0; row < n; ++row) {
+      for (int column = 0; column < n; ++column)
+        t(row, column) = (*numbers)[static_cast<std::size_t>(row * n + column)];
+    }
+    if (!t.is_affine()) fail(e.location, "<matrix>: the last row must be 0 0 0 1");
+    return t;
+  }
+  if (e.tag == "lookat" || e.tag == "lookAt" || e.tag == "look_at") {
+    check_attributes(e, {"origin", "target", "up"});
+    const Vec3d origin = triple(e, "origin"), target = triple(e, "target");
+    Vec3d up{0, 1, 0};
+    if (e.find("up")) {
+      up = triple(e, "up");
+    } else if (std::fabs(dot(normalize(target - origin), up)) > 0.999) {
+      up = {1, 0, 0};
+    }
+    const auto t = Transform::look_at(origin, target, up);
+    if (!t)
+      fail(e.location,
+           "<lookat>: origin, target and up do not define a view (equal points, or up along the view direction)");
+    return *t;
+  }
+  fail(e.location, "unknown transform operation <" + e.tag + ">" +
+                       did_you_mean(e.tag, {"translate", "scale", "rotate", "matrix", "lookat"}) +
+                       "; supported: translate, scale, rotate, matrix, lookat");
+}
+
+}  // namespace
+
+std::optional<std::vector<double>> parse_numbers(const std::string& text) {
+  std::vector<double> numbers;
+  const char* p = text.data();
+  const char* const end = p + text.size();
+  bool separated = true;
+  while (true) {
+    bool comma = false;
+    while (p < end && (is_space(*p) || (*p == ',' && !comma))) {
+      comma |= *p == ',';
+      separated = true;
+      ++p;
+    }
+    if (p == end) return comma ? std::nullopt : std::make_optional(numbers);
+    if (!separated || (comma && numbers.empty())) return std::nullopt;
+    double value = 0.0;
+    const char* next = read_number(p, end, value);
+    if (!next) return std::nullopt;
+    numbers.push_back(value);
+    p = next;
+    separated = false;
+  }
+}
+
+Vec3f parse_rgb(const Element& element) {
+  check_attributes(element, {"name", "value"});
+  const std::string text = trimmed(value_of(element));
+  if (text.size() == 7 && text[0] == '#') {
+    Vec3f rgb;
+    for (int i = 0; i < 3; ++i) {
+      int byte = 0;
+      const char* begin = text.data() + 1 + 2 * i;
+      const auto result = std::from_chars(begin, begin + 2, byte, 16);
+      if (result.ptr != begin + 2 || byte < 0)
+        fail(element.location, "\"" + text + "\" is not a colour of the form #rrggbb");
+      const double v = byte / 255.0;
+      rgb[i] = static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
+    }
+    return rgb;
+  }
+  const auto numbers = parse_numbers(text);
+  if (!numbers || (numbers->size() != 1 && numbers->size() != 3)) {
+    fail(element.location,
+         "<rgb>: \"" + text +
+             "\" is not a colour; supported: one number, three numbers (commas or spaces between), #rrggbb");
+  }
+  if (numbers->size() == 1) return Vec3f(static_cast<float>((*numbers)[0]));
+  return {static_cast<float>((*numbers)[0]), static_cast<float>((*numbers)[1]), static_cast<float>((*numbers)[2])};
+}
+
+Transform parse_transform(const Element& element, std::vector<std::string>& warnings) {
+  check_attributes(element, {"name"});
+  Transform result;
+  for (const auto& child : element.children) {
+    if (!child->children.empty()) fail(child->children[0]->location, "<" + child->tag + "> holds no other elements");
+    result = parse_operation(*child, warnings) * result;
+  }
+  return result;
+}
+
+const Element& follow_reference(const Description& description, const Element& element) {
+  if (element.tag != "ref") return element;
+  check_attributes(element, {"id", "name"});
+  const std::string* id = element.find("id");
+  if (!id) fail(element.location, "<ref> needs the attribute \"id\"");
+  const auto target = description.ids.find(*id);
+  if (target == description.ids.end()) {
+    std::vector<std::string> known;
+    for (const auto& [key, value] : description.ids) known.push_back(key);
+    fail(element.location, "<ref>: nothing has the id \"" + *id + "\"" + did_you_mean(*id, known));
+  }
+  return *target->second;
+}
+
+Params::Params(const Description& description, const Element& element, std::vector<std::string>& warnings)
+    : description_(description),
+      element_(element),
+      warnings_(warnings),
+      used_(element.children.size(), false) {
+  check_attributes(element, {"type", "id", "name"});
+  const std::string* type = element.find("type");
+  if (!type || type->empty()) fail(element.location, "<" + element.tag + "> needs the attribute \"type\"");
+  type_ = *type;
+  for (std::size_t i = 0; i < element.children.size(); ++i) {
+    const Element& child = *element.children[i];
+    if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {
+      std::vector<std::string> known = kPropertyTags;
+      known.insert(known.end(), kObjectTags.begin(), kObjectTags.end());
+      known.push_back("ref");
+      const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
+                             child.tag == "matrix" || child.tag == "lookat";
+      fail(child.location,
+           "unknown element <" + child.tag + "> inside " + what() +
+               (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
+    }
+    if (is_property(child.tag) && !child.find("name"))
+      fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
+    const std::string& name = child.get("name");
+    for (std::size_t j = 0; j < i && !name.empty(); ++j) {
+      if (element.children[j]->get("name") == name)
+        fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
+    }
+  }
+}
+
+const Element* Params::take(const std::string& name) {
+  asked_.push_back(name);
+  for (std::size_t i = 0; i < used_.size(); ++i) {
+    if (!used_[i] && element_.children[i]->get("name") == name) {
+      used_[i] = true;
+      return element_.children[i].get();
+    }
+  }
+  return nullptr;
+}
+
+const Element* Params::take(const std::string& name, const std::vector<std::string>& tags) {
+  const Element* found = take(name);
+  if (found && std::find(tags.begin(), tags.end(), found->tag) == tags.end()) {
+    fail(found->location, "parameter \"" + name + "\" of " + what() + " must be <" + join(tags, "> or <") + ">, not <" +
+                              found->tag + ">");
+  }
+  return found;
+}
+
+Location Params::where(const std::string& name) const {
+  for (const auto& child : element_.children) {
+    if (child->get("name") == name) return child->location;
+  }
+  return element_.location;
+}
+
+float Params::get_float(const std::string& name, float fallback) {
+  const Element* e = take(name, {"float", "integer"});
+  if (!e) return fallback;
+  const auto value = static_cast<float>(parse_double(*e));
+  if (!std::isfinite(value)) fail(e->location, "\"" + e->get("value") + "\" is too large");
+  return value;
+}
+
+float Params::float_in(const std::string& name, float fallback, float lower, float upper) {
+  const float value = get_float(name, fallback);
+  if (!(value >= lower && value <= upper)) {
+    const auto text = [](float v) {
+      char buffer[32];
+      return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, v).ptr);
+    };
+    fail(where(name), "parameter \"" + name + "\" of " + what() + " is " + text(value) + "; it must be between " +
+                          text(lower) + " and " + text(upper));
+  }
+  return value;
+}
+
+int Params::int_in(const std::string& name, int fallback, int lower, int upper) {
+  const Element* e = take(name, {"integer"});
+  if (!e) return fallback;
+  check_attributes(*e, {"name", "value"});
+  const std::string text = trimmed(value_of(*e));
+  int value = 0;
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || result.ec != std::errc() || result.ptr != text.data() + text.size()) {
+    fail(e->location, "\"" + value_of(*e) + "\" is not a 32-bit integer");
+  }
+  if (value < lower || value > upper) {
+    fail(e->location, "parameter \"" + name + "\" of " + what() + " is " + std::to_string(value) +
+                          "; it must be between " + std::to_string(lower) + " and " + std::to_string(upper));
+  }
+  return value;
+}
+
+bool Params::get_bool(const std::string& name, bool fallback) {
+  const Element* e = take(name, {"boolean"});
+  if (!e) return fallback;
+  check_attributes(*e, {"name", "value"});
+  const std::string text = lower_case(trimmed(value_of(*e)));
+  if (text != "true" && text != "false")
+    fail(e->location, "\"" + value_of(*e) + "\" is not a boolean; supported: true, false");
+  return text == "true";
+}
+
+std::string Params::get_string(const std::string& name, const std::string& fallback) {
+  const Element* e = take(name, {"string"});
+  if (!e) return fallback;
+  check_attributes(*e, {"name", "value"});
+  return value_of(*e);
+}
+
+std::string Params::required_string(const std::string& name) {
+  const Element* e = take(name, {"string"});
+  if (!e) fail(location(), what() + " needs the parameter <string name=\"" + name + "\" value=\"...\"/>");
+  check_attributes(*e, {"name", "value"});
+  if (value_of(*e).empty()) fail(e->location, "parameter \"" + name + "\" of " + what() + " is empty");
+  return value_of(*e);
+}
+
+std::string Params::choice(const std::string& name, const std::string& fallback,
+                           const std::vector<std::string>& choices) {
+  const std::string value = lower_case(get_string(name, fallback));
+  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+    fail(where(name), "parameter \"" + name + "\" of " + what() + " cannot be \"" + value + "\"" +
+                          did_you_mean(value, choices) + "; supported: " + join(choices));
+  }
+  return value;
+}
+
+Vec3d Params::get_point(const std::string& name, Vec3d fallback) {
+  const Element* e = take(name, {"point", "vector"});
+  return e ? parse_vector(*e, Vec3d(0.0), false, {"name"}) : fallback;
+}
+
+Transform Params::get_transform(const std::string& name) {
+  const Element* e = take(name, {"transform"});
+  return e ? parse_transform(*e, warnings_) : Transform();
+}
+
+const Element* Params::find(const std::string& name) { return take(name); }
+
+void Params::ignore(const std::vector<std::string>& names) {
+  for (const std::string& name : names) take(name);
+}
+
+void Params::ignore_rest() { used_.assign(used_.size(), true); }
+
+std::vector<const Element*> Params::nested(const std::string& tag) {
+  asked_tags_.push_back(tag);
+  std::vector<const Element*> found;
+  for (std::size_t i = 0; i < used_.size(); ++i) {
+    if (used_[i]) continue;
+    const Element& target = follow_reference(description_, *element_.children[i]);
+    if (target.tag != tag) continue;
+    used_[i] = true;
+    found.push_back(&target);
+  }
+  return found;
+}
+
+void Params::finish() {
+  for (std::size_t i = 0; i < used_.size(); ++i) {
+    if (used_[i]) continue;
+    const Element& child = *element_.children[i];
+    const std::string& name = child.get("name");
+    std::vector<std::string> parameters;
+    for (const std::string& word : asked_) {
+      if (std::find(parameters.begin(), parameters.end(), word) == parameters.end()) parameters.push_back(word);
+    }
+    std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
+    if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
+    if (!name.empty())
+      fail(child.location,
+           "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);
+    const Element& target = follow_reference(description_, child);
+    fail(child.location, "<" + target.tag + "> cannot stand inside " + what() + supported);
+  }
+}
+
+}  // namespace octrad

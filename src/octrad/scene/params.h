@@ -1,0 +1,77 @@
+// Typed access to the parameters of one object of a scene file. Whatever is left over at the end is an error, so that
+// no parameter is ignored silently.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "octrad/base/vec.h"
+#include "octrad/scene/description.h"
+#include "octrad/scene/transform.h"
+
+namespace octrad {
+
+// Numbers separated by commas and white space; nullopt when anything else is in between or a number is not finite.
+std::optional<std::vector<double>> parse_numbers(const std::string& text);
+
+class Params {
+ public:
+  // `element` is a plugin object such as <bsdf type="diffuse">.
+  // Remarks that are no errors go to `warnings`.
+  Params(const Description& description, const Element& element, std::vector<std::string>& warnings);
+
+  const Element& element() const { return element_; }
+  const Location& location() const { return element_.location; }
+  const std::string& type() const { return type_; }
+  // How messages call the object: bsdf "diffuse".
+  std::string what() const { return element_.tag + " \"" + type_ + "\""; }
+
+  // Scalar parameters; the default where absent. float_in checks lower <= value <= upper.
+  float get_float(const std::string& name, float fallback);
+  float float_in(const std::string& name, float fallback, float lower, float upper);
+  int int_in(const std::string& name, int fallback, int lower, int upper);
+  bool get_bool(const std::string& name, bool fallback);
+  std::string get_string(const std::string& name, const std::string& fallback);
+  std::string required_string(const std::string& name);
+  // One of `choices`, compared without case.
+  std::string choice(const std::string& name, const std::string& fallback, const std::vector<std::string>& choices);
+  Vec3d get_point(const std::string& name, Vec3d fallback);
+  Transform get_transform(const std::string& name);
+
+  // The parameter as written (any of <float>, <rgb>, <texture>, <ref> ...), or null. For parameters with several types.
+  const Element* find(const std::string& name);
+  // Accepts a parameter that has no effect on the picture here.
+  void ignore(const std::vector<std::string>& names);
+  void ignore_rest();
+
+  // Nested objects with this tag, references resolved, in file order; name attributes are not looked at.
+  std::vector<const Element*> nested(const std::string& tag);
+
+  Location where(const std::string& name) const;  // of the parameter, else of the object
+
+  // Throws on the first parameter or object that nobody asked for.
+  void finish();
+
+ private:
+  const Element* take(const std::string& name);
+  const Element* take(const std::string& name, const std::vector<std::string>& tags);
+
+  const Description& description_;
+  const Element& element_;
+  std::vector<std::string>& warnings_;
+  std::string type_;
+  std::vector<bool> used_;
+  std::vector<std::string> asked_, asked_tags_;
+};
+
+// The element that a <ref> names (or the element itself when it is none).
+const Element& follow_reference(const Description& description, const Element& element);
+
+// <rgb value="..."> as linear RGB: one number, three numbers, or #rrggbb (sRGB encoded).
+Vec3f parse_rgb(const Element& element);
+
+// The transform operations inside <transform>, the first applied first.
+Transform parse_transform(const Element& element, std::vector<std::string>& warnings);
+
+}  // namespace octrad

@@ -1,0 +1,334 @@
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <memory>
+
+#include "octrad/scene/mesh.h"
+#include "octrad/scene/source.h"
+
+namespace octrad {
+namespace {
+
+enum class Type { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
+
+struct TypeName {
+  const char* name;
+  Type type;
+};
+const TypeName kTypeNames[] = {
+    {"char", Type::int8},   {"uchar", Type::uint8},   {"short", Type::int16},     {"ushort", Type::uint16},
+    {"int", Type::int32},   {"uint", Type::uint32},   {"float", Type::float32},   {"double", Type::float64},
+    {"int8", Type::int8},   {"uint8", Type::uint8},   {"int16", Type::int16},     {"uint16", Type::uint16},
+    {"int32", Type::int32}, {"uint32", Type::uint32}, {"float32", Type::float32}, {"float64", Type::float64}};
+
+std::size_t size_of(Type type) {
+  switch (type) {
+    case Type::int8:
+    case Type::uint8: return 1;
+    case Type::int16:
+    case Type::uint16: return 2;
+    case Type::float64: return 8;
+    default: return 4;
+  }
+}
+
+struct Property {
+  std::string name;
+  Type type = Type::float32;
+  bool list = false;
+  Type count_type = Type::uint8;
+};
+
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+enum class Format { ascii, little, big };
+
+class PlyReader {
+ public:
+  PlyReader(const std::string& name, const std::string& bytes)
+      : name_(name),
+        bytes_(bytes),
+        p_(bytes.data()),
+        end_(p_ + bytes.size()) {}
+
+  RawMesh read() {
+    read_header();
+    bool vertices = false, faces = false;
+    for (const PlyElement& element : elements_) {
+      check_count(element);
+      if (element.name == "vertex" && !vertices) {
+        read_vertices(element);
+        vertices = true;
+      } else if (element.name == "face" && !faces) {
+        read_faces(element);
+        faces = true;
+      } else if (!(vertices && faces)) {
+        for (std::uint64_t i = 0; i < element.count; ++i) skip_row(element);
+      }
+    }
+    if (!vertices) fail_at(bytes_.data(), "the PLY file has no element \"vertex\"");
+    if (!faces || mesh_.triangles.empty())
+      fail_at(bytes_.data(), "the PLY file holds no face with three or more corners");
+    for (const Vec3i& triangle : mesh_.triangles) {
+      for (int i = 0; i < 3; ++i) {
+        if (triangle[i] < 0 || static_cast<std::size_t>(triangle[i]) >= mesh_.positions.size()) {
+          fail_at(faces_begin_, "a face refers to vertex " + std::to_string(triangle[i]) + ", but there are " +
+                                    std::to_string(mesh_.positions.size()));
+        }
+      }
+    }
+    return std::move(mesh_);
+  }
+
+ private:
+  [[noreturn]] void fail_at(const char* where, const std::string& message) const {
+    fail({std::make_shared<const SourceFile>(name_, bytes_), static_cast<std::size_t>(where - bytes_.data())}, message);
+  }
+
+  static bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+
+  // Words of the next header line.
+  std::vector<std::string> header_line(const char*& begin) {
+    if (p_ == end_) fail_at(p_, "the PLY header ends before end_header");
+    begin = p_;
+    std::vector<std::string> words;
+    while (p_ < end_ && *p_ != '\n') {
+      if (is_space(*p_)) {
+        ++p_;
+        continue;
+      }
+      const char* word = p_;
+      while (p_ < end_ && !is_space(*p_)) ++p_;
+      words.emplace_back(word, p_);
+      if (words.size() > 64) fail_at(begin, "the line is no PLY header line");
+    }
+    if (p_ < end_) ++p_;
+    return words;
+  }
+
+  Type read_type(const std::string& word, const char* where) const {
+    for (const TypeName& known : kTypeNames) {
+      if (word == known.name) return known.type;
+    }
+    fail_at(where, "unknown PLY type \"" + word +
+                       "\"; supported: char, uchar, short, ushort, int, uint, float, double and int8 ... float64");
+  }
+
+  void read_header() {
+    const char* begin = p_;
+    std::vector<std::string> words = header_line(begin);
+    if (words.size() != 1 || words[0] != "ply") fail_at(begin, "not a PLY file (the first line must be \"ply\")");
+    bool format = false;
+    while (true) {
+      words = header_line(begin);
+      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      if (words[0] == "end_header") break;
+      if (words[0] == "format" && words.size() == 3) {
+        if (words[1] == "ascii") {
+          format_ = Format::ascii;
+        } else if (words[1] == "binary_little_endian") {
+          format_ = Format::little;
+        } else if (words[1] == "binary_big_endian") {
+          format_ = Format::big;
+        } else {
+          fail_at(begin,
+                  "unknown PLY format \"" + words[1] + "\"; supported: ascii, binary_little_endian, binary_big_endian");
+        }
+        format = true;
+      } else if (words[0] == "element" && words.size() == 3) {
+        PlyElement element;
+        element.name = words[1];
+        const auto result = std::from_chars(words[2].data(), words[2].data() + words[2].size(), element.count);
+        if (result.ec != std::errc() || result.ptr != words[2].data() + words[2].size())
+          fail_at(begin, "\"" + words[2] + "\" is not a number of elements");
+        elements_.push_back(element);
+      } else if (words[0] == "property" && words.size() == 3 && !elements_.empty()) {
+        elements_.back().properties.push_back({words[2], read_type(words[1], begin), false, Type::uint8});
+      } else if (words[0] == "property" && words.size() == 5 && words[1] == "list" && !elements_.empty()) {
+        const Type count = read_type(words[2], begin);
+        if (count == Type::float32 || count == Type::float64)
+          fail_at(begin, "the length of a PLY list must have an integer type");
+        elements_.back().properties.push_back({words[4], read_type(words[3], begin), true, count});
+      } else {
+        fail_at(begin, "unknown PLY header line starting with \"" + words[0] + "\"");
+      }
+    }
+    if (!format) fail_at(bytes_.data(), "the PLY header has no format line");
+  }
+
+  // No allocation is larger than what the rest of the file can fill.
+  void check_count(const PlyElement& element) const {
+    std::uint64_t row = 0;
+    for (const Property& property : element.properties) {
+      row += format_ == Format::ascii ? 1 : size_of(property.list ? property.count_type : property.type);
+    }
+    const auto left = static_cast<std::uint64_t>(end_ - p_);
+    if (element.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4 ||
+        (element.count > 0 && element.count > left / std::max<std::uint64_t>(row, 1))) {
+      fail_at(p_, "the header announces " + std::to_string(element.count) + " of element \"" + element.name +
+                      "\", but only " + std::to_string(left) + " bytes follow");
+    }
+    if (element.count > 0 && element.properties.empty())
+      fail_at(p_, "element \"" + element.name + "\" has no properties");
+  }
+
+  template <typename T>
+  T read_raw() {
+    if (static_cast<std::size_t>(end_ - p_) < sizeof(T)) fail_at(p_, "the PLY file ends early");
+    char buffer[sizeof(T)];
+    std::memcpy(buffer, p_, sizeof(T));
+    p_ += sizeof(T);
+    constexpr bool big_machine = std::endian::native == std::endian::big;
+    if ((format_ == Format::big) != big_machine) std::reverse(buffer, buffer + sizeof(T));
+    return std::bit_cast<T>(std::to_array(buffer));
+  }
+
+  double read_value(Type type) {
+    if (format_ == Format::ascii) {
+      while (p_ < end_ && is_space(*p_)) ++p_;
+      if (p_ == end_) fail_at(p_, "the PLY file ends early");
+      double value = 0.0;
+      const auto result = std::from_chars(*p_ == '+' ? p_ + 1 : p_, end_, value);
+      if (result.ec == std::errc::invalid_argument || (result.ptr < end_ && !is_space(*result.ptr)))
+        fail_at(p_, "expected a number");
+      if (result.ec == std::errc::result_out_of_range) value = 0.0;
+      p_ = result.ptr;
+      return value;
+    }
+    switch (type) {
+      case Type::int8: return read_raw<std::int8_t>();
+      case Type::uint8: return read_raw<std::uint8_t>();
+      case Type::int16: return read_raw<std::int16_t>();
+      case Type::uint16: return read_raw<std::uint16_t>();
+      case Type::int32: return read_raw<std::int32_t>();
+      case Type::uint32: return read_raw<std::uint32_t>();
+      case Type::float32: return read_raw<float>();
+      case Type::float64: return read_raw<double>();
+    }
+    return 0.0;
+  }
+
+  std::int64_t read_integer(Type type) {
+    const char* where = p_;
+    const double value = read_value(type);
+    if (!(std::fabs(value) < 1e15) || value != std::floor(value)) fail_at(where, "expected an integer");
+    return static_cast<std::int64_t>(value);
+  }
+
+  std::int64_t read_list_length(Type type) {
+    const char* where = p_;
+    const std::int64_t length = read_integer(type);
+    if (length < 0 || length > end_ - p_)
+      fail_at(where, "a list of " + std::to_string(length) + " items does not fit in the file");
+    return length;
+  }
+
+  void skip_property(const Property& property) {
+    const std::int64_t n = property.list ? read_list_length(property.count_type) : 1;
+    for (std::int64_t i = 0; i < n; ++i) read_value(property.type);
+  }
+
+  void skip_row(const PlyElement& element) {
+    for (const Property& property : element.properties) skip_property(property);
+  }
+
+  void read_vertices(const PlyElement& element) {
+    // Where each property goes: 0-2 position, 3-5 normal, 6-7 uv, -1 nowhere.
+    static const std::pair<const char*, int> kTargets[] = {{"x", 0},  {"y", 1},  {"z", 2},         {"nx", 3},
+                                                           {"ny", 4}, {"nz", 5}, {"u", 6},         {"v", 7},
+                                                           {"s", 6},  {"t", 7},  {"texture_u", 6}, {"texture_v", 7}};
+    std::vector<int> targets;
+    bool have[8] = {};
+    for (const Property& property : element.properties) {
+      int target = -1;
+      for (const auto& [name, slot] : kTargets) {
+        if (property.name == name && !property.list && !have[slot]) target = slot;
+      }
+      if (target >= 0) have[target] = true;
+      targets.push_back(target);
+    }
+    if (!have[0] || !have[1] || !have[2]) fail_at(bytes_.data(), "element \"vertex\" lacks x, y or z");
+    const bool normals = have[3] && have[4] && have[5], uvs = have[6] && have[7];
+    mesh_.positions.reserve(element.count);
+    if (normals) mesh_.normals.reserve(element.count);
+    if (uvs) mesh_.uvs.reserve(element.count);
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      const char* where = p_;
+      float row[8] = {};
+      for (std::size_t j = 0; j < targets.size(); ++j) {
+        if (targets[j] < 0) {
+          skip_property(element.properties[j]);
+        } else {
+          const auto value = static_cast<float>(read_value(element.properties[j].type));
+          if (!std::isfinite(value))
+            fail_at(where,
+                    "vertex " + std::to_string(i) + " has a \"" + element.properties[j].name + "\" that is not finite");
+          row[targets[j]] = value;
+        }
+      }
+      mesh_.positions.push_back({row[0], row[1], row[2]});
+      if (normals) mesh_.normals.push_back({row[3], row[4], row[5]});
+      if (uvs) mesh_.uvs.push_back({row[6], row[7]});
+    }
+  }
+
+  void read_faces(const PlyElement& element) {
+    faces_begin_ = p_;
+    std::size_t indices = element.properties.size();
+    for (std::size_t j = 0; j < element.properties.size(); ++j) {
+      const Property& property = element.properties[j];
+      if (property.list && (property.name == "vertex_indices" || property.name == "vertex_index")) indices = j;
+    }
+    if (indices == element.properties.size()) fail_at(bytes_.data(), "element \"face\" lacks the list vertex_indices");
+    mesh_.triangles.reserve(element.count);
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      for (std::size_t j = 0; j < element.properties.size(); ++j) {
+        if (j != indices) {
+          skip_property(element.properties[j]);
+          continue;
+        }
+        const Property& property = element.properties[j];
+        const char* where = p_;
+        const std::int64_t n = read_list_length(property.count_type);
+        if (n < 3) fail_at(where, "face " + std::to_string(i) + " has fewer than three corners");
+        int first = -1, last = -1;
+        for (std::int64_t k = 0; k < n; ++k) {
+          const std::int64_t index = read_integer(property.type);
+          if (index < 0 || index > std::numeric_limits<int>::max())
+            fail_at(where, "face " + std::to_string(i) + " refers to vertex " + std::to_string(index));
+          const int vertex = static_cast<int>(index);
+          if (k == 0) first = vertex;
+          if (k >= 2) mesh_.triangles.push_back({first, last, vertex});
+          last = vertex;
+        }
+        if (mesh_.triangles.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) / 4)
+          fail_at(where, "the PLY file has too many faces");
+      }
+    }
+  }
+
+  const std::string& name_;
+  const std::string& bytes_;
+  const char* p_;
+  const char* end_;
+  const char* faces_begin_ = nullptr;
+  Format format_ = Format::ascii;
+  std::vector<PlyElement> elements_;
+  RawMesh mesh_;
+};
+
+}  // namespace
+
+RawMesh parse_ply(const std::string& name, const std::string& bytes) { return PlyReader(name, bytes).read(); }
+
+RawMesh read_ply(const std::string& file) { return parse_ply(file, read_file(file)); }
+
+}  // namespace octrad

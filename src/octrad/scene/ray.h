@@ -1,0 +1,13 @@
+// A ray on its way into the scene. Plain data, for host and device.
+#pragma once
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+struct Ray {
+  Vec3f origin, direction;  // direction has unit length
+  float t_max = 1e30f;      // far clipping plane; hits beyond it do not count
+};
+
+}  // namespace octrad

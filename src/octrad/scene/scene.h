@@ -1,0 +1,81 @@
+// The immutable, index-based scene that everything downstream reads. Built by scene/load.h.
+//
+// Units: world units for positions, linear Rec. 709 RGB for colours and radiance. Indices are -1 where absent.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "octrad/base/vec.h"
+#include "octrad/scene/camera.h"
+#include "octrad/scene/material.h"
+#include "octrad/scene/sphere.h"
+#include "octrad/scene/texture.h"
+
+namespace octrad {
+
+// An indexed triangle mesh in world space. Analytic shapes (rectangle, cube) become meshes; spheres stay analytic.
+struct TriangleMesh {
+  std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;    // per vertex, unit, world space; empty: face normals
+  std::vector<Vec2f> uvs;        // per vertex; empty: barycentric coordinates as Mitsuba does
+  std::vector<Vec3i> triangles;  // vertex indices
+  bool flip_normals = false;     // geometric normal is -(p1-p0)x(p2-p0)
+};
+
+struct Shape {
+  enum class Kind { mesh, sphere };
+  Kind kind = Kind::mesh;
+  int geometry = -1;  // index into Scene::meshes or Scene::spheres
+  int material = -1;  // index into Scene::materials
+  int emitter = -1;   // index into Scene::area_lights
+  std::string id;
+};
+
+// Area light over one whole shape, emitting from the side of the geometric normal.
+struct AreaLight {
+  int shape = -1;
+  int radiance = -1;  // texture index (colour, not clamped)
+};
+
+// Environment map: latitude-longitude, radiance in `image`, row 0 at the zenith (+Y of its own space), u and
+// orientation as in Mitsuba 3's `envmap`. A constant environment is a 1x1 image.
+struct Environment {
+  int width = 0, height = 0;
+  std::vector<Vec3f> pixels;                        // [height][width], scale applied
+  float to_world[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row-major rotation, object -> world
+};
+
+struct Film {
+  enum class Filter { box, tent, gaussian };
+  int width = 768, height = 576;
+  Filter filter = Filter::gaussian;
+  float filter_radius = 0.0f;  // box .5, tent: radius, gaussian: 4 stddev (Mitsuba's conventions)
+  float filter_stddev = 0.5f;
+};
+
+struct Scene {
+  std::string file;         // as given
+  std::string fingerprint;  // 16 hex digits: hash of geometry, materials, textures and lights
+  std::vector<TriangleMesh> meshes;
+  std::vector<Sphere> spheres;
+  std::vector<Shape> shapes;
+  std::vector<Material> materials;  // index 0 is the default material
+  std::vector<Texture> textures;
+  std::vector<AreaLight> area_lights;
+  std::vector<Environment> environments;  // none or one
+  std::vector<Camera> cameras;            // the scene's sensors, in file order (at least one)
+  Film film;                              // of the first sensor
+  int max_depth = -1;                     // the file's integrator setting, Mitsuba's meaning
+  Bounds3f bounds;                        // of all surfaces
+  std::vector<std::string> warnings;
+
+  std::size_t triangle_count() const {
+    std::size_t n = 0;
+    for (const TriangleMesh& m : meshes) n += m.triangles.size();
+    return n;
+  }
+};
+
+}  // namespace octrad

@@ -1,0 +1,95 @@
+// Dispatch over the models and the wrappers mask and bumpmap: the definition of evaluate and sample for host and
+// device.
+#pragma once
+
+#include "octrad/shading/bsdf/list.h"
+
+namespace octrad {
+
+// Bump mapping must not open directions that the surface before bumping hides (as Mitsuba's `bumpmap`).
+OCTRAD_HD inline bool bump_hides(const Bsdf& b, Vec3f wi) { return b.bumped && dot(b.base_normal, wi) * wi.z <= 0.0f; }
+
+OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
+  if (bump_hides(b, wi)) return {};
+  BsdfValue v;
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: v = Model::evaluate(b, wo, wi); break;
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  v.value *= b.opacity;
+  v.pdf *= b.opacity;
+  return v;
+}
+
+OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: return Model::sample(b, wo, u_lobe, u);
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  return {};
+}
+
+OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  if (u_lobe >= b.opacity) {
+    BsdfSample s;
+    s.wi = -wo;
+    s.weight = Vec3f(1.0f);
+    s.pdf = 1.0f - b.opacity;
+    s.delta = s.null = s.transmission = s.valid = true;
+    return s;
+  }
+  if (b.opacity < 1.0f) {
+    u_lobe /= b.opacity;
+    if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
+  }
+  BsdfSample s = sample_model(b, wo, u_lobe, u);  // called in one place: kernels hold all models once
+  s.pdf *= b.opacity;
+  if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
+  return s;
+}
+
+OCTRAD_HD inline bool is_delta_bsdf(const Bsdf& b) {
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: return Model::kDeltaOnly;
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  return false;
+}
+
+OCTRAD_HD inline bool transmits_bsdf(const Bsdf& b) {
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: return Model::kTransmits;
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  return false;
+}
+
+OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: return Model::albedo(b);
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  return {};
+}
+
+OCTRAD_HD inline float roughness_bsdf(const Bsdf& b) {
+  switch (b.type) {
+#define OCTRAD_CASE(name, Model) \
+  case BsdfType::name: return Model::roughness(b);
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
+  }
+  return 1.0f;
+}
+
+}  // namespace octrad

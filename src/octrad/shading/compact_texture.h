@@ -1,0 +1,36 @@
+// Bitmaps as shading reads them: one byte a channel in tiles of a cache line. Look-ups of large textures wait for
+// memory; a bilinear one touches 1.6 lines here instead of 2 to 4, and pictures take a third of the space.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "octrad/scene/texture.h"
+
+namespace octrad {
+
+class CompactTexture {
+ public:
+  // nullptr where it would not pay or not be exact: constants, checkerboards, small pictures, mirrored wrapping, and
+  // pictures that hold more than 256 different numbers (all made from files of 8 bits fit).
+  static std::unique_ptr<CompactTexture> make(const Texture& texture);
+
+  CompactTexture() = default;
+  CompactTexture(const CompactTexture&) = delete;
+  CompactTexture& operator=(const CompactTexture&) = delete;
+
+  // The same bits as octrad::evaluate(texture, uv).
+  Vec3f evaluate(Vec2f uv) const { return evaluate_texture(view_, uv); }
+  // Starts loading what evaluate_texture(view, uv) will read, of a view with tiles.
+  static void prefetch(const TextureView& view, Vec2f uv);
+  const TextureView& view() const { return view_; }
+  std::size_t tile_count() const { return tiles_.size(); }
+
+ private:
+  float palette_[kPaletteSize] = {};
+  std::vector<TexelTile> tiles_;
+  TextureView view_;
+};
+
+}  // namespace octrad

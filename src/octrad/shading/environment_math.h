@@ -1,0 +1,189 @@
+// Evaluation and importance sampling of a latitude-longitude environment, from the tables that EnvironmentMap makes:
+// for host and device. The layout is described in shading/environment_map.h.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+// An entry of an alias table (Walker 1977): itself with probability `keep`, otherwise `other`.
+struct AliasEntry {
+  float keep;
+  int other;
+};
+
+struct EnvironmentView {
+  const Vec3f* pixels = nullptr;  // [height][width]; null: no environment
+  int width = 0, height = 0;
+  float to_world_rows[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  // For maps of two rows and more; others are sampled uniformly.
+  const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
+  const AliasEntry* rows = nullptr;   // [height - 1] of cells
+  const AliasEntry* cells = nullptr;  // [height - 1][width] of each row
+  float inv_integral = 0.0f;          // density in (u, v) = weight x inv_integral
+
+  OCTRAD_HD Vec3f to_world(Vec3f v) const {
+    const float* m = to_world_rows;
+    return {m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+            m[6] * v.x + m[7] * v.y + m[8] * v.z};
+  }
+  OCTRAD_HD Vec3f to_map(Vec3f v) const {
+    const float* m = to_world_rows;
+    return {m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
+            m[2] * v.x + m[5] * v.y + m[8] * v.z};
+  }
+  OCTRAD_HD Vec3f texel(int x, int y) const {
+    return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+  }
+  // Luminance times sin(theta) at a pixel.
+  OCTRAD_HD float weight(int x, int y) const {
+    const float l = luminance(texel(x, y));
+    return l > 0.0f ? l * sines[y] : 0.0f;
+  }
+};
+
+struct EnvironmentSample {
+  Vec3f direction;
+  Vec3f radiance;
+  float pdf = 0.0f;
+};
+
+namespace environment_detail {
+
+struct Cell {
+  int x, y;      // lower corner
+  float fx, fy;  // position inside, [0, 1]
+};
+
+// Position in [0, 1] of a linear density from a (at 0) to b (at 1), by inversion of its integral.
+OCTRAD_HD inline float sample_linear(float a, float b, float u) {
+  const float s = a + b;
+  if (!(s > 0.0f)) return u;
+  if (std::fabs(a - b) < 1e-4f * s) {  // nearly constant: avoid cancellation
+    return u;
+  }
+  const float x = u * s / (a + std::sqrt(lerp(a * a, b * b, u)));
+  return std::min(x, 1.0f);
+}
+
+OCTRAD_HD inline Vec2f direction_to_uv(Vec3f d) {
+  const float u = std::atan2(d.x, -d.z) * (0.5f * kInvPi);
+  const float v = std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * kInvPi;  // acos(y), accurate at the poles
+  return {u - std::floor(u), v};
+}
+
+OCTRAD_HD inline Cell cell(const EnvironmentView& e, Vec2f uv) {
+  const float w = static_cast<float>(e.width);
+  float x = uv.x * w - 0.5f;
+  if (x < 0.0f) x += w;
+  const float y = uv.y * static_cast<float>(e.height - 1);
+  Cell c;
+  c.x = std::clamp(static_cast<int>(x), 0, e.width - 1);
+  c.y = std::clamp(static_cast<int>(y), 0, e.height - 2);
+  c.fx = std::clamp(x - static_cast<float>(c.x), 0.0f, 1.0f);
+  c.fy = std::clamp(y - static_cast<float>(c.y), 0.0f, 1.0f);
+  return c;
+}
+
+OCTRAD_HD inline float bilinear_weight(const EnvironmentView& e, const Cell& c) {
+  const int n = c.x + 1 == e.width ? 0 : c.x + 1;
+  return lerp(lerp(e.weight(c.x, c.y), e.weight(n, c.y), c.fx),
+              lerp(e.weight(c.x, c.y + 1), e.weight(n, c.y + 1), c.fx), c.fy);
+}
+
+OCTRAD_HD inline Vec3f bilinear_radiance(const EnvironmentView& e, const Cell& c) {
+  const int n = c.x + 1 == e.width ? 0 : c.x + 1;
+  return (e.texel(c.x, c.y) * (1.0f - c.fx) + e.texel(n, c.y) * c.fx) * (1.0f - c.fy) +
+         (e.texel(c.x, c.y + 1) * (1.0f - c.fx) + e.texel(n, c.y + 1) * c.fx) * c.fy;
+}
+
+}  // namespace environment_detail
+
+// Draws an index below `count`; `u` is replaced by its uniform remainder.
+OCTRAD_HD inline int pick_alias(const AliasEntry* table, int count, float& u) {
+  constexpr float kOneMinus = 0.99999994f;
+  const float x = u * static_cast<float>(count);
+  const int i = std::min(static_cast<int>(x), count - 1);
+  const float rest = std::min(x - static_cast<float>(i), kOneMinus);
+  const AliasEntry a = table[i];
+  if (rest < a.keep) {
+    u = std::min(rest / a.keep, kOneMinus);
+    return i;
+  }
+  u = std::min((rest - a.keep) / (1.0f - a.keep), kOneMinus);
+  return a.other;
+}
+
+OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f direction) {
+  using namespace environment_detail;
+  if (e.height < 2) {
+    if (e.width == 1) return e.pixels[0];
+    const Vec2f uv = direction_to_uv(e.to_map(direction));
+    const float x = uv.x * static_cast<float>(e.width) - 0.5f;
+    const int i = static_cast<int>(std::floor(x));
+    const float f = x - static_cast<float>(i);
+    return e.pixels[(i + e.width) % e.width] * (1.0f - f) + e.pixels[(i + 1) % e.width] * f;
+  }
+  return bilinear_radiance(e, cell(e, direction_to_uv(e.to_map(direction))));
+}
+
+// Solid-angle density of sample_environment().
+OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f direction) {
+  using namespace environment_detail;
+  if (e.height < 2) return 0.25f * kInvPi;
+  const Vec3f d = e.to_map(direction);
+  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+  if (!(sin_theta > 0.0f)) return 0.0f;
+  return bilinear_weight(e, cell(e, direction_to_uv(d))) * e.inv_integral / (2.0f * kPi * kPi * sin_theta);
+}
+
+// Both at once.
+OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f direction, float& density) {
+  using namespace environment_detail;
+  if (e.height < 2) {
+    density = 0.25f * kInvPi;
+    return environment_radiance(e, direction);
+  }
+  const Vec3f d = e.to_map(direction);
+  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+  const Cell c = cell(e, direction_to_uv(d));
+  density = sin_theta > 0.0f ? bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) : 0.0f;
+  return bilinear_radiance(e, c);
+}
+
+OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, Vec2f u) {
+  using namespace environment_detail;
+  EnvironmentSample s;
+  if (e.height < 2) {
+    const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
+    s.direction = {r * std::cos(phi), r * std::sin(phi), z};
+    s.pdf = 0.25f * kInvPi;
+    s.radiance = environment_radiance(e, s.direction);
+    return s;
+  }
+  if (!(e.inv_integral > 0.0f)) return s;
+  // A cell in proportion to its integral (its four corners' mean), then a point of the bilinear density inside it. The
+  // remainder of each random number is used again.
+  Cell c;
+  c.y = pick_alias(e.rows, e.height - 1, u.y);
+  c.x = pick_alias(e.cells + static_cast<std::size_t>(c.y) * static_cast<std::size_t>(e.width), e.width, u.x);
+  const int n = c.x + 1 == e.width ? 0 : c.x + 1;
+  const float w00 = e.weight(c.x, c.y), w10 = e.weight(n, c.y), w01 = e.weight(c.x, c.y + 1),
+              w11 = e.weight(n, c.y + 1);
+  c.fy = sample_linear(w00 + w10, w01 + w11, u.y);
+  c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), u.x);
+  const float phi = (static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(e.width) * 2.0f * kPi;
+  const float theta = (static_cast<float>(c.y) + c.fy) / static_cast<float>(e.height - 1) * kPi;
+  const float sin_theta = std::sin(theta);
+  if (!(sin_theta > 0.0f)) return s;
+  s.direction = e.to_world({std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta});
+  s.radiance = bilinear_radiance(e, c);
+  s.pdf = bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta);
+  return s;
+}
+
+}  // namespace octrad

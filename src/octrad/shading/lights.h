@@ -1,0 +1,47 @@
+// Emitters: area lights and the environment; picking one for next-event estimation.
+#pragma once
+
+#include <memory>
+
+#include "octrad/geometry/tracer.h"
+#include "octrad/scene/scene.h"
+#include "octrad/shading/lights_math.h"
+
+namespace octrad {
+
+// All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
+// cone they subtend, the environment by its radiance. The scene must outlive this object.
+//
+// Meshes with vertex normals emit from the side of the interpolated normal, and densities per area are turned into
+// densities per solid angle by its cosine, both as Mitsuba 3 does. The second is exact for flat lights and as good as
+// the normals agree with the facets elsewhere (low-polygon bulbs are lit a few per cent brighter than their facets
+// would).
+class Lights {
+ public:
+  explicit Lights(const Scene& scene);
+  ~Lights();
+  // Draws a point on an emitter as seen from `x`.
+  LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
+  // Start loading what sample() will read for these numbers: call the first some hundred cycles before the second, and
+  // that as long before sample(). They do nothing for lights that need little.
+  void prefetch_first(float u_pick, Vec2f u) const;
+  void prefetch_second(float u_pick, Vec2f u) const;
+  // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
+  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;
+  float pdf(Vec3f x, const SurfaceInteraction& surface) const;
+  // Environment radiance and density along a unit direction that hit nothing.
+  Vec3f environment(Vec3f direction) const;
+  float environment_pdf(Vec3f direction) const;
+  Vec3f environment(Vec3f direction, float& pdf) const;
+  bool has_environment() const { return view_.has_environment(); }
+  bool empty() const { return view_.count == 0; }
+  // The tables as lights_math.h reads them; `textures` holds all of the scene, by index.
+  const LightsView& view() const { return view_; }
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+  LightsView view_;
+};
+
+}  // namespace octrad

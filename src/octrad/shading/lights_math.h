@@ -1,0 +1,217 @@
+// Sampling of emitters and its densities, over the tables that Lights makes (shading/lights.h): for host and device.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/frame.h"
+#include "octrad/geometry/interaction_math.h"
+#include "octrad/scene/texture_math.h"
+#include "octrad/shading/environment_math.h"
+#include "octrad/shading/light_sample.h"
+#include "octrad/shading/warp.h"
+
+namespace octrad {
+
+struct LightTriangle {
+  Vec3f p0, e1, e2;
+  Vec3f normal;  // unit, on the emitting side
+};
+
+// One area light: a whole mesh or sphere.
+struct LightRecord {
+  ShapeView shape;
+  int shape_index = -1;
+  int texture = -1;  // of radiance; -1: the same everywhere
+  Vec3f radiance;    // where it is not textured
+  const LightTriangle* triangles = nullptr;
+  const float* cdf = nullptr;  // [triangle_count] of triangle areas, last entry 1
+  int triangle_count = 0;
+  float inv_area = 0.0f;
+  float side = 1.0f;  // of a sphere; -1: emits inwards
+};
+
+struct LightsView {
+  const LightRecord* area = nullptr;
+  const TextureView* textures = nullptr;
+  int area_count = 0;
+  int count = 0;                // with the environment, which comes last
+  float pick = 0.0f;            // probability of each emitter
+  EnvironmentView environment;  // without pixels where there is none
+
+  OCTRAD_HD bool has_environment() const { return environment.pixels != nullptr; }
+};
+
+namespace lights_detail {
+
+OCTRAD_HD inline Vec2f mesh_uv(const MeshView& mesh, int triangle, Vec2f b) {
+  if (mesh.uvs == nullptr) return b;
+  const Vec3i t = mesh.triangles[triangle];
+  const Vec2f a = mesh.uvs[t.x];
+  return a + (mesh.uvs[t.y] - a) * b.x + (mesh.uvs[t.z] - a) * b.y;
+}
+
+// As interact() computes it.
+OCTRAD_HD inline Vec3f interpolated_normal(const MeshView& mesh, int triangle, Vec2f b, Vec3f otherwise) {
+  const Vec3i t = mesh.triangles[triangle];
+  const Vec3f n = mesh.normals[t.x] * (1.0f - b.x - b.y) + mesh.normals[t.y] * b.x + mesh.normals[t.z] * b.y;
+  const float l2 = dot(n, n);
+  if (!(l2 > 1e-12f)) return otherwise;
+  return n * ((mesh.flip_normals ? -1.0f : 1.0f) / std::sqrt(l2));
+}
+
+// Half-angle of the cone under which a sphere is seen: 1 - cos, accurate for small spheres far away.
+OCTRAD_HD inline float one_minus_cos_max(float radius, float distance2) {
+  const float sin2 = std::min(1.0f, radius * radius / distance2);
+  return sin2 / (1.0f + std::sqrt(1.0f - sin2));
+}
+
+// First entry above u, the last one where there is none; count > 0.
+OCTRAD_HD inline int pick_triangle(const float* cdf, int count, float u) {
+  if (count == 2) return u >= cdf[0] ? 1 : 0;
+  int first = 0, length = count;
+  while (length > 0) {
+    const int half = length / 2;
+    if (u < cdf[first + half]) {
+      length = half;
+    } else {
+      first += half + 1;
+      length -= half + 1;
+    }
+  }
+  return std::min(first, count - 1);
+}
+
+OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightRecord& l, Vec3f x, Vec2f u) {
+  LightSample s;
+  if (l.triangle_count == 0) return s;
+  const int i = l.triangle_count == 1 ? 0 : pick_triangle(l.cdf, l.triangle_count, u.x);
+  const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
+  const float share = l.cdf[i] - below;
+  if (!(share > 0.0f)) return s;
+  u.x = std::min((u.x - below) / share, 0.99999994f);
+  const LightTriangle& t = l.triangles[i];
+  const Vec2f b = square_to_triangle(u);
+  const Vec3f d = t.p0 + t.e1 * b.x + t.e2 * b.y - x;
+  const float distance2 = dot(d, d);
+  s.distance = std::sqrt(distance2);
+  if (!(s.distance > 0.0f)) return s;
+  s.direction = d / s.distance;
+  const MeshView& mesh = l.shape.mesh;
+  const float cos = -dot(s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal));
+  if (!(cos > 0.0f)) return s;
+  s.pdf = view.pick * l.inv_area * distance2 / cos;
+  s.radiance = l.texture >= 0 ? evaluate_texture(view.textures[l.texture], mesh_uv(mesh, i, b)) : l.radiance;
+  s.valid = std::isfinite(s.pdf);
+  return s;
+}
+
+OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRecord& l, Vec3f x, Vec2f u) {
+  LightSample s;
+  const Vec3f center = l.shape.sphere->center;
+  const float radius = l.shape.sphere->radius;
+  const Vec3f d = center - x;
+  const float distance2 = dot(d, d);
+  if (distance2 > radius * radius * (1.0f + 1e-4f)) {
+    if (l.side < 0.0f) return s;
+    const float range = one_minus_cos_max(radius, distance2);
+    const float one_minus_cos = u.x * range, cos = 1.0f - one_minus_cos;
+    const float sin2 = one_minus_cos * (1.0f + cos);
+    const float sin = std::sqrt(std::max(0.0f, sin2)), phi = 2.0f * kPi * u.y;
+    const Frame frame = make_frame(d / std::sqrt(distance2));
+    s.direction = frame.to_world({sin * std::cos(phi), sin * std::sin(phi), cos});
+    // Nearer root of |x + t w - c| = r with h = r^2 - (distance sin)^2.
+    const float h = std::max(0.0f, radius * radius - distance2 * sin2);
+    s.distance = std::sqrt(distance2) * cos - std::sqrt(h);
+    s.pdf = view.pick / (2.0f * kPi * range);
+  } else {
+    if (l.side > 0.0f) return s;  // inside (or on) a sphere that emits outwards
+    const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
+    const Vec3f n{r * std::cos(phi), r * std::sin(phi), z};
+    const Vec3f e = center + n * radius - x;
+    s.distance = length(e);
+    if (!(s.distance > 0.0f)) return s;
+    s.direction = e / s.distance;
+    const float cos = dot(s.direction, n);
+    if (!(cos > 0.0f)) return s;
+    s.pdf = view.pick * l.inv_area * s.distance * s.distance / cos;
+  }
+  s.valid = s.distance > 0.0f && std::isfinite(s.pdf);
+  s.radiance = l.radiance;
+  if (l.texture >= 0 && s.valid) {
+    SurfaceInteraction surface;
+    sphere_interaction(*l.shape.sphere, x + s.direction * s.distance, surface);
+    s.radiance = evaluate_texture(view.textures[l.texture], surface.uv);
+  }
+  return s;
+}
+
+}  // namespace lights_detail
+
+OCTRAD_HD inline int pick_light(const LightsView& view, float u_pick) {
+  return std::min(static_cast<int>(u_pick * static_cast<float>(view.count)), view.count - 1);
+}
+
+// Draws a point on an emitter as seen from `x`.
+OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float u_pick, Vec2f u) {
+  LightSample s;
+  if (view.count == 0) return s;
+  const int i = pick_light(view, u_pick);
+  if (i < view.area_count) {
+    const LightRecord& l = view.area[i];
+    return l.shape.sphere != nullptr ? lights_detail::sample_sphere(view, l, x, u)
+                                     : lights_detail::sample_mesh(view, l, x, u);
+  }
+  const EnvironmentSample e = sample_environment(view.environment, u);
+  s.direction = e.direction;
+  s.distance = kEnvironmentDistance;
+  s.radiance = e.radiance;
+  s.pdf = view.pick * e.pdf;
+  s.valid = e.pdf > 0.0f;
+  return s;
+}
+
+// Radiance leaving a hit emitter towards `wo`, zero on its back and from surfaces that are none.
+OCTRAD_HD inline Vec3f light_emitted(const LightsView& view, const SurfaceInteraction& surface, Vec3f wo) {
+  if (surface.emitter < 0 || !(dot(surface.shading_normal, wo) > 0.0f)) return Vec3f(0.0f);
+  const LightRecord& l = view.area[surface.emitter];
+  return l.texture >= 0 ? evaluate_texture(view.textures[l.texture], surface.uv) : l.radiance;
+}
+
+// The density that sample_light() has for a hit emitter from `x`.
+OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceInteraction& surface) {
+  if (surface.emitter < 0) return 0.0f;
+  const LightRecord& l = view.area[surface.emitter];
+  if (l.shape.sphere != nullptr) {
+    const float radius = l.shape.sphere->radius;
+    const Vec3f d = l.shape.sphere->center - x;
+    const float distance2 = dot(d, d);
+    if (distance2 > radius * radius * (1.0f + 1e-4f)) {
+      return l.side < 0.0f ? 0.0f : view.pick / (2.0f * kPi * lights_detail::one_minus_cos_max(radius, distance2));
+    }
+    if (l.side > 0.0f) return 0.0f;
+  }
+  const Vec3f d = surface.position - x;
+  const float distance2 = dot(d, d);
+  const float cos = -dot(d, surface.shading_normal) / std::sqrt(distance2);
+  return cos > 0.0f ? view.pick * l.inv_area * distance2 / cos : 0.0f;
+}
+
+// Radiance of the environment along a unit direction that hit nothing, and the density of sample_light() for it.
+OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction) {
+  return view.has_environment() ? environment_radiance(view.environment, direction) : Vec3f(0.0f);
+}
+OCTRAD_HD inline float light_environment_pdf(const LightsView& view, Vec3f direction) {
+  return view.has_environment() ? view.pick * environment_pdf(view.environment, direction) : 0.0f;
+}
+OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction, float& pdf) {
+  if (!view.has_environment()) {
+    pdf = 0.0f;
+    return Vec3f(0.0f);
+  }
+  const Vec3f radiance = environment_radiance(view.environment, direction, pdf);
+  pdf *= view.pick;
+  return radiance;
+}
+
+}  // namespace octrad

@@ -1,0 +1,205 @@
+#include "octrad/shading/lights.h"
+
+#include <gtest/gtest.h>
+
+#include "octrad/shading/environment_map.h"
+#include "octrad/shading/test_fixtures.h"
+
+namespace octrad {
+namespace {
+
+using testing::SceneMaker;
+
+Environment speckled_environment(int width, int height) {
+  Environment e;
+  e.width = width;
+  e.height = height;
+  Rng rng(3, RngPurpose::test, 7);
+  for (int i = 0; i < width * height; ++i) {
+    const float v = rng.uniform();
+    e.pixels.push_back(Vec3f(v * v * v * 8.0f, v, 1.0f - v));
+  }
+  const float c = std::cos(0.7f), s = std::sin(0.7f);
+  const float m[9] = {c, -s, 0, s, c, 0, 0, 0, 1};
+  std::copy(m, m + 9, e.to_world);
+  return e;
+}
+
+TEST(EnvironmentMap, SamplesFollowTheirDensity) {
+  for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {1, 1}}) {
+    const Environment e = speckled_environment(width, height);
+    const EnvironmentMap map(e);
+    const auto result = testing::chi_square(
+        [&](Rng& rng, Vec3f& w) {
+          const EnvironmentMap::Sample s = map.sample(rng.uniform2());
+          w = s.direction;
+          if (s.pdf > 0.0f) {
+            EXPECT_NEAR(s.pdf, map.pdf(w), 2e-3f * s.pdf + 1e-5f);
+            EXPECT_NEAR(s.radiance.y, map.radiance(w).y, 2e-3f);
+          }
+          return s.pdf > 0.0f;
+        },
+        [&](Vec3f w) { return static_cast<double>(map.pdf(w)); }, 200000, static_cast<std::uint64_t>(width));
+    EXPECT_GT(result.p_value, 0.001) << result.text;
+    EXPECT_NEAR(result.integral, 1.0, 0.005) << width;
+  }
+}
+
+TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
+  Environment e;
+  e.width = e.height = 64;
+  e.pixels.assign(64 * 64, Vec3f(2.0f, 3.0f, 4.0f));
+  const EnvironmentMap map(e);
+  EXPECT_NEAR(map.pdf(normalize(Vec3f(0.3f, 0.1f, -0.6f))) * 4.0f * kPi, 1.0f, 1e-3f);
+  EXPECT_NEAR(map.mean_luminance(), luminance(Vec3f(2.0f, 3.0f, 4.0f)), 2e-3f);
+  EXPECT_EQ(map.radiance({0, 1, 0}), Vec3f(2.0f, 3.0f, 4.0f));
+  Environment black = e;
+  black.pixels.assign(64 * 64, Vec3f(0.0f));
+  EXPECT_EQ(EnvironmentMap(black).sample({0.5f, 0.5f}).pdf, 0.0f);
+  EXPECT_EQ(EnvironmentMap(black).pdf({0, 0, 1}), 0.0f);
+}
+
+// Irradiance at x with normal n by light sampling, every sample checked against pdf() through an actual ray.
+double irradiance(const Scene& scene, Vec3f x, Vec3f n, int samples) {
+  const Lights lights(scene);
+  Rng rng(9, RngPurpose::test, 3);
+  double sum = 0.0;
+  for (int i = 0; i < samples; ++i) {
+    const float pick = rng.uniform();
+    const LightSample s = lights.sample(x, pick, rng.uniform2());
+    if (!s.valid) continue;
+    sum += static_cast<double>(s.radiance.x * std::fmax(0.0f, dot(n, s.direction)) / s.pdf);
+  }
+  return sum / samples;
+}
+
+TEST(Lights, SphereIrradianceIsAnalytic) {
+  // Seen fully above the horizon: E = pi L (r / d)^2 cos.
+  SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f));
+  maker.sphere({0.0f, 3.0f, 4.0f}, 1.0f, grey, Vec3f(2.0f));
+  EXPECT_NEAR(irradiance(maker.scene, {0, 0, 0}, {0, 0, 1}, 4000), 3.14159265 * 2.0 / 25.0 * 0.8, 0.002);
+  // From inside a sphere that emits inwards the irradiance is pi L everywhere.
+  SceneMaker inward;
+  inward.sphere({1.0f, 0.0f, 0.0f}, 2.0f, inward.diffuse(Vec3f(0.5f)), Vec3f(3.0f), true);
+  EXPECT_NEAR(irradiance(inward.scene, {0.2f, 0.3f, 0.1f}, {0, 0, 1}, 200000), 3.14159265 * 3.0, 0.12);
+  // Nothing from the wrong side.
+  EXPECT_EQ(irradiance(inward.scene, {10, 0, 0}, {-1, 0, 0}, 100), 0.0);
+}
+
+TEST(Lights, RectangleIrradianceIsAnalytic) {
+  // A square of side 2a at height h above the point, facing it: the view factor of a parallel plate from four corners.
+  SceneMaker maker;
+  const float a = 0.7f, h = 1.3f;
+  maker.quad({-a, a, h}, {2 * a, 0, 0}, {0, -2 * a, 0}, maker.diffuse(Vec3f(0.5f)), Vec3f(5.0f));
+  const double x = static_cast<double>(a / h), r = std::sqrt(1.0 + x * x);
+  const double factor = 4.0 / (2.0 * 3.14159265358979) * (2.0 * x / r * std::atan(x / r));
+  EXPECT_NEAR(irradiance(maker.scene, {0, 0, 0}, {0, 0, 1}, 20000), 3.14159265 * 5.0 * factor, 0.02);
+  EXPECT_EQ(irradiance(maker.scene, {0, 0, 3}, {0, 0, -1}, 100), 0.0) << "light leaves one side only";
+}
+
+TEST(Lights, DensityOfHitAgreesWithSampling) {
+  SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f));
+  maker.quad({-1, 1, 2}, {2, 0, 0}, {0, -2, 0}, grey, Vec3f(1.0f, 2.0f, 3.0f));
+  maker.sphere({2.0f, 0.0f, 1.0f}, 0.5f, grey, Vec3f(4.0f));
+  maker.scene.environments.push_back(speckled_environment(16, 9));
+  const auto tracer = make_embree_tracer(maker.scene);
+  const Lights lights(maker.scene);
+  EXPECT_FALSE(lights.empty());
+  const Vec3f x{0.1f, -0.2f, 0.3f};
+  Rng rng(4, RngPurpose::test, 5);
+  int hits = 0, misses = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const float pick = rng.uniform();
+    const LightSample s = lights.sample(x, pick, rng.uniform2());
+    if (!s.valid) continue;
+    const Hit hit = tracer->intersect(x, s.direction, 0.0f, 1e30f);
+    if (s.distance >= kEnvironmentDistance) {
+      if (hit.valid()) continue;
+      ++misses;
+      EXPECT_NEAR(lights.environment_pdf(s.direction), s.pdf, 5e-3f * s.pdf + 1e-5f);
+      EXPECT_NEAR(lights.environment(s.direction).x, s.radiance.x, 1e-2f);
+      continue;
+    }
+    if (!hit.valid()) continue;  // the rim of a shape, missed by a rounding error
+    ++hits;
+    EXPECT_NEAR(hit.t, s.distance, 2e-3f * s.distance);
+    const SurfaceInteraction surface = interact(maker.scene, hit, x, s.direction);
+    EXPECT_NEAR(lights.pdf(x, surface), s.pdf, 1e-2f * s.pdf);
+    EXPECT_EQ(lights.emitted(surface, -s.direction), s.radiance);
+    EXPECT_EQ(lights.emitted(surface, s.direction), Vec3f(0.0f));
+  }
+  EXPECT_GT(hits, 1500);
+  EXPECT_GT(misses, 500);
+}
+
+// The side that emits is that of the interpolated normals where a mesh has any (here they contradict the facets and
+// lean), and that of the facets otherwise; sampling and hits agree on it, on the radiance and on the density.
+TEST(Lights, VertexNormalsDecideWhichSideEmits) {
+  for (const bool vertex_normals : {false, true}) {
+    SCOPED_TRACE(vertex_normals);
+    SceneMaker maker;
+    TriangleMesh m;
+    m.positions = {{-1, -1, 1}, {1, -1, 1}, {1, 1, 1}, {-1, 1, 1}};
+    m.triangles = {{0, 1, 2}, {0, 2, 3}};  // facets look along +z
+    if (vertex_normals)
+      m.normals = {normalize(Vec3f(-0.5f, 0, -1)), normalize(Vec3f(0.5f, 0, -1)), normalize(Vec3f(0.5f, 0.2f, -1)),
+                   normalize(Vec3f(0, 0, -1))};
+    maker.scene.meshes.push_back(m);
+    maker.shape(Shape::Kind::mesh, 0, maker.diffuse(Vec3f(0.5f)), Vec3f(2.0f));
+    const auto tracer = make_embree_tracer(maker.scene);
+    const Lights lights(maker.scene);
+    for (const bool above : {false, true}) {
+      SCOPED_TRACE(above);
+      const Vec3f x{0.1f, -0.2f, above ? 2.5f : -0.5f};
+      const bool lit = above != vertex_normals;
+      Rng rng(9, RngPurpose::test, 1);
+      int agreed = 0;
+      for (int i = 0; i < 200; ++i) {
+        const float pick = rng.uniform();
+        const LightSample s = lights.sample(x, pick, rng.uniform2());
+        EXPECT_EQ(s.valid, lit);
+        const Vec3f target{2.0f * rng.uniform() - 1.0f, 2.0f * rng.uniform() - 1.0f, 1.0f};
+        const Vec3f direction = s.valid ? s.direction : normalize(target - x);
+        const Hit hit = tracer->intersect(x, direction, 0.0f, 1e30f);
+        if (!hit.valid()) continue;
+        const SurfaceInteraction surface = interact(maker.scene, hit, x, direction);
+        EXPECT_EQ(lights.emitted(surface, -direction), Vec3f(lit ? 2.0f : 0.0f));
+        EXPECT_EQ(lights.emitted(surface, -direction), s.valid ? s.radiance : Vec3f(0.0f));
+        EXPECT_NEAR(lights.pdf(x, surface), s.valid ? s.pdf : 0.0f, 1e-3f * s.pdf);
+        ++agreed;
+      }
+      EXPECT_GT(agreed, 190);
+    }
+  }
+}
+
+// Directions drawn on a mesh of unequal triangles follow the density that a ray finds there.
+TEST(Lights, MeshSamplesFollowTheirDensity) {
+  SceneMaker maker;
+  TriangleMesh m;
+  m.positions = {{-1, -1, 1}, {1, -1, 1.2f}, {-1, 1, 1.4f}, {1.5f, 1.5f, 0.6f}, {-0.5f, 2.5f, 0.8f}};
+  m.triangles = {{0, 2, 1}, {1, 2, 3}, {3, 2, 4}};
+  maker.scene.meshes.push_back(m);
+  maker.shape(Shape::Kind::mesh, 0, maker.diffuse(Vec3f(0.5f)), Vec3f(1.0f));
+  const auto tracer = make_embree_tracer(maker.scene);
+  const Lights lights(maker.scene);
+  const Vec3f x{0.1f, 0.2f, 0.0f};
+  const auto result = testing::chi_square(
+      [&](Rng& rng, Vec3f& w) {
+        const LightSample s = lights.sample(x, rng.uniform(), rng.uniform2());
+        w = s.direction;
+        return s.valid;
+      },
+      [&](Vec3f w) {
+        const Hit hit = tracer->intersect(x, w, 0.0f, 1e30f);
+        return hit.valid() ? static_cast<double>(lights.pdf(x, interact(maker.scene, hit, x, w))) : 0.0;
+      },
+      100000, 11, 24, 36, 16);
+  EXPECT_GT(result.p_value, 0.001) << result.text;
+  EXPECT_NEAR(result.integral, 1.0, 0.01);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,111 @@
+#include <map>
+#include <memory>
+#include <tuple>
+#include <vector>
+
+#include "octrad/base/threads.h"
+#include "octrad/shading/bsdf.h"
+#include "octrad/shading/compact_texture.h"
+#include "octrad/shading/fresnel.h"
+#include "octrad/shading/rough_transmittance.h"
+
+namespace octrad {
+
+struct Materials::Impl {
+  std::vector<MaterialRecord> records;
+  std::map<std::tuple<int, float, float>, std::unique_ptr<RoughTransmittance>> tables;
+  std::vector<std::unique_ptr<CompactTexture>> compact;  // of the scene's textures, by index; null where there is none
+  std::vector<TextureView> textures;                     // of the scene, by index
+};
+
+Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
+  impl_->compact.resize(scene.textures.size());
+  std::vector<char> used(scene.textures.size(), 0);
+  for (const Material& m : scene.materials) {
+    for (const int i :
+         {m.reflectance, m.specular_reflectance, m.specular_transmittance, m.alpha_u, m.alpha_v, m.opacity}) {
+      if (i >= 0) used[static_cast<std::size_t>(i)] = 1;
+    }
+  }
+  parallel_for(scene.textures.size(), [&](std::size_t i) {
+    if (used[i]) impl_->compact[i] = CompactTexture::make(scene.textures[i]);
+  });
+  for (std::size_t i = 0; i < scene.textures.size(); ++i) {
+    impl_->textures.push_back(impl_->compact[i] ? impl_->compact[i]->view() : texture_view(scene.textures[i]));
+  }
+  for (const Material& m : scene.materials) {
+    MaterialRecord r;
+    Bsdf& b = r.constant;
+    b.type = m.type;
+    b.distribution = m.distribution;
+    b.two_sided = m.two_sided;
+    b.nonlinear = m.nonlinear;
+    b.sample_visible = m.sample_visible;
+    b.eta = m.int_ior / m.ext_ior;
+    b.conductor_eta = m.eta;
+    b.conductor_k = m.k;
+    b.alpha_u = b.alpha_v = 0.1f;  // Mitsuba's default
+    r.back = m.back;
+    const int index[kMaterialSlots] = {m.reflectance,
+                                       m.specular_reflectance,
+                                       m.specular_transmittance,
+                                       m.alpha_u,
+                                       m.alpha_v >= 0 ? m.alpha_v : m.alpha_u,
+                                       m.opacity};
+    b.reflectance = Vec3f(0.5f);
+    for (int i = 0; i < kMaterialSlots; ++i) {
+      if (index[i] < 0) continue;
+      const Texture& texture = scene.textures[static_cast<std::size_t>(index[i])];
+      if (texture.kind == Texture::Kind::constant) {
+        assign_slot(b, i, texture.color0);
+      } else {
+        r.textured |= 1u << i;
+        r.textures[i] = index[i];
+      }
+    }
+    if (m.bump >= 0) {
+      const Texture& texture = scene.textures[static_cast<std::size_t>(m.bump)];
+      if (texture.kind != Texture::Kind::constant) {
+        r.bump = m.bump;
+        r.bump_scale = m.bump_scale;
+      }
+    }
+    if (m.type == BsdfType::plastic) b.internal_reflectance = fresnel_diffuse_reflectance(1.0f / b.eta);
+    if (m.type == BsdfType::roughplastic) {
+      auto& table = impl_->tables[{static_cast<int>(b.distribution), b.alpha_u, b.eta}];
+      if (!table)
+        table = std::make_unique<RoughTransmittance>(compute_rough_transmittance(b.distribution, b.alpha_u, b.eta));
+      b.internal_reflectance = table->internal_reflectance;
+      b.external_transmittance = table->external.data();
+    }
+    impl_->records.push_back(r);
+  }
+  view_ = {impl_->records.data(), impl_->textures.data()};
+}
+
+Materials::~Materials() = default;
+
+std::size_t Materials::size() const { return impl_->records.size(); }
+std::size_t Materials::texture_count() const { return impl_->textures.size(); }
+
+Bsdf Materials::at(int index, Vec2f uv) const {
+  Bsdf b;
+  material_at(view_, view_.records[index], uv, b);
+  return b;
+}
+
+void Materials::prefetch(int index, Vec2f uv) const {
+  const MaterialRecord& r = view_.records[index];
+  if (r.textured == 0) return;
+  for (int i = 0; i < kMaterialSlots; ++i) {
+    if ((r.textured >> i & 1u) == 0) continue;
+    const TextureView& texture = view_.textures[r.textures[i]];
+    if (texture.tiles != nullptr) CompactTexture::prefetch(texture, uv);
+  }
+}
+
+ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo) {
+  return shade(materials.view(), surface, wo);
+}
+
+}  // namespace octrad

@@ -1,0 +1,60 @@
+#include "octrad/train/batch.h"
+
+#include <algorithm>
+
+namespace octrad {
+
+LhsOptions lhs_options(const Config& config) {
+  LhsOptions options;
+  options.walks = config.train_sampler == "area"    ? 0.0
+                  : config.train_sampler == "walks" ? 1.0
+                                                    : config.train_walks * (1.0 - config.train_view_share);
+  options.view = config.train_view_share;
+  options.stop_probability = config.train_stop_probability;
+  options.max_walk = config.train_max_walk;
+  options.keep_direction = config.train_keep_direction;
+  options.uniform_glossy = config.train_fresh_direction == "uniform";
+  options.glossy_boost = config.train_glossy_boost;
+  options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  options.poses = config.train_poses;
+  options.seed = static_cast<unsigned long long>(config.seed);
+  return options;
+}
+
+RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
+  const auto n = static_cast<std::size_t>(s.points);
+  shading_.resize(n);
+  points_.resize(n);
+  targets_.resize(n);
+  sampler_.sample(stream, shading_);
+  RhsOptions rhs;
+  rhs.directions = s.directions;
+  rhs.max_chain = config_.train_max_chain;
+  rhs.emission_inside = config_.target_emission == "inside";
+  rhs.traced_disparity = config_.lookup_offset == "traced";
+  rhs.seed = static_cast<unsigned long long>(config_.seed);
+  rhs.stream = stream;
+  const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
+  for (std::size_t i = 0; i < n; ++i) {
+    points_[i] = surface_point(shading_[i]);
+    const SurfaceInteraction& surface = shading_[i].surface;
+    if (rhs.traced_disparity) points_[i].disparity = traced_disparity(context_, points_[i], surface.geometric_normal);
+    if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
+  }
+  return statistics;
+}
+
+double mean_direct_light(BatchSource& batches, const Config& config) {
+  ScheduleState s = schedule(config, 0, 0.0);
+  s.points = std::min(s.points, 4096);
+  double sum = 0.0;
+  long long count = 0;
+  for (unsigned long long batch = 0; batch < 4; ++batch) {
+    batches.draw((1ull << 62) + batch, s, nullptr);
+    for (const Vec3f& t : batches.targets()) sum += std::min(luminance(t), 100.0f);
+    count += s.points;
+  }
+  return sum > 0.0 ? sum / static_cast<double>(count) : 1.0;
+}
+
+}  // namespace octrad

@@ -1,0 +1,41 @@
+// One training batch: left-hand-side points and what the rendering equation says leaves them (method section 7).
+#pragma once
+
+#include <vector>
+
+#include "octrad/model/config.h"
+#include "octrad/train/trainer.h"
+#include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/rhs_estimator.h"
+
+namespace octrad {
+
+LhsOptions lhs_options(const Config& config);
+
+class BatchSource {
+ public:
+  BatchSource(const TransportContext& context, const Config& config, const std::vector<Camera>& cameras)
+      : context_(context),
+        config_(config),
+        sampler_(context, lhs_options(config), cameras) {}
+
+  // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, asking `query`
+  // where the bounce ends. Replaces points() and targets().
+  RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
+  const LhsSampler& sampler() const { return sampler_; }
+  const std::vector<SurfacePoint>& points() const { return points_; }
+  const std::vector<Vec3f>& targets() const { return targets_; }
+
+ private:
+  TransportContext context_;
+  const Config& config_;
+  LhsSampler sampler_;
+  std::vector<ShadingPoint> shading_;
+  std::vector<SurfacePoint> points_;
+  std::vector<Vec3f> targets_;
+};
+
+// Mean luminance of direct light over a few batches (above 0): a scale with which a network's outputs start near 1.
+double mean_direct_light(BatchSource& batches, const Config& config);
+
+}  // namespace octrad

@@ -1,0 +1,51 @@
+#include "octrad/base/threads.h"
+#include "octrad/train/engine.h"
+
+namespace octrad {
+namespace {
+
+class CpuEngine : public TrainEngine {
+ public:
+  CpuEngine(std::unique_ptr<BatchSource> batches, std::unique_ptr<RadianceField> field)
+      : batches_(std::move(batches)),
+        field_(std::move(field)) {
+    query_ = [this](std::span<const SurfacePoint> points, std::span<Vec3f> out) { field_->radiance(points, out); };
+  }
+
+  void step(long long step, const ScheduleState& s) override {
+    const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
+    const FieldStep done = field_->train(batches_->points(), batches_->targets(), s.epsilon, s.rate_scale);
+    report_.losses.push_back(done.loss);
+    report_.rhs_queries += statistics.queries;
+    report_.dropped += statistics.non_finite;
+    report_.non_finite += done.non_finite;
+  }
+  int steps_between_reports() const override { return 1; }
+  StepReport collect() override { return std::exchange(report_, {}); }
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
+    parallel_blocks(points.size(), 512, [&](std::size_t begin, std::size_t end) {
+      field_->radiance(points.subspan(begin, end - begin), out.subspan(begin, end - begin));
+    });
+  }
+  RadianceField& field() override { return *field_; }
+  std::unique_ptr<RadianceField> release_field() override { return std::move(field_); }
+  void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
+    points = batches_->points();
+    targets = batches_->targets();
+  }
+
+ private:
+  std::unique_ptr<BatchSource> batches_;
+  std::unique_ptr<RadianceField> field_;
+  RadianceQuery query_;
+  StepReport report_;
+};
+
+}  // namespace
+
+std::unique_ptr<TrainEngine> make_cpu_engine(std::unique_ptr<BatchSource> batches,
+                                             std::unique_ptr<RadianceField> field) {
+  return std::make_unique<CpuEngine>(std::move(batches), std::move(field));
+}
+
+}  // namespace octrad

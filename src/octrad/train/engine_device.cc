@@ -1,0 +1,275 @@
+// A step is one tiny launch that sets its constants and one recorded graph for its shape of batch (now and then its
+// launches one by one, to be timed); nothing is read back until the loop asks for a report. Left-hand-side points do
+// not depend on what is learnt: another graph draws them for a group of steps, before the first of the group (or of a
+// new shape) that is taken.
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <utility>
+
+#include "octrad/base/error.h"
+#include "octrad/device/array.h"
+#include "octrad/device/launch.h"
+#include "octrad/geometry/bvh8.h"
+#include "octrad/geometry/surface_sampling.h"
+#include "octrad/model/device_field.h"
+#include "octrad/shading/device_scene.h"
+#include "octrad/train/device_engine.h"
+#include "octrad/transport/device_memory.h"
+#include "octrad/transport/lhs_device.h"
+#include "octrad/transport/rhs_device.h"
+
+namespace octrad {
+namespace {
+
+// What one step reads, in device memory.
+struct StepInput {
+  unsigned long long step = 0;
+  StepConstants constants;
+};
+
+struct SetStep : Kernel {
+  StepInput value;
+  StepInput* to;
+  OCTRAD_HD void operator()(std::uint32_t) const { *to = value; }
+};
+
+constexpr int kStepsBetweenReports = 16;
+// Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a
+// graph, and timed.
+constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
+constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
+constexpr std::size_t kPointsAhead = std::size_t{1} << 18;  // left-hand-side points that keep a GPU busy
+constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};      // of the schedule: in each all steps have the same shape
+
+std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
+
+// Steps in a group of those with `points` points: enough points to fill a GPU, a power of two.
+int group_steps(std::size_t points, const DeviceEngineOptions& options) {
+  int steps = std::clamp(options.group_steps, 1, kStepsBetweenReports);
+  while (steps > 1 && points * static_cast<std::size_t>(steps) > kPointsAhead) steps /= 2;
+  return steps;
+}
+
+// Points of the largest group.
+std::size_t most_points_ahead(const Config& config, const DeviceEngineOptions& options) {
+  std::size_t most = 0;
+  for (const double fraction : kQuarters) {
+    const auto points = static_cast<std::size_t>(schedule(config, 0, fraction).points);
+    most = std::max(most, points * static_cast<std::size_t>(group_steps(points, options)));
+  }
+  return most;
+}
+
+// Right-hand-side slots of the largest step: points halve while directions double, but small batches stop halving.
+std::size_t most_slots(const Config& config) {
+  std::size_t most = 0;
+  for (const double fraction : kQuarters) {
+    const ScheduleState s = schedule(config, 0, fraction);
+    most = std::max(most, static_cast<std::size_t>(s.points) * static_cast<std::size_t>(s.directions));
+  }
+  return most;
+}
+
+DeviceFieldOptions field_options(const Config& config, const DeviceEngineOptions& options) {
+  DeviceFieldOptions field;
+  field.max_points = std::min(most_slots(config), options.max_queries);
+  field.max_train_points = most_points(config);
+  field.deterministic = options.deterministic;
+  field.half_features = options.half_features;
+  return field;
+}
+
+class DeviceEngine : public TrainEngine {
+ public:
+  DeviceEngine(Stream& stream, const TransportContext& context, const Config& config, const LhsSampler& sampler,
+               std::unique_ptr<RadianceField> field, const DeviceEngineOptions& options)
+      : stream_(stream),
+        times_(stream),
+        config_(config),
+        options_(options),
+        traced_(config.lookup_offset == "traced"),
+        scene_(stream,
+               {context.scene, context.materials, context.lights, build_bvh8(context.scene), &sampler.surfaces()}),
+        lhs_(stream, scene_.world(), lhs_options(config), sampler.views(), sampler.fresh_poses(), most_points(config),
+             most_points_ahead(config, options)),
+        rhs_(stream, scene_.world(), most_slots(config), traced_),
+        field_(std::move(field)),
+        device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
+        input_(stream, 1, "a step's constants"),
+        answers_(stream, most_slots(config), "answers of the cache"),
+        targets_(stream, most_points(config), "targets") {
+    rhs_options_.max_chain = config.train_max_chain;
+    rhs_options_.emission_inside = config.target_emission == "inside";
+    rhs_options_.own_emission = rhs_options_.emission_inside;
+    rhs_options_.seed = static_cast<unsigned long long>(config.seed);
+  }
+
+  void step(long long step, const ScheduleState& s) override {
+    StepInput input;
+    input.step = static_cast<unsigned long long>(step);
+    input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale)};
+    launch(stream_, 1, SetStep{{}, input, input_.data()});
+    const std::pair<int, int> shape{s.points, s.directions};
+    last_points_ = static_cast<std::size_t>(s.points);
+    stale_ = true;
+    if (next_timed_ < 0) next_timed_ = step + kTimed;
+    // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
+    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(graphs_, shape) &&
+        is_recorded(draws_, last_points_)) {
+      next_timed_ = step + kStepsBetweenTimes;
+      times_.settle();
+      times_.begin();
+      draw_group(step);
+      times_.mark("left-hand side", 1.0 / group_steps(last_points_, options_));
+      run(s, [&](const char* stage) { times_.mark(stage); });
+      return;
+    }
+    draw_group(step);
+    run_or_replay(graphs_, shape, [&] { run(s, no_mark); });
+  }
+
+  int steps_between_reports() const override { return kStepsBetweenReports; }
+
+  StepReport collect() override {
+    DeviceTrainReport trained = device_field_->collect();
+    times_.settle();
+    const TraceCounts traced = rhs_.take_counts();
+    if (lhs_.take_missing() > 0) throw InputError(no_lhs_point());
+    StepReport report;
+    report.losses = std::move(trained.losses);
+    report.rhs_queries = static_cast<long long>(traced.queries);
+    report.dropped = static_cast<long long>(traced.non_finite);
+    report.non_finite = trained.non_finite;
+    return report;
+  }
+
+  StageSplit stages() const override { return times_.means(); }
+
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
+    if (asked_.stride() == 0) {
+      asked_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
+      told_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
+    }
+    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * asked_.stride());
+    const SurfacePointArray host{planes.data(), asked_.stride()};
+    for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+      const std::size_t n = std::min(kQueryChunk, points.size() - begin);
+      for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
+      stream_.upload(asked_.points().data, planes.data(), planes.size() * sizeof(float));
+      device_field_->radiance(asked_.points(), nullptr, n, told_.data());
+      told_.download(out.subspan(begin, n));
+    }
+  }
+
+  RadianceField& field() override {
+    if (stale_) device_field_->download_to(*field_);
+    stale_ = false;
+    return *field_;
+  }
+  std::unique_ptr<RadianceField> release_field() override {
+    field();
+    return std::move(field_);
+  }
+
+  void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
+    const SurfacePointArray device = lhs_.surface_points();
+    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * device.stride);
+    stream_.download(planes.data(), device.data, planes.size() * sizeof(float));
+    const SurfacePointArray host{planes.data(), device.stride};
+    points.clear();
+    for (std::size_t i = 0; i < last_points_; ++i) points.push_back(host.load(i));
+    targets.resize(last_points_);
+    targets_.download(std::span<Vec3f>(targets));
+  }
+
+ private:
+  template <typename Key>
+  using Graphs = std::map<Key, std::unique_ptr<LaunchGraph>>;
+
+  // Work of a key runs as it is for the first time (what is set up once must not be recorded), then as a graph.
+  template <typename Key>
+  void run_or_replay(Graphs<Key>& graphs, const Key& key, const std::function<void()>& work) {
+    const auto [entry, first] = graphs.try_emplace(key);
+    if (first) {
+      work();
+      return;
+    }
+    if (!entry->second) entry->second = stream_.capture(work);
+    stream_.replay(*entry->second);
+  }
+  template <typename Key>
+  static bool is_recorded(const Graphs<Key>& graphs, const Key& key) {
+    const auto found = graphs.find(key);
+    return found != graphs.end() && found->second;
+  }
+
+  // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
+  void draw_group(long long step) {
+    const int steps = group_steps(last_points_, options_);
+    const std::pair<std::size_t, long long> group{last_points_, step / steps};
+    if (group == drawn_) return;
+    run_or_replay(draws_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
+    drawn_ = group;
+  }
+
+  void run(const ScheduleState& s, const StageMark& mark) {
+    const auto n = static_cast<std::size_t>(s.points);
+    lhs_.take(&input_.data()->step, n, group_steps(n, options_));
+    mark("left-hand side");
+    rhs_options_.directions = s.directions;
+    const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
+    rhs_.trace(points, rhs_options_);
+    mark("right-hand rays");
+    device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions),
+                            answers_.data());
+    mark("field");
+    rhs_.reduce(points, rhs_options_, answers_.data(), targets_.data());
+    mark("targets");
+    device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
+    mark("gradient step");
+  }
+
+  Stream& stream_;
+  StageTimes times_;
+  long long next_timed_ = -1;  // step; below 0 before the first
+  const Config config_;
+  const DeviceEngineOptions options_;
+  bool traced_;
+  DeviceScene scene_;
+  DeviceLhs lhs_;
+  DeviceRhs rhs_;
+  DeviceRhsOptions rhs_options_;
+  std::unique_ptr<RadianceField> field_;
+  std::unique_ptr<DeviceField> device_field_;
+  bool stale_ = false;  // field_ lacks what the device learnt since
+  DeviceArray<StepInput> input_;
+  DeviceArray<Vec3f> answers_, targets_;
+  std::size_t last_points_ = 0;
+  std::pair<std::size_t, long long> drawn_;  // points a step and number of the group that lhs_ holds
+  Graphs<std::size_t> draws_;                // by points of a step
+  Graphs<std::pair<int, int>> graphs_;       // by points and directions
+  PlaneArray asked_;
+  DeviceArray<Vec3f> told_;
+};
+
+}  // namespace
+
+std::vector<MemoryPart> estimate_device_training(const Config& config, const std::vector<long long>& cells_per_level,
+                                                 const DeviceEngineOptions& options) {
+  std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
+  const std::size_t slots = most_slots(config), points = most_points(config);
+  parts.push_back({"rays and queries of a step",
+                   DeviceRhs::bytes(slots, config.lookup_offset == "traced") + slots * sizeof(Vec3f)});
+  parts.push_back(
+      {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) + points * sizeof(Vec3f)});
+  return parts;
+}
+
+std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const TransportContext& context, const Config& config,
+                                                const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
+                                                const DeviceEngineOptions& options) {
+  return std::make_unique<DeviceEngine>(stream, context, config, sampler, std::move(field), options);
+}
+
+}  // namespace octrad

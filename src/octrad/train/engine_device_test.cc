@@ -1,0 +1,217 @@
+// Training on a stream against training on the CPU: the same loop, the same random numbers.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/device/stream_test_helper.h"
+#include "octrad/train/batch.h"
+#include "octrad/train/box_test_helper.h"
+#include "octrad/train/device_engine.h"
+#include "octrad/train/trainer.h"
+
+namespace octrad {
+namespace {
+
+using testing::Box;
+
+Config short_run(const std::string& field, int steps) {
+  Config config = preset("cpu");
+  config.field = field;
+  config.train_steps = steps;
+  config.train_points = 256;
+  config.train_directions = 4;
+  config.octree_levels = 3;
+  config.disparity_log2_table = 10;
+  config.nr_log2_table = 12;
+  config.adam_warmup = 1;
+  return config;
+}
+
+std::vector<Vec3f> radiance(const RadianceField& field) {
+  std::vector<SurfacePoint> points;
+  for (int i = 0; i < 400; ++i) {
+    SurfacePoint p;
+    const float u = static_cast<float>(i % 20) / 10.0f - 0.95f, v = static_cast<float>(i / 20) / 10.0f - 0.95f;
+    p.x = {u, v, 1.0f};
+    p.n = {0, 0, -1};
+    p.wo = normalize(Vec3f(0.2f, -v, -1.0f));
+    p.albedo = {0.6f, 0.5f, 0.4f};
+    points.push_back(p);
+  }
+  std::vector<Vec3f> out(points.size());
+  field.radiance(points, out);
+  return out;
+}
+
+double mean_relative_difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    sum += static_cast<double>(std::abs(luminance(a[i]) - luminance(b[i])) /
+                               (0.5f * (luminance(a[i]) + luminance(b[i])) + 0.01f));
+  return sum / static_cast<double>(a.size());
+}
+
+std::string temporary(const std::string& name) {
+  return (std::filesystem::temp_directory_path() / ("octrad_device_" + std::to_string(::getpid()) + "_" + name))
+      .string();
+}
+
+class TrainOnStream : public ::testing::TestWithParam<bool> {};
+
+TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  for (const char* field : {"octaoctree", "nr"}) {
+    const Config config = short_run(field, 60);
+    TrainOptions options;
+    const TrainResult on_cpu = train(box.context, config, options);
+    options.stream = stream.get();
+    const TrainResult on_stream = train(box.context, config, options);
+    EXPECT_EQ(on_stream.steps, on_cpu.steps);
+    EXPECT_EQ(on_stream.lhs_samples, on_cpu.lhs_samples);
+    EXPECT_TRUE(on_cpu.stages.empty());
+    ASSERT_EQ(on_stream.stages.size(), 5u);
+    double step_ms = 0.0;
+    for (const auto& [stage, ms] : on_stream.stages) {
+      EXPECT_GE(ms, 0.0) << stage;
+      step_ms += ms;
+    }
+    EXPECT_GT(step_ms, 0.0);
+    EXPECT_LT(step_ms, 1e3 * on_stream.seconds);
+    // The same paths but where rounding sends a ray another way.
+    EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries),
+                1e-3 * static_cast<double>(on_cpu.rhs_queries));
+    EXPECT_NEAR(on_stream.loss, on_cpu.loss, 0.05 * on_cpu.loss) << field;
+    EXPECT_LT(mean_relative_difference(radiance(*on_stream.field), radiance(*on_cpu.field)), 0.05) << field;
+    // And it is something: not what an untrained field says.
+    const TrainResult untrained = train(box.context, short_run(field, 1), TrainOptions{});
+    EXPECT_GT(mean_relative_difference(radiance(*untrained.field), radiance(*on_cpu.field)), 0.3) << field;
+  }
+}
+
+TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  TrainOptions options;
+  options.stream = stream.get();
+  EXPECT_TRUE(train(box.context, short_run("octaoctree", 32), options).stages.empty());
+  EXPECT_EQ(train(box.context, short_run("octaoctree", 33), options).stages.size(), 5u);
+}
+
+TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  TrainOptions options;
+  options.stream = stream.get();
+  options.deterministic = true;
+  const Config config = short_run("octaoctree", 20);
+  const std::vector<Vec3f> a = radiance(*train(box.context, config, options).field),
+                           b = radiance(*train(box.context, config, options).field);
+  for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << i;
+}
+
+// However many steps' left-hand-side points are drawn at once, and wherever a run begins, changes its shape or asks for
+// a report.
+TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  Config config = short_run("octaoctree", 24);
+  config.train_points = 128;
+  config.train_directions = 1;
+  config.train_quarters = true;
+  const FieldDomain domain = field_domain(box.scene, config);
+  BatchSource batches(box.context, config, {});
+  std::vector<Vec3f> learnt[3], last_targets[3];
+  std::vector<SurfacePoint> last_points[3];
+  const int groups[] = {1, 4, 16};
+  for (int k = 0; k < 3; ++k) {
+    DeviceEngineOptions options;
+    options.deterministic = true;
+    options.group_steps = groups[k];
+    auto engine =
+        make_device_engine(*stream, box.context, config, batches.sampler(), make_field(config, domain), options);
+    for (long long step = 3; step < 24; ++step) {
+      engine->step(step, schedule(config, step, static_cast<double>(step) / 24.0));
+      if (step == 9) {
+        EXPECT_EQ(engine->collect().losses.size(), 7u);
+      }
+    }
+    EXPECT_EQ(engine->collect().losses.size(), 14u);
+    engine->last_batch(last_points[k], last_targets[k]);
+    learnt[k] = radiance(*engine->release_field());
+  }
+  // The last batch is the last step's.
+  const ScheduleState s = schedule(config, 23, 23.0 / 24.0);
+  ASSERT_EQ(last_points[0].size(), static_cast<std::size_t>(s.points));
+  batches.draw(23, s, nullptr);
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < last_points[0].size(); ++i)
+    same += length(batches.points()[i].x - last_points[0][i].x) < 1e-3f;
+  EXPECT_GT(same, last_points[0].size() * 9 / 10);
+  for (const int k : {1, 2}) {
+    EXPECT_TRUE(learnt[k] == learnt[0]) << groups[k] << " steps at once";
+    EXPECT_TRUE(last_targets[k] == last_targets[0]);
+    for (std::size_t i = 0; i < last_points[0].size(); ++i) ASSERT_EQ(last_points[k][i].x, last_points[0][i].x);
+  }
+}
+
+TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  const Config config = short_run("octaoctree", 40);
+  const TrainResult whole = train(box.context, config, TrainOptions{});
+  for (const bool starts_on_cpu : {true, false}) {
+    TrainOptions options;
+    options.output = temporary("moves.octrad");
+    options.stream = starts_on_cpu ? nullptr : stream.get();
+    int asked = 0;
+    options.interrupted = [&] { return ++asked > 20; };
+    EXPECT_TRUE(train(box.context, config, options).interrupted);
+    Model model = load_model(options.output, true);
+    EXPECT_EQ(model.info.state.step, 20);
+    ASSERT_TRUE(model.has_optimizer);
+    options.interrupted = nullptr;
+    options.resume = &model;
+    options.stream = starts_on_cpu ? stream.get() : nullptr;
+    const TrainResult result = train(box.context, model.info.config, options);
+    EXPECT_EQ(result.steps, 40);
+    EXPECT_LT(mean_relative_difference(radiance(*result.field), radiance(*whole.field)), 0.05);
+    std::filesystem::remove(options.output);
+  }
+}
+
+TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
+  const auto stream = testing::stream_or_skip(GetParam());
+  if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  Box box;
+  TrainOptions options;
+  options.stream = stream.get();
+  options.max_memory = 1e6;
+  try {
+    train(box.context, short_run("octaoctree", 5), options);
+    FAIL() << "1 MB was enough";
+  } catch (const MemoryError& error) {
+    EXPECT_NE(std::string(error.what()).find("octree.levels=2"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(stream->peak_bytes(), 0u);
+  double estimate = 0.0;
+  options.max_memory = 0.0;
+  options.progress = [&](const TrainProgress& p) { estimate = p.bytes; };
+  train(box.context, short_run("octaoctree", 20), options);
+  EXPECT_GT(estimate, 0.8 * static_cast<double>(stream->peak_bytes()));
+  EXPECT_LT(estimate, 1.3 * static_cast<double>(stream->peak_bytes()));
+}
+
+INSTANTIATE_TEST_SUITE_P(All, TrainOnStream, ::testing::Values(false, true), testing::stream_name);
+
+}  // namespace
+}  // namespace octrad

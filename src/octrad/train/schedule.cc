@@ -1,0 +1,27 @@
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/train/trainer.h"
+
+namespace octrad {
+
+ScheduleState schedule(const Config& config, long long step, double fraction) {
+  ScheduleState s;
+  const int quarter = std::clamp(static_cast<int>(fraction * 4.0), 0, 3);
+  s.points = config.train_points;
+  s.directions = config.train_directions;
+  if (config.train_quarters) {
+    s.points = std::max(64, s.points >> quarter);
+    s.directions <<= quarter;
+  }
+  s.epsilon = config.loss_epsilon_first * std::pow(config.loss_epsilon_last / config.loss_epsilon_first, quarter / 3.0);
+  s.rate_scale = std::min(1.0, static_cast<double>(step + 1) / std::max(1, config.adam_warmup));
+  if (fraction > config.adam_decay_start && config.adam_decay_start < 1.0) {
+    const double t = std::min(1.0, (fraction - config.adam_decay_start) / (1.0 - config.adam_decay_start));
+    s.rate_scale *=
+        config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846));
+  }
+  return s;
+}
+
+}  // namespace octrad

@@ -1,0 +1,193 @@
+// The training loop: schedule, resuming, interruption, memory, failure. What it learns is tested in learning_test.cc.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/base/threads.h"
+#include "octrad/model/safetensors.h"
+#include "octrad/train/box_test_helper.h"
+#include "octrad/train/trainer.h"
+
+namespace octrad {
+namespace {
+
+using testing::Box;
+
+Config short_run(int steps) {
+  Config config = preset("cpu");
+  config.train_steps = steps;
+  config.train_points = 128;
+  config.train_directions = 4;
+  config.octree_levels = 3;
+  config.disparity_log2_table = 10;
+  config.train_poses = 8;
+  return config;
+}
+
+std::string temporary(const std::string& name) {
+  return (std::filesystem::temp_directory_path() / ("octrad_" + std::to_string(::getpid()) + "_" + name)).string();
+}
+
+// Every tensor of two files is equal, bit by bit.
+void expect_same_tensors(const std::string& a, const std::string& b) {
+  const TensorReader first(a), second(b);
+  ASSERT_EQ(first.names(), second.names());
+  for (const std::string& name : first.names()) {
+    const auto x = first.get(name), y = second.get(name);
+    ASSERT_EQ(x.bytes, y.bytes) << name;
+    EXPECT_EQ(std::memcmp(x.data, y.data, x.bytes), 0) << name << " differs";
+  }
+}
+
+TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
+  Config config = preset("paper");
+  const ScheduleState first = schedule(config, 0, 0.0), last = schedule(config, 19999, 0.99);
+  EXPECT_EQ(first.points, 65536);
+  EXPECT_EQ(first.directions, 32);
+  EXPECT_DOUBLE_EQ(first.epsilon, 0.1);
+  EXPECT_DOUBLE_EQ(first.rate_scale, 1.0);
+  EXPECT_EQ(last.points, 8192);
+  EXPECT_EQ(last.directions, 256);
+  EXPECT_NEAR(last.epsilon, 0.0125, 1e-12);
+  EXPECT_DOUBLE_EQ(last.rate_scale, 1.0);
+  config = preset("cpu");
+  EXPECT_LT(schedule(config, 0, 0.0).rate_scale, 0.02);
+  EXPECT_NEAR(schedule(config, 100000, 1.0).rate_scale, 0.02, 1e-9);
+}
+
+TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
+  Box box;
+  const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
+  TrainOptions options;
+  options.output = whole;
+  train(box.context, short_run(12), options);
+
+  options.output = broken;
+  int steps = 0;
+  options.interrupted = [&] { return ++steps > 5; };
+  EXPECT_TRUE(train(box.context, short_run(12), options).interrupted);
+  Model model = load_model(broken, true);
+  EXPECT_EQ(model.info.state.step, 5);
+  ASSERT_TRUE(model.has_optimizer);
+  options.interrupted = nullptr;
+  options.resume = &model;
+  const TrainResult result = train(box.context, model.info.config, options);
+  EXPECT_EQ(result.steps, 12);
+  expect_same_tensors(whole, broken);
+  std::filesystem::remove(whole);
+  std::filesystem::remove(broken);
+}
+
+TEST(Train, SameBitsAtAnyThreadCount) {
+  Box box;
+  const std::string one = temporary("one.octrad"), three = temporary("three.octrad");
+  TrainOptions options;
+  for (const auto& [threads, file] : {std::pair{1, one}, std::pair{3, three}}) {
+    set_thread_count(threads);
+    options.output = file;
+    train(box.context, short_run(8), options);
+  }
+  set_thread_count(0);
+  expect_same_tensors(one, three);
+  std::filesystem::remove(one);
+  std::filesystem::remove(three);
+}
+
+TEST(Train, OverBudgetRequestsNameTheKnobs) {
+  Box box;
+  Config config = short_run(1);
+  config.octree_levels = 5;
+  TrainOptions options;
+  options.max_memory = 1e6;
+  try {
+    train(box.context, config, options);
+    FAIL() << "a megabyte was enough";
+  } catch (const MemoryError& e) {
+    for (const char* word : {"octree.levels=4", "octree.features=2", "--max-memory"})
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+  }
+}
+
+TEST(Train, OverBudgetIsRefusedOnResumeToo) {
+  Box box;
+  const std::string file = temporary("budget.octrad");
+  TrainOptions options;
+  options.output = file;
+  train(box.context, short_run(2), options);
+  Model model = load_model(file, true);
+  model.info.config.train_steps = 4;
+  options.resume = &model;
+  options.max_memory = 1e4;
+  EXPECT_THROW(train(box.context, model.info.config, options), MemoryError);
+  model = load_model(file, true);
+  model.info.config.train_steps = 4;
+  options.max_memory = 1e9;
+  EXPECT_EQ(train(box.context, model.info.config, options).steps, 4);
+  std::filesystem::remove(file);
+}
+
+TEST(Train, NonFiniteValuesStopTheRunWithItsStep) {
+  Box box;
+  Config config = short_run(2000);
+  config.adam_rate_networks = 1e30;  // makes the weights overflow
+  config.adam_max_non_finite = 0;
+  const std::string file = temporary("bad.octrad");
+  TrainOptions options;
+  options.output = file;
+  try {
+    train(box.context, config, options);
+    FAIL() << "nothing overflowed";
+  } catch (const InputError& e) {
+    EXPECT_EQ(std::string(e.what()).rfind("step ", 0), 0u) << e.what();
+  }
+  EXPECT_TRUE(std::filesystem::exists(file + ".bad-batch.csv"));
+  std::filesystem::remove(file + ".bad-batch.csv");
+  std::filesystem::remove(file);
+}
+
+TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
+  Box box;
+  Image reference(16, 16, {"R", "G", "B"});
+  for (float& v : reference.data) v = 0.5f;
+  TrainOptions options;
+  options.reference = &reference;
+  int reports = 0;
+  options.progress = [&](const TrainProgress& p) {
+    ++reports;
+    EXPECT_EQ(p.steps, 5);
+    EXPECT_GT(p.points_per_second, 0.0);
+  };
+  const TrainResult result = train(box.context, short_run(5), options);
+  EXPECT_GE(reports, 1);
+  EXPECT_GT(result.validation_mape, 0.0);
+  EXPECT_TRUE(std::isfinite(result.validation_mape));
+  EXPECT_EQ(result.lhs_samples, 5 * 128);
+}
+
+TEST(Train, BothFieldsAndAllPresetsTakeAStep) {
+  Box box;
+  for (const char* name : {"paper", "default", "cpu"}) {
+    for (const char* field : {"octaoctree", "nr"}) {
+      Config config = preset(name);
+      config.field = field;
+      config.octree_levels = 3;  // the full size is a matter of memory only
+      config.disparity_log2_table = 10;
+      config.nr_log2_table = 10;
+      config.train_steps = 4;
+      config.train_points = 128;
+      config.train_directions = 4;
+      if (config.octree_occupancy == "sampled") config.octree_occupancy = "conservative";  // 2^26 samples take seconds
+      const TrainResult result = train(box.context, config, {});
+      EXPECT_EQ(result.steps, 4);
+      EXPECT_TRUE(std::isfinite(result.loss)) << name << " " << field;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,268 @@
+#include "octrad/train/trainer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+
+#include "octrad/base/bytes.h"
+#include "octrad/base/error.h"
+#include "octrad/encoding/octaoctree.h"
+#include "octrad/geometry/voxelize.h"
+#include "octrad/train/device_engine.h"
+#include "octrad/train/validation.h"
+
+namespace octrad {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+double total_bytes(const std::vector<MemoryPart>& parts) {
+  double sum = 0.0;
+  for (const MemoryPart& part : parts) sum += static_cast<double>(part.bytes);
+  return sum;
+}
+
+std::vector<long long> cell_counts(const FieldDomain& domain) {
+  std::vector<long long> counts;
+  for (const auto& cells : domain.occupied_cells) counts.push_back(static_cast<long long>(cells.size()));
+  return counts;
+}
+
+// What training allocates before anything is: on the device where there is one.
+using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
+
+MemoryEstimate memory_estimate(const TrainOptions& options) {
+  if (!options.stream)
+    return
+        [](const Config& config, const std::vector<long long>& cells) { return estimate_memory(config, cells, true); };
+  DeviceEngineOptions device;
+  device.deterministic = options.deterministic;
+  return [device](const Config& config, const std::vector<long long>& cells) {
+    return estimate_device_training(config, cells, device);
+  };
+}
+
+// Returns the estimate. Throws MemoryError when it is above `limit` (0: none), with advice unless the run continues
+// another, whose sizes are fixed.
+double check_memory(const MemoryEstimate& estimate, const Config& config, const std::vector<long long>& cells,
+                    double limit, bool continues) {
+  const std::vector<MemoryPart> parts = estimate(config, cells);
+  std::string advice;
+  const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
+    advice += (advice.empty() ? "" : "; ") + knob + " would need " +
+              format_bytes(total_bytes(estimate(changed, changed_cells)));
+  };
+  if (config.field == "octaoctree" && config.octree_levels > 1) {
+    Config fewer = config;
+    --fewer.octree_levels;
+    std::vector<long long> coarser(cells.begin(), cells.end() - 1);
+    saving("octree.levels=" + std::to_string(fewer.octree_levels), fewer, coarser);
+  }
+  if (config.field == "octaoctree" && config.octree_features > 2) {
+    Config narrower = config;
+    narrower.octree_features /= 2;
+    saving("octree.features=" + std::to_string(narrower.octree_features), narrower, cells);
+  }
+  if (config.train_points > 1024) {
+    Config smaller = config;
+    smaller.train_points /= 2;
+    saving("train.points=" + std::to_string(smaller.train_points), smaller, cells);
+  }
+  if (continues) advice = "a run that continues keeps the sizes of its model";
+  require_memory(static_cast<std::uint64_t>(std::max(0.0, limit)), "training (beside the scene)", parts, advice);
+  return total_bytes(parts);
+}
+
+// One training run: everything that lives from the first step to the last.
+class Run {
+ public:
+  Run(const TransportContext& context, const Config& config, const TrainOptions& options)
+      : context_(context),
+        config_(config),
+        options_(options) {
+    auto batches = std::make_unique<BatchSource>(context, config_, options.cameras);
+    std::unique_ptr<RadianceField> field;
+    if (options.resume) {
+      field = std::move(options.resume->field);
+      state_ = options.resume->info.state;
+      bytes_ = check_memory(memory_estimate(options), config, field->cells_per_level(), options.max_memory, true);
+    } else {
+      const FieldDomain domain = field_domain(context.scene, config);
+      bytes_ = check_memory(memory_estimate(options), config, cell_counts(domain), options.max_memory, false);
+      field = make_field(config, domain);
+      field->set_target_scale(
+          static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
+    }
+    if (options.stream) {
+      DeviceEngineOptions device;
+      device.deterministic = options.deterministic;
+      engine_ = make_device_engine(*options.stream, context, config_, batches->sampler(), std::move(field), device);
+    } else {
+      engine_ = make_cpu_engine(std::move(batches), std::move(field));
+    }
+    if (options.reference) {
+      validation_ = std::make_unique<Validation>(context, *options.reference, config, 8192, 2);
+    }
+  }
+
+  TrainResult go();
+
+ private:
+  void checkpoint(bool optimizer);
+  double fraction() const;
+  void settle();
+  [[noreturn]] void stop_non_finite(long long step, const std::string& why);
+
+  TransportContext context_;
+  Config config_;
+  const TrainOptions& options_;
+  std::unique_ptr<TrainEngine> engine_;
+  std::unique_ptr<Validation> validation_;
+  TrainingState state_;
+  double bytes_ = 0.0;
+  double earlier_seconds_ = 0.0;  // of the runs that this one continues
+  Clock::time_point start_;
+  double smoothed_ = -1.0;               // loss; below 0 before the first step
+  long long non_finite_ = 0;             // gradients dropped
+  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped; they cost light, not stability
+};
+
+double Run::fraction() const {
+  if (config_.train_steps > 0) return std::min(1.0, static_cast<double>(state_.step) / config_.train_steps);
+  return std::min(1.0, state_.seconds / std::max(1e-9, config_.train_seconds));
+}
+
+void Run::checkpoint(bool optimizer) {
+  if (options_.output.empty()) return;
+  ModelInfo info;
+  info.config = config_;
+  info.scene_file = context_.scene.file;
+  info.scene_fingerprint = context_.scene.fingerprint;
+  info.state = state_;
+  save_model(options_.output, engine_->field(), info, optimizer);
+  if (options_.saved) options_.saved(options_.output, state_.step);
+}
+
+// Takes over what the engine's steps since the last call reported.
+void Run::settle() {
+  const StepReport report = engine_->collect();
+  state_.rhs_queries += report.rhs_queries;
+  dropped_contributions_ += report.dropped;
+  non_finite_ += report.non_finite;
+  long long step = state_.step - static_cast<long long>(report.losses.size());
+  for (const double loss : report.losses) {
+    if (!std::isfinite(loss)) stop_non_finite(step, "the loss is not finite");
+    smoothed_ = smoothed_ < 0.0 ? loss : smoothed_ + (loss - smoothed_) * 0.02;
+    ++step;
+  }
+  if (non_finite_ > config_.adam_max_non_finite) {
+    stop_non_finite(state_.step - 1, std::to_string(non_finite_) + " gradients were not finite (adam.max_non_finite)");
+  }
+}
+
+void Run::stop_non_finite(long long step, const std::string& why) {
+  std::string message = "step " + std::to_string(step) + ": " + why;
+  if (!options_.output.empty()) {
+    const std::string file = options_.output + ".bad-batch.csv";
+    std::ofstream out(file);
+    std::vector<SurfacePoint> points;
+    std::vector<Vec3f> targets;
+    engine_->last_batch(points, targets);
+    out << "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha,tr,tg,tb\n";
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const SurfacePoint& p = points[i];
+      for (const Vec3f& v : {p.x, p.wo, p.n, p.albedo}) out << v.x << ',' << v.y << ',' << v.z << ',';
+      out << p.alpha << ',' << targets[i].x << ',' << targets[i].y << ',' << targets[i].z << '\n';
+    }
+    message +=
+        "; the batch is in " + file + ", and " + options_.output + " is the last good checkpoint, if one was written";
+  }
+  throw InputError(message + "; try a lower adam.rate.features or adam.rate.networks, or another target.scale");
+}
+
+TrainResult Run::go() {
+  TrainResult result;
+  start_ = Clock::now();
+  earlier_seconds_ = state_.seconds;
+  const long long first_step = state_.step, first_queries = state_.rhs_queries;
+  // A GPU answers in no time, and learns fast.
+  const double between_validations =
+      options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
+  double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
+         next_validation = std::min(5.0, between_validations);
+  double mape = -1.0;
+  int waiting = 0;  // steps asked for and not yet reported
+  while (fraction() < 1.0) {
+    if (options_.interrupted && options_.interrupted()) {
+      result.interrupted = true;
+      settle();
+      break;
+    }
+    const ScheduleState s = schedule(config_, state_.step, fraction());
+    engine_->step(state_.step, s);
+    ++state_.step;
+    state_.lhs_samples += s.points;
+    if (++waiting < engine_->steps_between_reports() && fraction() < 1.0) continue;
+    waiting = 0;
+    settle();
+    const double seconds = seconds_since(start_);
+    state_.seconds = earlier_seconds_ + seconds;
+    if (validation_ && seconds >= next_validation) {
+      mape = validation_->mape(*engine_);
+      next_validation = seconds_since(start_) + between_validations;
+    }
+    if (options_.progress && seconds >= next_progress) {
+      TrainProgress p;
+      p.step = state_.step;
+      p.steps = config_.train_steps;
+      p.seconds = state_.seconds;
+      p.fraction = fraction();
+      p.loss = smoothed_;
+      p.validation_mape = mape;
+      p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries) / seconds;
+      p.points_per_second = static_cast<double>(state_.step - first_step) * s.points / seconds;
+      p.bytes = bytes_;
+      options_.progress(p);
+      next_progress = seconds + 0.2;
+    }
+    if (seconds >= next_checkpoint && fraction() < 1.0) {
+      checkpoint(true);
+      next_checkpoint = seconds_since(start_) + config_.checkpoint_seconds;
+    }
+  }
+  checkpoint(options_.save_optimizer || result.interrupted);
+  if (options_.reference)
+    result.validation_mape = Validation(context_, *options_.reference, config_, 1 << 20, 4).mape(*engine_);
+  result.steps = state_.step;
+  result.seconds = state_.seconds;
+  result.lhs_samples = state_.lhs_samples;
+  result.rhs_queries = state_.rhs_queries;
+  result.loss = std::max(0.0, smoothed_);
+  result.dropped_contributions = dropped_contributions_;
+  result.stages = engine_->stages();
+  result.field = engine_->release_field();
+  return result;
+}
+
+}  // namespace
+
+FieldDomain field_domain(const Scene& scene, const Config& config) {
+  const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
+  FieldDomain domain{box.origin, box.size, {}};
+  if (config.field == "octaoctree") {
+    domain.occupied_cells =
+        config.octree_occupancy == "sampled"
+            ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
+            : occupied_cells(scene, box, config.octree_levels);
+  }
+  return domain;
+}
+
+TrainResult train(const TransportContext& context, const Config& config, const TrainOptions& options) {
+  return Run(context, config, options).go();
+}
+
+}  // namespace octrad

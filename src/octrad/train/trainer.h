@@ -1,0 +1,69 @@
+// The training loop (method section 7): left-hand-side points, right-hand-side targets, one optimiser step; schedule,
+// checkpoints, validation, interruption.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "octrad/device/stage_times.h"
+#include "octrad/image/image.h"
+#include "octrad/model/config.h"
+#include "octrad/model/model_file.h"
+#include "octrad/transport/context.h"
+
+namespace octrad {
+
+struct TrainProgress {
+  long long step = 0, steps = 0;    // steps: 0 when the run is bounded by time
+  double seconds = 0.0;             // of training so far
+  double fraction = 0.0;            // of the budget
+  double loss = 0.0;                // smoothed over about 50 steps
+  double validation_mape = -1.0;    // latest; -1 before the first or without a reference
+  double queries_per_second = 0.0;  // right-hand-side cache queries
+  double points_per_second = 0.0;
+  double bytes = 0.0;  // estimated memory of the field
+};
+
+struct TrainOptions {
+  std::string output;                // model file; checkpoints go to the same name
+  bool save_optimizer = true;        // in the final file (checkpoints always have it)
+  const Image* reference = nullptr;  // of the scene's first camera, any resolution
+  double max_memory = 0.0;           // bytes of the device (or of the computer, without one); 0: no limit
+  Stream* stream = nullptr;          // where to train; null: on the CPU
+  bool deterministic = false;        // on a device: the same bits every time, at a cost (the CPU always is)
+  std::vector<Camera> cameras;       // poses in addition to the scene's
+  Model* resume = nullptr;           // continue this model (its field is moved from)
+  std::function<bool()> interrupted;
+  std::function<void(const TrainProgress&)> progress;  // several times a second
+  std::function<void(const std::string& file, long long step)> saved;
+};
+
+struct TrainResult {
+  long long steps = 0;
+  double seconds = 0.0;
+  long long lhs_samples = 0, rhs_queries = 0;
+  double loss = 0.0;
+  long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
+  StageSplit stages;              // mean milliseconds of a step's stages; empty on the CPU and for very short runs
+  double validation_mape = -1.0;  // of the finished model against the reference
+  bool interrupted = false;
+  std::unique_ptr<RadianceField> field;
+};
+
+// Throws MemoryError before allocating when the estimate is over max_memory (naming what each knob saves), and
+// InputError when the loss turns non-finite (the last good model stays in `output`).
+TrainResult train(const TransportContext& context, const Config& config, const TrainOptions& options);
+
+// Box and occupied cells that a field over this scene gets.
+FieldDomain field_domain(const Scene& scene, const Config& config);
+
+// Batch shape and loss epsilon at a fraction of the budget.
+struct ScheduleState {
+  int points = 0, directions = 0;
+  double epsilon = 0.0, rate_scale = 1.0;
+};
+ScheduleState schedule(const Config& config, long long step, double fraction);
+
+}  // namespace octrad

@@ -1,0 +1,183 @@
+// cast(stream, n, functor): rays through the tree of a scene, for files named *_device.cc. As launch (device/launch.h),
+// but lanes of a warp that are done take new rays before the others are, so that short rays do not wait for the longest
+// one. Aila & Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs", without a queue that warps share.
+// The host walks warps too, lane by lane.
+//
+// A functor is a Kernel with
+//   static constexpr bool kAny;                    // any hit will do (occlusion), else the nearest
+//   Bvh8View bvh() const;
+//   std::uint32_t size() const;                    // rays: a number in the stream's memory, at most n
+//   void count() const;                            // called once, for whatever counts rays
+//   RayQuery ray(std::uint32_t i) const;
+//   void met(std::uint32_t i, const Hit&) const;   // kAny: void met(std::uint32_t i, bool) const
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
+#include "octrad/device/launch.h"
+#include "octrad/geometry/bvh8_math.h"
+#include "octrad/geometry/hit.h"
+
+namespace octrad {
+namespace cast_detail {
+
+inline constexpr std::uint32_t kWarp = 32, kNone = 0xffffffffu;
+inline constexpr std::uint32_t kWarps = 4096;  // about as many as large GPUs hold at once
+inline constexpr std::uint32_t kRefill = 8;    // lanes that are done before new rays are taken
+
+template <typename F>
+OCTRAD_HD inline void report(const F& f, const Bvh8Walk<F::kAny>& walk,
+                             const typename Bvh8Walk<F::kAny>::Memory& memory, std::uint32_t item) {
+  if constexpr (F::kAny) {
+    f.met(item, walk.met());
+  } else {
+    f.met(item, walk.hit(f.bvh(), memory));
+  }
+}
+
+// Rays [next, last) through one warp. each(body): body(lane, walk, memory, item) for every lane; vote(test): the lanes
+// for whose walk it holds.
+OCTRAD_HD_OR_HOST
+template <typename F, typename Warp>
+OCTRAD_HD inline void cast_share(const F& f, Warp& warp, std::uint32_t next, std::uint32_t last) {
+  using Walk = Bvh8Walk<F::kAny>;
+  using Memory = typename Walk::Memory;
+  const Bvh8View bvh = f.bvh();
+  for (;;) {
+    unsigned active = warp.vote([](const Walk& walk) { return walk.goes_on(); });
+    const std::uint32_t free = kWarp - count_bits(active), left = last - next;
+    if (active == 0 || (left > 0 && free >= kRefill)) {
+      warp.each([&](std::uint32_t lane, Walk& walk, Memory& memory, std::uint32_t& item) {
+        if (walk.goes_on()) return;
+        if (item != kNone) report(f, walk, memory, item);
+        const std::uint32_t place = next + count_bits(~active & ((1u << lane) - 1u));
+        item = kNone;
+        if (place >= last) return;
+        item = place;
+        const RayQuery ray = f.ray(place);
+        walk.begin(bvh, memory, ray.origin, ray.direction, 0.0f, ray.t_max);
+      });
+      if (left == 0) return;
+      next += left < free ? left : free;
+      active = warp.vote([](const Walk& walk) { return walk.goes_on(); });
+    }
+    warp.each([&](std::uint32_t, Walk& walk, Memory& memory, std::uint32_t&) {
+      if (walk.has_nodes() && !walk.has_primitives()) walk.visit(bvh, memory);
+    });
+    // Primitives are tested when half of the lanes have some. While it is fewer, another one can visit a node.
+    for (;;) {
+      const std::uint32_t waiting = count_bits(warp.vote([](const Walk& walk) { return walk.has_primitives(); }));
+      if (waiting == 0 || 2 * waiting < count_bits(active)) break;
+      warp.each([&](std::uint32_t, Walk& walk, Memory& memory, std::uint32_t&) {
+        if (walk.has_primitives()) walk.test(bvh, memory);
+      });
+    }
+  }
+}
+
+// What one of `warps` takes of `size` rays: whole warps of neighbours.
+struct Share {
+  std::uint32_t first, last;
+};
+OCTRAD_HD inline Share share_of(std::uint32_t warp, std::uint32_t warps, std::uint32_t size) {
+  const std::uint64_t most = ((size + warps - std::uint64_t{1}) / warps + kWarp - 1) / kWarp * kWarp,
+                      first = warp * most, last = first + most;
+  return {first < size ? static_cast<std::uint32_t>(first) : size,
+          last < size ? static_cast<std::uint32_t>(last) : size};
+}
+
+// What cast_share() calls a warp: 32 rays side by side on the host, one lane's on a device.
+template <bool kAny>
+struct HostRays {
+  Bvh8Walk<kAny> walks[kWarp];
+  typename Bvh8Walk<kAny>::Memory memory[kWarp];
+  std::uint32_t items[kWarp];
+  HostRays() { std::fill_n(items, kWarp, kNone); }
+  template <typename Test>
+  unsigned vote(Test test) const {
+    unsigned lanes = 0;
+    for (std::uint32_t lane = 0; lane < kWarp; ++lane) lanes |= (test(walks[lane]) ? 1u : 0u) << lane;
+    return lanes;
+  }
+  template <typename Body>
+  void each(Body body) {
+    for (std::uint32_t lane = 0; lane < kWarp; ++lane) body(lane, walks[lane], memory[lane], items[lane]);
+  }
+};
+
+#if defined(__CUDACC__)
+template <bool kAny>
+struct DeviceRays {
+  typename Bvh8Walk<kAny>::Memory* memory;
+  Bvh8Walk<kAny> walk{};
+  std::uint32_t item = kNone;
+  template <typename Test>
+  __device__ unsigned vote(Test test) const {
+    return __ballot_sync(0xffffffffu, test(walk));
+  }
+  template <typename Body>
+  __device__ void each(Body body) {
+    body(threadIdx.x % kWarp, walk, *memory, item);
+  }
+};
+
+// Threads on a multiprocessor: as many as fit with 64 registers each (72 where the assembler would spill otherwise),
+// because the loads of the walk take long.
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 1200
+inline constexpr unsigned kResident = 896;
+#else
+inline constexpr unsigned kResident = 1024;
+#endif
+
+template <typename F>
+__global__ void __launch_bounds__(F::kBlock, kResident / F::kBlock) cast_kernel(std::uint32_t warps, F f) {
+  const std::uint32_t warp = (blockIdx.x * F::kBlock + threadIdx.x) / kWarp;
+  if (blockIdx.x == 0 && threadIdx.x == 0) f.count();
+  const Share share = share_of(warp, warps, f.size());
+  if (share.first == share.last) return;
+  typename Bvh8Walk<F::kAny>::Memory memory;
+  DeviceRays<F::kAny> lanes{&memory};
+  cast_share(f, lanes, share.first, share.last);
+}
+#endif
+
+}  // namespace cast_detail
+
+template <typename F>
+void cast(Stream& stream, std::size_t n, const F& functor) {
+  using cast_detail::HostRays, cast_detail::Share, cast_detail::cast_share, cast_detail::kWarp, cast_detail::kWarps,
+      cast_detail::share_of;
+  static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
+  static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
+  static_assert(F::kBlock % kWarp == 0 && F::kBlock >= kWarp && F::kBlock <= 1024);
+  if (n == 0) return;
+  if (n > kMostItems)
+    throw DeviceError("a launch of " + std::to_string(n) + " rays; " + std::to_string(kMostItems) + " are possible");
+  // Many rays a lane keep lanes busy; too many leave parts of the device without work.
+  const auto most = static_cast<std::uint32_t>((n + kWarp - 1) / kWarp),
+             warps = std::min(most, std::max(kWarps, most / 16));
+#if defined(__CUDACC__)
+  if (stream.on_device()) {
+    const std::uint32_t blocks = (warps * kWarp + F::kBlock - 1) / F::kBlock;
+    cast_detail::cast_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(blocks * (F::kBlock / kWarp), functor);
+    check_launch(stream);
+    return;
+  }
+#endif
+  host_launch(
+      stream, warps,
+      [functor, warps](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          if (i == 0) functor.count();
+          const Share share = share_of(static_cast<std::uint32_t>(i), warps, functor.size());
+          if (share.first == share.last) continue;
+          HostRays<F::kAny> lanes;
+          cast_share(functor, lanes, share.first, share.last);
+        }
+      },
+      8);
+}
+
+}  // namespace octrad

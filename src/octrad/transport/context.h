@@ -1,0 +1,41 @@
+// What every estimator needs to trace light on the CPU: the scene, something that casts rays, its materials and lights.
+// It is the `World` of the templates in transport/*_math.h.
+#pragma once
+
+#include "octrad/geometry/tracer.h"
+#include "octrad/scene/scene.h"
+#include "octrad/shading/bsdf.h"
+#include "octrad/shading/lights.h"
+#include "octrad/transport/follow_math.h"
+
+namespace octrad {
+
+struct TransportContext {
+  const Scene& scene;
+  const Tracer& tracer;
+  const Materials& materials;
+  const Lights& lights;
+
+  Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const {
+    return tracer.intersect(origin, direction, t_min, t_max);
+  }
+  bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const {
+    return tracer.occluded(origin, direction, t_min, t_max);
+  }
+  SurfaceInteraction interact(const Hit& hit, Vec3f origin, Vec3f direction) const {
+    return octrad::interact(scene, hit, origin, direction);
+  }
+  ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
+    return octrad::shade(materials, surface, wo);
+  }
+  LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const { return lights.sample(x, u_pick, u); }
+  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return lights.emitted(surface, wo); }
+  float light_pdf(Vec3f x, const SurfaceInteraction& surface) const { return lights.pdf(x, surface); }
+  Vec3f environment(Vec3f direction) const { return lights.environment(direction); }
+  float environment_pdf(Vec3f direction) const { return lights.environment_pdf(direction); }
+  Vec3f environment(Vec3f direction, float& pdf) const { return lights.environment(direction, pdf); }
+  bool has_environment() const { return lights.has_environment(); }
+  bool has_lights() const { return !lights.empty(); }
+};
+
+}  // namespace octrad

@@ -1,0 +1,175 @@
+// Where rays end, for host and device: `World` casts rays, shades and knows the lights (TransportContext, DeviceWorld).
+#pragma once
+
+#include "octrad/base/rng.h"
+#include "octrad/base/surface_point.h"
+#include "octrad/geometry/hit.h"
+#include "octrad/geometry/offset_math.h"
+#include "octrad/shading/bsdf_math.h"
+#include "octrad/shading/shading_point.h"
+
+namespace octrad {
+
+inline constexpr float kRayInfinity = 1e30f;
+
+// The normal on the side of the viewer.
+OCTRAD_HD inline Vec3f viewed_normal(const ShadingPoint& point) {
+  return dot(point.ns, point.wo) < 0.0f ? -point.ns : point.ns;
+}
+
+// The point as a radiance field sees it: normal on the side of the viewer (method section 1).
+OCTRAD_HD inline SurfacePoint surface_point(const ShadingPoint& shading) {
+  SurfacePoint point;
+  point.x = shading.surface.position;
+  point.n = viewed_normal(shading);
+  point.wo = shading.wo;
+  point.albedo = albedo_bsdf(shading.bsdf);
+  point.alpha = roughness_bsdf(shading.bsdf);
+  return point;
+}
+
+// Attributes of the first surface seen (method section 1); where a mask lets the ray pass, of the one behind it.
+struct FirstHit {
+  bool valid = false;  // false: the ray met nothing; the rest keeps these values
+  Vec3f albedo{0, 0, 0};
+  Vec3f normal{0, 0, 0};  // shading normal, on the side of the viewer
+  float depth = 0.0f;     // distance along the ray
+  float roughness = 1.0f;
+};
+
+// Where a ray ends after masks have been passed through by chance (their opacity) and, if asked for, after mirrors and
+// glass have been followed.
+struct RayEnd {
+  bool surface = false;           // ended on a surface that scatters; otherwise it escaped or was absorbed
+  bool escaped = false;           // left the scene
+  ShadingPoint point;             // the surface, opacity already decided
+  Vec3f throughput{1, 1, 1};      // of the delta surfaces on the way
+  Vec3f emitted{0, 0, 0};         // emission met after the first segment, times throughput
+  Vec3f first_emitted{0, 0, 0};   // emission met at the end of the first segment (surface or environment)
+  Vec3f passed_emitted{0, 0, 0};  // the part of both that was met before `point`, times throughput
+  Vec3f own_emitted{0, 0,
+                    0};  // radiance that `point` itself emits along the ray; throughput times this is the other part
+  float first_light_pdf = 0.0f;  // density with which light sampling from the ray's start finds it
+  int rays = 0;
+};
+
+// A ray on its way.
+struct Segment {
+  Vec3f origin, direction;
+  float t_max = kRayInfinity;
+  int passed = 0;  // surfaces that it came through
+};
+
+// The first segment of a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is
+// null.
+OCTRAD_HD inline Segment first_segment(Vec3f position, const Vec3f* geometric_normal, Vec3f direction,
+                                       float t_max = kRayInfinity) {
+  return {geometric_normal ? offset_origin(position, *geometric_normal, direction) : position, direction, t_max, 0};
+}
+
+// Whether the ray that `point` was seen along passes through it, a mask: straight on, with the opacity as the
+// probability of not doing so; the weight is 1 then, and otherwise the point is opaque.
+OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
+  if (point.black || point.bsdf.opacity >= 1.0f) return false;
+  const bool passes = rng.uniform() >= point.bsdf.opacity;
+  if (!passes) point.bsdf.opacity = 1.0f;
+  return passes;
+}
+
+// Takes the ray that started at `position` over what its segment hit. True where it goes on, as the new `segment`; else
+// `end` is complete. `first`, if given, becomes the first surface that no mask let the ray pass, also where the ray
+// goes on (a mirror) or is absorbed.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& hit, Rng& rng, bool follow_delta,
+                                 Segment& segment, RayEnd& end, FirstHit* first) {
+  const bool start = segment.passed == 0;  // only here could light sampling from `position` have found the same emitter
+  const Vec3f direction = segment.direction;
+  ++end.rays;
+  if (!hit.valid()) {
+    const Vec3f radiance = world.environment(direction);
+    if (start) {
+      end.first_emitted = radiance;
+      end.first_light_pdf = world.environment_pdf(direction);
+    } else {
+      end.emitted += end.throughput * radiance;
+    }
+    end.escaped = true;
+    return false;
+  }
+  const SurfaceInteraction surface = world.interact(hit, segment.origin, direction);
+  end.passed_emitted = end.first_emitted + end.emitted;
+  end.own_emitted = Vec3f(0.0f);
+  if (surface.emitter >= 0) {
+    const Vec3f radiance = world.emitted(surface, -direction);
+    end.own_emitted = radiance;
+    if (start) {
+      end.first_emitted = radiance;
+      end.first_light_pdf = world.light_pdf(position, surface);
+    } else {
+      end.emitted += end.throughput * radiance;
+    }
+  }
+  end.point = world.shade(surface, -direction);
+  const bool passes = passes_mask(end.point, rng);
+  if (first && !passes && !first->valid) {
+    first->valid = true;
+    first->albedo = end.point.black ? Vec3f(0.0f) : albedo_bsdf(end.point.bsdf);
+    first->normal = viewed_normal(end.point);
+    first->depth = length(surface.position - position);
+    first->roughness = roughness_bsdf(end.point.bsdf);
+  }
+  if (!passes) {
+    if (end.point.black) return false;
+    if (!follow_delta || !is_delta_bsdf(end.point.bsdf)) {
+      end.surface = true;
+      return false;
+    }
+    const float u_lobe = rng.uniform();
+    const BsdfSample scattered = sample_bsdf(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
+    if (!scattered.valid) return false;
+    end.throughput *= scattered.weight;
+    if (max_component(end.throughput) <= 0.0f) return false;
+    segment.direction = normalize(end.point.to_world(scattered.wi));
+  }
+  segment.origin = offset_origin(surface.position, surface.geometric_normal, segment.direction);
+  segment.t_max = kRayInfinity;
+  ++segment.passed;
+  return true;
+}
+
+// The rest of the way, where the present segment's hit is known already.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit hit, Rng& rng, bool follow_delta,
+                                  int max_chain, Segment& segment, RayEnd& end, FirstHit* first = nullptr) {
+  while (follow_hit(world, position, hit, rng, follow_delta, segment, end, first)) {
+    if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)
+    hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+  }
+}
+
+// Follows a ray to its end, over at most `max_chain` surfaces.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec3f* geometric_normal, Vec3f direction,
+                                   Rng& rng, bool follow_delta, int max_chain, float t_max = kRayInfinity,
+                                   FirstHit* first = nullptr) {
+  RayEnd end;
+  if (max_chain < 0) return end;
+  Segment segment = first_segment(position, geometric_normal, direction, t_max);
+  const Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+  follow_from(world, position, hit, rng, follow_delta, max_chain, segment, end, first);
+  return end;
+}
+
+// 1 / distance to the next surface along the mirror direction; 0 where that ray leaves the scene.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline float traced_disparity(const World& world, const SurfacePoint& point, Vec3f geometric_normal) {
+  const Vec3f direction = reflect(point.wo, point.n);
+  const Hit hit = world.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
+  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
+}
+
+}  // namespace octrad

@@ -1,0 +1,76 @@
+// What the samples of a picture see first, on a Stream: queries for a radiance field, and where asked for points to
+// estimate the right-hand side at; afterwards the answers are added up (render/cache_integrators.h does the same on the
+// CPU).
+#pragma once
+
+#include "octrad/base/surface_point.h"
+#include "octrad/transport/camera_job.h"
+#include "octrad/transport/device_memory.h"
+
+namespace octrad {
+
+struct DeviceWorld;
+
+struct GBufferOptions {
+  bool follow_delta = false;  // over mirrors and glass (render.delta = trace)
+  int max_chain = 16;
+  bool emission_inside = false;  // answers about emitters hold their emission
+  enum class Bounce {
+    none,
+    glossy,
+    all
+  } bounce = Bounce::none;       // which points become right-hand-side points (lhs, deferred, rhs)
+  float rough_threshold = 0.5f;  // glossy: below
+};
+
+// Everything is allocated by the constructor; run() and add() can be recorded.
+template <typename World>
+class GBufferOn {
+ public:
+  // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `traced_disparity`:
+  // fill SurfacePoint::disparity of the queries.
+  GBufferOn(Stream& stream, const World& world, std::size_t capacity, bool bounces = false,
+            bool traced_disparity = false);
+
+  // What the next run() sees; not while the stream records.
+  void set(const CameraJob& job);
+  // Traces the job's samples; a recorded run serves jobs of at most `samples` samples (0: the capacity).
+  void run(const GBufferOptions& options, std::size_t samples = 0);
+  const CameraJob* job() const { return job_.data(); }
+
+  SurfacePointArray queries() const { return queries_.points(); }
+  const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }
+  const std::uint32_t* query_owners() const { return query_owner_.data(); }  // samples
+  const ShadingPoint* bounce_points() const { return bounce_points_.data(); }
+  const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }  // random streams
+  const std::uint32_t* bounce_count() const { return sizes_.data() + kBounces; }
+
+  // Adds the field's answers to the queries, and the right-hand sides of the bounce points (null: none), to the
+  // samples. `samples` as for run().
+  void add(const Vec3f* answers, const Vec3f* right_hand_sides, std::size_t samples = 0);
+  // Emission known without the field, then complete radiance; attributes of the first hit.
+  SamplePlanes samples() const { return {samples_.planes()}; }
+
+  TraceCounts take_counts();  // since the last call
+  std::size_t capacity() const { return capacity_; }
+  static std::size_t bytes(std::size_t capacity, bool bounces, bool traced_disparity);
+
+ private:
+  enum { kChains, kQueries, kBounces, kSizes };
+
+  Stream* stream_;
+  World world_;
+  std::size_t capacity_;
+  bool traced_;
+  DeviceArray<CameraJob> job_;
+  DeviceArray<TraceCounts> counts_;
+  DeviceArray<std::uint32_t> sizes_, chains_, query_owner_, bounce_owner_;
+  DeviceArray<Hit> hits_;
+  DeviceArray<ShadingPoint> bounce_points_;
+  DeviceArray<unsigned long long> bounce_keys_;
+  PlaneArray samples_, queries_, query_weight_, bounce_weight_, normals_;
+};
+
+using DeviceGBuffer = GBufferOn<DeviceWorld>;
+
+}  // namespace octrad

@@ -1,0 +1,66 @@
+// Left-hand-side points (transport/lhs_sampler.h) on a Stream.
+#pragma once
+
+#include <span>
+
+#include "octrad/base/surface_point.h"
+#include "octrad/transport/device_memory.h"
+#include "octrad/transport/lhs_math.h"
+
+namespace octrad {
+
+struct DeviceWorld;
+
+// Draws the points that LhsSampler draws. They depend on nothing that is learnt: those of several steps are drawn side
+// by side, since a few of many points take far longer than the rest. Steps form groups for that: of `steps` steps,
+// group g is steps g * steps, ..., (g + 1) * steps - 1. `World` also has sample_surface().
+template <typename World>
+class LhsOn {
+ public:
+  // `views`, `fresh_poses`: of a LhsSampler. For up to `most` points a step, and `most_ahead` (or `most`, if that is
+  // more) of all steps of a group. `rounds`: rays that all points are given in lockstep, before the few that need more
+  // get them each in a thread of its own; below 0: 12, or 32 where rough points are rejected, so that a few per cent
+  // are left in the usual scenes. Throws UsageError without a view, or for walks of more than 255 vertices.
+  LhsOn(Stream& stream, const World& world, const LhsOptions& options, std::span<const CameraView> views,
+        bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
+
+  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `traced_disparity`: fills
+  // SurfacePoint::disparity. Can be recorded, as can the others.
+  void draw(const unsigned long long* step, std::size_t n, int steps, bool traced_disparity = false);
+  // Makes those of step *step the present points. Its group must have been drawn with the same n and steps.
+  void take(const unsigned long long* step, std::size_t n, int steps);
+  // Both for a step alone.
+  void run(const unsigned long long* step, std::size_t n, bool traced_disparity = false) {
+    draw(step, n, 1, traced_disparity);
+    take(step, n, 1);
+  }
+  const ShadingPoint* points() const { return points_.data(); }
+  SurfacePointArray surface_points() const { return surface_points_.points(); }
+
+  // How many points taken since the last call could not be drawn (no_lhs_point()): what is in their places is of no
+  // use.
+  unsigned long long take_missing();
+  static std::size_t bytes(std::size_t most, std::size_t most_ahead);
+
+ private:
+  void check(std::size_t n, int steps) const;
+
+  Stream* stream_;
+  World world_;
+  LhsOptions options_;
+  std::size_t most_, most_ahead_;
+  int rounds_;
+  bool fresh_poses_;
+  DeviceArray<CameraView> views_;
+  DeviceArray<unsigned long long> missing_;
+  DeviceArray<std::uint32_t> sizes_, queues_[2], progress_;
+  DeviceArray<Rng> generators_;
+  DeviceArray<Hit> hits_;
+  PlaneArray ways_;
+  DeviceArray<ShadingPoint> drawn_, points_;
+  PlaneArray drawn_surface_points_, surface_points_;
+};
+
+using DeviceLhs = LhsOn<DeviceWorld>;
+
+}  // namespace octrad

@@ -1,0 +1,57 @@
+#include "octrad/transport/lhs_sampler.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/error.h"
+#include "octrad/base/threads.h"
+
+namespace octrad {
+namespace {
+
+// The CPU's world with a way to draw surfaces.
+struct SampledWorld : TransportContext {
+  const SurfaceSampler& surfaces;
+  SurfaceInteraction sample_surface(float u_pick, Vec2f u) const { return surfaces.sample(u_pick, u); }
+};
+
+}  // namespace
+
+LhsSampler::LhsSampler(const TransportContext& context, const LhsOptions& options, const std::vector<Camera>& cameras)
+    : context_(context),
+      options_(options),
+      surfaces_(context.scene),
+      poses_(context.scene.cameras) {
+  poses_.insert(poses_.end(), cameras.begin(), cameras.end());
+  if (poses_.empty())
+    throw InputError("the scene has no sensor and no camera file was given: there is nowhere to start walks from");
+  fresh_poses_ = options.poses == 0 && cameras.empty();
+  const auto view = [](const Camera& camera) {
+    return camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height));
+  };
+  for (int i = 0; i < 8 * options.poses && static_cast<int>(poses_.size()) < options.poses && cameras.empty(); ++i) {
+    Rng rng(options.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
+    Ray ray;
+    if (!free_ray(context_, view(poses_.front()), rng, ray)) continue;
+    const Vec3f up = std::abs(ray.direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0);
+    poses_.push_back(look_at(ray.origin, ray.origin + ray.direction, up, 90.0f, Camera::FovAxis::x));
+  }
+  for (const Camera& camera : poses_) views_.push_back(view(camera));
+}
+
+void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points) const {
+  const SampledWorld world{context_, surfaces_};
+  const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
+  parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!lhs_point(world, options_, poses, step, i, points[i])) throw InputError(no_lhs_point());
+    }
+  });
+}
+
+std::string no_lhs_point() {
+  return "no visible surface point found in " + std::to_string(kLhsTries) +
+         " tries: is the scene empty or all one-sided backs?";
+}
+
+}  // namespace octrad

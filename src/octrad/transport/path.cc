@@ -1,0 +1,149 @@
+#include "octrad/transport/path.h"
+
+#include <algorithm>
+#include <array>
+#include <memory>
+
+namespace octrad {
+namespace {
+
+// Paths that walk together: enough to hide memory latency and to fill packets of rays, few enough that their state
+// stays in the near caches.
+constexpr std::size_t kGroup = 128;
+
+struct Walker {
+  PathSample* out = nullptr;
+  PathState path;
+  LightNumbers numbers{};
+  Hit hit;
+  SurfaceInteraction surface;
+};
+
+// A shadow ray's contribution that waits for its turn.
+struct Pending {
+  PathSample* out;
+  Vec3f contribution;
+};
+
+// Records are built in place (construct_at), not assigned: reading a fresh copy in wide pieces would wait for the
+// narrow stores that made it.
+class Group {
+ public:
+  Group(const TransportContext& context, const PathLimits& limits, PathCounters& counters)
+      : context_(context),
+        limits_(limits),
+        counters_(counters),
+        environment_(context.lights.has_environment()) {}
+
+  void run(std::span<PathSample> paths) {
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      Walker& w = walkers_[i];
+      std::construct_at(&w);
+      w.out = &paths[i];
+      w.path.origin = paths[i].ray.origin;
+      w.path.direction = paths[i].ray.direction;
+      w.path.t_max = paths[i].ray.t_max;
+    }
+    std::size_t alive = limits_.max_depth == 0 ? 0 : paths.size();
+    for (std::size_t i = 0; i < alive; ++i) active_[i] = &walkers_[i];
+    while (alive > 0) {
+      for (std::size_t i = 0; i < alive; ++i)
+        rays_[i] = {active_[i]->path.origin, active_[i]->path.direction, active_[i]->path.t_max};
+      context_.tracer.intersect(std::span(rays_.data(), alive), hits_.data());
+      for (std::size_t i = 0; i < alive; ++i) {
+        Walker& w = *active_[i];
+        w.hit = hits_[i];
+        prefetch_triangle(w.hit);
+        if (environment_) prefetch_light(w);
+      }
+      counters_.rays += static_cast<long long>(alive);
+      for (std::size_t i = 0; i < alive; ++i) {
+        prefetch_vertices(active_[i]->hit);
+        if (environment_) context_.lights.prefetch_second(active_[i]->numbers.u_pick, active_[i]->numbers.u);
+      }
+      for (std::size_t i = 0; i < alive; ++i) locate(*active_[i]);
+      connections_ = 0;
+      std::size_t kept = 0;
+      for (std::size_t i = 0; i < alive; ++i) {
+        if (active_[i]->hit.valid() && scatter(*active_[i])) active_[kept++] = active_[i];
+      }
+      alive = kept;
+      context_.tracer.occluded(std::span(shadow_rays_.data(), connections_), blocked_.data());
+      for (std::size_t i = 0; i < connections_; ++i) {
+        if (!blocked_[i]) pending_[i].out->radiance += pending_[i].contribution;
+      }
+      counters_.rays += static_cast<long long>(connections_);
+    }
+  }
+
+ private:
+  void prefetch_triangle(const Hit& hit) const {
+    if (!hit.valid()) return;
+    const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
+    if (shape.kind != Shape::Kind::mesh) return;
+    const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
+    __builtin_prefetch(mesh.triangles.data() + hit.primitive);
+  }
+
+  void prefetch_vertices(const Hit& hit) const {
+    if (!hit.valid()) return;
+    const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
+    if (shape.kind != Shape::Kind::mesh) return;
+    const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
+    const Vec3i t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
+    for (const int vertex : {t.x, t.y, t.z}) {
+      __builtin_prefetch(mesh.positions.data() + vertex);
+      if (!mesh.normals.empty()) __builtin_prefetch(mesh.normals.data() + vertex);
+      if (!mesh.uvs.empty()) __builtin_prefetch(mesh.uvs.data() + vertex);
+    }
+  }
+
+  // Environments are sampled from tables that do not fit into caches: their random numbers are drawn early.
+  void prefetch_light(Walker& w) const {
+    w.numbers = draw_light_numbers(w.out->rng);
+    context_.lights.prefetch_first(w.numbers.u_pick, w.numbers.u);
+  }
+
+  // The surface that was hit, or the light of the environment.
+  void locate(Walker& w) {
+    if (!w.hit.valid()) {
+      if (environment_) w.out->radiance += path_escape(context_, w.path);
+      return;
+    }
+    std::construct_at(&w.surface, interact(context_.scene, w.hit, w.path.origin, w.path.direction));
+    context_.materials.prefetch(w.surface.material, w.surface.uv);
+  }
+
+  bool scatter(Walker& w) {
+    PathSample& out = *w.out;
+    const auto connect = [&](const RayQuery& ray, Vec3f contribution) {
+      std::construct_at(&shadow_rays_[connections_], ray);
+      std::construct_at(&pending_[connections_++], Pending{&out, contribution});
+    };
+    return path_scatter(context_, limits_, environment_, w.surface, w.hit.t, w.numbers, w.path, out.rng, out.radiance,
+                        out.first, connect);
+  }
+
+  const TransportContext& context_;
+  const PathLimits& limits_;
+  PathCounters& counters_;
+  bool environment_;
+  std::array<Walker, kGroup> walkers_;
+  std::array<Walker*, kGroup> active_{};
+  std::array<RayQuery, kGroup> rays_, shadow_rays_;
+  std::array<Hit, kGroup> hits_;
+  std::array<unsigned char, kGroup> blocked_;
+  std::array<Pending, kGroup> pending_;
+  std::size_t connections_ = 0;
+};
+
+}  // namespace
+
+void trace_paths(const TransportContext& context, const PathLimits& limits, std::span<PathSample> paths,
+                 PathCounters& counters) {
+  Group group(context, limits, counters);
+  for (std::size_t i = 0; i < paths.size(); i += kGroup)
+    group.run(paths.subspan(i, std::min(kGroup, paths.size() - i)));
+}
+
+}  // namespace octrad

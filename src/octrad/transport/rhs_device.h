@@ -1,0 +1,64 @@
+// The right-hand side of transport/rhs_estimator.h on a Stream: all directions of all points at once.
+#pragma once
+
+#include "octrad/base/surface_point.h"
+#include "octrad/transport/device_memory.h"
+#include "octrad/transport/rhs_math.h"
+
+namespace octrad {
+
+struct DeviceWorld;
+
+struct DeviceRhsOptions {
+  int directions = 16;           // M
+  int max_chain = 16;            // delta surfaces passed by a BSDF ray
+  bool emission_inside = false;  // answers about emitters hold their emission: it is taken off again
+  bool own_emission = false;     // add the points' own emission to the targets
+  bool ask = true;               // false: a black cache (direct light and chains only); there are no queries then
+  unsigned long long seed = 0;
+};
+
+// Points to estimate at, in device memory.
+struct DeviceRhsPoints {
+  const ShadingPoint* points = nullptr;
+  const std::uint32_t* count = nullptr;  // how many of the `most` there are; null: all
+  std::size_t most = 0;
+  const unsigned long long* stream = nullptr;  // e.g. the step: streams never share random numbers; null: stream 0
+  const unsigned long long* keys = nullptr;    // random stream of each point; null: its place in the batch
+};
+
+// Two parts with the cache's answers in between: trace() fills queries(), reduce() sums up each point's targets in the
+// order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
+template <typename World>
+class RhsOn {
+ public:
+  // For up to `slots` points times directions. `traced_disparity`: fill SurfacePoint::disparity of the queries.
+  RhsOn(Stream& stream, const World& world, std::size_t slots, bool traced_disparity = false);
+
+  void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
+  SurfacePointArray queries() const { return queries_.points(); }
+  const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }  // at most capacity()
+  // answers[q] for query q; may be null where nothing was asked. Needs the points and options of the last trace().
+  void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* answers, Vec3f* targets);
+
+  std::size_t capacity() const { return capacity_; }
+  // Since the last call.
+  TraceCounts take_counts();
+  static std::size_t bytes(std::size_t slots, bool traced_disparity);
+
+ private:
+  enum { kShadows, kRays, kChains, kQueries, kSizes };
+
+  Stream* stream_;
+  World world_;
+  std::size_t capacity_;
+  bool traced_;
+  DeviceArray<TraceCounts> counts_;
+  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_;
+  DeviceArray<Hit> hits_;
+  PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
+};
+
+using DeviceRhs = RhsOn<DeviceWorld>;
+
+}  // namespace octrad

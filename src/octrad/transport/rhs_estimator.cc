@@ -1,0 +1,111 @@
+#include "octrad/transport/rhs_estimator.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "octrad/base/threads.h"
+#include "octrad/transport/rhs_math.h"
+
+namespace octrad {
+namespace {
+
+constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kernels, small enough for the L2 cache
+
+// A cache query that waits for its answer: which target it belongs to and the factor it comes with.
+struct Pending {
+  std::size_t target;
+  Vec3f weight;
+  Vec3f counted;  // what the answer holds and was added already
+};
+
+// Points [begin, end): traced first, then all their cache queries at once.
+RhsStatistics estimate_block(const TransportContext& context, std::span<const ShadingPoint> points,
+                             const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets,
+                             std::size_t begin, std::size_t end_point) {
+  RhsStatistics statistics;
+  thread_local std::vector<SurfacePoint> asked;
+  thread_local std::vector<Pending> pending;
+  thread_local std::vector<Vec3f> answers;
+  asked.clear();
+  pending.clear();
+  const float share = 1.0f / static_cast<float>(options.directions);
+  const auto add = [&](std::size_t i, Vec3f contribution) {
+    if (is_finite(contribution)) targets[i] += contribution * share;
+    else ++statistics.non_finite;
+  };
+  for (std::size_t i = begin; i < end_point; ++i) {
+    const ShadingPoint& point = points[i];
+    targets[i] = Vec3f(0.0f);
+    const unsigned long long key = options.keys.empty() ? i : options.keys[i];
+    Rng rng = rhs_generator(options.seed, options.stream, key);
+    const Vec3f wo = point.to_local(point.wo);
+    const bool delta_only = is_delta_bsdf(point.bsdf);
+    const SobolSet light_set(rng), bsdf_set(rng);  // M stratified samples of each: less noise than M independent ones
+    for (int m = 0; m < options.directions; ++m) {
+      const auto index = static_cast<std::uint32_t>(m);
+      if (!delta_only) {
+        EmitterSample light = sample_emitter(context, point, wo, light_set(index));
+        if (light.valid) {
+          ++statistics.rays;
+          if (context.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
+            light.contribution = Vec3f(0.0f);
+          add(i, light.contribution);
+        }
+      }
+      const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
+      if (!bounce.valid) continue;
+      Rng chain = rhs_chain_generator(options.seed, options.stream, key, index);
+      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, bounce.direction,
+                                    chain, true, options.max_chain);
+      statistics.rays += end.rays;
+      add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
+      if (!end.surface || !query) continue;
+      SurfacePoint where = surface_point(end.point);
+      if (options.traced_disparity) {
+        where.disparity = traced_disparity(context, where, end.point.surface.geometric_normal);
+        ++statistics.rays;
+      }
+      asked.push_back(where);
+      pending.push_back({i, bounce.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
+    }
+  }
+  if (!asked.empty()) {
+    answers.resize(asked.size());
+    query(asked, answers);
+    for (std::size_t q = 0; q < asked.size(); ++q) {
+      add(pending[q].target, answer_contribution(pending[q].weight, answers[q], pending[q].counted));
+    }
+    statistics.queries += static_cast<long long>(asked.size());
+  }
+  return statistics;
+}
+
+std::size_t block_size(const RhsOptions& options) {
+  return std::max<std::size_t>(1, kQueriesPerBlock / static_cast<std::size_t>(options.directions));
+}
+
+}  // namespace
+
+RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
+                           const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
+  const std::size_t block = block_size(options);
+  std::vector<RhsStatistics> statistics((points.size() + block - 1) / block);
+  parallel_blocks(points.size(), block, [&](std::size_t begin, std::size_t end) {
+    statistics[begin / block] = estimate_block(context, points, options, query, targets, begin, end);
+  });
+  RhsStatistics total;
+  for (const RhsStatistics& s : statistics) total += s;
+  return total;
+}
+
+RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
+                                  const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
+  RhsStatistics total;
+  for (std::size_t begin = 0; begin < points.size(); begin += block_size(options)) {
+    total += estimate_block(context, points, options, query, targets, begin,
+                            std::min(points.size(), begin + block_size(options)));
+  }
+  return total;
+}
+
+}  // namespace octrad

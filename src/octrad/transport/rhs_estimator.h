@@ -1,0 +1,47 @@
+// The right-hand side of the rendering equation at given points: one bounce by Monte Carlo, a radiance cache asked
+// where the bounce ends (method section 7, "RHS").
+#pragma once
+
+#include <functional>
+#include <span>
+
+#include "octrad/transport/context.h"
+
+namespace octrad {
+
+// Predicted radiance of surface points, without their own emission unless RhsOptions::emission_inside says so: what
+// transport knows of a radiance field.
+using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::span<Vec3f>)>;
+
+struct RhsOptions {
+  int directions = 16;  // M
+  int max_chain = 16;   // delta surfaces passed by a BSDF ray
+  bool emission_inside =
+      false;  // predictions of emitters hold their emission (target.emission = inside): it is taken off again
+  bool traced_disparity = false;  // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
+  unsigned long long seed = 0;
+  unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
+  std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch
+};
+
+struct RhsStatistics {
+  long long rays = 0, queries = 0, non_finite = 0;
+  RhsStatistics& operator+=(const RhsStatistics& b) {
+    rays += b.rays;
+    queries += b.queries;
+    non_finite += b.non_finite;
+    return *this;
+  }
+};
+
+// targets[i] = scattered radiance at points[i] towards its wo, mean of M directions; each is a BSDF sample plus an
+// emitter sample under balance-heuristic MIS. A null `query` means a black cache (direct light and chains only).
+// Parallel; same bits at any thread count.
+RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
+                           const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
+
+// The same in the caller's thread.
+RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
+                                  const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
+
+}  // namespace octrad
