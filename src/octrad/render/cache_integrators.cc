@@ -9,8 +9,9 @@ namespace {
 // Where a camera sample's ray ends, and the attributes of its first hit: of a mirror, also where the ray goes on.
 RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
   FirstHit first;
-  const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
-                                config.render_delta == "trace", config.train_max_chain, sample.ray.t_max, &first);
+  const RayEnd end =
+      follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
+                 config.render_delta == DeltaSurfaces::trace, config.train_max_chain, sample.ray.t_max, &first);
   out = {Vec3f(0.0f), first.albedo, first.normal, first.depth, first.roughness};
   return end;
 }
@@ -19,8 +20,8 @@ RayEnd primary_hit(const TransportContext& context, const Config& config, Camera
 
 SampleFunction cache_integrator(const TransportContext& context, const RadianceField& field, const Config& config,
                                 CacheMode mode, int directions, unsigned long long seed) {
-  const bool inside = config.target_emission == "inside";
-  const bool traced = config.lookup_offset == "traced";
+  const bool inside = config.target_emission == TargetEmission::inside;
+  const bool traced = config.lookup_offset == LookupOffset::traced;
   const auto rough = static_cast<float>(config.lookup_rough_threshold);
   return [=, &context, &field, &config](std::span<CameraSample> samples, std::span<PixelSample> out) {
     SampleCounts counts;

@@ -31,11 +31,11 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
                                       reference.height);
       const RayEnd end =
           follow_ray(context, ray.origin, nullptr, ray.direction, rng, false, config.train_max_chain, ray.t_max);
-      const bool outside = config.target_emission == "outside" || !end.surface;
+      const bool outside = config.target_emission == TargetEmission::outside || !end.surface;
       pixel.known += outside ? end.first_emitted + end.emitted : end.passed_emitted;  // the rest is in the prediction
       if (!end.surface) continue;
       SurfacePoint point = surface_point(end.point);
-      if (config.lookup_offset == "traced")
+      if (config.lookup_offset == LookupOffset::traced)
         point.disparity = traced_disparity(context, point, end.point.surface.geometric_normal);
       points_.push_back(point);
       owner_.push_back(pixels_.size());
