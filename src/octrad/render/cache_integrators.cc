@@ -10,9 +10,9 @@ namespace {
 FirstHitOptions first_hit_options(const Config& config, CacheMode mode) {
   using Bounce = FirstHitOptions::Bounce;
   FirstHitOptions options;
-  options.follow_delta = config.render_delta == "trace";
+  options.follow_delta = config.render_delta == DeltaSurfaces::trace;
   options.max_chain = config.train_max_chain;
-  options.emission_inside = config.target_emission == "inside";
+  options.emission_inside = config.target_emission == TargetEmission::inside;
   options.bounce = mode == CacheMode::rhs ? Bounce::all : mode == CacheMode::deferred ? Bounce::glossy : Bounce::none;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   return options;
@@ -23,7 +23,7 @@ FirstHitOptions first_hit_options(const Config& config, CacheMode mode) {
 SampleFunction cache_integrator(const TransportContext& context, const RadianceField& field, const Config& config,
                                 CacheMode mode, int directions, unsigned long long seed) {
   const FirstHitOptions options = first_hit_options(config, mode);
-  const bool traced = config.lookup_offset == "traced";
+  const bool traced = config.lookup_offset == LookupOffset::traced;
   return [=, &context, &field, &config](std::span<CameraSample> samples, std::span<PixelSample> out) {
     SampleCounts counts;
     std::vector<SurfacePoint> asked;

@@ -115,7 +115,7 @@ TEST(CacheIntegrators, DeferredBouncesOnlyWhereItIsGlossy) {
 TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
   const RenderResult outside = box.picture(CacheMode::lhs, 1, 1);
-  box.config.target_emission = "inside";
+  box.config.target_emission = TargetEmission::inside;
   const RenderResult inside = box.picture(CacheMode::lhs, 1, 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
@@ -127,7 +127,7 @@ TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
 
 TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
-  box.config.render_delta = "trace";
+  box.config.render_delta = DeltaSurfaces::trace;
   const RenderResult r = box.picture(CacheMode::lhs, 1, 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) EXPECT_FLOAT_EQ(r.image.rgb(x, y).x, 5.0f);
@@ -137,7 +137,7 @@ TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
 TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
   Box box;
   const RenderResult cached = box.picture(CacheMode::lhs, 1, 1);
-  box.config.render_delta = "trace";
+  box.config.render_delta = DeltaSurfaces::trace;
   const RenderResult traced = box.picture(CacheMode::lhs, 1, 1);
   int mirror = 0;
   for (const char* layer : {"albedo.R", "normal.X", "normal.Z", "depth.Z", "roughness.Y"}) {

@@ -11,7 +11,7 @@ namespace {
 constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
 
 bool traces_disparity(const Config& config, const ViewKind& kind) {
-  return kind.kind == ViewKind::traced || config.lookup_offset == "traced";
+  return kind.kind == ViewKind::traced || config.lookup_offset == LookupOffset::traced;
 }
 
 class ViewIntegrator : public DeviceIntegrator {

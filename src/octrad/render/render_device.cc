@@ -47,11 +47,12 @@ class CacheIntegrator : public DeviceIntegrator {
   CacheIntegrator(Stream& stream, const DeviceWorld& world, DeviceField& field, const Config& config,
                   FirstHitOptions::Bounce bounce, unsigned long long seed, std::size_t capacity)
       : field_(field),
-        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, config.lookup_offset == "traced"),
+        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none,
+                 config.lookup_offset == LookupOffset::traced),
         answers_(stream, capacity, "answers of the cache") {
-    options_.follow_delta = config.render_delta == "trace";
+    options_.follow_delta = config.render_delta == DeltaSurfaces::trace;
     options_.max_chain = config.train_max_chain;
-    options_.emission_inside = config.target_emission == "inside";
+    options_.emission_inside = config.target_emission == TargetEmission::inside;
     options_.bounce = bounce;
     options_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
     if (bounce == FirstHitOptions::Bounce::none) return;
@@ -59,7 +60,7 @@ class CacheIntegrator : public DeviceIntegrator {
     rhs_options_.max_chain = config.train_max_chain;
     rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = seed;
-    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, config.lookup_offset == "traced");
+    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, config.lookup_offset == LookupOffset::traced);
     rhs_answers_ = DeviceArray<Vec3f>(stream, capacity, "answers of the cache");
     targets_ = DeviceArray<Vec3f>(stream, capacity, "right-hand sides");
   }
@@ -162,7 +163,7 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const PreparedScene& scene, const
     : impl_(std::make_unique<Impl>(stream, integrator.rfind("features", 0) == 0 ? one_sample(options) : options)) {
   Impl& r = *impl_;
   const bool path = integrator == "path", bounces = integrator == "rhs" || integrator == "deferred",
-             traced = config.lookup_offset == "traced";
+             traced = config.lookup_offset == LookupOffset::traced;
   const bool view = !path && !bounces && integrator != "lhs";
   const PictureWindow& crop = r.plan.crop;
   const auto memory = [&](std::size_t capacity) {

@@ -32,7 +32,7 @@ struct Box {
   explicit Box(const std::string& filter = "gaussian") : prepared(load(filter), PreparedScene::CpuTree::bvh8) {
     config.octree_levels = 3;
     config.disparity_log2_table = 10;
-    const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
+    const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
     field = make_field(config, {box.origin, box.size, occupied_cells(scene, box, config.octree_levels)});
     field->set_target_scale(1.0f);
     // Something to see: a few steps towards a made-up radiance.
@@ -131,7 +131,7 @@ TEST_P(RenderOnStream, CachedPicturesAreThoseOfTheCpu) {
   const RenderOptions options = box.options(4);
   for (const auto& [name, mode] : {std::pair{"lhs", CacheMode::lhs}, std::pair{"rhs", CacheMode::rhs},
                                    std::pair{"deferred", CacheMode::deferred}}) {
-    for (const char* delta : {"cache", "trace"}) {
+    for (const DeltaSurfaces delta : {DeltaSurfaces::cache, DeltaSurfaces::trace}) {
       Config config = box.config;
       config.render_delta = delta;
       const RenderResult cpu =
@@ -140,9 +140,9 @@ TEST_P(RenderOnStream, CachedPicturesAreThoseOfTheCpu) {
       const RenderResult device = renderer.render();
       for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
         EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 2e-2 : 5e-3)
-            << name << " " << delta << " " << channel;
+            << name << " " << get(config, "render.delta") << " " << channel;
       }
-      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << delta;
+      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << get(config, "render.delta");
     }
   }
 }

@@ -85,7 +85,7 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        traced_(config.lookup_offset == "traced"),
+        traced_(config.lookup_offset == LookupOffset::traced),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options)),
         rhs_(stream, scene.world(stream), most_slots(config), traced_),
@@ -95,7 +95,7 @@ class DeviceEngine : public TrainEngine {
         answers_(stream, most_slots(config), "answers of the cache"),
         targets_(stream, most_points(config), "targets") {
     rhs_options_.max_chain = config.train_max_chain;
-    rhs_options_.emission_inside = config.target_emission == "inside";
+    rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);
   }
@@ -254,7 +254,7 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, config.lookup_offset == "traced") + slots * sizeof(Vec3f)});
+                   DeviceRhs::bytes(slots, config.lookup_offset == LookupOffset::traced) + slots * sizeof(Vec3f)});
   parts.push_back(
       {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) + points * sizeof(Vec3f)});
   return parts;

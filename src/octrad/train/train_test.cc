@@ -181,7 +181,8 @@ TEST(Train, BothFieldsAndAllPresetsTakeAStep) {
       config.train_steps = 4;
       config.train_points = 128;
       config.train_directions = 4;
-      if (config.octree_occupancy == "sampled") config.octree_occupancy = "conservative";  // 2^26 samples take seconds
+      if (config.octree_occupancy == OctreeOccupancy::sampled)
+        config.octree_occupancy = OctreeOccupancy::conservative;  // 2^26 samples take seconds
       const TrainResult result = train(box.scene, config, {});
       EXPECT_EQ(result.steps, 4);
       EXPECT_TRUE(std::isfinite(result.loss)) << name << " " << field;

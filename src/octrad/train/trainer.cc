@@ -250,11 +250,11 @@ TrainResult Run::go() {
 }  // namespace
 
 FieldDomain field_domain(const Scene& scene, const Config& config) {
-  const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
+  const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   FieldDomain domain{box.origin, box.size, {}};
   if (config.field == "octaoctree") {
     domain.occupied_cells =
-        config.octree_occupancy == "sampled"
+        config.octree_occupancy == OctreeOccupancy::sampled
             ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
             : occupied_cells(scene, box, config.octree_levels);
   }

@@ -14,8 +14,8 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const Camera& camera = context.scene.cameras.front();
   FirstHitOptions options;
   options.max_chain = config.train_max_chain;
-  options.emission_inside = config.target_emission == "inside";
-  const bool traced = config.lookup_offset == "traced";
+  options.emission_inside = config.target_emission == TargetEmission::inside;
+  const bool traced = config.lookup_offset == LookupOffset::traced;
   std::vector<Vec3f> chosen_colors;
   const long long total = static_cast<long long>(reference.width) * reference.height;
   const long long stride = std::max<long long>(1, (total + max_pixels - 1) / max_pixels);
