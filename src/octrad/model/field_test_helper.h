@@ -66,21 +66,23 @@ inline Vec3f pattern(const SurfacePoint& p) {
 struct Part {
   std::string name;
   std::vector<float> values;
+  std::size_t width = 1;  // of a table's entry
 };
 inline std::vector<Part> parts_of(RadianceField& field) {
   std::vector<Part> parts;
-  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}}); };
+  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}, 1}); };
   const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
     add(name, values);
     add(name + " moments", adam.moments());
+    parts.back().width = adam.moments().size() / adam.counts().size() / 2;
     add(name + " counts", adam.counts());
-    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}});
+    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}, 1});
   };
   const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
     add(name, mlp.weights());
     add(name + " m", adam.m());
     add(name + " v", adam.v());
-    parts.push_back({name + " steps", {static_cast<float>(adam.count())}});
+    parts.push_back({name + " steps", {static_cast<float>(adam.count())}, 1});
   };
   if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
     octree->make_optimizers();
