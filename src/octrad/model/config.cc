@@ -259,7 +259,7 @@ std::string text_of(const nlohmann::json& value, const std::string& key) {
 }  // namespace
 
 Config preset(const std::string& name) {
-  Config c;  // the struct's own values are the `cpu` preset (training.md, "Starting points")
+  Config c;  // the struct's own values are the `cpu` preset (method section 7)
   c.preset = name;
   if (name == "cpu") {
     c.nr_width = 128;     // the width that the comparison at equal seconds was made with
