@@ -1,4 +1,4 @@
-// Left-hand-side points: where a radiance field is trained (method section 7, "LHS points").
+// Left-hand-side points: where a radiance field is trained (method section 7).
 #pragma once
 
 #include <span>
