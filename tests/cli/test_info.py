@@ -11,7 +11,7 @@ class Info(Case):
     def test_program(self):
         info = self.ok("info", "--json", "--threads", "1").json()
         self.assertEqual(info["threads"], 1)
-        self.assertRegex(info["version"], r"^\d+\.\d+\.\d+$")
+        self.assertRegex(info["version"], r"^\d+\.\d+\.\d+(-[a-z]+)?$")
         self.assertTrue(info["isa"])
         self.assertRegex(info["simd"], r"^[A-Z][A-Z0-9_]+$")
         text = self.ok("info").out

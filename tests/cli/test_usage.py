@@ -29,7 +29,7 @@ class Usage(Case):
                             self.assertIn(word, options, f"the example of {verb} uses an option that does not exist")
 
     def test_version(self):
-        self.assertRegex(self.ok("--version").out, r"^octrad \d+\.\d+\.\d+\n$")
+        self.assertRegex(self.ok("--version").out, r"^octrad \d+\.\d+\.\d+(-[a-z]+)?\n$")
 
     def test_unknown_words_are_suggested(self):
         self.fails(1, 'did you mean "compare"', "compre")
