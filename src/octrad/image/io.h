@@ -29,7 +29,7 @@ struct Image8 {
         data(static_cast<std::size_t>(w) * static_cast<std::size_t>(h) * static_cast<std::size_t>(c)) {}
 };
 
-// Reads EXR, PNG, JPEG or Radiance HDR; the content decides, not the name.
+// Reads EXR, PNG, JPEG or Radiance HDR; the format is recognised by content, not by name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
 // channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.

@@ -1,4 +1,4 @@
-// What views have in common on the CPU and on a stream. Internal to the room.
+// What views have in common on the CPU and on a stream. Internal to the module.
 #pragma once
 
 #include <string>
