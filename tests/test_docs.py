@@ -104,6 +104,15 @@ class Documents(unittest.TestCase):
                 with self.subTest("%s: %s" % (path.relative_to(ROOT), name)):
                     self.assertTrue(any((folder / name).exists() for folder in (ROOT, ROOT / "docs", path.parent)))
 
+    def test_scattering_models(self):
+        listed = re.search(r"#define OCTRAD_BSDF_LIST\(X\)(.*?)\n\n", (ROOT / "src/octrad/scene/material_types.h").read_text(), re.S).group(1)
+        models = re.findall(r"X\((\w+),", listed)
+        self.assertGreaterEqual(len(models), 7)
+        rows = re.findall(r"^\| (`[^|]*)\|", (ROOT / "docs" / "scenes.md").read_text(), re.M)
+        for model in models:
+            with self.subTest(model):
+                self.assertTrue(any("`%s`" % model in row for row in rows), "docs/scenes.md has no row for it")
+
     def test_sections_of_the_method(self):
         """Comments cite docs/method.md as "method section 4"."""
         sections = {int(n) for n in re.findall(r"^## (\d+)\. ", (ROOT / "docs/method.md").read_text(), re.M)}
