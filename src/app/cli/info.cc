@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "app/cli/common.h"
-#include "app/cli/loaded_scene.h"
+#include "app/cli/open_scene.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
@@ -154,8 +154,7 @@ nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.
 // only the cells are found, nothing is allocated for features.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const Config config = options.config.resolve();
-  const LoadedScene loaded = open_scene(options.file, options.config.scene_definitions(), false);
-  const Scene& scene = *loaded.scene;
+  const Scene scene = open_scene(options.file, options.config.scene_definitions());
   const Domain domain = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   const auto conservative = occupied_cells(scene, domain, config.octree_levels);
   std::vector<std::vector<Vec3i>> sampled;

@@ -1,6 +1,6 @@
-// What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7): with which
-// direction the field is asked, what the network is told of the point, how its linear outputs become radiance, and the
-// loss. The definition: called by the CPU and by kernels.
+// What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7; paper equations 12
+// and 13): the look-up direction, the network's inputs, radiance from its linear outputs, and the loss. The
+// definition: called by the CPU and by kernels.
 #pragma once
 
 #include <cmath>

@@ -19,6 +19,8 @@
 namespace octrad {
 namespace {
 
+using testing::Part;
+using testing::parts_of;
 using testing::pattern;
 using testing::random_points;
 using testing::shell;
@@ -96,41 +98,6 @@ std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& po
   std::vector<Vec3f> out(points.size());
   field.radiance(points, out);
   return as_floats(out);
-}
-
-// Every number of a field that training changes, by name.
-struct Part {
-  std::string name;
-  std::vector<float> values;
-};
-std::vector<Part> parts_of(RadianceField& field) {
-  std::vector<Part> parts;
-  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}}); };
-  const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
-    add(name, values);
-    add(name + " moments", adam.moments());
-    add(name + " counts", adam.counts());
-    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}});
-  };
-  const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
-    add(name, mlp.weights());
-    add(name + " m", adam.m());
-    add(name + " v", adam.v());
-    parts.push_back({name + " steps", {static_cast<float>(adam.count())}});
-  };
-  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
-    octree->make_optimizers();
-    table("octree", octree->octree().features(), *octree->octree_adam());
-    table("grid", octree->grid().table(), *octree->grid_adam());
-    network("disparity", octree->disparity(), octree->disparity_adam());
-    network("decoder", octree->decoder().mlp(), octree->decoder().adam());
-  } else {
-    auto& nr = dynamic_cast<NrField&>(field);
-    nr.make_optimizer();
-    table("grid", nr.grid().table(), *nr.grid_adam());
-    network("decoder", nr.decoder().mlp(), nr.decoder().adam());
-  }
-  return parts;
 }
 
 DeviceFieldOptions training_options(bool deterministic = false) {
@@ -299,6 +266,15 @@ TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
       }
     }
   }
+}
+
+// adam.rate.* each move their own parts (a rate of 0 leaves parameters as they are).
+TEST_P(DeviceFields, EveryRateMovesItsOwnParts) {
+  testing::check_rates(config(), kLevels, [&](RadianceField& field, const Config& c) {
+    const auto device = make_device_field(*stream_, field, c, training_options());
+    train(*device, 0, 1);
+    device->download_to(field);
+  });
 }
 
 TEST_P(DeviceFields, LearnLikeTheCpu) {

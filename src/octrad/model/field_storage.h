@@ -1,4 +1,4 @@
-// The parts that fields are made of: their tensors (method section 13), their memory, and the optimiser step that they
+// The parts that fields are made of: their tensors (docs/formats.md), their memory, and the optimiser step that they
 // share.
 #pragma once
 

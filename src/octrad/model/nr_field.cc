@@ -165,7 +165,7 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
     step.non_finite += g.non_finite;
   }
   step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
-  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_features * rate_scale);
+  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_grids * rate_scale);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   return step;

@@ -10,6 +10,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/scene/load.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
@@ -42,15 +43,13 @@ class ConstantField : public RadianceField {
 
 // A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
 struct Box {
-  Scene scene;
-  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
+  PreparedScene prepared;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
   ConstantField field;
   Config config = preset("cpu");
 
-  explicit Box(const std::string& emitter = "") : scene(load(emitter)) {}
+  explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {}
   static Scene load(const std::string& emitter) {
     const auto file = std::filesystem::temp_directory_path() / ("octrad_cache_" + std::to_string(::getpid()) + ".xml");
     std::ofstream(file)

@@ -117,7 +117,7 @@ class ViewIntegrator : public DeviceIntegrator {
   DeviceArray<Vec3f> answers_;
   DeviceArray<float> disparity_, features_;
   const std::size_t capacity_;
-  GBufferOptions options_;
+  FirstHitOptions options_;
   CameraJob host_job_;
   FeaturePicture picture_;
   std::vector<Vec3f> colors_;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "octrad/transport/first_hit_math.h"
+
 namespace octrad {
 
 LhsOptions lhs_options(const Config& config) {
@@ -36,9 +38,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.stream = stream;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   for (std::size_t i = 0; i < n; ++i) {
-    points_[i] = surface_point(shading_[i]);
+    points_[i] = field_query_point(context_, shading_[i], rhs.traced_disparity);
     const SurfaceInteraction& surface = shading_[i].surface;
-    if (rhs.traced_disparity) points_[i].disparity = traced_disparity(context_, points_[i], surface.geometric_normal);
     if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
   }
   return statistics;
