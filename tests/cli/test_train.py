@@ -91,6 +91,15 @@ class Train(Case):
         self.assertEqual((report["steps"], report["lhs_samples"]), (steps, steps * 256))
         self.assert_same_tensors(whole, self.model)
 
+    def test_a_second_training_of_a_file_is_told_at_once(self):
+        first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q")
+        wait_for(lambda: os.path.exists(self.model + ".lock"))
+        self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
+        first.send_signal(signal.SIGINT)
+        self.assertEqual(first.wait(timeout=60), 130)
+        self.assertFalse(os.path.exists(self.model + ".lock"))
+        self.train("--resume", "--steps", 1)
+
     def test_interrupt_saves_and_resume_continues(self):
         for sent in (signal.SIGINT, signal.SIGTERM):
             log = self.path("log%d.jsonl" % sent)

@@ -77,7 +77,7 @@ void show_config(const Config& config) {
 }
 
 void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
-  require_writable(o.output);
+  const WriterLock lock(o.output);
   const DeviceChoice device = common.choose_device();
   const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();

@@ -41,7 +41,7 @@ Image read_image(const std::string& file);
 
 enum class ExrPrecision { float32, half };
 
-// Writes an EXR file: scanlines, ZIP, channels by name, metadata as string attributes. `file`.tmp is written first and
+// Writes an EXR file: scanlines, ZIP, channels by name, metadata as string attributes. A new file is written first and
 // renamed, so an old file survives any failure. Missing folders are an IoError.
 void write_exr(const std::string& file, const Image& image, ExrPrecision precision = ExrPrecision::float32);
 

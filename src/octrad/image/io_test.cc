@@ -7,6 +7,9 @@
 #include <ImfOutputFile.h>
 #include <ImfTiledOutputFile.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
 #include <half.h>
 #include <unistd.h>
 
@@ -354,6 +357,25 @@ TEST_F(IoTest, AFailedWriteLeavesTheOldFile) {
   EXPECT_THROW(write_exr(path("a.exr"), bad), IoError);
   EXPECT_EQ(read_bytes("a.exr"), before);
   EXPECT_FALSE(fs::exists(path("a.exr.tmp")));
+}
+
+// The library's own file would swallow the error when it is closed.
+TEST_F(IoTest, ADiskThatFillsLeavesTheOldFile) {
+  write_exr(path("a.exr"), test_image(2, 2, {"R", "G", "B"}));
+  const std::string before = read_bytes("a.exr");
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit usual{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &usual), 0);
+  for (const rlim_t bytes : {0, 100, 1000, 4000}) {
+    rlimit limit = usual;
+    limit.rlim_cur = bytes;
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    EXPECT_THROW(write_exr(path("a.exr"), test_image(64, 64, {"R", "G", "B"})), IoError) << bytes;
+    setrlimit(RLIMIT_FSIZE, &usual);
+    EXPECT_EQ(read_bytes("a.exr"), before) << bytes;
+  }
+  write_exr(path("a.exr"), test_image(64, 64, {"R", "G", "B"}));
+  EXPECT_EQ(read_image(path("a.exr")).width, 64);
 }
 
 TEST(Image, ChannelsAndLayers) {
