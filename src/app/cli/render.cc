@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "app/cli/common.h"
-#include "app/cli/loaded_scene.h"
+#include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -188,8 +188,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     model = load_model(o.model);
     check_integrator(o, model->field.get());
   }
-  const LoadedScene loaded = open_scene(o.scene, definitions.scene_definitions());
-  const Scene& scene = *loaded.scene;
+  const PreparedScene prepared(open_scene(o.scene, definitions.scene_definitions()));
+  const Scene& scene = prepared.scene();
   Config config;
   if (model) {
     check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
@@ -215,24 +215,23 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     if (log) log->write({{"event", "progress"}, {"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
   };
 
-  const TransportContext context{scene, *loaded.tracer, *loaded.materials, *loaded.lights};
   defer_interrupts();  // from here on there is a picture to save
   RenderResult result;
   std::optional<FrameTimes> frames;
   if (stream) {
-    DeviceRenderer renderer(*stream, context, options, model ? model->field.get() : nullptr, config, o.integrator,
+    DeviceRenderer renderer(*stream, prepared, options, model ? model->field.get() : nullptr, config, o.integrator,
                             common.memory_budget(*stream));
     if (o.frames > 0) frames = renderer.time_frames(o.frames);
     result = renderer.render();
   } else if (o.integrator == "path") {
-    result = render_path(context, options);
+    result = render_path(prepared.context(), options);
   } else if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) != kIntegrators.end()) {
     const CacheMode mode = o.integrator == "lhs"   ? CacheMode::lhs
                            : o.integrator == "rhs" ? CacheMode::rhs
                                                    : CacheMode::deferred;
-    result = render(options, cache_integrator(context, *model->field, config, mode, 1, options.seed));
+    result = render(options, cache_integrator(prepared.context(), *model->field, config, mode, 1, options.seed));
   } else {
-    result = render_view(options, context, *model->field, config, o.integrator);
+    result = render_view(options, prepared.context(), *model->field, config, o.integrator);
   }
   progress.finish();
   if (result.counts.non_finite > 0)

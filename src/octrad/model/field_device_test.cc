@@ -108,16 +108,16 @@ TEST_P(DeviceFields, AnswerLikeTheCpu) {
   std::vector<Config> configs(1, config());
   if (name() == "octaoctree") {
     configs.resize(4, config());
-    configs[1].lookup_offset = "traced";
-    configs[2].lookup_offset = "none";
-    configs[2].decoder_output = "squareplus";
-    configs[2].lookup_direction = "outgoing";
-    configs[2].target_demodulate = "none";
+    configs[1].lookup_offset = LookupOffset::traced;
+    configs[2].lookup_offset = LookupOffset::none;
+    configs[2].decoder_output = Activation::squareplus;
+    configs[2].lookup_direction = LookupDirection::outgoing;
+    configs[2].target_demodulate = TargetDemodulation::none;
     configs[3].disparity_direction = false;
-    configs[3].decoder_position = "world";
+    configs[3].decoder_position = DecoderPosition::world;
     configs[3].octree_features = 2;
     configs[3].disparity_features = 4;
-    configs[3].lookup_rough_direction = "mirror";
+    configs[3].lookup_rough_direction = RoughDirection::mirror;
   }
   auto points = random_points(700, 5);
   for (std::size_t i = 0; i < points.size(); ++i) points[i].disparity = 0.01f * static_cast<float>(i % 300);
@@ -189,7 +189,7 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
 TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     const auto start = trained_field(c);
     auto cpu = make_field(c, shell(kLevels)), copy = make_field(c, shell(kLevels));
     // The same weights, no moments: a field made anew that takes the tables and networks of `start`.
@@ -284,7 +284,7 @@ TEST_P(DeviceFields, LearnLikeTheCpu) {
 TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     const auto field = trained_field(c);
     field->set_target_scale(0.7f);
     const auto device = make_device_field(*stream_, *field, c, training_options());
@@ -315,7 +315,7 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
 TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     std::vector<Part> first;
     for (int run = 0; run < 2; ++run) {
       const auto field = make_field(c, shell(kLevels));
@@ -339,7 +339,7 @@ TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
 
 TEST_P(DeviceFields, BadNumbersDoNotSpread) {
   Config c = config();
-  if (name() == "octaoctree") c.lookup_offset = "traced";
+  if (name() == "octaoctree") c.lookup_offset = LookupOffset::traced;
   const auto field = trained_field(c, 5);
   const auto device = make_device_field(*stream_, *field, c, training_options());
   auto points = random_points(200, 8);

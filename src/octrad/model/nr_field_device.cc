@@ -29,7 +29,7 @@ class DeviceNrField : public DeviceFieldBase {
   }
 
  protected:
-  LookupRule rule() const override { return {true, RoughDirection::mirror, 0.5f}; }
+  LookupRule rule() const override { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
   void encode(const Chunk& chunk) override {
     grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
   }

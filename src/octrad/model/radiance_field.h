@@ -54,7 +54,7 @@ class RadianceField {
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                        std::span<float> disparity) const = 0;
 
-  // Adds tensors under the names of method section 13. The memory they view belongs to the field.
+  // Adds tensors under the names of docs/formats.md. The memory they view belongs to the field.
   virtual void save(TensorWriter& out, bool optimizer) = 0;
   // Reads weights and, with `optimizer`, the optimiser's state. Returns whether the file had what was asked for.
   virtual bool load(const TensorReader& in, bool optimizer) = 0;

@@ -1,27 +1,29 @@
 #include "octrad/render/cache_integrators.h"
 
 #include "octrad/base/error.h"
+#include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
 
-// Where a camera sample's ray ends, and the attributes of its first hit: of a mirror, also where the ray goes on.
-RayEnd primary_hit(const TransportContext& context, const Config& config, CameraSample& sample, PixelSample& out) {
-  FirstHit first;
-  const RayEnd end = follow_ray(context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
-                                config.render_delta == "trace", config.train_max_chain, sample.ray.t_max, &first);
-  out = {Vec3f(0.0f), first.albedo, first.normal, first.depth, first.roughness};
-  return end;
+FirstHitOptions first_hit_options(const Config& config, CacheMode mode) {
+  using Bounce = FirstHitOptions::Bounce;
+  FirstHitOptions options;
+  options.follow_delta = config.render_delta == DeltaSurfaces::trace;
+  options.max_chain = config.train_max_chain;
+  options.emission_inside = config.target_emission == TargetEmission::inside;
+  options.bounce = mode == CacheMode::rhs ? Bounce::all : mode == CacheMode::deferred ? Bounce::glossy : Bounce::none;
+  options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  return options;
 }
 
 }  // namespace
 
 SampleFunction cache_integrator(const TransportContext& context, const RadianceField& field, const Config& config,
                                 CacheMode mode, int directions, unsigned long long seed) {
-  const bool inside = config.target_emission == "inside";
-  const bool traced = config.lookup_offset == "traced";
-  const auto rough = static_cast<float>(config.lookup_rough_threshold);
+  const FirstHitOptions options = first_hit_options(config, mode);
+  const bool traced = config.lookup_offset == LookupOffset::traced;
   return [=, &context, &field, &config](std::span<CameraSample> samples, std::span<PixelSample> out) {
     SampleCounts counts;
     std::vector<SurfacePoint> asked;
@@ -32,26 +34,20 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
     std::vector<Vec3f> bounced_weight;
     std::vector<unsigned long long> bounced_key;  // a camera sample's own random stream
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      const RayEnd end = primary_hit(context, config, samples[i], out[i]);
+      RayEnd end;
+      FirstHit first;
+      const FirstHitQuery query = trace_first_hit(context, options, samples[i], end, first);
       counts.rays += end.rays;
-      const bool bounce =
-          end.surface && (mode == CacheMode::rhs || (mode == CacheMode::deferred && roughness(end.point.bsdf) < rough));
-      // A field trained on total radiance holds the emission of what it is asked about; everything else is added here.
-      const bool emission_known = end.surface && inside && !bounce;
-      out[i].radiance += emission_known ? end.passed_emitted : end.first_emitted + end.emitted;
-      if (!end.surface) continue;
-      if (bounce) {
+      out[i] = {query.known, first.albedo, first.normal, first.depth, first.roughness};
+      if (query.next == FirstHitQuery::Next::nothing) continue;
+      if (query.next == FirstHitQuery::Next::bounce) {
         bounced.push_back(end.point);
         bounced_by.push_back(i);
         bounced_weight.push_back(end.throughput);
-        const unsigned long long high = samples[i].rng.bits();
-        bounced_key.push_back((high << 32) | samples[i].rng.bits());
+        bounced_key.push_back(query.key);
       } else {
-        asked.push_back(surface_point(end.point));
-        if (traced) {
-          asked.back().disparity = traced_disparity(context, asked.back(), end.point.surface.geometric_normal);
-          ++counts.rays;
-        }
+        asked.push_back(field_query_point(context, end.point, traced));
+        counts.rays += traced;
         asked_by.push_back(i);
         asked_weight.push_back(end.throughput);
       }
@@ -64,7 +60,7 @@ SampleFunction cache_integrator(const TransportContext& context, const RadianceF
       RhsOptions rhs;
       rhs.directions = directions;
       rhs.max_chain = config.train_max_chain;
-      rhs.emission_inside = inside;
+      rhs.emission_inside = options.emission_inside;
       rhs.traced_disparity = traced;
       rhs.seed = seed;
       rhs.keys = bounced_key;

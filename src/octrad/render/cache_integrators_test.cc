@@ -10,6 +10,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/scene/load.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
@@ -42,15 +43,13 @@ class ConstantField : public RadianceField {
 
 // A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
 struct Box {
-  Scene scene;
-  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
+  PreparedScene prepared;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
   ConstantField field;
   Config config = preset("cpu");
 
-  explicit Box(const std::string& emitter = "") : scene(load(emitter)) {}
+  explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {}
   static Scene load(const std::string& emitter) {
     const auto file = std::filesystem::temp_directory_path() / ("octrad_cache_" + std::to_string(::getpid()) + ".xml");
     std::ofstream(file)
@@ -116,7 +115,7 @@ TEST(CacheIntegrators, DeferredBouncesOnlyWhereItIsGlossy) {
 TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
   const RenderResult outside = box.picture(CacheMode::lhs, 1, 1);
-  box.config.target_emission = "inside";
+  box.config.target_emission = TargetEmission::inside;
   const RenderResult inside = box.picture(CacheMode::lhs, 1, 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
@@ -128,7 +127,7 @@ TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
 
 TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
-  box.config.render_delta = "trace";
+  box.config.render_delta = DeltaSurfaces::trace;
   const RenderResult r = box.picture(CacheMode::lhs, 1, 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) EXPECT_FLOAT_EQ(r.image.rgb(x, y).x, 5.0f);
@@ -138,7 +137,7 @@ TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
 TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
   Box box;
   const RenderResult cached = box.picture(CacheMode::lhs, 1, 1);
-  box.config.render_delta = "trace";
+  box.config.render_delta = DeltaSurfaces::trace;
   const RenderResult traced = box.picture(CacheMode::lhs, 1, 1);
   int mirror = 0;
   for (const char* layer : {"albedo.R", "normal.X", "normal.Z", "depth.Z", "roughness.Y"}) {

@@ -7,7 +7,7 @@
 #include "octrad/device/stage_times.h"
 #include "octrad/model/radiance_field.h"
 #include "octrad/render/render_loop.h"
-#include "octrad/transport/context.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 
@@ -23,7 +23,7 @@ class DeviceRenderer {
   // views. Samples are taken in jobs that fit into `max_memory` bytes (0: no limit) beside scene and field; throws
   // MemoryError where not even one row does, UsageError for a view that the field does not have. The stream, the field
   // and the context must outlive it.
-  DeviceRenderer(Stream& stream, const TransportContext& context, const RenderOptions& options, RadianceField* field,
+  DeviceRenderer(Stream& stream, const PreparedScene& scene, const RenderOptions& options, RadianceField* field,
                  const Config& config, const std::string& integrator, std::uint64_t max_memory);
   ~DeviceRenderer();
 

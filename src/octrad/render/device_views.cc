@@ -11,7 +11,7 @@ namespace {
 constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
 
 bool traces_disparity(const Config& config, const ViewKind& kind) {
-  return kind.kind == ViewKind::traced || config.lookup_offset == "traced";
+  return kind.kind == ViewKind::traced || config.lookup_offset == LookupOffset::traced;
 }
 
 class ViewIntegrator : public DeviceIntegrator {
@@ -117,7 +117,7 @@ class ViewIntegrator : public DeviceIntegrator {
   DeviceArray<Vec3f> answers_;
   DeviceArray<float> disparity_, features_;
   const std::size_t capacity_;
-  GBufferOptions options_;
+  FirstHitOptions options_;
   CameraJob host_job_;
   FeaturePicture picture_;
   std::vector<Vec3f> colors_;

@@ -4,13 +4,11 @@
 #include "octrad/base/error.h"
 #include "octrad/device/array.h"
 #include "octrad/device/launch.h"
-#include "octrad/geometry/bvh8.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/model/device_field.h"
 #include "octrad/render/device_integrator.h"
 #include "octrad/render/device_render.h"
 #include "octrad/render/film_device.h"
-#include "octrad/shading/device_scene.h"
 #include "octrad/transport/gbuffer_device.h"
 #include "octrad/transport/path_device.h"
 #include "octrad/transport/rhs_device.h"
@@ -47,21 +45,22 @@ class PathIntegrator : public DeviceIntegrator {
 class CacheIntegrator : public DeviceIntegrator {
  public:
   CacheIntegrator(Stream& stream, const DeviceWorld& world, DeviceField& field, const Config& config,
-                  GBufferOptions::Bounce bounce, unsigned long long seed, std::size_t capacity)
+                  FirstHitOptions::Bounce bounce, unsigned long long seed, std::size_t capacity)
       : field_(field),
-        gbuffer_(stream, world, capacity, bounce != GBufferOptions::Bounce::none, config.lookup_offset == "traced"),
+        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none,
+                 config.lookup_offset == LookupOffset::traced),
         answers_(stream, capacity, "answers of the cache") {
-    options_.follow_delta = config.render_delta == "trace";
+    options_.follow_delta = config.render_delta == DeltaSurfaces::trace;
     options_.max_chain = config.train_max_chain;
-    options_.emission_inside = config.target_emission == "inside";
+    options_.emission_inside = config.target_emission == TargetEmission::inside;
     options_.bounce = bounce;
     options_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-    if (bounce == GBufferOptions::Bounce::none) return;
+    if (bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = config.train_max_chain;
     rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = seed;
-    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, config.lookup_offset == "traced");
+    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, config.lookup_offset == LookupOffset::traced);
     rhs_answers_ = DeviceArray<Vec3f>(stream, capacity, "answers of the cache");
     targets_ = DeviceArray<Vec3f>(stream, capacity, "right-hand sides");
   }
@@ -100,7 +99,7 @@ class CacheIntegrator : public DeviceIntegrator {
  private:
   DeviceField& field_;
   DeviceGBuffer gbuffer_;
-  GBufferOptions options_;
+  FirstHitOptions options_;
   DeviceArray<Vec3f> answers_, rhs_answers_, targets_;
   std::unique_ptr<DeviceRhs> rhs_;
   DeviceRhsOptions rhs_options_;
@@ -135,7 +134,6 @@ struct DeviceRenderer::Impl {
   RenderOptions options;
   PassPlan plan;
   std::size_t capacity = 0;
-  std::unique_ptr<DeviceScene> scene;
   std::unique_ptr<DeviceField> field;
   std::unique_ptr<DeviceIntegrator> integrator;
   std::unique_ptr<DeviceFilm> film;
@@ -159,21 +157,19 @@ struct DeviceRenderer::Impl {
   }
 };
 
-DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, const RenderOptions& options,
+DeviceRenderer::DeviceRenderer(Stream& stream, const PreparedScene& scene, const RenderOptions& options,
                                RadianceField* field, const Config& config, const std::string& integrator,
                                std::uint64_t max_memory)
     : impl_(std::make_unique<Impl>(stream, integrator.rfind("features", 0) == 0 ? one_sample(options) : options)) {
   Impl& r = *impl_;
   const bool path = integrator == "path", bounces = integrator == "rhs" || integrator == "deferred",
-             traced = config.lookup_offset == "traced";
+             traced = config.lookup_offset == LookupOffset::traced;
   const bool view = !path && !bounces && integrator != "lhs";
   const PictureWindow& crop = r.plan.crop;
-  const Bvh8 bvh = build_bvh8(context.scene);
-  const SceneTables tables{context.scene, context.materials, context.lights, bvh};
   const auto memory = [&](std::size_t capacity) {
     std::vector<MemoryPart> parts;
     if (!path) parts = estimate_device_memory(config, field->cells_per_level(), {capacity});
-    parts.push_back({"scene", DeviceScene::bytes(tables)});
+    parts.push_back({"scene", scene.bytes_to_upload(stream)});
     parts.push_back({"film", DeviceFilm::bytes(crop.width(), crop.height())});
     parts.push_back({"samples in flight",
                      path   ? DevicePathTracer::bytes(capacity)
@@ -193,8 +189,7 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, 
     r.capacity = std::max(r.columns(), r.capacity / 2);
   require_memory(max_memory, "the picture", memory(r.capacity), "  --width, --height and --crop make it smaller");
 
-  r.scene = std::make_unique<DeviceScene>(stream, tables);
-  const DeviceWorld& world = r.scene->world();
+  const DeviceWorld& world = scene.world(stream);
   if (path) {
     r.integrator =
         std::make_unique<PathIntegrator>(stream, world, PathLimits{options.max_depth, options.rr_depth}, r.capacity);
@@ -202,7 +197,7 @@ DeviceRenderer::DeviceRenderer(Stream& stream, const TransportContext& context, 
     r.field = make_device_field(stream, *field, config, {r.capacity});
     if (view)
       r.integrator = make_view_integrator(stream, world, *r.field, *field, config, integrator, r.options, r.capacity);
-    using Bounce = GBufferOptions::Bounce;
+    using Bounce = FirstHitOptions::Bounce;
     const Bounce bounce = integrator == "rhs" ? Bounce::all : integrator == "deferred" ? Bounce::glossy : Bounce::none;
     if (!view)
       r.integrator =

@@ -16,24 +16,23 @@
 #include "octrad/render/device_render.h"
 #include "octrad/render/path_integrator.h"
 #include "octrad/scene/load.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
 
 // A lit box with a glossy and a mirror ball. The CPU walks the same tree as the device.
 struct Box {
-  Scene scene;
-  std::unique_ptr<Tracer> tracer = make_bvh8_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
+  PreparedScene prepared;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
   Config config = preset("cpu");
   std::unique_ptr<RadianceField> field;
 
-  explicit Box(const std::string& filter = "gaussian") : scene(load(filter)) {
+  explicit Box(const std::string& filter = "gaussian") : prepared(load(filter), PreparedScene::CpuTree::bvh8) {
     config.octree_levels = 3;
     config.disparity_log2_table = 10;
-    const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
+    const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
     field = make_field(config, {box.origin, box.size, occupied_cells(scene, box, config.octree_levels)});
     field->set_target_scale(1.0f);
     // Something to see: a few steps towards a made-up radiance.
@@ -103,7 +102,7 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
     Box box(filter);
     RenderOptions options = box.options(9);
     const RenderResult cpu = render_path(box.context, options);
-    DeviceRenderer renderer(*stream, box.context, options, nullptr, box.config, "path", 0);
+    DeviceRenderer renderer(*stream, box.prepared, options, nullptr, box.config, "path", 0);
     const RenderResult device = renderer.render();
     EXPECT_EQ(device.spp, 9);
     EXPECT_EQ(device.samples, cpu.samples);
@@ -117,7 +116,7 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
                 1e-3 * static_cast<double>(cpu.counts.rays));
     // A crop is that part of the picture; little memory means many small jobs and the same picture.
     options.crop = {10, 5, 20, 11};
-    DeviceRenderer part(*stream, box.context, options, nullptr, box.config, "path", 0);
+    DeviceRenderer part(*stream, box.prepared, options, nullptr, box.config, "path", 0);
     const Image crop = part.render().image;
     ASSERT_EQ(crop.width, 20);
     for (int x = 0; x < 20; ++x)
@@ -132,18 +131,18 @@ TEST_P(RenderOnStream, CachedPicturesAreThoseOfTheCpu) {
   const RenderOptions options = box.options(4);
   for (const auto& [name, mode] : {std::pair{"lhs", CacheMode::lhs}, std::pair{"rhs", CacheMode::rhs},
                                    std::pair{"deferred", CacheMode::deferred}}) {
-    for (const char* delta : {"cache", "trace"}) {
+    for (const DeltaSurfaces delta : {DeltaSurfaces::cache, DeltaSurfaces::trace}) {
       Config config = box.config;
       config.render_delta = delta;
       const RenderResult cpu =
           render(options, cache_integrator(box.context, *box.field, config, mode, 1, options.seed));
-      DeviceRenderer renderer(*stream, box.context, options, box.field.get(), config, name, 0);
+      DeviceRenderer renderer(*stream, box.prepared, options, box.field.get(), config, name, 0);
       const RenderResult device = renderer.render();
       for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
         EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 2e-2 : 5e-3)
-            << name << " " << delta << " " << channel;
+            << name << " " << get(config, "render.delta") << " " << channel;
       }
-      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << delta;
+      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << get(config, "render.delta");
     }
   }
 }
@@ -157,7 +156,7 @@ TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
     for (const bool cropped : {false, true}) {
       options.crop = cropped ? Crop{10, 5, 20, 11} : Crop{};
       const RenderResult cpu = render_view(options, box.context, *box.field, box.config, view);
-      DeviceRenderer renderer(*stream, box.context, options, box.field.get(), box.config, view, 0);
+      DeviceRenderer renderer(*stream, box.prepared, options, box.field.get(), box.config, view, 0);
       const RenderResult device = renderer.render();
       ASSERT_EQ(device.image.width, cpu.image.width);
       EXPECT_EQ(device.spp, cpu.spp) << view;
@@ -174,7 +173,7 @@ TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
       EXPECT_THROW(renderer.time_frames(1), UsageError);
     }
   }
-  EXPECT_THROW(DeviceRenderer(*stream, box.context, options, box.field.get(), box.config, "features9", 0), UsageError);
+  EXPECT_THROW(DeviceRenderer(*stream, box.prepared, options, box.field.get(), box.config, "features9", 0), UsageError);
 }
 
 TEST_P(RenderOnStream, FramesAreTimedByStage) {
@@ -182,7 +181,7 @@ TEST_P(RenderOnStream, FramesAreTimedByStage) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   const RenderOptions options = box.options(1);
-  DeviceRenderer renderer(*stream, box.context, options, box.field.get(), box.config, "lhs", 0);
+  DeviceRenderer renderer(*stream, box.prepared, options, box.field.get(), box.config, "lhs", 0);
   const FrameTimes times = renderer.time_frames(5);
   EXPECT_GT(times.median, 0.0);
   EXPECT_GE(times.p95, times.median);
@@ -197,10 +196,10 @@ TEST_P(RenderOnStream, LittleMemoryMeansSmallJobsAndThenAnError) {
   Box box;
   const RenderOptions options = box.options(16);
   const std::size_t scene_and_film = 400'000;
-  DeviceRenderer small(*stream, box.context, options, nullptr, box.config, "path", scene_and_film + 40 * 300);
-  DeviceRenderer large(*stream, box.context, options, nullptr, box.config, "path", 0);
+  DeviceRenderer small(*stream, box.prepared, options, nullptr, box.config, "path", scene_and_film + 40 * 300);
+  DeviceRenderer large(*stream, box.prepared, options, nullptr, box.config, "path", 0);
   EXPECT_LT(difference(small.render().image, large.render().image, "R"), 1e-6);
-  EXPECT_THROW(DeviceRenderer(*stream, box.context, options, nullptr, box.config, "path", 1000), MemoryError);
+  EXPECT_THROW(DeviceRenderer(*stream, box.prepared, options, nullptr, box.config, "path", 1000), MemoryError);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, RenderOnStream, ::testing::Values(false, true), testing::stream_name);

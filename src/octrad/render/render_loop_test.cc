@@ -157,10 +157,8 @@ TEST(PathIntegrator, PictureWithLayers) {
   mirror.type = BsdfType::conductor;
   maker.quad({-4, -1.02f, 4}, {8, 0, 0}, {0, 0, -8}, maker.material(mirror));
   const Scene& scene = maker.scene;
-  const auto tracer = make_embree_tracer(scene);
-  const Materials materials(scene);
-  const Lights lights(scene);
-  const TransportContext context{scene, *tracer, materials, lights};
+  const PreparedScene prepared(scene);
+  const TransportContext context = prepared.context();
   RenderOptions o = small(Film::Filter::box, 4);
   set_thread_count(1);
   const RenderResult r = render_path(context, o);

@@ -133,7 +133,7 @@ RenderResult render_view(const RenderOptions& options, const TransportContext& c
       out[i].normal = point.n;
       out[i].depth = length(point.x - samples[i].ray.origin);
       out[i].roughness = point.alpha;
-      if (kind.kind == ViewKind::traced || config.lookup_offset == "traced") {
+      if (kind.kind == ViewKind::traced || config.lookup_offset == LookupOffset::traced) {
         point.disparity = traced_disparity(context, point, end.point.surface.geometric_normal);
       }
       if (kind.kind == ViewKind::traced) {
