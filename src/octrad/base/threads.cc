@@ -25,12 +25,16 @@ void set_thread_count(int threads) {
 int thread_count() { return g_threads > 0 ? g_threads : tbb::info::default_concurrency(); }
 
 void parallel_for(std::size_t n, const std::function<void(std::size_t)>& body) {
+  // TBB's threads keep the floating-point mode in which they were first asked to work, and Embree flushes subnormal
+  // numbers while it builds: the caller's mode holds instead.
+  using Context = tbb::task_group_context;
+  Context context(Context::bound, Context::default_traits | Context::fp_settings);
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, n, 1),
       [&](const auto& range) {
         for (std::size_t i = range.begin(); i < range.end(); ++i) body(i);
       },
-      tbb::simple_partitioner());
+      tbb::simple_partitioner(), context);
 }
 
 void parallel_blocks(std::size_t n, std::size_t block, const std::function<void(std::size_t, std::size_t)>& body) {
