@@ -12,9 +12,11 @@
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
 #include "octrad/train/trainer.h"
 
@@ -82,6 +84,10 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
+  for (const auto& [key, value] : o.config.config_definitions()) {
+    if (ignores_key(field_entry(config.field), key))
+      log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
+  }
 
   std::optional<Model> resumed;
   std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
@@ -221,7 +227,7 @@ void add_train(Program& program) {
       ->required()
       ->type_name("MODEL.octrad");
   o->config.add_to(*verb);
-  verb->add_option("--field", o->field, "octaoctree (the default) | nr")->type_name("NAME");
+  verb->add_option("--field", o->field, join(field_names(), " | ") + "; default: " + Config{}.field)->type_name("NAME");
   verb->add_option("--steps", o->steps, "train N steps")->check(unnamed(CLI::Range(1LL, 100000000LL)))->type_name("N");
   verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")
       ->type_name("T");

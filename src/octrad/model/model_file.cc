@@ -7,6 +7,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/version.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/model/safetensors.h"
 
 namespace octrad {
@@ -61,8 +62,8 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   domain.origin = read_vec3(in, "octree.origin");
   domain.size = read_vec3(in, "octree.size");
   if (min_component(domain.size) <= 0.0f) throw InputError(in.file() + ": octree.size must be positive");
-  if (config.field != "octaoctree") return domain;
-  for (int l = 1; l <= config.octree_levels; ++l) {
+  const int levels = field_entry(config.field).cell_levels(config);
+  for (int l = 1; l <= levels; ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".cells";
     const auto t = in.get(name, DType::i32, {-1, 3});
     std::vector<Vec3i> cells(static_cast<std::size_t>(t.shape[0]));

@@ -1,5 +1,7 @@
 #include "octrad/train/trainer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -8,8 +10,8 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
-#include "octrad/encoding/octaoctree.h"
 #include "octrad/geometry/voxelize.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/train/device_engine.h"
 #include "octrad/train/validation.h"
 
@@ -51,25 +53,15 @@ double check_memory(const MemoryEstimate& estimate, const Config& config, const 
                     double limit, bool continues) {
   const std::vector<MemoryPart> parts = estimate(config, cells);
   std::string advice;
-  const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
-    advice += (advice.empty() ? "" : "; ") + knob + " would need " +
-              format_bytes(total_bytes(estimate(changed, changed_cells)));
-  };
-  if (config.field == "octaoctree" && config.octree_levels > 1) {
-    Config fewer = config;
-    --fewer.octree_levels;
-    std::vector<long long> coarser(cells.begin(), cells.end() - 1);
-    saving("octree.levels=" + std::to_string(fewer.octree_levels), fewer, coarser);
-  }
-  if (config.field == "octaoctree" && config.octree_features > 2) {
-    Config narrower = config;
-    narrower.octree_features /= 2;
-    saving("octree.features=" + std::to_string(narrower.octree_features), narrower, cells);
-  }
-  if (config.train_points > 1024) {
-    Config smaller = config;
-    smaller.train_points /= 2;
-    saving("train.points=" + std::to_string(smaller.train_points), smaller, cells);
+  auto changes = field_entry(config.field).smaller(config);
+  if (config.train_points > 1024) changes.emplace_back("train.points", std::to_string(config.train_points / 2));
+  for (const auto& [key, value] : changes) {
+    Config changed = config;
+    set(changed, key, value);
+    std::vector<long long> fewer = cells;
+    fewer.resize(std::min(cells.size(), static_cast<std::size_t>(field_entry(config.field).cell_levels(changed))));
+    advice += fmt::format("{}{}={} would need {}", advice.empty() ? "" : "; ", key, value,
+                          format_bytes(total_bytes(estimate(changed, fewer))));
   }
   if (continues) advice = "a run that continues keeps the sizes of its model";
   require_memory(static_cast<std::uint64_t>(std::max(0.0, limit)), "training (beside the scene)", parts, advice);
@@ -252,11 +244,10 @@ TrainResult Run::go() {
 FieldDomain field_domain(const Scene& scene, const Config& config) {
   const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   FieldDomain domain{box.origin, box.size, {}};
-  if (config.field == "octaoctree") {
-    domain.occupied_cells =
-        config.octree_occupancy == OctreeOccupancy::sampled
-            ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
-            : occupied_cells(scene, box, config.octree_levels);
+  if (const int levels = field_entry(config.field).cell_levels(config); levels > 0) {
+    domain.occupied_cells = config.octree_occupancy == OctreeOccupancy::sampled
+                                ? sampled_cells(scene, box, levels, static_cast<unsigned long long>(config.seed))
+                                : occupied_cells(scene, box, levels);
   }
   return domain;
 }
