@@ -47,6 +47,10 @@ TEST(Error, SuggestsTheClosestName) {
   EXPECT_EQ(did_you_mean("zebra", names), "");
   EXPECT_EQ(did_you_mean("", names), "");
   EXPECT_EQ(did_you_mean("x", {}), "");
+  const std::vector<std::string> channels = {"R", "G", "B", "depth.Z", "roughness.Y"};
+  EXPECT_EQ(did_you_mean("Z", channels), " (did you mean \"depth.Z\"?)");
+  EXPECT_EQ(did_you_mean("r", channels), " (did you mean \"R\"?)");
+  EXPECT_EQ(did_you_mean("Q", channels), "");
 }
 
 TEST(Numbers, LesserAndGreaterPassOverNan) {
@@ -290,7 +294,6 @@ TEST(Log, LevelsDecideWhatIsShown) {
   log_error("error");
   set_log_level(LogLevel::verbose);
   log_verbose("detail {}", 2);
-  log_debug("debug");
   set_log_level(LogLevel::normal);
   const std::string text = testing::internal::GetCapturedStderr();
   EXPECT_EQ(text, "octrad: warning: warning\noctrad: error: error\ndetail 2\n");
