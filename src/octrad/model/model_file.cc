@@ -40,6 +40,7 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.seconds = state.at("seconds").get<double>();
     info.state.lhs_samples = state.at("lhs_samples").get<long long>();
     info.state.rhs_queries = state.at("rhs_queries").get<long long>();
+    info.state.loss = state.value("loss", -1.0);  // older files have none
   } catch (const nlohmann::json::exception& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   } catch (const UsageError& e) {
@@ -91,11 +92,12 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   out.metadata("program", std::string("octrad ") + kVersion);
   out.metadata("step", std::to_string(info.state.step));
   out.metadata("seed", std::to_string(config.seed));
-  out.metadata("state", nlohmann::json{{"step", info.state.step},
-                                       {"seconds", info.state.seconds},
-                                       {"lhs_samples", info.state.lhs_samples},
-                                       {"rhs_queries", info.state.rhs_queries}}
-                            .dump());
+  nlohmann::json state = {{"step", info.state.step},
+                          {"seconds", info.state.seconds},
+                          {"lhs_samples", info.state.lhs_samples},
+                          {"rhs_queries", info.state.rhs_queries}};
+  if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
+  out.metadata("state", state.dump());
   field.save(out, optimizer);
   out.write(file);
 }

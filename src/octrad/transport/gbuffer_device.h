@@ -1,5 +1,5 @@
 // What the samples of a picture see first, on a Stream: queries for a radiance field, and where asked for points to
-// estimate the right-hand side at; afterwards the answers are added up (render/cache_integrators.h does the same on the
+// estimate the right-hand side at; afterwards the answers are added up (render/cache_integrators.cc does the same on the
 // CPU).
 #pragma once
 
