@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the meshes and textures of the scenes in this folder: python3 scenes/generate.py
+"""Makes the meshes and textures of the scenes in this folder: python3 scenes/generate.py [--output FOLDER]
 
 Needs numpy only. The results are kept in the repository, so nobody has to run this to render; run it after changing
 a shape, and commit what it writes. The same code gives the same files: noise comes from hashed integers.
+tests/test_scene_files.py compares the files in the repository with what this writes into another folder.
 """
+import argparse
 import pathlib
 import struct
 import zlib
@@ -11,7 +13,6 @@ import zlib
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-ROOM = HERE / "glossy-room"
 
 
 # ---------------------------------------------------------------- files
@@ -387,7 +388,7 @@ def rug():
     return np.floor(np.clip(picture * threads[..., None], 0, 1) * 80 + 0.5) / 80
 
 
-def make_glossy_room():
+def make_glossy_room(folder):
     top, foot = table()
     meshes = {
         "vase": vase(), "bowl": bowl(), "table_top": top, "table_foot": foot, "pot": plant_pot(), "plant": plant(),
@@ -395,10 +396,12 @@ def make_glossy_room():
         "curtain_left": curtain(0.62, 2.15, 6, 1), "curtain_right": curtain(0.62, 2.15, 6, 4),
     }
     for name, mesh in meshes.items():
-        save_ply(ROOM / "meshes" / (name + ".ply"), *mesh)
+        save_ply(folder / "meshes" / (name + ".ply"), *mesh)
     for name, picture in {"floor": marble_floor(), "wood": wood(), "painting": painting(), "rug": rug()}.items():
-        save_png(ROOM / "textures" / (name + ".png"), picture)
+        save_png(folder / "textures" / (name + ".png"), picture)
 
 
 if __name__ == "__main__":
-    make_glossy_room()
+    parser = argparse.ArgumentParser(description="Makes the meshes and textures of the scenes in this folder.")
+    parser.add_argument("--output", type=pathlib.Path, default=HERE, help="where to write (default: this folder)")
+    make_glossy_room(parser.parse_args().output / "glossy-room")

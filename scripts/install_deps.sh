@@ -10,7 +10,7 @@ packages=(
 )
 case "${1:-}" in
   "") ;;
-  --test) packages+=(libgtest-dev python3 python3-numpy) ;;
+  --test) packages+=(libgtest-dev python3 python3-numpy clang clang-format clang-tidy) ;;
   *) echo "usage: scripts/install_deps.sh [--test]" >&2; exit 1 ;;
 esac
 
@@ -36,6 +36,25 @@ if [ "$(id -u)" != 0 ]; then
   fi
   as_root=(sudo)
 fi
+
+# Runs apt-get. While another package run holds a lock, tries again every 5 seconds, for 10 minutes at most. (The option
+# DPkg::Lock::Timeout waits for dpkg's lock only, not for the ones of the package lists and of the archives.)
+apt_get() {
+  local log waited=0
+  log=$(mktemp)
+  until "${as_root[@]}" env LC_ALL=C DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" >"$log" 2>&1; do
+    if ! grep -q "Could not get lock" "$log" || [ $waited -ge 600 ]; then
+      cat "$log" >&2
+      rm -f "$log"
+      return 1
+    fi
+    [ $waited -gt 0 ] || echo "Another package run holds a lock; waiting for it, 10 minutes at most."
+    sleep 5
+    waited=$((waited + 5))
+  done
+  rm -f "$log"
+}
+
 echo "Installing: ${missing[*]}"
-"${as_root[@]}" apt-get -qq update
-"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "${missing[@]}" >/dev/null
+apt_get update
+apt_get install -y --no-install-recommends "${missing[@]}"

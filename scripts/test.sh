@@ -86,12 +86,6 @@ done
 step "House rules"
 check "include directions" "$python" tests/check_includes.py
 for script in scripts/*.sh .ci/run; do check "syntax of $script" bash -n "$script"; done
-if "$python" scenes/generate.py >/dev/null 2>&1 && git diff --quiet -- scenes; then
-  passed=$((passed + 1)); printf '  ok       scenes/generate.py makes the files in the repository\n'
-else
-  printf '  note     scenes/generate.py makes other bytes than the repository has (or an edit is not committed)\n'
-  git checkout -q -- 'scenes/*.ply' 'scenes/*.png' 2>/dev/null || true
-fi
 
 step "Build: optimised, assertions on, warnings are errors; with CUDA where nvcc is (for one architecture where no GPU is)"
 TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -DOCTRAD_WERROR=ON -DOCTRAD_TESTS=ON >"$logs/build" 2>&1 ||

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "app/cli/common.h"
-#include "app/cli/loaded_scene.h"
+#include "app/cli/open_scene.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
@@ -154,16 +154,15 @@ nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.
 // only the cells are found, nothing is allocated for features.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const Config config = options.config.resolve();
-  const LoadedScene loaded = open_scene(options.file, options.config.scene_definitions(), false);
-  const Scene& scene = *loaded.scene;
-  const Domain domain = scene_domain(scene.bounds, config.octree_box == "cube");
+  const Scene scene = open_scene(options.file, options.config.scene_definitions());
+  const Domain domain = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   const auto conservative = occupied_cells(scene, domain, config.octree_levels);
   std::vector<std::vector<Vec3i>> sampled;
-  if (options.sampled || config.octree_occupancy == "sampled") {
+  if (options.sampled || config.octree_occupancy == OctreeOccupancy::sampled) {
     sampled =
         sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
   }
-  const auto& cells = config.octree_occupancy == "sampled" ? sampled : conservative;
+  const auto& cells = config.octree_occupancy == OctreeOccupancy::sampled ? sampled : conservative;
 
   nlohmann::json levels = nlohmann::json::array();
   std::vector<std::vector<std::string>> table = {{"level", "cells/axis", "octahedral", "cells", "entries", "memory"}};
@@ -245,7 +244,8 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   }
   out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n",
                      scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), config.preset,
-                     config.octree_levels, config.octree_features, config.octree_box, config.octree_occupancy);
+                     config.octree_levels, config.octree_features, get(config, "octree.box"),
+                     get(config, "octree.occupancy"));
   print_text(out + format_table(table));
 }
 

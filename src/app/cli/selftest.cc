@@ -7,7 +7,7 @@
 #include <random>
 
 #include "app/cli/common.h"
-#include "app/cli/loaded_scene.h"
+#include "app/cli/open_scene.h"
 #include "app/selftest/selftest.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -81,24 +81,20 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   std::random_device random;
   const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random();
 
-  LoadedScene loaded;
   ConfigOptions definitions;
   definitions.definitions = o.definitions;
-  if (!o.scene.empty()) {
-    loaded = open_scene(o.scene, definitions.scene_definitions());
-  } else {
-    loaded.scene = std::make_unique<Scene>(built_in_scene(seed));
-    loaded.tracer = make_embree_tracer(*loaded.scene);
-  }
-  const Bvh8 bvh = build_bvh8(*loaded.scene);
-  const Context context{*stream, seed, *loaded.scene, *loaded.tracer, bvh, o.scene.empty() ? nullptr : &loaded,
+  const PreparedScene scene(
+      o.scene.empty() ? built_in_scene(seed) : open_scene(o.scene, definitions.scene_definitions()),
+      PreparedScene::CpuTree::bvh8);
+  const std::unique_ptr<Tracer> embree = make_embree_tracer(scene.scene());
+  const Context context{*stream, seed, scene.scene(), *embree, scene.bvh8(), o.scene.empty() ? nullptr : &scene,
                         o.quick};
 
   std::string text = stream->on_device()
                          ? fmt::format("selftest on {} ({})\n", choice.name, stream->info().name)
                          : fmt::format("selftest on the host, standing in for a GPU ({})\n", choice.why);
   text += fmt::format("seed {}, scene {}: {} triangles\n\nKernels against the CPU's definitions\n", seed,
-                      loaded.scene->file, format_count(static_cast<long long>(loaded.scene->triangle_count())));
+                      scene.scene().file, format_count(static_cast<long long>(scene.scene().triangle_count())));
   nlohmann::json check_list = nlohmann::json::array(), benchmark_list = nlohmann::json::array(),
                  stage_list = nlohmann::json::array(), skipped = nlohmann::json::array();
   const auto skip = [&](const char* name, const std::string& why) {
@@ -185,7 +181,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
       {"emulated", !stream->on_device()},
       {"why", choice.why},
       {"seed", seed},
-      {"scene", {{"file", loaded.scene->file}, {"triangles", loaded.scene->triangle_count()}}},
+      {"scene", {{"file", scene.scene().file}, {"triangles", scene.scene().triangle_count()}}},
       {"checks", check_list},
       {"benchmarks", benchmark_list},
       {"stages", stage_list},

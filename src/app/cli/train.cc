@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "app/cli/common.h"
-#include "app/cli/loaded_scene.h"
+#include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -101,8 +101,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
 
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
-  const LoadedScene loaded = open_scene(o.scene, o.config.scene_definitions());
-  if (resumed) check_scene(o.output, resumed->info, loaded.scene->file, loaded.scene->fingerprint, false);
+  const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));
+  if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
 
   TrainOptions options;
@@ -167,8 +167,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
   };
 
-  const TransportContext context{*loaded.scene, *loaded.tracer, *loaded.materials, *loaded.lights};
-  const TrainResult result = train(context, config, options);
+  const TrainResult result = train(scene, config, options);
   progress.finish();
   if (result.dropped_contributions > 0) {
     log_warning(fmt::format("{} contributions to targets were not finite and count as black",

@@ -1,7 +1,6 @@
 // Entries of the lists in checks.cc and benchmarks.cc that have a file of their own.
 #pragma once
 
-#include "app/cli/loaded_scene.h"
 #include "app/selftest/selftest.h"
 #include "octrad/encoding/checks.h"
 #include "octrad/network/checks.h"
@@ -42,10 +41,10 @@ CheckResult check_long_paths(const Context& context);
 CheckResult check_film(const Context& context);
 
 // room.cc. For stages without a scene file: a closed room with a lamp, coloured walls and two balls of rough metal.
-cli::LoadedScene built_in_room();
+PreparedScene built_in_room();
 // For checks without one: open to a sky, with a glossy floor, a one-sided wall, glass, a mirror, a curtain that lets
 // half of the light pass, and two lamps.
-cli::LoadedScene varied_room();
+PreparedScene varied_room();
 
 // benchmarks.cc. Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
 BenchmarkResult measure(const Context& context, double count, const std::string& unit,

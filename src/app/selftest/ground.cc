@@ -2,37 +2,11 @@
 
 #include <cmath>
 
-#include "octrad/geometry/bvh8_math.h"
-
 namespace octrad::selftest {
-namespace {
-
-// A ray at a time through a tree that somebody else keeps.
-class TreeTracer final : public Tracer {
- public:
-  explicit TreeTracer(const Bvh8View& tree) : tree_(tree) {}
-  using Tracer::intersect;
-  using Tracer::occluded;
-  Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
-    return bvh8_intersect(tree_, origin, direction, t_min, t_max);
-  }
-  bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
-    return bvh8_occluded(tree_, origin, direction, t_min, t_max);
-  }
-
- private:
-  Bvh8View tree_;
-};
-
-}  // namespace
-
-Ground::Ground(const Context& c, cli::LoadedScene make())
-    : own(c.loaded ? cli::LoadedScene{} : make()),
-      use(c.loaded ? *c.loaded : own),
-      own_bvh(c.loaded ? Bvh8{} : build_bvh8(*use.scene)),
-      bvh(c.loaded ? c.bvh : own_bvh),
-      tracer(std::make_unique<TreeTracer>(bvh.view())),
-      context{*use.scene, *tracer, *use.materials, *use.lights} {}
+Ground::Ground(const Context& c, PreparedScene make())
+    : own(c.loaded ? std::nullopt : std::optional(make())),
+      use(c.loaded ? *c.loaded : *own),
+      context(use.context()) {}
 
 void Estimates::add(Vec3f found, Vec3f expected) {
   constexpr double kSmall = 5e-3;  // below which errors count as absolute

@@ -1,16 +1,13 @@
 // The scene of checks and stages that trace light, and what several of them share.
 #pragma once
 
-#include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "app/cli/loaded_scene.h"
 #include "app/selftest/selftest.h"
-#include "octrad/geometry/bvh8.h"
-#include "octrad/transport/context.h"
 #include "octrad/transport/queue_math.h"
 
 namespace octrad::selftest {
@@ -18,14 +15,11 @@ namespace octrad::selftest {
 // The scene that the user gave, else the one that `make` makes. The CPU walks the tree that devices walk: rays are
 // compared by checks of their own.
 struct Ground {
-  cli::LoadedScene own;
-  const cli::LoadedScene& use;
-  Bvh8 own_bvh;
-  const Bvh8& bvh;
-  std::unique_ptr<Tracer> tracer;
+  std::optional<PreparedScene> own;
+  const PreparedScene& use;
   TransportContext context;
 
-  Ground(const Context& c, cli::LoadedScene make());
+  Ground(const Context& c, PreparedScene make());
   Ground(const Ground&) = delete;
   Ground& operator=(const Ground&) = delete;
 };

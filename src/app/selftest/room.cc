@@ -72,27 +72,20 @@ int add_ball(Scene& scene, Vec3f center, float radius, int material) {
   return add_shape(scene, Shape::Kind::sphere, scene.spheres.size() - 1, material);
 }
 
-// With a camera, and everything that is made from the scene.
-cli::LoadedScene complete(std::unique_ptr<Scene> made) {
-  Scene& scene = *made;
+// With a camera. The CPU traverses the tree that devices traverse.
+PreparedScene complete(Scene scene) {
   Camera camera = look_at({0, 0, 0.95f}, {0, -0.1f, 0}, {0, 1, 0}, 70.0f, Camera::FovAxis::x);
   camera.film_width = scene.film.width = 1024;
   camera.film_height = scene.film.height = 1024;
   scene.cameras.push_back(camera);
   scene.fingerprint = scene_fingerprint(scene);
-  cli::LoadedScene room;
-  room.tracer = make_embree_tracer(scene);
-  room.materials = std::make_unique<Materials>(scene);
-  room.lights = std::make_unique<Lights>(scene);
-  room.scene = std::move(made);
-  return room;
+  return PreparedScene(std::move(scene), PreparedScene::CpuTree::bvh8);
 }
 
 }  // namespace
 
-cli::LoadedScene built_in_room() {
-  auto made = std::make_unique<Scene>();
-  Scene& scene = *made;
+PreparedScene built_in_room() {
+  Scene scene;
   scene.file = "(built-in room)";
   const int white = add_diffuse(scene, {0.7f, 0.7f, 0.7f}), red = add_diffuse(scene, {0.6f, 0.1f, 0.1f}),
             green = add_diffuse(scene, {0.1f, 0.5f, 0.1f});
@@ -105,12 +98,11 @@ cli::LoadedScene built_in_room() {
   add_light(scene, add_wall(scene, {-0.3f, 0.98f, -0.3f}, {0.6f, 0, 0}, {0, 0, 0.6f}, white), Vec3f(10.0f));
   add_ball(scene, {-0.45f, -0.6f, -0.3f}, 0.4f, add_metal(scene, 0.1f));
   add_ball(scene, {0.45f, -0.65f, 0.1f}, 0.35f, add_metal(scene, 0.3f));
-  return complete(std::move(made));
+  return complete(std::move(scene));
 }
 
-cli::LoadedScene varied_room() {
-  auto made = std::make_unique<Scene>();
-  Scene& scene = *made;
+PreparedScene varied_room() {
+  Scene scene;
   scene.file = "(built-in varied room)";
   Material glossy, glass, mirror, curtain, one_sided;
   glossy.type = BsdfType::roughplastic;
@@ -141,7 +133,7 @@ cli::LoadedScene varied_room() {
   for (int i = 0; i < sky.width * sky.height; ++i)
     sky.pixels.push_back({0.1f + 0.05f * static_cast<float>(i % 5), 0.2f, 0.3f});
   scene.environments.push_back(sky);
-  return complete(std::move(made));
+  return complete(std::move(scene));
 }
 
 }  // namespace octrad::selftest

@@ -11,12 +11,7 @@
 #include <vector>
 
 #include "octrad/device/check.h"
-#include "octrad/geometry/bvh8.h"
-#include "octrad/geometry/tracer.h"
-
-namespace octrad::cli {
-struct LoadedScene;
-}
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad::selftest {
 
@@ -27,8 +22,8 @@ struct Context {
   const Scene& scene;    // geometry; materials and lights only where `loaded` is not null
   const Tracer& tracer;  // Embree
   const Bvh8& bvh;
-  const cli::LoadedScene* loaded = nullptr;  // the scene that the user gave
-  bool quick = false;                        // small sizes on a device too
+  const PreparedScene* loaded = nullptr;  // the scene that the user gave
+  bool quick = false;                     // small sizes on a device too
 
   // A size for a device, or a small one for the host and for quick runs.
   std::size_t items(std::size_t device, std::size_t host) const { return stream.on_device() && !quick ? device : host; }

@@ -3,27 +3,25 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/cli/loaded_scene.h"
 #include "app/selftest/entries.h"
 #include "app/selftest/rays.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/device/array.h"
-#include "octrad/shading/device_scene.h"
 
 namespace octrad::selftest {
 namespace {
 
 // The CPU's own classes.
 struct CpuWorld {
-  const cli::LoadedScene& s;
-  SurfaceInteraction interact(const Hit& hit, Vec3f o, Vec3f d) const { return octrad::interact(*s.scene, hit, o, d); }
+  const PreparedScene& s;
+  SurfaceInteraction interact(const Hit& hit, Vec3f o, Vec3f d) const { return octrad::interact(s.scene(), hit, o, d); }
   ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
-    return octrad::shade(*s.materials, surface, wo);
+    return octrad::shade(s.materials(), surface, wo);
   }
-  LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const { return s.lights->sample(x, u_pick, u); }
-  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return s.lights->emitted(surface, wo); }
-  Vec3f environment(Vec3f d) const { return s.lights->environment(d); }
+  LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const { return s.lights().sample(x, u_pick, u); }
+  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return s.lights().emitted(surface, wo); }
+  Vec3f environment(Vec3f d) const { return s.lights().environment(d); }
 };
 
 }  // namespace
@@ -32,10 +30,9 @@ CheckResult check_shading(const Context& c) {
   constexpr std::size_t kUniforms = 6;
   const RayFixture rays(c, c.items(1 << 18, 1 << 13));
   const std::size_t n = rays.size();
-  const cli::LoadedScene& loaded = *c.loaded;
   std::vector<Hit> hits(n);
   std::vector<float> u(n * kUniforms), expected(n * kShadingNumbers);
-  const CpuWorld cpu{loaded};
+  const CpuWorld cpu{*c.loaded};
   parallel_for(n, [&](std::size_t i) {
     const RayQuery& r = rays.host()[i];
     hits[i] = bvh8_intersect(c.bvh.view(), r.origin, r.direction, 0.0f, r.t_max);
@@ -43,11 +40,10 @@ CheckResult check_shading(const Context& c) {
     for (std::size_t k = 0; k < kUniforms; ++k) u[i * kUniforms + k] = rng.uniform();
     shading_numbers(cpu, hits[i], r.origin, r.direction, &u[i * kUniforms], &expected[i * kShadingNumbers]);
   });
-  const DeviceScene scene(c.stream, {*loaded.scene, *loaded.materials, *loaded.lights, c.bvh, nullptr});
   const DeviceArray<Hit> device_hits(c.stream, std::span<const Hit>(hits), "selftest");
   const DeviceArray<float> device_u(c.stream, std::span<const float>(u), "selftest"),
       out(c.stream, n * kShadingNumbers, "selftest");
-  run_shading(c.stream, n, scene.world(), rays.data(), device_hits.data(), device_u.data(), out.data());
+  run_shading(c.stream, n, c.loaded->world(c.stream), rays.data(), device_hits.data(), device_u.data(), out.data());
   const std::vector<float> got = out.download();
   Errors errors;
   for (std::size_t i = 0; i < got.size(); ++i) {

@@ -11,8 +11,7 @@
 #include "octrad/base/stopwatch.h"
 #include "octrad/geometry/surface_sampling.h"
 #include "octrad/image/metrics.h"
-#include "octrad/render/cache_integrators.h"
-#include "octrad/render/device_render.h"
+#include "octrad/render/renderer.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad::selftest {
@@ -31,15 +30,16 @@ Config short_run(const Context& c) {
   return config;
 }
 
-TrainResult train_short(const TransportContext& context, const Config& config, Stream* stream) {
+TrainResult train_short(const PreparedScene& scene, const Config& config, Stream* stream) {
   TrainOptions options;
   options.stream = stream;
-  return train(context, config, options);
+  return train(scene, config, options);
 }
 
 // Points uniform by area, seen from uniform directions of the hemisphere.
-std::vector<SurfacePoint> probe_points(const TransportContext& context, std::size_t n, std::uint64_t seed) {
-  const SurfaceSampler sampler(context.scene);
+std::vector<SurfacePoint> probe_points(const PreparedScene& scene, std::size_t n, std::uint64_t seed) {
+  const SurfaceSampler& sampler = scene.surfaces();
+  const TransportContext context = scene.context();
   std::vector<SurfacePoint> points(n);
   for (std::size_t i = 0; i < n; ++i) {
     Rng rng(seed + 3, RngPurpose::test, i);
@@ -77,10 +77,10 @@ StageResult short_training(const Context& c) {
   const Config config = short_run(c);
   Config other = config;
   ++other.seed;
-  const TrainResult on_stream = train_short(ground.context, config, &c.stream),
-                    on_cpu = train_short(ground.context, config, nullptr);
-  const TrainResult other_seed = train_short(ground.context, other, nullptr);
-  const std::vector<SurfacePoint> probes = probe_points(ground.context, 4096, c.seed);
+  const TrainResult on_stream = train_short(ground.use, config, &c.stream),
+                    on_cpu = train_short(ground.use, config, nullptr);
+  const TrainResult other_seed = train_short(ground.use, other, nullptr);
+  const std::vector<SurfacePoint> probes = probe_points(ground.use, 4096, c.seed);
   const std::vector<Vec3f> expected = radiance(*on_cpu.field, probes);
   const double difference = mean_difference(radiance(*on_stream.field, probes), expected);
   const double seeds = mean_difference(radiance(*other_seed.field, probes), expected);
@@ -88,7 +88,7 @@ StageResult short_training(const Context& c) {
 
   StageResult r;
   r.passed = difference <= kTolerance && loss <= kTolerance && on_stream.steps == on_cpu.steps;
-  r.report = {{"scene", ground.use.scene->file},
+  r.report = {{"scene", ground.use.scene().file},
               {"steps", on_stream.steps},
               {"points", config.train_points},
               {"directions", config.train_directions},
@@ -114,38 +114,39 @@ StageResult frame(const Context& c) {
   constexpr double kTolerance = 2e-3;
   const Ground ground(c, built_in_room);
   const Config config = short_run(c);
-  const TrainResult trained = train_short(ground.context, config, &c.stream);
+  const TrainResult trained = train_short(ground.use, config, &c.stream);
   const bool large = c.items(1, 0) > 0;
-  const std::uint64_t memory = c.stream.on_device() ? c.stream.info().free_bytes / 10 * 9 : 0;
-  RenderOptions options;
-  options.camera = ground.use.scene->cameras.front();
-  options.film = ground.use.scene->film;
-  options.spp = 1;
-  options.seed = c.seed;
-  options.width = options.height = large ? 256 : 64;
-  const RenderResult expected =
-      render(options, cache_integrator(ground.context, *trained.field, config, CacheMode::lhs, 1, options.seed));
-  const RenderResult got =
-      DeviceRenderer(c.stream, ground.context, options, trained.field.get(), config, "lhs", memory).render();
-  const double mape = compare(expected.image, got.image).mape;
+  View view{ground.use.scene().cameras.front()};
+  view.width = view.height = large ? 256 : 64;
+  RenderSettings settings;
+  settings.film = ground.use.scene().film;
+  settings.seed = c.seed;
+  settings.expected_spp = 1;
+  const RenderBudget budget{1};
+  const auto on_cpu = make_renderer(ground.use, "lhs", settings, trained.field.get(), config);
+  on_cpu->set_view(view);
+  settings.max_memory = c.stream.on_device() ? c.stream.info().free_bytes / 10 * 9 : 0;
+  const auto on_stream = make_renderer(ground.use, "lhs", settings, trained.field.get(), config, &c.stream);
+  on_stream->set_view(view);
+  const double mape = compare(render(*on_cpu, budget).image, render(*on_stream, budget).image).mape;
 
-  RenderOptions timed = options;
+  View timed = view;
   timed.width = timed.height = c.stream.on_device() ? (c.quick ? 256 : 1024) : 32;
   const int frames = c.stream.on_device() ? 200 : 3;
-  const FrameTimes times =
-      DeviceRenderer(c.stream, ground.context, timed, trained.field.get(), config, "lhs", memory).time_frames(frames);
+  on_stream->set_view(timed);
+  const FrameTimes times = on_stream->time_frames(frames, 1);
 
   StageResult r;
   r.passed = mape <= kTolerance;
-  r.report = {{"scene", ground.use.scene->file},
+  r.report = {{"scene", ground.use.scene().file},
               {"integrator", "lhs"},
-              {"compared", {{"width", options.width}, {"height", options.height}, {"spp", options.spp}}},
+              {"compared", {{"width", view.width}, {"height", view.height}, {"spp", budget.spp}}},
               {"mape", mape},
               {"tolerance", kTolerance},
               {"frames", frames},
               {"width", timed.width},
               {"height", timed.height},
-              {"spp", timed.spp},
+              {"spp", 1},
               {"median_ms", times.median},
               {"p95_ms", times.p95},
               {"stages_ms", cli::stages_json(times.stages)}};

@@ -5,8 +5,6 @@
 #include "app/selftest/ground.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
-#include "octrad/geometry/surface_sampling.h"
-#include "octrad/shading/device_scene.h"
 #include "octrad/transport/gbuffer_device.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/lhs_sampler.h"
@@ -20,16 +18,14 @@ namespace {
 
 // The ground on the stream too.
 struct TransportGround : Ground {
-  SurfaceSampler surfaces;
-  DeviceScene device;
+  const DeviceWorld& device;
   float size;  // of the scene
 
   explicit TransportGround(const Context& c)
       : Ground(c, varied_room),
-        surfaces(*use.scene),
-        device(c.stream, {*use.scene, *use.materials, *use.lights, bvh, &surfaces}),
-        size(std::max(1e-20f, length(use.scene->bounds.upper - use.scene->bounds.lower))) {}
-  const DeviceWorld& world() const { return device.world(); }
+        device(use.world(c.stream)),
+        size(std::max(1e-20f, length(use.scene().bounds.upper - use.scene().bounds.lower))) {}
+  const DeviceWorld& world() const { return device; }
 
   // What a cache might say of a point: smooth in all that it is told.
   Vec3f answer(const SurfacePoint& p) const {
@@ -87,7 +83,7 @@ void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const 
 
 CheckResult compare_paths(const Context& c, int wave_bounces) {
   const TransportGround ground(c);
-  const CameraJob job = small_picture(c, *ground.use.scene, 4);
+  const CameraJob job = small_picture(c, ground.use.scene(), 4);
   const PathLimits limits{12, 5};
   std::vector<PathSample> paths;
   for (std::uint32_t k = 0; k < job.size(); ++k) {
@@ -123,7 +119,7 @@ struct RhsCase {
 void compare_right_hand_sides(const Context& c, const TransportGround& ground, std::size_t n, const RhsCase& kind,
                               Estimates& estimates) {
   const LhsOptions draw = lhs_options(c);
-  const LhsSampler sampler(ground.context, draw);
+  const LhsSampler sampler(ground.use, draw);
   const unsigned long long number = c.seed % 1000;
   const DeviceArray<unsigned long long> step(c.stream, std::span<const unsigned long long>(&number, 1), "selftest");
   DeviceLhs lhs(c.stream, ground.world(), draw, sampler.views(), sampler.fresh_poses(), n);
@@ -181,10 +177,10 @@ void compare_right_hand_sides(const Context& c, const TransportGround& ground, s
   estimates.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
 }
 
-void compare_first_hits(const Context& c, const TransportGround& ground, const GBufferOptions& options, bool traced,
+void compare_first_hits(const Context& c, const TransportGround& ground, const FirstHitOptions& options, bool traced,
                         Estimates& estimates) {
-  using Bounce = GBufferOptions::Bounce;
-  const CameraJob job = small_picture(c, *ground.use.scene, 3);
+  using Bounce = FirstHitOptions::Bounce;
+  const CameraJob job = small_picture(c, ground.use.scene(), 3);
   const auto right_hand_side = [&](const ShadingPoint& p, unsigned long long key) {
     return Vec3f(p.surface.position.y / ground.size, p.wo.z, static_cast<float>(key % 1000) * 1e-3f);
   };
@@ -193,24 +189,15 @@ void compare_first_hits(const Context& c, const TransportGround& ground, const G
   std::vector<TraceCounts> of(job.size());
   parallel_for(job.size(), [&](std::size_t k) {
     CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
-    const RayEnd end = follow_ray(ground.context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
-                                  options.follow_delta, options.max_chain, sample.ray.t_max, &first[k]);
+    RayEnd end;
+    const FirstHitQuery query = trace_first_hit(ground.context, options, sample, end, first[k]);
     of[k].rays = static_cast<unsigned long long>(end.rays);
-    const bool bounce =
-        end.surface && (options.bounce == Bounce::all ||
-                        (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold));
-    radiance[k] =
-        end.surface && options.emission_inside && !bounce ? end.passed_emitted : end.first_emitted + end.emitted;
-    if (bounce) {
-      const unsigned long long high = sample.rng.bits();
-      radiance[k] += end.throughput * right_hand_side(end.point, (high << 32) | sample.rng.bits());
-    } else if (end.surface) {
-      SurfacePoint p = surface_point(end.point);
-      if (traced) {
-        p.disparity = traced_disparity(ground.context, p, end.point.surface.geometric_normal);
-        ++of[k].rays;
-      }
-      radiance[k] += end.throughput * ground.answer(p);
+    radiance[k] = query.known;
+    if (query.next == FirstHitQuery::Next::bounce) {
+      radiance[k] += end.throughput * right_hand_side(end.point, query.key);
+    } else if (query.next == FirstHitQuery::Next::query) {
+      of[k].rays += traced;
+      radiance[k] += end.throughput * ground.answer(field_query_point(ground.context, end.point, traced));
       of[k].queries = 1;
     }
   });
@@ -246,7 +233,7 @@ CheckResult check_left_hand_sides(const Context& c) {
   const std::size_t n = c.items(1 << 15, 1 << 10);
   const TransportGround ground(c);
   const LhsOptions options = lhs_options(c);
-  const LhsSampler sampler(ground.context, options);
+  const LhsSampler sampler(ground.use, options);
   DeviceLhs lhs(c.stream, ground.world(), options, sampler.views(), sampler.fresh_poses(), n, kSteps * n);
   DeviceArray<unsigned long long> step(c.stream, 1, "selftest");
   Errors errors;
@@ -295,11 +282,11 @@ CheckResult check_right_hand_sides(const Context& c) {
 }
 
 CheckResult check_first_hits(const Context& c) {
-  using Bounce = GBufferOptions::Bounce;
+  using Bounce = FirstHitOptions::Bounce;
   const TransportGround ground(c);
   Estimates estimates;
   for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
-    GBufferOptions options;
+    FirstHitOptions options;
     options.follow_delta = bounce != Bounce::none;
     options.bounce = bounce;
     options.emission_inside = bounce == Bounce::glossy;

@@ -1,6 +1,6 @@
-// The program's version, as in CMakeLists.txt.
+// The library's version, such as "0.2.0"; set in CMakeLists.txt.
 #pragma once
 
 namespace octrad {
-inline constexpr char kVersion[] = "0.1.0";
+extern const char* const kVersion;
 }

@@ -1,5 +1,6 @@
-// Octahedral map of directions and barycentric interpolation on it (method section 2; the map: Praun and Hoppe 2003,
-// "Spherical Parametrization and Remeshing"). The definition: the SIMD path and kernels are tested against it.
+// Octahedral map of directions and barycentric interpolation on it (method section 2, paper equations 4 to 6; the map:
+// Praun and Hoppe 2003, "Spherical Parametrization and Remeshing"). The definition: the SIMD path and kernels are
+// tested against it.
 //
 // A direction (x, y, z) goes to u = (x, y) / (|x| + |y| + |z|), the lower half folded outwards, u in [-1, 1]^2. A map
 // of resolution R (even) stores (R + 1)^2 vertices at integer (i, j), i, j in [-h, h], h = R / 2, of the scaled square

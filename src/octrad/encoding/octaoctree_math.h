@@ -1,6 +1,6 @@
-// The OctaOctree query and its derivative by the disparity: the definition (method section 4), for one query. A scalar
-// loop over it is the reference for the SIMD path and for kernels. Host and device: no heap, no containers, no
-// exceptions.
+// The OctaOctree query and its derivative by the disparity: the definition (method section 4, paper equations 8 to 11),
+// for one query. A scalar loop over it is the reference for the SIMD path and for kernels. Host and device: no heap, no
+// containers, no exceptions.
 #pragma once
 
 #include <cmath>

@@ -311,7 +311,8 @@ bool place_nodes(const Scene& scene, const std::vector<BvhReference>& references
 
 class Bvh8Tracer final : public Tracer {
  public:
-  explicit Bvh8Tracer(const Scene& scene) : bvh_(build_bvh8(scene)), view_(bvh_.view()) {}
+  explicit Bvh8Tracer(const Bvh8View& view) : view_(view) {}
+  explicit Bvh8Tracer(Bvh8 bvh) : bvh_(std::move(bvh)), view_(bvh_.view()) {}
   using Tracer::intersect;
   using Tracer::occluded;
   Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
@@ -346,6 +347,7 @@ Bvh8 build_bvh8(const Scene& scene, const Bvh8Options& options) {
   return bvh;
 }
 
-std::unique_ptr<Tracer> make_bvh8_tracer(const Scene& scene) { return std::make_unique<Bvh8Tracer>(scene); }
+std::unique_ptr<Tracer> make_bvh8_tracer(const Bvh8View& view) { return std::make_unique<Bvh8Tracer>(view); }
+std::unique_ptr<Tracer> make_bvh8_tracer(const Scene& scene) { return std::make_unique<Bvh8Tracer>(build_bvh8(scene)); }
 
 }  // namespace octrad

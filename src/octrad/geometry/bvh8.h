@@ -34,7 +34,9 @@ struct Bvh8Options {
 // primitives.
 Bvh8 build_bvh8(const Scene& scene, const Bvh8Options& options = {});
 
-// A tracer without Embree, one ray at a time: the reference for devices. Keeps nothing of the scene.
+// A tracer without Embree, one ray at a time: the reference for devices. The tree must outlive it.
+std::unique_ptr<Tracer> make_bvh8_tracer(const Bvh8View& view);
+// The same with a tree of its own. Keeps nothing of the scene.
 std::unique_ptr<Tracer> make_bvh8_tracer(const Scene& scene);
 
 }  // namespace octrad

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <variant>
@@ -17,8 +18,18 @@
 namespace octrad {
 namespace {
 
+// A key with a list of names: get() gives one of them, set() takes its index.
+struct Choice {
+  std::vector<std::string> names;
+  std::function<std::string(const Config&)> get;
+  std::function<void(Config&, std::size_t)> set;
+};
+
 using Member =
-    std::variant<int Config::*, long long Config::*, double Config::*, bool Config::*, std::string Config::*>;
+    std::variant<int Config::*, long long Config::*, double Config::*, bool Config::*, std::string Config::*, Choice>;
+
+constexpr const char* kPresets[] = {"paper", "default", "cpu"};
+std::vector<std::string> preset_names() { return {std::begin(kPresets), std::end(kPresets)}; }
 
 struct Range {
   double low, high;
@@ -30,44 +41,70 @@ struct Key {
   std::string name;
   Member member;
   Range range;
-  std::vector<std::string> choices;  // strings: what is accepted; empty: any text
   bool duration;
   std::string help;
 };
 
 Key number(const char* name, Member member, Range range, const char* help) {
-  return {name, member, range, {}, false, help};
+  return {name, std::move(member), range, false, help};
 }
-Key choice(const char* name, std::string Config::*member, std::vector<std::string> choices, const char* help) {
-  return {name, member, {}, std::move(choices), false, help};
+template <typename Enum>
+Key choice(const char* name, Enum Config::*member,
+           std::vector<std::pair<const char*, std::type_identity_t<Enum>>> values, const char* help) {
+  Choice c;
+  for (const auto& [text, value] : values) c.names.emplace_back(text);
+  c.get = [=](const Config& config) -> std::string {
+    for (const auto& [text, value] : values) {
+      if (config.*member == value) return text;
+    }
+    throw UsageError(fmt::format("{} has a value without a name", name));
+  };
+  c.set = [=](Config& config, std::size_t i) { config.*member = values[i].second; };
+  return {name, std::move(c), {}, false, help};
 }
-Key flag(const char* name, bool Config::*member, const char* help) { return {name, member, {}, {}, false, help}; }
+// A choice that is known by its name only.
+Key name_of(const char* name, std::string Config::*member, const std::vector<std::string>& names, const char* help) {
+  return {name,
+          Choice{names, [=](const Config& config) { return config.*member; },
+                 [=](Config& config, std::size_t i) { config.*member = names[i]; }},
+          {},
+          false,
+          help};
+}
+Key flag(const char* name, bool Config::*member, const char* help) { return {name, member, {}, false, help}; }
 Key duration(const char* name, double Config::*member, Range range, const char* help) {
-  return {name, member, range, {}, true, help};
+  return {name, member, range, true, help};
 }
 
 const std::vector<Key>& keys() {
   using C = Config;
   static const std::vector<Key> table = {
-      choice("preset", &C::preset, {"paper", "default", "cpu"}, "the preset that the other keys started from"),
-      choice("field", &C::field, {"octaoctree", "nr"}, "what is trained: OctaOctree or Neural Radiosity (a hash grid)"),
+      name_of("preset", &C::preset, preset_names(), "the preset that the other keys started from"),
+      name_of("field", &C::field, {"octaoctree", "nr"},
+              "what is trained: OctaOctree or Neural Radiosity (a hash grid)"),
 
       number("octree.levels", &C::octree_levels, {1, 9},
              "K; the finest level has 2^(K+1) cells per axis; memory grows about 4.5 x a level"),
       number("octree.features", &C::octree_features, {2, 8}, "C, features per level and vertex: 2, 4 or 8"),
-      choice("octree.box", &C::octree_box, {"axis", "cube"},
+      choice("octree.box", &C::octree_box, {{"axis", OctreeBox::axis}, {"cube", OctreeBox::cube}},
              "domain: the padded bounding box normalised per axis, or its enclosing cube"),
-      choice("octree.occupancy", &C::octree_occupancy, {"conservative", "sampled"},
+      choice("octree.occupancy", &C::octree_occupancy,
+             {{"conservative", OctreeOccupancy::conservative}, {"sampled", OctreeOccupancy::sampled}},
              "cells kept: every cell that a surface overlaps, or those hit by 2^26 surface samples"),
-      choice("octree.interpolation", &C::octree_interpolation, {"trilinear", "nearest"},
+      choice("octree.interpolation", &C::octree_interpolation,
+             {{"trilinear", OctreeInterpolation::trilinear}, {"nearest", OctreeInterpolation::nearest}},
              "between the cells of a level"),
-      choice("octa.interpolation", &C::octa_interpolation, {"barycentric", "nearest"},
+      choice("octa.interpolation", &C::octa_interpolation,
+             {{"barycentric", OctaInterpolation::barycentric}, {"nearest", OctaInterpolation::nearest}},
              "between the vertices of a cell's octahedral map"),
-      choice("lookup.direction", &C::lookup_direction, {"mirror", "outgoing"},
+      choice("lookup.direction", &C::lookup_direction,
+             {{"mirror", LookupDirection::mirror}, {"outgoing", LookupDirection::outgoing}},
              "direction of the query on glossy surfaces: mirror direction or wo"),
-      choice("lookup.offset", &C::lookup_offset, {"predicted", "none", "traced"},
+      choice("lookup.offset", &C::lookup_offset,
+             {{"predicted", LookupOffset::predicted}, {"none", LookupOffset::none}, {"traced", LookupOffset::traced}},
              "disparity of the query: learned, 0, or 1/distance of a traced ray"),
-      choice("lookup.rough_direction", &C::lookup_rough_direction, {"normal", "mirror"},
+      choice("lookup.rough_direction", &C::lookup_rough_direction,
+             {{"normal", RoughDirection::normal}, {"mirror", RoughDirection::mirror}},
              "direction of the query where alpha is at least lookup.rough_threshold"),
       number("lookup.rough_threshold", &C::lookup_rough_threshold, {0, 2},
              "roughness from which a surface counts as rough"),
@@ -81,14 +118,15 @@ const std::vector<Key>& keys() {
            "also give the predictor spherical harmonics of the query direction"),
       number("disparity.width", &C::disparity_width, {16, 256}, "neurons a hidden layer"),
       number("disparity.hidden", &C::disparity_hidden, {1, 8}, "hidden layers"),
-      choice("disparity.unit", &C::disparity_unit, {"extent", "world"},
+      choice("disparity.unit", &C::disparity_unit, {{"extent", DisparityUnit::extent}, {"world", DisparityUnit::world}},
              "output in 1/(largest side of the domain) or in 1/world unit"),
 
       number("decoder.width", &C::decoder_width, {16, 256}, "neurons a hidden layer"),
       number("decoder.hidden", &C::decoder_hidden, {1, 8}, "hidden layers"),
-      choice("decoder.output", &C::decoder_output, {"squareplus", "exp"},
+      choice("decoder.output", &C::decoder_output, {{"squareplus", Activation::squareplus}, {"exp", Activation::exp}},
              "output activation; exp is continued linearly above 4"),
-      choice("decoder.position", &C::decoder_position, {"normalized", "world"},
+      choice("decoder.position", &C::decoder_position,
+             {{"normalized", DecoderPosition::normalized}, {"world", DecoderPosition::world}},
              "position input: in [-1, 1] or in world units"),
 
       number("nr.levels", &C::nr_levels, {1, 16}, "field nr: levels of the hash grid"),
@@ -98,11 +136,15 @@ const std::vector<Key>& keys() {
       number("nr.scale", &C::nr_scale, {1, 4}, "field nr: growth of the resolution from level to level"),
       number("nr.width", &C::nr_width, {16, 256}, "field nr: neurons a hidden layer"),
       number("nr.hidden", &C::nr_hidden, {1, 8}, "field nr: hidden layers"),
-      choice("nr.output", &C::nr_output, {"abs", "squareplus", "exp"}, "field nr: output activation"),
+      choice("nr.output", &C::nr_output,
+             {{"abs", Activation::abs}, {"squareplus", Activation::squareplus}, {"exp", Activation::exp}},
+             "field nr: output activation"),
 
-      choice("target.emission", &C::target_emission, {"outside", "inside"},
+      choice("target.emission", &C::target_emission,
+             {{"outside", TargetEmission::outside}, {"inside", TargetEmission::inside}},
              "own emission added outside the network, or learned"),
-      choice("target.demodulate", &C::target_demodulate, {"none", "albedo"},
+      choice("target.demodulate", &C::target_demodulate,
+             {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
              "albedo: the network predicts radiance / albedo on rough surfaces"),
       number("target.scale", &C::target_scale, {0, 1e6},
              "exposure of the network's output; 0: chosen from the first batches and stored"),
@@ -118,7 +160,8 @@ const std::vector<Key>& keys() {
              "share of points on the primary hits of the scene's view (for a fixed camera)"),
       number("train.keep_direction", &C::train_keep_direction, {0, 1},
              "share of walk vertices that keep the direction they were reached from"),
-      choice("train.fresh_direction", &C::train_fresh_direction, {"cosine", "uniform"},
+      choice("train.fresh_direction", &C::train_fresh_direction,
+             {{"cosine", FreshDirection::cosine}, {"uniform", FreshDirection::uniform}},
              "density of the directions that glossy points are seen from"),
       number("train.glossy_boost", &C::train_glossy_boost, {1, 100},
              "how much likelier a glossy point is taken than a rough one"),
@@ -128,24 +171,27 @@ const std::vector<Key>& keys() {
       number(
           "train.poses", &C::train_poses, {0, 100000},
           "camera poses drawn once for all walks (the sensors count); 0: a fresh one for every walk. Not used with train.cameras"),
-      {"train.cameras", &C::train_cameras, {}, {}, false, "JSON file with more camera poses"},
-      choice("train.sampler", &C::train_sampler, {"walks", "area", "mixture"},
+      {"train.cameras", &C::train_cameras, {}, false, "JSON file with more camera poses"},
+      choice("train.sampler", &C::train_sampler,
+             {{"walks", TrainSampler::walks}, {"area", TrainSampler::area}, {"mixture", TrainSampler::mixture}},
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
              "perfectly specular surfaces that a right-hand-side ray passes"),
 
-      choice("loss.normalizer", &C::loss_normalizer, {"symmetric", "prediction"},
+      choice("loss.normalizer", &C::loss_normalizer,
+             {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},
              "denominator: mean of target and prediction (dark-biased) or the prediction"),
       number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true}, "epsilon of the denominator at the start"),
       number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true}, "epsilon of the denominator at the end"),
-      choice("adam.mode", &C::adam_mode, {"touched", "dense"},
+      choice("adam.mode", &C::adam_mode, {{"touched", AdamMode::touched}, {"dense", AdamMode::dense}},
              "feature tables: update entries with a gradient (own step counts), or all (the textbook)"),
       number("adam.beta1", &C::adam_beta1, {0, 0.999999}, "decay of the first moment"),
       number("adam.beta2", &C::adam_beta2, {0, 0.999999}, "decay of the second moment"),
       number("adam.epsilon", &C::adam_epsilon, {0, 1, true}, "added to the root of the second moment"),
       number("adam.rate.features", &C::adam_rate_features, {0, 10}, "learning rate of the OctaOctree features"),
       number("adam.rate.networks", &C::adam_rate_networks, {0, 10}, "learning rate of the MLPs"),
-      number("adam.rate.grids", &C::adam_rate_grids, {0, 10}, "learning rate of the hash grids"),
+      number("adam.rate.grids", &C::adam_rate_grids, {0, 10},
+             "learning rate of the hash grids (disparity predictor, field nr)"),
       number("adam.warmup", &C::adam_warmup, {0, 1000000}, "steps over which the rates rise from 0"),
       number("adam.decay.start", &C::adam_decay_start, {0, 1},
              "share of the budget from which the rates decay; 1: constant"),
@@ -153,7 +199,7 @@ const std::vector<Key>& keys() {
       number("adam.max_non_finite", &C::adam_max_non_finite, {0, 1e15}, "dropped gradients after which training stops"),
 
       duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
-      choice("render.delta", &C::render_delta, {"cache", "trace"},
+      choice("render.delta", &C::render_delta, {{"cache", DeltaSurfaces::cache}, {"trace", DeltaSurfaces::trace}},
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
@@ -174,12 +220,14 @@ bool is_feature_count(const Key& key) {
   return key.name == "octree.features" || key.name == "disparity.features" || key.name == "nr.features";
 }
 
+std::string listed(const std::vector<std::string>& names, const char* separator) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : separator) + name;
+  return list;
+}
+
 std::string accepted(const Key& key) {
-  if (!key.choices.empty()) {
-    std::string list;
-    for (const std::string& c : key.choices) list += (list.empty() ? "" : " | ") + c;
-    return list;
-  }
+  if (const auto* choice = std::get_if<Choice>(&key.member)) return listed(choice->names, " | ");
   if (is_feature_count(key)) return "2 | 4 | 8";
   if (key.duration) return "a duration above 0: 90, 30s, 2m, 1h";
   if (std::holds_alternative<bool Config::*>(key.member)) return "true | false";
@@ -189,8 +237,9 @@ std::string accepted(const Key& key) {
 }
 
 [[noreturn]] void refuse(const Key& key, const std::string& value) {
+  const auto* choice = std::get_if<Choice>(&key.member);
   throw UsageError(fmt::format("{} = \"{}\" is not accepted: expected {}{}", key.name, value, accepted(key),
-                               key.choices.empty() ? "" : did_you_mean(value, key.choices)));
+                               choice != nullptr ? did_you_mean(value, choice->names) : ""));
 }
 
 void check_range(const Key& key, double value, const std::string& text) {
@@ -209,31 +258,39 @@ double parse_number(const Key& key, const std::string& text) {
   return value;
 }
 
-// Assigns without the side effects of set().
-void assign(Config& config, const Key& key, const std::string& text) {
+// Calls `f` with the member of a key that is no choice.
+template <typename C, typename F>
+void visit_value(C& config, const Key& key, const F& f) {
   std::visit(
-      [&](auto member) {
-        using T = std::remove_reference_t<decltype(config.*member)>;
-        if constexpr (std::is_same_v<T, bool>) {
-          if (text == "true" || text == "1" || text == "yes" || text == "on") config.*member = true;
-          else if (text == "false" || text == "0" || text == "no" || text == "off") config.*member = false;
-          else refuse(key, text);
-        } else if constexpr (std::is_same_v<T, std::string>) {
-          if (!key.choices.empty() && std::find(key.choices.begin(), key.choices.end(), text) == key.choices.end())
-            refuse(key, text);
-          config.*member = text;
-        } else if constexpr (std::is_same_v<T, double>) {
-          const double value = key.duration ? parse_duration(text) : parse_number(key, text);
-          check_range(key, value, text);
-          config.*member = value;
-        } else {
-          const double value = parse_number(key, text);
-          check_range(key, value, text);
-          if (value != std::floor(value)) refuse(key, text);
-          config.*member = static_cast<T>(value);
-        }
+      [&](const auto& member) {
+        if constexpr (!std::is_same_v<std::remove_cvref_t<decltype(member)>, Choice>) f(config.*member);
       },
       key.member);
+}
+
+// Assigns without the side effects of set().
+void assign(Config& config, const Key& key, const std::string& text) {
+  if (const auto* choice = std::get_if<Choice>(&key.member)) {
+    const auto at = std::find(choice->names.begin(), choice->names.end(), text);
+    if (at == choice->names.end()) refuse(key, text);
+    choice->set(config, static_cast<std::size_t>(at - choice->names.begin()));
+    return;
+  }
+  visit_value(config, key, [&](auto& value) {
+    using T = std::remove_reference_t<decltype(value)>;
+    if constexpr (std::is_same_v<T, bool>) {
+      if (text == "true" || text == "1" || text == "yes" || text == "on") value = true;
+      else if (text == "false" || text == "0" || text == "no" || text == "off") value = false;
+      else refuse(key, text);
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      value = text;
+    } else {
+      const double number = key.duration ? parse_duration(text) : parse_number(key, text);
+      check_range(key, number, text);
+      if (!std::is_same_v<T, double> && number != std::floor(number)) refuse(key, text);
+      value = static_cast<T>(number);
+    }
+  });
 }
 
 // Nested or dotted JSON -> dotted key, value.
@@ -250,6 +307,16 @@ void flatten(const nlohmann::json& object, const std::string& prefix, std::map<s
   }
 }
 
+std::string text_of(const Config& config, const Key& key) {
+  if (const auto* choice = std::get_if<Choice>(&key.member)) return choice->get(config);
+  std::string text;
+  visit_value(config, key, [&](const auto& value) {
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(value)>, bool>) text = value ? "true" : "false";
+    else text = fmt::format("{}", value);
+  });
+  return key.duration ? text + "s" : text;
+}
+
 std::string text_of(const nlohmann::json& value, const std::string& key) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_boolean() || value.is_number()) return value.dump();
@@ -259,17 +326,13 @@ std::string text_of(const nlohmann::json& value, const std::string& key) {
 }  // namespace
 
 Config preset(const std::string& name) {
-  Config c;  // the struct's own values are the `cpu` preset (training.md, "Starting points")
+  if (std::find(std::begin(kPresets), std::end(kPresets), name) == std::end(kPresets)) {
+    throw UsageError(fmt::format("unknown preset \"{}\"{}; there are {}", name, did_you_mean(name, preset_names()),
+                                 listed(preset_names(), ", ")));
+  }
+  Config c;
   c.preset = name;
-  if (name == "cpu") {
-    c.nr_width = 128;     // the width that the comparison at equal seconds was made with
-    c.nr_output = "exp";  // the same recipe for both fields
-    return c;
-  }
-  if (name != "paper" && name != "default") {
-    throw UsageError(fmt::format("unknown preset \"{}\"{}; there are paper, default and cpu", name,
-                                 did_you_mean(name, {"paper", "default", "cpu"})));
-  }
+  if (name == "cpu") return c;
   // Full size (method sections 3, 5 and 7).
   c.octree_levels = 8;
   c.disparity_log2_table = 19;
@@ -277,32 +340,30 @@ Config preset(const std::string& name) {
   c.train_points = 65536;
   c.train_directions = 32;
   c.train_quarters = true;
+  c.nr_width = 256;
   c.adam_beta2 = 0.999;  // the shorter memory and lower rates of `cpu` go with its small batches
   c.adam_rate_features = 1e-2;
   c.adam_rate_networks = 3e-3;
-  if (name == "default") {
-    c.nr_output = "exp";
-    return c;
-  }
+  if (name == "default") return c;
   // The paper, and the constants behind its tables.
-  c.octree_box = "axis";
-  c.octree_occupancy = "sampled";
+  c.octree_box = OctreeBox::axis;
+  c.octree_occupancy = OctreeOccupancy::sampled;
   c.disparity_direction = false;
-  c.disparity_unit = "world";
-  c.decoder_output = "squareplus";
-  c.decoder_position = "world";
-  c.nr_output = "abs";
-  c.target_emission = "inside";
-  c.target_demodulate = "none";
+  c.disparity_unit = DisparityUnit::world;
+  c.decoder_output = Activation::squareplus;
+  c.decoder_position = DecoderPosition::world;
+  c.nr_output = Activation::abs;
+  c.target_emission = TargetEmission::inside;
+  c.target_demodulate = TargetDemodulation::none;
   c.target_scale = 1.0;
-  c.train_sampler = "walks";
+  c.train_sampler = TrainSampler::walks;
   c.train_poses = 64;
-  c.train_fresh_direction = "cosine";
+  c.train_fresh_direction = FreshDirection::cosine;
   c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
-  c.loss_normalizer = "symmetric";
-  c.adam_mode =
-      "dense";  // the published optimiser is plain Adam: untouched entries keep moving along their decaying moments
+  c.loss_normalizer = LossNormalizer::symmetric;
+  c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
+                                  // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;
   c.adam_warmup = 0;
   c.adam_decay_start = 1.0;
@@ -335,29 +396,23 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
   }
 }
 
+std::string get(const Config& config, const std::string& name) { return text_of(config, find(name)); }
+
 nlohmann::json to_json(const Config& config) {
   nlohmann::json out = nlohmann::json::object();
   for (const Key& key : keys()) {
     std::string path = "/" + key.name;
     std::replace(path.begin(), path.end(), '.', '/');
-    std::visit([&](auto member) { out[nlohmann::json::json_pointer(path)] = config.*member; }, key.member);
+    nlohmann::json& place = out[nlohmann::json::json_pointer(path)];
+    if (const auto* choice = std::get_if<Choice>(&key.member)) place = choice->get(config);
+    else visit_value(config, key, [&](const auto& value) { place = value; });
   }
   return out;
 }
 
 std::vector<ConfigKey> describe(const Config& config) {
   std::vector<ConfigKey> out;
-  for (const Key& key : keys()) {
-    std::string value = std::visit(
-        [&](auto member) -> std::string {
-          using T = std::remove_cvref_t<decltype(config.*member)>;
-          if constexpr (std::is_same_v<T, bool>) return config.*member ? "true" : "false";
-          else return fmt::format("{}", config.*member);
-        },
-        key.member);
-    if (key.duration) value += "s";
-    out.push_back({key.name, value, accepted(key), key.help});
-  }
+  for (const Key& key : keys()) out.push_back({key.name, text_of(config, key), accepted(key), key.help});
   return out;
 }
 

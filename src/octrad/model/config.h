@@ -7,24 +7,26 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "octrad/model/choices.h"
+
 namespace octrad {
 
 // Keys are the field names with '.' for the first '_' (octree_levels is "octree.levels"); groups of related values have
-// a second dot ("adam.rate.features", "adam.decay.start", "loss.epsilon.first"). Choices are strings checked on set.
+// a second dot ("adam.rate.features", "adam.decay.start", "loss.epsilon.first"). The values here are the preset "cpu".
 struct Config {
   std::string preset = "cpu";
   std::string field = "octaoctree";  // octaoctree | nr
 
   // Octree and encoding (method sections 2-4).
-  int octree_levels = 6;                           // K, 1..9
-  int octree_features = 4;                         // C per level: 2, 4 or 8
-  std::string octree_box = "cube";                 // axis | cube
-  std::string octree_occupancy = "conservative";   // conservative | sampled
-  std::string octree_interpolation = "trilinear";  // trilinear | nearest
-  std::string octa_interpolation = "barycentric";  // barycentric | nearest
-  std::string lookup_direction = "mirror";         // mirror | outgoing
-  std::string lookup_offset = "predicted";         // predicted | none | traced
-  std::string lookup_rough_direction = "normal";   // normal | mirror
+  int octree_levels = 6;    // K, 1..9
+  int octree_features = 4;  // C per level: 2, 4 or 8
+  OctreeBox octree_box = OctreeBox::cube;
+  OctreeOccupancy octree_occupancy = OctreeOccupancy::conservative;
+  OctreeInterpolation octree_interpolation = OctreeInterpolation::trilinear;
+  OctaInterpolation octa_interpolation = OctaInterpolation::barycentric;
+  LookupDirection lookup_direction = LookupDirection::mirror;
+  LookupOffset lookup_offset = LookupOffset::predicted;
+  RoughDirection lookup_rough_direction = RoughDirection::normal;
   double lookup_rough_threshold = 0.5;
 
   // Disparity predictor (method section 5).
@@ -36,13 +38,13 @@ struct Config {
   bool disparity_direction = true;  // spherical harmonics of w
   int disparity_width = 64;
   int disparity_hidden = 2;
-  std::string disparity_unit = "extent";  // extent: divided by the largest side | world
+  DisparityUnit disparity_unit = DisparityUnit::extent;
 
   // Decoder.
   int decoder_width = 128;
   int decoder_hidden = 4;
-  std::string decoder_output = "exp";           // squareplus | exp
-  std::string decoder_position = "normalized";  // normalized: [-1, 1] | world
+  Activation decoder_output = Activation::exp;
+  DecoderPosition decoder_position = DecoderPosition::normalized;
 
   // Neural Radiosity (method section 9).
   int nr_levels = 4;
@@ -50,37 +52,37 @@ struct Config {
   int nr_log2_table = 19;
   int nr_base = 32;
   double nr_scale = 2.0;
-  int nr_width = 256;
+  int nr_width = 128;
   int nr_hidden = 4;
-  std::string nr_output = "abs";  // abs | squareplus | exp
+  Activation nr_output = Activation::exp;
 
   // Target (method section 6).
-  std::string target_emission = "outside";   // outside | inside
-  std::string target_demodulate = "albedo";  // none | albedo
-  double target_scale = 0.0;                 // 0: chosen from the first batches and stored
+  TargetEmission target_emission = TargetEmission::outside;
+  TargetDemodulation target_demodulate = TargetDemodulation::albedo;
+  double target_scale = 0.0;  // 0: chosen from the first batches and stored
 
   // Training (method section 7).
-  int train_steps = 0;                            // 0: until train_time is over
-  double train_seconds = 300.0;                   // "train.time"; used when train_steps is 0
-  int train_points = 512;                         // N, left-hand-side points a step
-  int train_directions = 8;                       // M, right-hand-side directions a point
-  bool train_quarters = false;                    // halve N and double M every quarter
-  double train_walks = 0.9;                       // share of points from camera walks; the rest is area-uniform
-  double train_view_share = 0.0;                  // share of points on the primary hits of the scene's view
-  double train_keep_direction = 0.0;              // share of walk vertices that keep the walk's own wo
-  std::string train_fresh_direction = "uniform";  // of glossy points: cosine | uniform over the hemisphere
-  double train_glossy_boost = 3.0;                // how much likelier a glossy point is taken than a rough one
+  int train_steps = 0;                // 0: until train_time is over
+  double train_seconds = 300.0;       // "train.time"; used when train_steps is 0
+  int train_points = 512;             // N, left-hand-side points a step
+  int train_directions = 8;           // M, right-hand-side directions a point
+  bool train_quarters = false;        // halve N and double M every quarter
+  double train_walks = 0.9;           // share of points from camera walks; the rest is area-uniform
+  double train_view_share = 0.0;      // share of points on the primary hits of the scene's view
+  double train_keep_direction = 0.0;  // share of walk vertices that keep the walk's own wo
+  FreshDirection train_fresh_direction = FreshDirection::uniform;
+  double train_glossy_boost = 3.0;  // how much likelier a glossy point is taken than a rough one
   double train_stop_probability = 0.3;
   int train_max_walk = 16;
-  int train_poses = 0;                    // camera poses drawn once; 0: a fresh one for every walk
-  std::string train_cameras;              // JSON file with more camera poses
-  std::string train_sampler = "mixture";  // walks | area | mixture
-  int train_max_chain = 16;               // delta surfaces passed by right-hand-side rays
+  int train_poses = 0;        // camera poses drawn once; 0: a fresh one for every walk
+  std::string train_cameras;  // JSON file with more camera poses
+  TrainSampler train_sampler = TrainSampler::mixture;
+  int train_max_chain = 16;  // delta surfaces passed by right-hand-side rays
 
   // Loss and optimiser.
-  std::string loss_normalizer = "prediction";  // symmetric | prediction
+  LossNormalizer loss_normalizer = LossNormalizer::prediction;
   double loss_epsilon_first = 0.1, loss_epsilon_last = 0.0125;
-  std::string adam_mode = "touched";  // touched | dense
+  AdamMode adam_mode = AdamMode::touched;
   double adam_beta1 = 0.9, adam_beta2 = 0.99, adam_epsilon = 1e-8;
   double adam_rate_features = 6e-3, adam_rate_networks = 2e-3, adam_rate_grids = 3e-3;
   int adam_warmup = 100;                 // steps
@@ -89,13 +91,18 @@ struct Config {
   long long adam_max_non_finite = 1000;  // dropped gradients until the run stops
 
   // Checkpoints and rendering.
-  double checkpoint_seconds = 180.0;   // "checkpoint.every"
-  std::string render_delta = "cache";  // cache | trace
+  double checkpoint_seconds = 180.0;  // "checkpoint.every"
+  DeltaSurfaces render_delta = DeltaSurfaces::cache;
   long long seed = 0;
+
+  bool operator==(const Config&) const = default;
 };
 
 // Preset by name: "paper", "default", "cpu". Throws UsageError with the list.
 Config preset(const std::string& name);
+
+// The value of one key as text that set() reads back. Throws UsageError for an unknown key.
+std::string get(const Config& config, const std::string& key);
 
 // Sets one key from text ("octree.levels", "6"; durations "3s", "2m", "1h"). Throws UsageError for an unknown key (with
 // a suggestion) or a value that is not accepted (saying what is). Setting train.time sets train.steps to 0, so that the

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "octrad/base/error.h"
 
@@ -23,20 +24,43 @@ TEST(Config, PresetsSayWhatTheyStandFor) {
   EXPECT_EQ(paper.octree_levels, 8);
   EXPECT_EQ(paper.train_steps, 20000);
   EXPECT_EQ(paper.train_points * paper.train_directions, 1 << 21);
-  EXPECT_EQ(paper.loss_normalizer, "symmetric");
+  EXPECT_EQ(paper.loss_normalizer, LossNormalizer::symmetric);
   EXPECT_EQ(paper.adam_decay_start, 1.0);
   EXPECT_FALSE(paper.disparity_direction);
-  EXPECT_EQ(paper.target_emission, "inside");
+  EXPECT_EQ(paper.target_emission, TargetEmission::inside);
   const Config full = preset("default");
   EXPECT_EQ(full.octree_levels, 8);
-  EXPECT_EQ(full.loss_normalizer, "prediction");
-  EXPECT_EQ(full.decoder_output, "exp");
+  EXPECT_EQ(full.loss_normalizer, LossNormalizer::prediction);
+  EXPECT_EQ(full.decoder_output, Activation::exp);
   const Config cpu = preset("cpu");
   EXPECT_EQ(cpu.octree_levels, 6);
   EXPECT_EQ(cpu.train_points, 512);
   EXPECT_EQ(cpu.train_directions, 8);
   for (const char* name : {"paper", "default", "cpu"}) EXPECT_EQ(preset(name).preset, name);
   EXPECT_NE(message([] { preset("papper"); }).find("did you mean \"paper\""), std::string::npos);
+}
+
+TEST(Config, ValuesOfTheStructAreThePresetCpu) {
+  EXPECT_EQ(to_json(Config{}), to_json(preset("cpu")));
+  EXPECT_TRUE(Config{} == preset("cpu"));
+}
+
+// Every value of every choice: set by its name, read back by it, and different from the others.
+TEST(Config, ChoicesAreTheirNames) {
+  for (const ConfigKey& key : describe(preset("cpu"))) {
+    if (key.key == "preset" || key.accepted.find(" | ") == std::string::npos) continue;
+    std::vector<Config> seen;
+    std::istringstream names(key.accepted);
+    for (std::string name, bar; names >> name; names >> bar) {
+      Config config = preset("cpu");
+      set(config, key.key, name);
+      EXPECT_EQ(get(config, key.key), name) << key.key;
+      for (const Config& other : seen) EXPECT_FALSE(config == other) << key.key << " = " << name;
+      seen.push_back(config);
+    }
+    EXPECT_GE(seen.size(), 2u) << key.key;
+  }
+  EXPECT_THROW(get(preset("cpu"), "octree.boxes"), UsageError);
 }
 
 TEST(Config, EveryKeySetsAndReadsBack) {

@@ -3,16 +3,7 @@
 namespace octrad {
 
 LookupRule lookup_rule(const Config& config) {
-  LookupRule rule;
-  rule.mirror = config.lookup_direction == "mirror";
-  rule.rough = config.lookup_rough_direction == "normal" ? RoughDirection::normal : RoughDirection::mirror;
-  rule.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  return rule;
-}
-
-Activation output_activation(const std::string& name) {
-  if (name == "exp") return Activation::exp;
-  return name == "abs" ? Activation::abs : Activation::squareplus;
+  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold)};
 }
 
 DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
@@ -20,11 +11,11 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
     : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
       adam_(mlp_.parameter_count(), adam_options(config)) {
   rules_.activation = activation;
-  rules_.normalizer = config.loss_normalizer == "symmetric" ? LossNormalizer::symmetric : LossNormalizer::prediction;
-  rules_.demodulate = config.target_demodulate == "albedo" &&
-                      config.target_emission == "outside";  // emission does not scale with albedo
+  rules_.normalizer = config.loss_normalizer;
+  rules_.demodulate = config.target_demodulate == TargetDemodulation::albedo &&
+                      config.target_emission == TargetEmission::outside;  // emission does not scale with albedo
   rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  if (config.decoder_position == "normalized") {
+  if (config.decoder_position == DecoderPosition::normalized) {
     rules_.position_scale = Vec3f(2.0f) / size;
     rules_.position_offset = Vec3f(-1.0f) - origin * rules_.position_scale;
   }

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <span>
-#include <string>
 #include <vector>
 
 #include "octrad/base/surface_point.h"
@@ -18,9 +17,6 @@
 namespace octrad {
 
 LookupRule lookup_rule(const Config& config);
-
-// decoder.output or nr.output by name.
-Activation output_activation(const std::string& name);
 
 class DecoderHead {
  public:

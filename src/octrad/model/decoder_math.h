@@ -1,27 +1,25 @@
-// What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7): with which
-// direction the field is asked, what the network is told of the point, how its linear outputs become radiance, and the
-// loss. The definition: called by the CPU and by kernels.
+// What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7; paper equations 12
+// and 13): the look-up direction, the network's inputs, radiance from its linear outputs, and the loss. The
+// definition: called by the CPU and by kernels.
 #pragma once
 
 #include <cmath>
 
 #include "octrad/base/surface_point.h"
-#include "octrad/network/activations_math.h"
-#include "octrad/network/loss_math.h"
+#include "octrad/model/choices.h"
 
 namespace octrad {
 
 // Direction with which a field is looked up at a point.
-enum class RoughDirection { normal, mirror };
 struct LookupRule {
-  bool mirror = true;  // lookup.direction: mirror | outgoing
+  LookupDirection glossy = LookupDirection::mirror;
   RoughDirection rough = RoughDirection::normal;
   float rough_threshold = 0.5f;
 };
 
 OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
   if (point.alpha >= rule.rough_threshold && rule.rough == RoughDirection::normal) return point.n;
-  return rule.mirror ? reflect(point.wo, point.n) : point.wo;
+  return rule.glossy == LookupDirection::mirror ? reflect(point.wo, point.n) : point.wo;
 }
 
 inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)

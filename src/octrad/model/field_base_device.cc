@@ -194,7 +194,7 @@ DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const De
   DeviceTableOptions table;
   table.halves = options.half_features;
   table.training = options.max_train_points > 0;
-  table.dense = config.adam_mode == "dense";
+  table.dense = config.adam_mode == AdamMode::dense;
   table.sorted = table.training && options.deterministic;
   // The list of touched entries is that of a whole step, the sort works on a chunk.
   table.touches = options.max_train_points * static_cast<std::size_t>(levels * taps);

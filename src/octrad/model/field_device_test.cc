@@ -19,6 +19,8 @@
 namespace octrad {
 namespace {
 
+using testing::Part;
+using testing::parts_of;
 using testing::pattern;
 using testing::random_points;
 using testing::shell;
@@ -98,41 +100,6 @@ std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& po
   return as_floats(out);
 }
 
-// Every number of a field that training changes, by name.
-struct Part {
-  std::string name;
-  std::vector<float> values;
-};
-std::vector<Part> parts_of(RadianceField& field) {
-  std::vector<Part> parts;
-  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}}); };
-  const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
-    add(name, values);
-    add(name + " moments", adam.moments());
-    add(name + " counts", adam.counts());
-    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}});
-  };
-  const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
-    add(name, mlp.weights());
-    add(name + " m", adam.m());
-    add(name + " v", adam.v());
-    parts.push_back({name + " steps", {static_cast<float>(adam.count())}});
-  };
-  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
-    octree->make_optimizers();
-    table("octree", octree->octree().features(), *octree->octree_adam());
-    table("grid", octree->grid().table(), *octree->grid_adam());
-    network("disparity", octree->disparity(), octree->disparity_adam());
-    network("decoder", octree->decoder().mlp(), octree->decoder().adam());
-  } else {
-    auto& nr = dynamic_cast<NrField&>(field);
-    nr.make_optimizer();
-    table("grid", nr.grid().table(), *nr.grid_adam());
-    network("decoder", nr.decoder().mlp(), nr.decoder().adam());
-  }
-  return parts;
-}
-
 DeviceFieldOptions training_options(bool deterministic = false) {
   DeviceFieldOptions options;
   options.max_points = 1000;
@@ -168,16 +135,16 @@ TEST_P(DeviceFields, AnswerLikeTheCpu) {
   std::vector<Config> configs(1, config());
   if (name() == "octaoctree") {
     configs.resize(4, config());
-    configs[1].lookup_offset = "traced";
-    configs[2].lookup_offset = "none";
-    configs[2].decoder_output = "squareplus";
-    configs[2].lookup_direction = "outgoing";
-    configs[2].target_demodulate = "none";
+    configs[1].lookup_offset = LookupOffset::traced;
+    configs[2].lookup_offset = LookupOffset::none;
+    configs[2].decoder_output = Activation::squareplus;
+    configs[2].lookup_direction = LookupDirection::outgoing;
+    configs[2].target_demodulate = TargetDemodulation::none;
     configs[3].disparity_direction = false;
-    configs[3].decoder_position = "world";
+    configs[3].decoder_position = DecoderPosition::world;
     configs[3].octree_features = 2;
     configs[3].disparity_features = 4;
-    configs[3].lookup_rough_direction = "mirror";
+    configs[3].lookup_rough_direction = RoughDirection::mirror;
   }
   auto points = random_points(700, 5);
   for (std::size_t i = 0; i < points.size(); ++i) points[i].disparity = 0.01f * static_cast<float>(i % 300);
@@ -249,7 +216,7 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
 TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     const auto start = trained_field(c);
     auto cpu = make_field(c, shell(kLevels)), copy = make_field(c, shell(kLevels));
     // The same weights, no moments: a field made anew that takes the tables and networks of `start`.
@@ -301,6 +268,15 @@ TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
   }
 }
 
+// adam.rate.* each move their own parts (a rate of 0 leaves parameters as they are).
+TEST_P(DeviceFields, EveryRateMovesItsOwnParts) {
+  testing::check_rates(config(), kLevels, [&](RadianceField& field, const Config& c) {
+    const auto device = make_device_field(*stream_, field, c, training_options());
+    train(*device, 0, 1);
+    device->download_to(field);
+  });
+}
+
 TEST_P(DeviceFields, LearnLikeTheCpu) {
   Config c = config();
   const auto cpu = make_field(c, shell(kLevels)), start = make_field(c, shell(kLevels));
@@ -335,7 +311,7 @@ TEST_P(DeviceFields, LearnLikeTheCpu) {
 TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     const auto field = trained_field(c);
     field->set_target_scale(0.7f);
     const auto device = make_device_field(*stream_, *field, c, training_options());
@@ -366,7 +342,7 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
 TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
   for (const bool dense : {false, true}) {
     Config c = config();
-    c.adam_mode = dense ? "dense" : "touched";
+    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
     std::vector<Part> first;
     for (int run = 0; run < 2; ++run) {
       const auto field = make_field(c, shell(kLevels));
@@ -390,7 +366,7 @@ TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
 
 TEST_P(DeviceFields, BadNumbersDoNotSpread) {
   Config c = config();
-  if (name() == "octaoctree") c.lookup_offset = "traced";
+  if (name() == "octaoctree") c.lookup_offset = LookupOffset::traced;
   const auto field = trained_field(c, 5);
   const auto device = make_device_field(*stream_, *field, c, training_options());
   auto points = random_points(200, 8);

@@ -1,4 +1,4 @@
-// Tensors of the parts that fields are made of (method section 13), and the optimiser step that they share.
+// Tensors of the parts that fields are made of (docs/formats.md), and the optimiser step that they share.
 #pragma once
 
 #include <algorithm>

@@ -1,12 +1,17 @@
 // A made-up domain and points on it for tests of fields. Not part of the library.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "octrad/base/rng.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/nr_field.h"
+#include "octrad/model/octaoctree_field.h"
 #include "octrad/model/radiance_field.h"
 
 namespace octrad::testing {
@@ -55,6 +60,78 @@ inline Vec3f pattern(const SurfacePoint& p) {
   const Vec3f w = reflect(p.wo, p.n);
   const float v = p.alpha < 0.5f ? 1.0f + 0.8f * std::sin(3.0f * w.x + p.x.y) : p.albedo.x * (1.0f + p.x.z);
   return {v, 0.5f * v, 0.25f * v};
+}
+
+// Every number of a field that training changes, by name.
+struct Part {
+  std::string name;
+  std::vector<float> values;
+  std::size_t width = 1;  // of a table's entry
+};
+inline std::vector<Part> parts_of(RadianceField& field) {
+  std::vector<Part> parts;
+  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}, 1}); };
+  const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
+    add(name, values);
+    add(name + " moments", adam.moments());
+    parts.back().width = adam.moments().size() / adam.counts().size() / 2;
+    add(name + " counts", adam.counts());
+    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}, 1});
+  };
+  const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
+    add(name, mlp.weights());
+    add(name + " m", adam.m());
+    add(name + " v", adam.v());
+    parts.push_back({name + " steps", {static_cast<float>(adam.count())}, 1});
+  };
+  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
+    octree->make_optimizers();
+    table("octree", octree->octree().features(), *octree->octree_adam());
+    table("grid", octree->grid().table(), *octree->grid_adam());
+    network("disparity", octree->disparity(), octree->disparity_adam());
+    network("decoder", octree->decoder().mlp(), octree->decoder().adam());
+  } else {
+    auto& nr = dynamic_cast<NrField&>(field);
+    nr.make_optimizer();
+    table("grid", nr.grid().table(), *nr.grid_adam());
+    network("decoder", nr.decoder().mlp(), nr.decoder().adam());
+  }
+  return parts;
+}
+
+// Feature tables with values in +-0.5, as after a long training: new ones are 0 or next to it, which hides gradients.
+inline void fill_tables(RadianceField& field, unsigned long long stream = 0) {
+  const auto fill = [&](std::span<float> table, unsigned long long number) {
+    Rng rng(stream, RngPurpose::test, number);
+    for (float& v : table) v = rng.uniform() - 0.5f;
+  };
+  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
+    fill(octree->octree().features(), 1);
+    fill(octree->grid().table(), 2);
+  } else {
+    fill(dynamic_cast<NrField&>(field).grid().table(), 3);
+  }
+}
+
+// Trains new fields for one step (train_one_step(field, config)) with one of adam.rate.* at a time above 0: only the
+// parts that it is the rate of move.
+template <typename TrainOneStep>
+void check_rates(Config config, int levels, const TrainOneStep& train_one_step) {
+  for (const std::string rate : {"features", "networks", "grids"}) {
+    for (const std::string other : {"features", "networks", "grids"})
+      set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
+    const auto field = make_field(config, shell(levels));
+    fill_tables(*field);
+    const std::vector<Part> before = parts_of(*field);
+    train_one_step(*field, config);
+    const std::vector<Part> after = parts_of(*field);
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      const std::string& part = before[i].name;
+      if (part.find(' ') != std::string::npos) continue;  // the optimiser's state
+      const std::string its = part == "octree" ? "features" : part == "grid" ? "grids" : "networks";
+      EXPECT_EQ(before[i].values != after[i].values, its == rate) << part << " with adam.rate." << rate << " alone";
+    }
+  }
 }
 
 }  // namespace octrad::testing

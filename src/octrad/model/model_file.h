@@ -1,4 +1,4 @@
-// The .octrad model file: a field's tensors with its configuration and the scene it belongs to (method section 13).
+// The .octrad model file: a field's tensors with its configuration and the scene it belongs to (docs/formats.md).
 #pragma once
 
 #include <memory>

@@ -129,6 +129,10 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
   for (const Vec3f& v : evaluate(*field, points)) EXPECT_TRUE(is_finite(v));
 }
 
+TEST_P(AllFields, EveryRateMovesItsOwnParts) {
+  testing::check_rates(small_config(GetParam()), 3, [](RadianceField& field, const Config&) { train_steps(field, 1); });
+}
+
 // Switches of the method that must train and that must change the result.
 TEST(OctaOctreeField, EverySwitchTrainsAndMatters) {
   const std::vector<std::pair<std::string, std::string>> switches = {{"lookup.offset", "none"},

@@ -28,8 +28,8 @@ NrField::NrField(const Config& config, const FieldDomain& domain)
       origin_(domain.origin),
       size_(domain.size),
       grid_(nr_grid_options(config)),
-      decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, output_activation(config.nr_output),
-               domain.origin, domain.size, 4) {
+      decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, config.nr_output, domain.origin,
+               domain.size, 4) {
   initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
 }
 
@@ -84,7 +84,7 @@ void NrField::inspect(std::span<const SurfacePoint> points, std::span<float> fea
 void NrField::make_optimizer() {
   if (grid_adam_) return;
   grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
-  grid_adam_->set_dense(config_.adam_mode == "dense");
+  grid_adam_->set_dense(config_.adam_mode == AdamMode::dense);
 }
 
 FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
@@ -140,7 +140,7 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
     step.non_finite += g.non_finite;
   }
   step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
-  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_features * rate_scale);
+  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_grids * rate_scale);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   return step;

@@ -29,7 +29,7 @@ class DeviceNrField : public DeviceFieldBase {
   }
 
  protected:
-  LookupRule rule() const override { return {true, RoughDirection::mirror, 0.5f}; }
+  LookupRule rule() const override { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
   void encode(const Chunk& chunk) override {
     grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
   }
@@ -39,7 +39,7 @@ class DeviceNrField : public DeviceFieldBase {
         kHashGridTaps, chunk.n, grid_.levels(), d_inputs_.data(), train_rows_);
   }
   void encode_step(const StepConstants* constants) override {
-    table_.step(stream_, config_.adam_rate_features, &constants->rate_scale, &counters_.data()->non_finite,
+    table_.step(stream_, config_.adam_rate_grids, &constants->rate_scale, &counters_.data()->non_finite,
                 &counters_.data()->touched);
   }
   void features(const Chunk& chunk, FloatRows out) override {

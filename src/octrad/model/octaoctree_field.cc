@@ -13,8 +13,8 @@ namespace {
 constexpr int kChunk = 128;  // queries that go through the field together: activations stay in the L2 cache
 
 OctaOctreeOptions octree_options(const Config& config) {
-  return {config.octree_levels, config.octree_features, config.octree_interpolation == "trilinear",
-          config.octa_interpolation == "barycentric"};
+  return {config.octree_levels, config.octree_features, config.octree_interpolation == OctreeInterpolation::trilinear,
+          config.octa_interpolation == OctaInterpolation::barycentric};
 }
 
 float* row(std::vector<float>& rows, int r, int stride) {
@@ -56,15 +56,13 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       origin_(domain.origin),
       size_(domain.size),
       rule_(octrad::lookup_rule(config)),
-      offset_(config.lookup_offset == "predicted" ? Offset::predicted
-              : config.lookup_offset == "none"    ? Offset::none
-                                                  : Offset::traced),
-      disparity_unit_(config.disparity_unit == "extent" ? 1.0f / max_component(domain.size) : 1.0f),
+      offset_(config.lookup_offset),
+      disparity_unit_(config.disparity_unit == DisparityUnit::extent ? 1.0f / max_component(domain.size) : 1.0f),
       octree_(octree_options(config), domain.occupied_cells, domain.origin, domain.size),
       grid_(disparity_grid_options(config)),
       disparity_(disparity_shape(config)),
-      decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden,
-               output_activation(config.decoder_output), domain.origin, domain.size, 1),
+      decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden, config.decoder_output,
+               domain.origin, domain.size, 1),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
   disparity_.initialize(seed, 2);
@@ -86,7 +84,7 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
     e.w[i] = lookup_direction(rule_, points[i]);
     e.p[i] = (points[i].x - origin_) / size_;
   }
-  if (offset_ == Offset::predicted) {
+  if (offset_ == LookupOffset::predicted) {
     const int grid_rows = grid_.feature_count();
     e.disparity_inputs.resize(static_cast<std::size_t>(disparity_.shape().inputs) * s);
     e.disparity_linear.resize(s);
@@ -104,7 +102,7 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
     if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
     else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
     for (int i = 0; i < n; ++i) e.disparity[i] = squareplus(e.disparity_linear[i]).value * disparity_unit_;
-  } else if (offset_ == Offset::traced) {
+  } else if (offset_ == LookupOffset::traced) {
     for (int i = 0; i < n; ++i) e.disparity[i] = points[i].disparity;
   }
   const int features = octree_.feature_count();
@@ -171,7 +169,7 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
         gradients.octree.push_back({e.record.taps[t].entry, source, e.record.taps[t].weight});
     }
   }
-  if (offset_ != Offset::predicted) return loss;
+  if (offset_ != LookupOffset::predicted) return loss;
 
   e.d_disparity_linear.assign(s, 0.0f);
   for (int f = 0; f < features; ++f) {
@@ -203,8 +201,8 @@ void OctaOctreeField::make_optimizers() {
   if (octree_adam_) return;
   octree_adam_ = std::make_unique<SparseAdam>(octree_.entry_count(), octree_.options().features, adam_options(config_));
   grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
-  octree_adam_->set_dense(config_.adam_mode == "dense");
-  grid_adam_->set_dense(config_.adam_mode == "dense");
+  octree_adam_->set_dense(config_.adam_mode == AdamMode::dense);
+  grid_adam_->set_dense(config_.adam_mode == AdamMode::dense);
 }
 
 FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
@@ -242,7 +240,7 @@ FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span
       octree_adam_->step(octree_.features(), octree, octree_upstream_, config_.adam_rate_features * rate_scale);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
-  if (offset_ == Offset::predicted) {
+  if (offset_ == LookupOffset::predicted) {
     step.non_finite += step_mlp(disparity_, disparity_adam_, disparity, config_.adam_rate_networks * rate_scale);
     step.non_finite +=
         grid_adam_->step(grid_.table(), grid, grid_upstream_, config_.adam_rate_grids * rate_scale).non_finite;

@@ -28,6 +28,7 @@ class OctaOctreeField : public RadianceField {
   float target_scale() const override { return decoder_.target_scale(); }
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
+  bool predicts_disparity() const override { return true; }
   int levels() const override { return octree_.options().levels; }
   std::vector<long long> cells_per_level() const override;
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
@@ -37,8 +38,7 @@ class OctaOctreeField : public RadianceField {
   std::size_t parameter_count() const override;
 
   // What the field is made of, for its counterpart on a device.
-  enum class Offset { predicted, none, traced };
-  Offset offset() const { return offset_; }
+  LookupOffset offset() const { return offset_; }
   const LookupRule& lookup_rule() const { return rule_; }
   float disparity_unit() const { return disparity_unit_; }
   OctaOctree& octree() { return octree_; }
@@ -61,7 +61,7 @@ class OctaOctreeField : public RadianceField {
   Config config_;
   Vec3f origin_, size_;
   LookupRule rule_;
-  Offset offset_;
+  LookupOffset offset_;
   float disparity_unit_;  // disparity = SquarePlus(output) * unit, in 1/world units
   OctaOctree octree_;
   HashGrid grid_;

@@ -8,8 +8,6 @@
 namespace octrad {
 namespace {
 
-using Offset = OctaOctreeField::Offset;
-
 struct Harmonics : Kernel {
   const float* w;
   std::size_t stride;
@@ -133,7 +131,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   const float* disparities() const override { return distance_.data(); }
 
   void encode(const Chunk& chunk) override {
-    if (offset_ == Offset::predicted) {
+    if (offset_ == LookupOffset::predicted) {
       const HalfRows inputs{disparity_inputs_.data(), rows_};
       grid_.lookup(stream_, read(grid_table_), queries(chunk), inputs, 0);
       if (config_.disparity_direction) {
@@ -143,7 +141,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
       if (chunk.training) disparity_.forward_keep(stream_, inputs, linear, chunk.n);
       else disparity_.forward(stream_, inputs, linear, chunk.n, chunk.slice);
       launch(stream_, chunk.n, ToDisparity{{}, disparity_linear_.data(), chunk.slice, unit_, distance_.data()});
-    } else if (offset_ == Offset::traced) {
+    } else if (offset_ == LookupOffset::traced) {
       launch(stream_, chunk.n,
              TracedDisparity{{},
                              chunk.points.data + 13 * chunk.points.stride,
@@ -155,7 +153,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   }
 
   void encode_backward(const Chunk& chunk, bool first) override {
-    const bool disparity = offset_ == Offset::predicted;
+    const bool disparity = offset_ == LookupOffset::predicted;
     scatter(
         table_,
         [&](const auto& sink) {
@@ -188,7 +186,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   void encode_step(const StepConstants* constants) override {
     TrainCounters* counters = counters_.data();
     table_.step(stream_, config_.adam_rate_features, &constants->rate_scale, &counters->non_finite, &counters->touched);
-    if (offset_ != Offset::predicted) return;
+    if (offset_ != LookupOffset::predicted) return;
     disparity_adam_.step(stream_, disparity_.weights().data(), disparity_.gradient().data(), config_.adam_rate_networks,
                          &constants->rate_scale, &counters->non_finite);
     disparity_.refresh(stream_);
@@ -221,7 +219,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
            decoder_.parameter_count();
   }
 
-  Offset offset_;
+  LookupOffset offset_;
   LookupRule rule_;
   float unit_;
   std::int64_t entries_;

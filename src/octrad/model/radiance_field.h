@@ -44,17 +44,19 @@ class RadianceField {
   virtual void set_target_scale(float scale) = 0;
   virtual float target_scale() const = 0;
 
-  // For views and `octrad query`: encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0
-  // for fields that predict none). Either output may be empty. Position in the unit cube of the encoding.
+  // For views and `octrad query`. Position in the unit cube of the encoding.
   virtual Vec3f normalized(Vec3f x) const = 0;
   virtual int feature_count() const = 0;
   virtual int levels() const = 0;
+  virtual bool predicts_disparity() const { return false; }
   // Occupied cells of each level, for estimate_memory() (none for fields without an octree).
   virtual std::vector<long long> cells_per_level() const { return {}; }
+  // Encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0 for fields that predict none).
+  // Either output may be empty.
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                        std::span<float> disparity) const = 0;
 
-  // Adds tensors under the names of method section 13. The memory they view belongs to the field.
+  // Adds tensors under the names of docs/formats.md. The memory they view belongs to the field.
   virtual void save(TensorWriter& out, bool optimizer) = 0;
   // Reads weights and, with `optimizer`, the optimiser's state. Returns whether the file had what was asked for.
   virtual bool load(const TensorReader& in, bool optimizer) = 0;

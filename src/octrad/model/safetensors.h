@@ -1,4 +1,4 @@
-// Reading and writing safetensors files (method section 13), memory-bounded: tensors are streamed.
+// Reading and writing safetensors files (docs/formats.md), memory-bounded: tensors are streamed.
 #pragma once
 
 #include <cstdint>

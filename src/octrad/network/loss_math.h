@@ -1,4 +1,4 @@
-// The relative squared loss of method section 7, per point and channel. float or double.
+// The relative squared loss of method section 7 (paper equation 14), per point and channel. float or double.
 #pragma once
 
 #include <cmath>

@@ -98,7 +98,7 @@ double stationary_prediction(LossNormalizer normalizer, int directions) {
 TEST(Loss, PredictionNormalizerIsUnbiasedAndSymmetricIsDark) {
   EXPECT_NEAR(stationary_prediction(LossNormalizer::prediction, 32), 1.0, 1e-6);
   EXPECT_NEAR(stationary_prediction(LossNormalizer::prediction, 256), 1.0, 1e-6);
-  // Method section 7 states -15 % and -2.7 %; to first order the bias is minus the variance of T.
+  // Method section 7 states -16 % and -2.8 %; to first order the bias is minus the variance of T.
   const double noisy = stationary_prediction(LossNormalizer::symmetric, 32),
                better = stationary_prediction(LossNormalizer::symmetric, 256);
   RecordProperty("symmetric_32", std::to_string(noisy));

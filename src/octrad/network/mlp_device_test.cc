@@ -9,6 +9,7 @@
 #include "octrad/base/random_inputs.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/network/checks.h"
+#include "octrad/network/mlp_reference_test_helper.h"
 
 namespace octrad {
 namespace {
@@ -25,50 +26,26 @@ const Case kCases[] = {
     {{141, 128, 2, 20}, 64},
 };
 
-// Forward and backward in double precision; `rounded`: with activations and gradients of hidden layers as halves (the
-// latter `scale` times), which decides about neurons close to 0 as the device does.
+// Forward and backward in double precision; `rounded`: with halves where the device has them (gradients times `scale`),
+// which decides about neurons close to 0 as the device does.
 struct Reference {
   std::vector<std::vector<double>> out, d_in;  // [row][..]
   std::vector<double> d_weights;
 };
 Reference evaluate(const Mlp& mlp, const std::vector<float>& in, const std::vector<float>& d_out, std::size_t n,
                    bool rounded, double scale) {
-  const auto half = [](double x) { return double(to_float(to_half(static_cast<float>(x)))); };
-  const MlpShape& s = mlp.shape();
+  const std::vector<double> weights(mlp.weights().begin(), mlp.weights().end());
+  testing::MlpReference network{mlp.shape(), rounded};
   Reference r;
-  r.d_weights.assign(mlp.parameter_count(), 0.0);
+  r.d_weights.resize(weights.size());
+  const auto column = [n](const std::vector<float>& rows, std::size_t row) {
+    std::vector<double> values;
+    for (std::size_t at = row; at < rows.size(); at += n) values.push_back(rows[at]);
+    return values;
+  };
   for (std::size_t row = 0; row < n; ++row) {
-    std::vector<std::vector<double>> x(1);
-    for (int i = 0; i < s.inputs; ++i) x[0].push_back(in[static_cast<std::size_t>(i) * n + row]);
-    for (int l = 0; l < mlp.layer_count(); ++l) {
-      std::vector<double> y(static_cast<std::size_t>(mlp.layer_outputs(l)), 0.0);
-      for (std::size_t o = 0; o < y.size(); ++o) {
-        for (std::size_t i = 0; i < x.back().size(); ++i)
-          y[o] += double(mlp.layer(l)[o * x.back().size() + i]) * x.back()[i];
-        if (l + 1 < mlp.layer_count()) y[o] = rounded ? half(std::max(y[o], 0.0)) : std::max(y[o], 0.0);
-      }
-      x.push_back(y);
-    }
-    r.out.push_back(x.back());
-    std::vector<double> d;
-    for (int o = 0; o < s.outputs; ++o) d.push_back(d_out[static_cast<std::size_t>(o) * n + row]);
-    std::size_t end = mlp.parameter_count();
-    for (int l = s.hidden; l >= 0; --l) {
-      const std::vector<double>& input = x[static_cast<std::size_t>(l)];
-      const std::size_t begin = end - d.size() * input.size();
-      std::vector<double> d_input(input.size(), 0.0);
-      for (std::size_t o = 0; o < d.size(); ++o) {
-        for (std::size_t i = 0; i < input.size(); ++i) {
-          r.d_weights[begin + o * input.size() + i] += d[o] * input[i];
-          d_input[i] += d[o] * mlp.layer(l)[o * input.size() + i];
-        }
-      }
-      for (std::size_t i = 0; l > 0 && i < input.size(); ++i)
-        d_input[i] = input[i] > 0.0 ? (rounded ? half(d_input[i] * scale) / scale : d_input[i]) : 0.0;
-      d = d_input;
-      end = begin;
-    }
-    r.d_in.push_back(d);
+    r.out.push_back(network.forward(column(in, row), weights));
+    r.d_in.push_back(network.backward(column(d_out, row), weights, r.d_weights, scale));
   }
   return r;
 }

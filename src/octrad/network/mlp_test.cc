@@ -11,55 +11,12 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_reference_test_helper.h"
 
 namespace octrad {
 namespace {
 
-// Evaluation and backpropagation straight from the definition, in double, one query at a time.
-struct Reference {
-  const Mlp& mlp;
-  std::vector<std::vector<double>> activations;  // input, hidden layers, output
-
-  explicit Reference(const Mlp& m) : mlp(m) {}
-
-  std::vector<double> forward(const std::vector<double>& in, const std::vector<double>& weights) {
-    activations = {in};
-    std::size_t at = 0;
-    for (int l = 0; l < mlp.layer_count(); ++l) {
-      const std::vector<double> x = activations.back();
-      std::vector<double> y(static_cast<std::size_t>(mlp.layer_outputs(l)));
-      for (double& out : y) {
-        for (double v : x) out += weights[at++] * v;
-        if (l + 1 < mlp.layer_count()) out = std::max(out, 0.0);
-      }
-      activations.push_back(y);
-    }
-    return activations.back();
-  }
-
-  // After forward(): adds to d_weights, returns the gradient at the input.
-  std::vector<double> backward(std::vector<double> dy, const std::vector<double>& weights,
-                               std::vector<double>& d_weights) {
-    std::size_t end = weights.size();
-    for (int l = mlp.layer_count() - 1; l >= 0; --l) {
-      const std::vector<double>& x = activations[static_cast<std::size_t>(l)];
-      const std::size_t begin = end - x.size() * dy.size();
-      std::vector<double> dx(x.size());
-      for (std::size_t o = 0; o < dy.size(); ++o) {
-        for (std::size_t k = 0; k < x.size(); ++k) {
-          d_weights[begin + o * x.size() + k] += dy[o] * x[k];
-          dx[k] += dy[o] * weights[begin + o * x.size() + k];
-        }
-      }
-      if (l > 0) {
-        for (std::size_t k = 0; k < x.size(); ++k) dx[k] = x[k] > 0.0 ? dx[k] : 0.0;
-      }
-      dy = dx;
-      end = begin;
-    }
-    return dy;
-  }
-};
+using octrad::testing::MlpReference;
 
 std::vector<float> random_floats(std::size_t n, std::uint64_t index) {
   Rng rng(7, RngPurpose::test, index);
@@ -93,7 +50,7 @@ void for_each_target(const Body& body) {
   hwy::SetSupportedTargetsForTest(0);
 }
 
-class MlpShapes : public testing::TestWithParam<Case> {};
+class MlpShapes : public ::testing::TestWithParam<Case> {};
 
 TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
   const Case c = GetParam();
@@ -112,7 +69,7 @@ TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
   const std::vector<double> weights(mlp.weights().begin(), mlp.weights().end());
 
   std::vector<double> want_out(outputs * n), want_dw(weights.size()), want_din(inputs * n), size_dw(weights.size());
-  Reference reference(mlp);
+  MlpReference reference{mlp.shape()};
   for (std::size_t i = 0; i < n; ++i) {
     std::vector<double> x(inputs), dy(outputs);
     for (std::size_t f = 0; f < inputs; ++f) x[f] = in[f * stride + i];
@@ -155,7 +112,7 @@ TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, MlpShapes, testing::ValuesIn(kCases), [](const auto& test) {
+INSTANTIATE_TEST_SUITE_P(Shapes, MlpShapes, ::testing::ValuesIn(kCases), [](const auto& test) {
   const MlpShape& s = test.param.shape;
   return "in" + std::to_string(s.inputs) + "x" + std::to_string(s.width) + "x" + std::to_string(s.hidden) + "to" +
          std::to_string(s.outputs) + "n" + std::to_string(test.param.n);
@@ -168,7 +125,7 @@ TEST(Mlp, ReferenceGradientIsTheDerivative) {
   std::vector<double> weights(mlp.weights().begin(), mlp.weights().end());
   std::vector<double> x{0.3, -0.2, 0.9, 0.5, -0.7, 0.1};
   const std::vector<double> dy{0.4, -1.0, 0.7};
-  Reference reference(mlp);
+  MlpReference reference{mlp.shape()};
   const auto loss = [&] {
     const std::vector<double> y = reference.forward(x, weights);
     return dy[0] * y[0] + dy[1] * y[1] + dy[2] * y[2];

@@ -1,4 +1,4 @@
-// Scattering at one surface point: dispatch over the models of shading/bsdf/list.h, wrappers, and the shaded hit.
+// Scattering at one surface point: dispatch over the models of scene/material_types.h, wrappers, and the shaded hit.
 // For the conventions of wo and wi see shading/bsdf_types.h. The models and wrappers behave as Mitsuba 3's.
 #pragma once
 

@@ -2,18 +2,20 @@
 
 #include <algorithm>
 
+#include "octrad/transport/first_hit_math.h"
+
 namespace octrad {
 
 LhsOptions lhs_options(const Config& config) {
   LhsOptions options;
-  options.walks = config.train_sampler == "area"    ? 0.0
-                  : config.train_sampler == "walks" ? 1.0
-                                                    : config.train_walks * (1.0 - config.train_view_share);
+  options.walks = config.train_sampler == TrainSampler::area    ? 0.0
+                  : config.train_sampler == TrainSampler::walks ? 1.0
+                                                                : config.train_walks * (1.0 - config.train_view_share);
   options.view = config.train_view_share;
   options.stop_probability = config.train_stop_probability;
   options.max_walk = config.train_max_walk;
   options.keep_direction = config.train_keep_direction;
-  options.uniform_glossy = config.train_fresh_direction == "uniform";
+  options.uniform_glossy = config.train_fresh_direction == FreshDirection::uniform;
   options.glossy_boost = config.train_glossy_boost;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   options.poses = config.train_poses;
@@ -30,15 +32,14 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
-  rhs.emission_inside = config_.target_emission == "inside";
-  rhs.traced_disparity = config_.lookup_offset == "traced";
+  rhs.emission_inside = config_.target_emission == TargetEmission::inside;
+  rhs.traced_disparity = config_.lookup_offset == LookupOffset::traced;
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   for (std::size_t i = 0; i < n; ++i) {
-    points_[i] = surface_point(shading_[i]);
+    points_[i] = field_query_point(context_, shading_[i], rhs.traced_disparity);
     const SurfaceInteraction& surface = shading_[i].surface;
-    if (rhs.traced_disparity) points_[i].disparity = traced_disparity(context_, points_[i], surface.geometric_normal);
     if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
   }
   return statistics;

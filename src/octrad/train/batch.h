@@ -14,10 +14,10 @@ LhsOptions lhs_options(const Config& config);
 
 class BatchSource {
  public:
-  BatchSource(const TransportContext& context, const Config& config, const std::vector<Camera>& cameras)
-      : context_(context),
+  BatchSource(const PreparedScene& scene, const Config& config, const std::vector<Camera>& cameras)
+      : context_(scene.context()),
         config_(config),
-        sampler_(context, lhs_options(config), cameras) {}
+        sampler_(scene, lhs_options(config), cameras) {}
 
   // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, asking `query`
   // where the bounce ends. Replaces points() and targets().

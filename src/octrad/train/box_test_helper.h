@@ -9,17 +9,13 @@
 #include <string>
 
 #include "octrad/scene/load.h"
-#include "octrad/transport/context.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad::testing {
 
 // A lit box with a glossy wall, small enough to train a few steps in milliseconds.
 struct Box {
-  Scene scene = load();
-  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
+  PreparedScene scene{load()};
 
   static Scene load() {
     const auto file = std::filesystem::temp_directory_path() / ("octrad_box_" + std::to_string(::getpid()) + ".xml");

@@ -18,9 +18,9 @@ struct DeviceEngineOptions {
 std::vector<MemoryPart> estimate_device_training(const Config& config, const std::vector<long long>& cells_per_level,
                                                  const DeviceEngineOptions& options);
 
-// `sampler` gives poses and rules of left-hand-side points. The stream must outlive the engine; `context` is not needed
-// once it stands. Throws MemoryError, DeviceError.
-std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const TransportContext& context, const Config& config,
+// `sampler` gives poses and rules of left-hand-side points. The stream and the scene must outlive the engine. Throws
+// MemoryError, DeviceError.
+std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const PreparedScene& scene, const Config& config,
                                                 const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
                                                 const DeviceEngineOptions& options);
 

@@ -10,10 +10,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/array.h"
 #include "octrad/device/launch.h"
-#include "octrad/geometry/bvh8.h"
-#include "octrad/geometry/surface_sampling.h"
 #include "octrad/model/device_field.h"
-#include "octrad/shading/device_scene.h"
 #include "octrad/train/device_engine.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/lhs_device.h"
@@ -82,25 +79,23 @@ DeviceFieldOptions field_options(const Config& config, const DeviceEngineOptions
 
 class DeviceEngine : public TrainEngine {
  public:
-  DeviceEngine(Stream& stream, const TransportContext& context, const Config& config, const LhsSampler& sampler,
+  DeviceEngine(Stream& stream, const PreparedScene& scene, const Config& config, const LhsSampler& sampler,
                std::unique_ptr<RadianceField> field, const DeviceEngineOptions& options)
       : stream_(stream),
         times_(stream),
         config_(config),
         options_(options),
-        traced_(config.lookup_offset == "traced"),
-        scene_(stream,
-               {context.scene, context.materials, context.lights, build_bvh8(context.scene), &sampler.surfaces()}),
-        lhs_(stream, scene_.world(), lhs_options(config), sampler.views(), sampler.fresh_poses(), most_points(config),
-             most_points_ahead(config, options)),
-        rhs_(stream, scene_.world(), most_slots(config), traced_),
+        traced_(config.lookup_offset == LookupOffset::traced),
+        lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
+             most_points(config), most_points_ahead(config, options)),
+        rhs_(stream, scene.world(stream), most_slots(config), traced_),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
         answers_(stream, most_slots(config), "answers of the cache"),
         targets_(stream, most_points(config), "targets") {
     rhs_options_.max_chain = config.train_max_chain;
-    rhs_options_.emission_inside = config.target_emission == "inside";
+    rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);
   }
@@ -236,7 +231,6 @@ class DeviceEngine : public TrainEngine {
   const Config config_;
   const DeviceEngineOptions options_;
   bool traced_;
-  DeviceScene scene_;
   DeviceLhs lhs_;
   DeviceRhs rhs_;
   DeviceRhsOptions rhs_options_;
@@ -260,16 +254,16 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, config.lookup_offset == "traced") + slots * sizeof(Vec3f)});
+                   DeviceRhs::bytes(slots, config.lookup_offset == LookupOffset::traced) + slots * sizeof(Vec3f)});
   parts.push_back(
       {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) + points * sizeof(Vec3f)});
   return parts;
 }
 
-std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const TransportContext& context, const Config& config,
+std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const PreparedScene& scene, const Config& config,
                                                 const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
                                                 const DeviceEngineOptions& options) {
-  return std::make_unique<DeviceEngine>(stream, context, config, sampler, std::move(field), options);
+  return std::make_unique<DeviceEngine>(stream, scene, config, sampler, std::move(field), options);
 }
 
 }  // namespace octrad

@@ -69,9 +69,9 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
   for (const char* field : {"octaoctree", "nr"}) {
     const Config config = short_run(field, 60);
     TrainOptions options;
-    const TrainResult on_cpu = train(box.context, config, options);
+    const TrainResult on_cpu = train(box.scene, config, options);
     options.stream = stream.get();
-    const TrainResult on_stream = train(box.context, config, options);
+    const TrainResult on_stream = train(box.scene, config, options);
     EXPECT_EQ(on_stream.steps, on_cpu.steps);
     EXPECT_EQ(on_stream.lhs_samples, on_cpu.lhs_samples);
     EXPECT_TRUE(on_cpu.stages.empty());
@@ -89,7 +89,7 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     EXPECT_NEAR(on_stream.loss, on_cpu.loss, 0.05 * on_cpu.loss) << field;
     EXPECT_LT(mean_relative_difference(radiance(*on_stream.field), radiance(*on_cpu.field)), 0.05) << field;
     // And it is something: not what an untrained field says.
-    const TrainResult untrained = train(box.context, short_run(field, 1), TrainOptions{});
+    const TrainResult untrained = train(box.scene, short_run(field, 1), TrainOptions{});
     EXPECT_GT(mean_relative_difference(radiance(*untrained.field), radiance(*on_cpu.field)), 0.3) << field;
   }
 }
@@ -100,8 +100,8 @@ TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
   Box box;
   TrainOptions options;
   options.stream = stream.get();
-  EXPECT_TRUE(train(box.context, short_run("octaoctree", 32), options).stages.empty());
-  EXPECT_EQ(train(box.context, short_run("octaoctree", 33), options).stages.size(), 5u);
+  EXPECT_TRUE(train(box.scene, short_run("octaoctree", 32), options).stages.empty());
+  EXPECT_EQ(train(box.scene, short_run("octaoctree", 33), options).stages.size(), 5u);
 }
 
 TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
@@ -112,8 +112,8 @@ TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
   options.stream = stream.get();
   options.deterministic = true;
   const Config config = short_run("octaoctree", 20);
-  const std::vector<Vec3f> a = radiance(*train(box.context, config, options).field),
-                           b = radiance(*train(box.context, config, options).field);
+  const std::vector<Vec3f> a = radiance(*train(box.scene, config, options).field),
+                           b = radiance(*train(box.scene, config, options).field);
   for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << i;
 }
 
@@ -127,8 +127,8 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
   config.train_points = 128;
   config.train_directions = 1;
   config.train_quarters = true;
-  const FieldDomain domain = field_domain(box.scene, config);
-  BatchSource batches(box.context, config, {});
+  const FieldDomain domain = field_domain(box.scene.scene(), config);
+  BatchSource batches(box.scene, config, {});
   std::vector<Vec3f> learnt[3], last_targets[3];
   std::vector<SurfacePoint> last_points[3];
   const int groups[] = {1, 4, 16};
@@ -137,7 +137,7 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
     options.deterministic = true;
     options.group_steps = groups[k];
     auto engine =
-        make_device_engine(*stream, box.context, config, batches.sampler(), make_field(config, domain), options);
+        make_device_engine(*stream, box.scene, config, batches.sampler(), make_field(config, domain), options);
     for (long long step = 3; step < 24; ++step) {
       engine->step(step, schedule(config, step, static_cast<double>(step) / 24.0));
       if (step == 9) {
@@ -168,21 +168,21 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   const Config config = short_run("octaoctree", 40);
-  const TrainResult whole = train(box.context, config, TrainOptions{});
+  const TrainResult whole = train(box.scene, config, TrainOptions{});
   for (const bool starts_on_cpu : {true, false}) {
     TrainOptions options;
     options.output = temporary("moves.octrad");
     options.stream = starts_on_cpu ? nullptr : stream.get();
     int asked = 0;
     options.interrupted = [&] { return ++asked > 20; };
-    EXPECT_TRUE(train(box.context, config, options).interrupted);
+    EXPECT_TRUE(train(box.scene, config, options).interrupted);
     Model model = load_model(options.output, true);
     EXPECT_EQ(model.info.state.step, 20);
     ASSERT_TRUE(model.has_optimizer);
     options.interrupted = nullptr;
     options.resume = &model;
     options.stream = starts_on_cpu ? stream.get() : nullptr;
-    const TrainResult result = train(box.context, model.info.config, options);
+    const TrainResult result = train(box.scene, model.info.config, options);
     EXPECT_EQ(result.steps, 40);
     EXPECT_LT(mean_relative_difference(radiance(*result.field), radiance(*whole.field)), 0.05);
     std::filesystem::remove(options.output);
@@ -197,7 +197,7 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
   options.stream = stream.get();
   options.max_memory = 1e6;
   try {
-    train(box.context, short_run("octaoctree", 5), options);
+    train(box.scene, short_run("octaoctree", 5), options);
     FAIL() << "1 MB was enough";
   } catch (const MemoryError& error) {
     EXPECT_NE(std::string(error.what()).find("octree.levels=2"), std::string::npos) << error.what();
@@ -206,7 +206,7 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
   double estimate = 0.0;
   options.max_memory = 0.0;
   options.progress = [&](const TrainProgress& p) { estimate = p.bytes; };
-  train(box.context, short_run("octaoctree", 20), options);
+  train(box.scene, short_run("octaoctree", 20), options);
   EXPECT_GT(estimate, 0.8 * static_cast<double>(stream->peak_bytes()));
   EXPECT_LT(estimate, 1.3 * static_cast<double>(stream->peak_bytes()));
 }

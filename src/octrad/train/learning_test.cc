@@ -43,8 +43,9 @@ Scene checkered_room() {
 }
 
 // Mean relative error of a trained field over the floor, seen from the camera and from a place that no pose favours.
-double learned_error(const TransportContext& context, const Config& config) {
-  const TrainResult trained = train(context, config, {});
+double learned_error(const PreparedScene& scene, const Config& config) {
+  const TransportContext context = scene.context();
+  const TrainResult trained = train(scene, config, {});
   std::vector<ShadingPoint> floor;
   for (const Camera& camera : {context.scene.cameras[0], look_at({0.6f, -0.3f, -0.6f}, {-0.3f, -1.0f, 0.2f}, {0, 1, 0},
                                                                  70.0f, Camera::FovAxis::x)}) {
@@ -75,11 +76,7 @@ double learned_error(const TransportContext& context, const Config& config) {
 TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   if (std::getenv("OCTRAD_SANITIZED"))
     GTEST_SKIP() << "takes minutes under the sanitizers; the parts are tested there one by one";
-  const Scene scene = checkered_room();
-  const auto tracer = make_embree_tracer(scene);
-  const Materials materials(scene);
-  const Lights lights(scene);
-  const TransportContext context{scene, *tracer, materials, lights};
+  const PreparedScene scene(checkered_room());
   Config config = preset("cpu");
   config.train_steps = 2000;
   config.train_points = 512;
@@ -90,7 +87,7 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   config.decoder_hidden = 2;
 
   constexpr double kStated = 0.104;
-  const double whole = learned_error(context, config);
+  const double whole = learned_error(scene, config);
   RecordProperty("error", std::to_string(whole));
   EXPECT_LT(whole, kStated);
   for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{{"lookup.offset", "none"},
@@ -99,7 +96,7 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
                                                                                    {"lookup.direction", "outgoing"}}) {
     Config broken = config;
     set(broken, key, value);
-    const double error = learned_error(context, broken);
+    const double error = learned_error(scene, broken);
     EXPECT_GT(error, kStated) << key << "=" << value << " does no harm: the test does not see that part";
   }
 }

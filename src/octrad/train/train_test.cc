@@ -65,18 +65,18 @@ TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
   const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
   TrainOptions options;
   options.output = whole;
-  train(box.context, short_run(12), options);
+  train(box.scene, short_run(12), options);
 
   options.output = broken;
   int steps = 0;
   options.interrupted = [&] { return ++steps > 5; };
-  EXPECT_TRUE(train(box.context, short_run(12), options).interrupted);
+  EXPECT_TRUE(train(box.scene, short_run(12), options).interrupted);
   Model model = load_model(broken, true);
   EXPECT_EQ(model.info.state.step, 5);
   ASSERT_TRUE(model.has_optimizer);
   options.interrupted = nullptr;
   options.resume = &model;
-  const TrainResult result = train(box.context, model.info.config, options);
+  const TrainResult result = train(box.scene, model.info.config, options);
   EXPECT_EQ(result.steps, 12);
   expect_same_tensors(whole, broken);
   std::filesystem::remove(whole);
@@ -90,7 +90,7 @@ TEST(Train, SameBitsAtAnyThreadCount) {
   for (const auto& [threads, file] : {std::pair{1, one}, std::pair{3, three}}) {
     set_thread_count(threads);
     options.output = file;
-    train(box.context, short_run(8), options);
+    train(box.scene, short_run(8), options);
   }
   set_thread_count(0);
   expect_same_tensors(one, three);
@@ -105,7 +105,7 @@ TEST(Train, OverBudgetRequestsNameTheKnobs) {
   TrainOptions options;
   options.max_memory = 1e6;
   try {
-    train(box.context, config, options);
+    train(box.scene, config, options);
     FAIL() << "a megabyte was enough";
   } catch (const MemoryError& e) {
     for (const char* word : {"octree.levels=4", "octree.features=2", "--max-memory"})
@@ -118,16 +118,16 @@ TEST(Train, OverBudgetIsRefusedOnResumeToo) {
   const std::string file = temporary("budget.octrad");
   TrainOptions options;
   options.output = file;
-  train(box.context, short_run(2), options);
+  train(box.scene, short_run(2), options);
   Model model = load_model(file, true);
   model.info.config.train_steps = 4;
   options.resume = &model;
   options.max_memory = 1e4;
-  EXPECT_THROW(train(box.context, model.info.config, options), MemoryError);
+  EXPECT_THROW(train(box.scene, model.info.config, options), MemoryError);
   model = load_model(file, true);
   model.info.config.train_steps = 4;
   options.max_memory = 1e9;
-  EXPECT_EQ(train(box.context, model.info.config, options).steps, 4);
+  EXPECT_EQ(train(box.scene, model.info.config, options).steps, 4);
   std::filesystem::remove(file);
 }
 
@@ -140,7 +140,7 @@ TEST(Train, NonFiniteValuesStopTheRunWithItsStep) {
   TrainOptions options;
   options.output = file;
   try {
-    train(box.context, config, options);
+    train(box.scene, config, options);
     FAIL() << "nothing overflowed";
   } catch (const InputError& e) {
     EXPECT_EQ(std::string(e.what()).rfind("step ", 0), 0u) << e.what();
@@ -162,7 +162,7 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
     EXPECT_EQ(p.steps, 5);
     EXPECT_GT(p.points_per_second, 0.0);
   };
-  const TrainResult result = train(box.context, short_run(5), options);
+  const TrainResult result = train(box.scene, short_run(5), options);
   EXPECT_GE(reports, 1);
   EXPECT_GT(result.validation_mape, 0.0);
   EXPECT_TRUE(std::isfinite(result.validation_mape));
@@ -181,8 +181,9 @@ TEST(Train, BothFieldsAndAllPresetsTakeAStep) {
       config.train_steps = 4;
       config.train_points = 128;
       config.train_directions = 4;
-      if (config.octree_occupancy == "sampled") config.octree_occupancy = "conservative";  // 2^26 samples take seconds
-      const TrainResult result = train(box.context, config, {});
+      if (config.octree_occupancy == OctreeOccupancy::sampled)
+        config.octree_occupancy = OctreeOccupancy::conservative;  // 2^26 samples take seconds
+      const TrainResult result = train(box.scene, config, {});
       EXPECT_EQ(result.steps, 4);
       EXPECT_TRUE(std::isfinite(result.loss)) << name << " " << field;
     }

@@ -79,18 +79,18 @@ double check_memory(const MemoryEstimate& estimate, const Config& config, const 
 // One training run: everything that lives from the first step to the last.
 class Run {
  public:
-  Run(const TransportContext& context, const Config& config, const TrainOptions& options)
-      : context_(context),
+  Run(const PreparedScene& scene, const Config& config, const TrainOptions& options)
+      : scene_(scene),
         config_(config),
         options_(options) {
-    auto batches = std::make_unique<BatchSource>(context, config_, options.cameras);
+    auto batches = std::make_unique<BatchSource>(scene, config_, options.cameras);
     std::unique_ptr<RadianceField> field;
     if (options.resume) {
       field = std::move(options.resume->field);
       state_ = options.resume->info.state;
       bytes_ = check_memory(memory_estimate(options), config, field->cells_per_level(), options.max_memory, true);
     } else {
-      const FieldDomain domain = field_domain(context.scene, config);
+      const FieldDomain domain = field_domain(scene.scene(), config);
       bytes_ = check_memory(memory_estimate(options), config, cell_counts(domain), options.max_memory, false);
       field = make_field(config, domain);
       field->set_target_scale(
@@ -99,12 +99,12 @@ class Run {
     if (options.stream) {
       DeviceEngineOptions device;
       device.deterministic = options.deterministic;
-      engine_ = make_device_engine(*options.stream, context, config_, batches->sampler(), std::move(field), device);
+      engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field), device);
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
     if (options.reference) {
-      validation_ = std::make_unique<Validation>(context, *options.reference, config, 8192, 2);
+      validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
   }
 
@@ -116,7 +116,7 @@ class Run {
   void settle();
   [[noreturn]] void stop_non_finite(long long step, const std::string& why);
 
-  TransportContext context_;
+  const PreparedScene& scene_;
   Config config_;
   const TrainOptions& options_;
   std::unique_ptr<TrainEngine> engine_;
@@ -139,8 +139,8 @@ void Run::checkpoint(bool optimizer) {
   if (options_.output.empty()) return;
   ModelInfo info;
   info.config = config_;
-  info.scene_file = context_.scene.file;
-  info.scene_fingerprint = context_.scene.fingerprint;
+  info.scene_file = scene_.scene().file;
+  info.scene_fingerprint = scene_.scene().fingerprint;
   info.state = state_;
   save_model(options_.output, engine_->field(), info, optimizer);
   if (options_.saved) options_.saved(options_.output, state_.step);
@@ -235,7 +235,7 @@ TrainResult Run::go() {
   }
   checkpoint(options_.save_optimizer || result.interrupted);
   if (options_.reference)
-    result.validation_mape = Validation(context_, *options_.reference, config_, 1 << 20, 4).mape(*engine_);
+    result.validation_mape = Validation(scene_.context(), *options_.reference, config_, 1 << 20, 4).mape(*engine_);
   result.steps = state_.step;
   result.seconds = state_.seconds;
   result.lhs_samples = state_.lhs_samples;
@@ -250,19 +250,19 @@ TrainResult Run::go() {
 }  // namespace
 
 FieldDomain field_domain(const Scene& scene, const Config& config) {
-  const Domain box = scene_domain(scene.bounds, config.octree_box == "cube");
+  const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   FieldDomain domain{box.origin, box.size, {}};
   if (config.field == "octaoctree") {
     domain.occupied_cells =
-        config.octree_occupancy == "sampled"
+        config.octree_occupancy == OctreeOccupancy::sampled
             ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
             : occupied_cells(scene, box, config.octree_levels);
   }
   return domain;
 }
 
-TrainResult train(const TransportContext& context, const Config& config, const TrainOptions& options) {
-  return Run(context, config, options).go();
+TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options) {
+  return Run(scene, config, options).go();
 }
 
 }  // namespace octrad

@@ -11,7 +11,7 @@
 #include "octrad/image/image.h"
 #include "octrad/model/config.h"
 #include "octrad/model/model_file.h"
-#include "octrad/transport/context.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 
@@ -54,7 +54,7 @@ struct TrainResult {
 
 // Throws MemoryError before allocating when the estimate is over max_memory (naming what each knob saves), and
 // InputError when the loss turns non-finite (the last good model stays in `output`).
-TrainResult train(const TransportContext& context, const Config& config, const TrainOptions& options);
+TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options);
 
 // Box and occupied cells that a field over this scene gets.
 FieldDomain field_domain(const Scene& scene, const Config& config);

@@ -12,18 +12,16 @@ namespace octrad {
 class Validation {
  public:
   // At most `max_pixels` pixels spread over the reference (of the scene's first camera), `spp` jittered primary hits
-  // each.
+  // each. Throws InputError for a reference without colour.
   Validation(const TransportContext& context, const Image& reference, const Config& config, int max_pixels, int spp);
 
-  // MAPE of method section 10: mean of |I - R| / (R + 0.01) over the pixels and RGB.
+  // MAPE of image/metrics.h over these pixels.
   double mape(TrainEngine& engine) const;
 
  private:
-  struct Pixel {
-    Vec3f reference, known;
-  };  // known: emission and environment seen directly
   int spp_;
-  std::vector<Pixel> pixels_;
+  Image reference_;           // the chosen pixels, in one row
+  std::vector<Vec3f> known_;  // radiance of each pixel that needs no field, summed over its samples
   std::vector<SurfacePoint> points_;
   std::vector<std::size_t> owner_;  // pixel of each point
 };

@@ -58,7 +58,7 @@ TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
     if (i / 100 % 5 == 0) rays[i].origin.y += 100.0f;  // whole warps that pass by
   }
   const DeviceArray<RayQuery> device_rays(*stream, std::span<const RayQuery>(rays), "test");
-  const Bvh8View tree = setup.bvh.view();
+  const Bvh8View tree = setup.prepared.bvh8().view();
   for (const std::uint32_t n : {0u, 1u, 31u, 32u, 33u, 4097u, kMost}) {
     for (const std::uint32_t capacity : {n, kMost}) {
       const std::vector<std::uint32_t> size = {n};

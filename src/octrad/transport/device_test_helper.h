@@ -11,29 +11,23 @@
 #include <vector>
 
 #include "octrad/device/stream_test_helper.h"
-#include "octrad/geometry/bvh8.h"
-#include "octrad/shading/device_scene.h"
 #include "octrad/shading/test_fixtures.h"
 #include "octrad/transport/camera_job.h"
-#include "octrad/transport/context.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad::testing {
 
-// The CPU walks the same tree as the device.
+// The CPU traverses the same tree as the device.
 struct DeviceSetup {
-  Scene scene;
-  Bvh8 bvh = build_bvh8(scene);
-  std::unique_ptr<Tracer> tracer = make_bvh8_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  std::unique_ptr<SurfaceSampler> surfaces = scene.shapes.empty() ? nullptr : std::make_unique<SurfaceSampler>(scene);
-  TransportContext context{scene, *tracer, materials, lights};
-  DeviceScene device;
+  PreparedScene prepared;
+  const DeviceWorld& device;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
   DeviceSetup(Stream& stream, Scene s)
-      : scene(std::move(s)),
-        device(stream, SceneTables{scene, materials, lights, bvh, surfaces.get()}) {}
-  const DeviceWorld& world() const { return device.world(); }
+      : prepared(std::move(s), PreparedScene::CpuTree::bvh8),
+        device(prepared.world(stream)) {}
+  const DeviceWorld& world() const { return device; }
 };
 
 struct BoxOptions {

@@ -6,22 +6,11 @@
 #include "octrad/base/surface_point.h"
 #include "octrad/transport/camera_job.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/first_hit_math.h"
 
 namespace octrad {
 
 struct DeviceWorld;
-
-struct GBufferOptions {
-  bool follow_delta = false;  // over mirrors and glass (render.delta = trace)
-  int max_chain = 16;
-  bool emission_inside = false;  // answers about emitters hold their emission
-  enum class Bounce {
-    none,
-    glossy,
-    all
-  } bounce = Bounce::none;       // which points become right-hand-side points (lhs, deferred, rhs)
-  float rough_threshold = 0.5f;  // glossy: below
-};
 
 // Everything is allocated by the constructor; run() and add() can be recorded.
 template <typename World>
@@ -35,7 +24,7 @@ class GBufferOn {
   // What the next run() sees; not while the stream records.
   void set(const CameraJob& job);
   // Traces the job's samples; a recorded run serves jobs of at most `samples` samples (0: the capacity).
-  void run(const GBufferOptions& options, std::size_t samples = 0);
+  void run(const FirstHitOptions& options, std::size_t samples = 0);
   const CameraJob* job() const { return job_.data(); }
 
   SurfacePointArray queries() const { return queries_.points(); }

@@ -7,7 +7,7 @@ namespace octrad {
 namespace {
 
 using testing::DeviceSetup;
-using Bounce = GBufferOptions::Bounce;
+using Bounce = FirstHitOptions::Bounce;
 
 class DeviceGBuffers : public ::testing::TestWithParam<bool> {};
 
@@ -18,7 +18,7 @@ Vec3f right_hand_side(const ShadingPoint& p, unsigned long long key) {
   return {p.surface.position.y, p.wo.z, static_cast<float>(key % 1000)};
 }
 
-void expect_cpu_samples(Stream& stream, const GBufferOptions& options, bool traced) {
+void expect_cpu_samples(Stream& stream, const FirstHitOptions& options, bool traced) {
   const DeviceSetup setup(stream, testing::room());
   const CameraJob job = testing::whole_picture(setup.scene, 3);
   const std::size_t n = job.size();
@@ -28,25 +28,16 @@ void expect_cpu_samples(Stream& stream, const GBufferOptions& options, bool trac
   for (std::uint32_t k = 0; k < n; ++k) {
     CameraSample sample = job.sample(k);
     FirstHit first;
-    const RayEnd end = follow_ray(setup.context, sample.ray.origin, nullptr, sample.ray.direction, sample.rng,
-                                  options.follow_delta, options.max_chain, sample.ray.t_max, &first);
+    RayEnd end;
+    const FirstHitQuery query = trace_first_hit(setup.context, options, sample, end, first);
     rays += static_cast<unsigned long long>(end.rays);
-    const bool bounce =
-        end.surface && (options.bounce == Bounce::all ||
-                        (options.bounce == Bounce::glossy && roughness(end.point.bsdf) < options.rough_threshold));
-    Vec3f sum =
-        end.surface && options.emission_inside && !bounce ? end.passed_emitted : end.first_emitted + end.emitted;
-    if (bounce) {
-      const unsigned long long high = sample.rng.bits();
-      sum += end.throughput * right_hand_side(end.point, (high << 32) | sample.rng.bits());
+    Vec3f sum = query.known;
+    if (query.next == FirstHitQuery::Next::bounce) {
+      sum += end.throughput * right_hand_side(end.point, query.key);
       ++bounces;
-    } else if (end.surface) {
-      SurfacePoint p = surface_point(end.point);
-      if (traced) {
-        p.disparity = traced_disparity(setup.context, p, end.point.surface.geometric_normal);
-        ++rays;
-      }
-      sum += end.throughput * answer(p);
+    } else if (query.next == FirstHitQuery::Next::query) {
+      rays += traced;
+      sum += end.throughput * answer(field_query_point(setup.context, end.point, traced));
       ++queries;
     }
     radiance.push_back(sum);
@@ -101,7 +92,7 @@ TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
   for (const bool follow : {false, true}) {
     for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
       SCOPED_TRACE(static_cast<int>(bounce) + 10 * follow);
-      GBufferOptions options;
+      FirstHitOptions options;
       options.follow_delta = follow;
       options.bounce = bounce;
       options.emission_inside = follow;

@@ -44,23 +44,17 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t k, const Hit& hit) const { memory.hits[k] = hit; }
 };
 
-// The way of sample `k` is over.
-OCTRAD_HD inline void finish(const Memory& memory, const GBufferOptions& options, std::uint32_t k, const RayEnd& end,
+// The ray of sample `k` has ended.
+OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, const RayEnd& end,
                              const FirstHit& first, Rng& rng) {
-  const bool bounce =
-      end.surface &&
-      (options.bounce == GBufferOptions::Bounce::all ||
-       (options.bounce == GBufferOptions::Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold));
-  // A field trained on total radiance holds the emission of what it is asked about; everything else is added here.
-  const bool emission_known = end.surface && options.emission_inside && !bounce;
-  memory.samples.set_radiance(k, emission_known ? end.passed_emitted : end.first_emitted + end.emitted);
+  const FirstHitQuery query = first_hit_query(options, end, rng);
+  memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
-  if (!end.surface) return;
-  if (bounce) {
+  if (query.next == FirstHitQuery::Next::nothing) return;
+  if (query.next == FirstHitQuery::Next::bounce) {
     const std::uint32_t b = atomic_append(memory.bounce_count);
     memory.bounce_points[b] = end.point;
-    const unsigned long long high = rng.bits();
-    memory.bounce_keys[b] = (high << 32) | rng.bits();
+    memory.bounce_keys[b] = query.key;
     memory.bounce_weight.set3(0, b, end.throughput);
     memory.bounce_owner[b] = k;
     return;
@@ -78,7 +72,7 @@ struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
   World world;
   Memory memory;
-  GBufferOptions options;
+  FirstHitOptions options;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const CameraJob& job = *memory.job;
     if (i >= (kChain ? *memory.chain_count : job.size())) return;
@@ -170,7 +164,7 @@ void GBufferOn<World>::set(const CameraJob& job) {
 }
 
 template <typename World>
-void GBufferOn<World>::run(const GBufferOptions& options, std::size_t samples) {
+void GBufferOn<World>::run(const FirstHitOptions& options, std::size_t samples) {
   using namespace gbuffer_kernels;
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
@@ -178,8 +172,8 @@ void GBufferOn<World>::run(const GBufferOptions& options, std::size_t samples) {
                       chains_.data(),       queries_.points(),     query_weight_.planes(), query_owner_.data(),
                       normals_.planes(),    bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(),
                       bounce_owner_.data(), sizes + kChains,       sizes + kQueries,       sizes + kBounces};
-  GBufferOptions checked = options;
-  if (bounce_points_.empty()) checked.bounce = GBufferOptions::Bounce::none;
+  FirstHitOptions checked = options;
+  if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   sizes_.fill(0);
   cast(*stream_, n, Extend<World>{{}, world_, memory});
   launch(*stream_, n, Arrive<World, false>{{}, world_, memory, checked});

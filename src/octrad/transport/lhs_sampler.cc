@@ -17,11 +17,11 @@ struct SampledWorld : TransportContext {
 
 }  // namespace
 
-LhsSampler::LhsSampler(const TransportContext& context, const LhsOptions& options, const std::vector<Camera>& cameras)
-    : context_(context),
+LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, const std::vector<Camera>& cameras)
+    : context_(scene.context()),
       options_(options),
-      surfaces_(context.scene),
-      poses_(context.scene.cameras) {
+      surfaces_(scene.surfaces()),
+      poses_(scene.scene().cameras) {
   poses_.insert(poses_.end(), cameras.begin(), cameras.end());
   if (poses_.empty())
     throw InputError("the scene has no sensor and no camera file was given: there is nowhere to start walks from");

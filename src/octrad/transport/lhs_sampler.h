@@ -1,34 +1,33 @@
-// Left-hand-side points: where a radiance field is trained (method section 7, "LHS points").
+// Left-hand-side points: where a radiance field is trained (method section 7).
 #pragma once
 
 #include <span>
 #include <string>
 #include <vector>
 
-#include "octrad/geometry/surface_sampling.h"
-#include "octrad/transport/context.h"
 #include "octrad/transport/lhs_math.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 
 class LhsSampler {
  public:
-  // `cameras`: poses that the user named; with the sensors they replace generated ones.
-  LhsSampler(const TransportContext& context, const LhsOptions& options, const std::vector<Camera>& cameras = {});
+  // `cameras`: poses that the user named; with the sensors they replace generated ones. The scene must outlive the
+  // sampler.
+  LhsSampler(const PreparedScene& scene, const LhsOptions& options, const std::vector<Camera>& cameras = {});
 
   // `count` points of step `step`; masks decided, never black. Parallel; same bits at any thread count.
   void sample(unsigned long long step, std::span<ShadingPoint> points) const;
 
   const std::vector<Camera>& poses() const { return poses_; }
   // The same as lhs_point() takes them, and whether every walk starts from a pose of its own instead.
-  const SurfaceSampler& surfaces() const { return surfaces_; }
   std::span<const CameraView> views() const { return views_; }
   bool fresh_poses() const { return fresh_poses_; }
 
  private:
   TransportContext context_;
   LhsOptions options_;
-  SurfaceSampler surfaces_;
+  const SurfaceSampler& surfaces_;
   std::vector<Camera> poses_;      // the first is the scene's own view
   std::vector<CameraView> views_;  // of the poses
   bool fresh_poses_ = false;

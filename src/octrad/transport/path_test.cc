@@ -1,4 +1,5 @@
 #include "octrad/transport/path.h"
+#include "octrad/transport/prepared_scene.h"
 
 #include <gtest/gtest.h>
 
@@ -12,12 +13,10 @@ namespace {
 using testing::SceneMaker;
 
 struct World {
-  Scene scene;
-  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
-  explicit World(const SceneMaker& maker) : scene(maker.scene) {}
+  PreparedScene prepared;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
+  explicit World(const SceneMaker& maker) : prepared(maker.scene) {}
 };
 
 std::vector<PathSample> samples_along(const Ray& ray, int count, std::uint64_t seed = 1) {

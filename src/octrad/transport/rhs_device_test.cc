@@ -59,7 +59,7 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   kinds[4].glossy_boost = 3.0;
   DeviceArray<unsigned long long> step(*stream, 1, "step");
   for (const LhsOptions& options : kinds) {
-    const LhsSampler sampler(setup.context, options);
+    const LhsSampler sampler(setup.prepared, options);
     std::vector<ShadingPoint> expected(n);
     sampler.sample(42, expected);
     DeviceLhs lhs(*stream, setup.world(), options, sampler.views(), sampler.fresh_poses(), n);
@@ -89,7 +89,7 @@ TEST_P(DeviceBatches, LeftHandSidesOfManyStepsAtOnceAreTheSame) {
   const DeviceSetup setup(*stream, testing::room());
   LhsOptions options;
   options.glossy_boost = 3.0;
-  const LhsSampler sampler(setup.context, options);
+  const LhsSampler sampler(setup.prepared, options);
   const std::size_t n = 250;
   DeviceArray<unsigned long long> step(*stream, 1, "step");
   for (const int rounds : {-1, 0, 5}) {  // all that the rounds leave over is drawn to its end
@@ -129,7 +129,7 @@ TEST_P(DeviceBatches, LeftHandSidesThatAreNotThereAreCounted) {
   LhsOptions options;
   options.view = 1.0;
   options.walks = 0.0;
-  const LhsSampler sampler(setup.context, options);
+  const LhsSampler sampler(setup.prepared, options);
   std::vector<ShadingPoint> expected(1);
   EXPECT_THROW(sampler.sample(0, expected), InputError);
   const std::size_t n = 100;
@@ -150,7 +150,7 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const DeviceSetup setup(*stream, testing::room());
   EXPECT_THROW(DeviceLhs(*stream, setup.world(), {}, {}, true, 10), UsageError);
-  const LhsSampler sampler(setup.context, {});
+  const LhsSampler sampler(setup.prepared, {});
   DeviceLhs lhs(*stream, setup.world(), {}, sampler.views(), sampler.fresh_poses(), 10);
   const DeviceArray<unsigned long long> step(*stream, 1, "step");
   EXPECT_THROW(lhs.run(step.data(), 11), UsageError);
@@ -169,7 +169,7 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
   empty.meshes.clear();
   empty.spheres.clear();
   const DeviceSetup nothing(*stream, std::move(empty));
-  EXPECT_THROW(LhsSampler(nothing.context, {}), InputError);  // before anything comes to a device
+  EXPECT_THROW(LhsSampler(nothing.prepared, {}), InputError);  // before anything comes to a device
 }
 
 struct RhsCase {
@@ -182,7 +182,7 @@ void expect_right_hand_sides(Stream& stream, const RhsCase& c) {
   const std::size_t n = 300;
   LhsOptions draw;
   draw.walks = 0.5;
-  const LhsSampler sampler(setup.context, draw);
+  const LhsSampler sampler(setup.prepared, draw);
   DeviceArray<unsigned long long> step(stream, 1, "step");
   const unsigned long long number = 5;
   step.upload(std::span(&number, 1));
@@ -212,7 +212,7 @@ void expect_right_hand_sides(Stream& stream, const RhsCase& c) {
   const RhsStatistics statistics =
       estimate_rhs_serial(setup.context, points, options, c.ask ? query : RadianceQuery(), expected);
   for (std::size_t i = 0; i < n && c.inside; ++i) {
-    if (points[i].surface.emitter >= 0) expected[i] += setup.lights.emitted(points[i].surface, points[i].wo);
+    if (points[i].surface.emitter >= 0) expected[i] += setup.prepared.lights().emitted(points[i].surface, points[i].wo);
   }
 
   DeviceRhs rhs(stream, setup.world(), n * static_cast<std::size_t>(c.directions), c.traced);

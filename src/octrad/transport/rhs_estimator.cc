@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "octrad/base/threads.h"
+#include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
@@ -60,12 +61,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
-      SurfacePoint where = surface_point(end.point);
-      if (options.traced_disparity) {
-        where.disparity = traced_disparity(context, where, end.point.surface.geometric_normal);
-        ++statistics.rays;
-      }
-      asked.push_back(where);
+      asked.push_back(field_query_point(context, end.point, options.traced_disparity));
+      statistics.rays += options.traced_disparity;
       pending.push_back({i, bounce.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
     }
   }

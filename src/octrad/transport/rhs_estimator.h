@@ -1,5 +1,5 @@
 // The right-hand side of the rendering equation at given points: one bounce by Monte Carlo, a radiance cache asked
-// where the bounce ends (method section 7, "RHS").
+// where the bounce ends (method section 7, paper equation 3).
 #pragma once
 
 #include <functional>

@@ -26,12 +26,10 @@ Scene furnace(const std::string& material, const std::string& emitter, const std
 }
 
 struct TestScene {
-  Scene scene;
-  std::unique_ptr<Tracer> tracer = make_embree_tracer(scene);
-  Materials materials{scene};
-  Lights lights{scene};
-  TransportContext context{scene, *tracer, materials, lights};
-  explicit TestScene(Scene s) : scene(std::move(s)) {}
+  PreparedScene prepared;
+  const Scene& scene = prepared.scene();
+  TransportContext context = prepared.context();
+  explicit TestScene(Scene s) : prepared(std::move(s)) {}
 };
 
 const std::string kGrey = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
@@ -47,7 +45,7 @@ std::vector<ShadingPoint> area_points(const TestScene& setup, std::size_t n) {
   LhsOptions options;
   options.walks = 0.0;
   std::vector<ShadingPoint> points(n);
-  LhsSampler(setup.context, options).sample(0, points);
+  LhsSampler(setup.prepared, options).sample(0, points);
   return points;
 }
 
@@ -182,7 +180,7 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
     LhsOptions options;
     options.keep_direction = keep;
     options.poses = keep > 0.0 ? 16 : 0;
-    const LhsSampler sampler(setup.context, options);
+    const LhsSampler sampler(setup.prepared, options);
     EXPECT_EQ(sampler.poses().size(), keep > 0.0 ? 16u : 1u);
     std::vector<ShadingPoint> points(1000), again(1000);
     sampler.sample(7, points);
@@ -208,7 +206,7 @@ TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
     options.glossy_boost = boost;
     options.uniform_glossy = uniform;
     std::vector<ShadingPoint> points(6000);
-    LhsSampler(setup.context, options).sample(1, points);
+    LhsSampler(setup.prepared, options).sample(1, points);
     double count = 0.0, cosine = 0.0;
     for (const ShadingPoint& p : points) {
       if (roughness(p.bsdf) >= 0.5f) continue;

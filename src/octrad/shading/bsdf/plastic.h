@@ -22,9 +22,7 @@ OCTRAD_HD inline float specular_share(const Bsdf& b) {
 }
 
 struct PlasticModel {
-  static constexpr const char* kName = "plastic";
   static constexpr bool kDeltaOnly = false;
-  static constexpr bool kTransmits = false;
 
   OCTRAD_HD static float specular_probability(const Bsdf& b, float fresnel) {
     const float share = specular_share(b);

@@ -1,8 +1,10 @@
 #include <algorithm>
 
 #include "octrad/device/array.h"
-#include "octrad/render/device_integrator.h"
+#include "octrad/model/device_field.h"
+#include "octrad/render/integrators.h"
 #include "octrad/render/view_parts.h"
+#include "octrad/shading/device_world.h"
 #include "octrad/transport/gbuffer_device.h"
 
 namespace octrad {
@@ -10,29 +12,35 @@ namespace {
 
 constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
 
-bool traces_disparity(const Config& config, const ViewKind& kind) {
-  return kind.kind == ViewKind::traced || config.lookup_offset == "traced";
+bool traces_disparity(const IntegratorInput& input, FieldView view) {
+  return view == FieldView::traced || input.config.lookup_offset == LookupOffset::traced;
+}
+
+std::size_t level_width(const IntegratorInput& input) {
+  return static_cast<std::size_t>(input.field->feature_count() / std::max(1, input.field->levels()));
 }
 
 class ViewIntegrator : public DeviceIntegrator {
  public:
-  ViewIntegrator(Stream& stream, const DeviceWorld& world, DeviceField& device_field, const RadianceField& field,
-                 const Config& config, const ViewKind& kind, const RenderOptions& options, std::size_t capacity)
+  ViewIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& device_field,
+                 std::size_t capacity, FieldView view)
       : stream_(stream),
         device_field_(device_field),
-        field_(field),
-        kind_(kind),
-        width_(static_cast<std::size_t>(field.feature_count() / field.levels())),
-        crop_(options.crop),
-        gbuffer_(stream, world, capacity, false, traces_disparity(config, kind)),
+        field_(*input.field),
+        view_(view),
+        level_(input.choice.level),
+        width_(level_width(input)),
+        gbuffer_(stream, world, capacity, false, traces_disparity(input, view)),
         answers_(stream, capacity, "colours of a view"),
-        disparity_(stream, kind.kind == ViewKind::disparity ? capacity : 0, "disparities"),
-        features_(stream,
-                  kind.kind == ViewKind::features ? capacity * static_cast<std::size_t>(field.feature_count()) : 0,
+        disparity_(stream, view == FieldView::disparity ? capacity : 0, "disparities"),
+        features_(stream, view == FieldView::features ? capacity * static_cast<std::size_t>(field_.feature_count()) : 0,
                   "features"),
         capacity_(capacity) {
-    options_.max_chain = config.train_max_chain;
-    if (kind.kind == ViewKind::features) picture_ = FeaturePicture(options.width, options.height, width_);
+    options_.max_chain = input.config.train_max_chain;
+  }
+
+  void begin(const View& view) override {
+    if (view_ == FieldView::features) picture_ = FeaturePicture(view, width_);
   }
 
   void set(const CameraJob& job) override {
@@ -62,42 +70,40 @@ class ViewIntegrator : public DeviceIntegrator {
     return {static_cast<long long>(counts.rays), static_cast<long long>(counts.queries),
             static_cast<long long>(counts.non_finite)};
   }
-  bool can_be_recorded() const override { return false; }
-  void finish(RenderResult& result) override {
-    if (kind_.kind == ViewKind::features) picture_.paint(crop_, result.image);
+  void finish(Image& image) const override {
+    if (view_ == FieldView::features) picture_.paint(image);
   }
 
  private:
   // Colours of the job's first `n` queries.
   void look(std::size_t n) {
     const SurfacePointArray queries = gbuffer_.queries();
-    if (kind_.kind == ViewKind::features) {
+    if (view_ == FieldView::features) {
       device_field_.inspect(queries, n, {features_.data(), capacity_}, nullptr);
       owners_.resize(n);
       stream_.download(owners_.data(), gbuffer_.query_owners(), n * sizeof(std::uint32_t));
       plane_.resize(n);
       for (std::size_t f = 0; f < width_; ++f) {
-        const std::size_t row = static_cast<std::size_t>(kind_.level - 1) * width_ + f;
+        const std::size_t row = static_cast<std::size_t>(level_ - 1) * width_ + f;
         stream_.download(plane_.data(), features_.data() + row * capacity_, n * sizeof(float));
         for (std::size_t q = 0; q < n; ++q) {
           const CameraJob::Place place = host_job_.place(owners_[q]);
-          picture_.pixel(place.x, place.y)[f] = plane_[q];
+          if (float* pixel = picture_.pixel(place.x, place.y)) pixel[f] = plane_[q];
         }
       }
       return;
     }
-    if (kind_.kind == ViewKind::occupancy) {
+    if (view_ == FieldView::occupancy) {
       positions_.resize(3 * n);
       for (std::size_t a = 0; a < 3; ++a)
         stream_.download(&positions_[a * n], queries.data + a * queries.stride, n * sizeof(float));
       for (std::size_t q = 0; q < n; ++q) {
-        colors_[q] =
-            cell_color(field_.normalized({positions_[q], positions_[n + q], positions_[2 * n + q]}), kind_.level);
+        colors_[q] = cell_color(field_.normalized({positions_[q], positions_[n + q], positions_[2 * n + q]}), level_);
       }
       return;
     }
     plane_.resize(n);
-    if (kind_.kind == ViewKind::disparity) {
+    if (view_ == FieldView::disparity) {
       device_field_.inspect(queries, n, {}, disparity_.data());
       stream_.download(plane_.data(), disparity_.data(), n * sizeof(float));
     } else {
@@ -110,14 +116,14 @@ class ViewIntegrator : public DeviceIntegrator {
   Stream& stream_;
   DeviceField& device_field_;
   const RadianceField& field_;
-  const ViewKind kind_;
+  const FieldView view_;
+  const int level_;
   const std::size_t width_;  // features of a level
-  const Crop crop_;
   DeviceGBuffer gbuffer_;
   DeviceArray<Vec3f> answers_;
   DeviceArray<float> disparity_, features_;
   const std::size_t capacity_;
-  GBufferOptions options_;
+  FirstHitOptions options_;
   CameraJob host_job_;
   FeaturePicture picture_;
   std::vector<Vec3f> colors_;
@@ -127,22 +133,18 @@ class ViewIntegrator : public DeviceIntegrator {
 
 }  // namespace
 
-std::unique_ptr<DeviceIntegrator> make_view_integrator(Stream& stream, const DeviceWorld& world,
-                                                       DeviceField& device_field, const RadianceField& field,
-                                                       const Config& config, const std::string& view,
-                                                       const RenderOptions& options, std::size_t capacity) {
-  return std::make_unique<ViewIntegrator>(stream, world, device_field, field, config, parse_view(field, view), options,
-                                          capacity);
+std::unique_ptr<DeviceIntegrator> make_device_view_integrator(const IntegratorInput& input, Stream& stream,
+                                                              const DeviceWorld& world, DeviceField* field,
+                                                              std::size_t capacity, FieldView view) {
+  return std::make_unique<ViewIntegrator>(input, stream, world, *field, capacity, view);
 }
 
-std::size_t view_integrator_bytes(const RadianceField& field, const Config& config, const std::string& view,
-                                  std::size_t capacity) {
-  const ViewKind kind = parse_view(field, view);
-  return DeviceGBuffer::bytes(capacity, false, traces_disparity(config, kind)) +
-         capacity * (sizeof(Vec3f) + sizeof(float) * (kind.kind == ViewKind::features
-                                                          ? static_cast<std::size_t>(field.feature_count())
-                                                      : kind.kind == ViewKind::disparity ? 1
-                                                                                         : 0));
+std::size_t device_view_integrator_bytes(const IntegratorInput& input, std::size_t capacity, FieldView view) {
+  std::size_t floats = 0;
+  if (view == FieldView::features) floats = static_cast<std::size_t>(input.field->feature_count());
+  if (view == FieldView::disparity) floats = 1;
+  return DeviceGBuffer::bytes(capacity, false, traces_disparity(input, view)) +
+         capacity * (sizeof(Vec3f) + floats * sizeof(float));
 }
 
 }  // namespace octrad

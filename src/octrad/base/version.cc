@@ -1,0 +1,5 @@
+#include "octrad/base/version.h"
+
+namespace octrad {
+const char* const kVersion = OCTRAD_VERSION;
+}

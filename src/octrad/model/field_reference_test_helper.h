@@ -1,0 +1,483 @@
+// Radiance fields evaluated from their definition in double, point by point, with loss and gradient: what fields of the
+// CPU and of devices are tested against. Fixed inputs of a query (direction, the point's own inputs) and the weights of
+// look-ups come from the _math.h definitions; switches are read from the configuration by their names. Not part of the
+// library.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octrad/encoding/hash_grid_math.h"
+#include "octrad/encoding/octaoctree_math.h"
+#include "octrad/encoding/spherical_harmonics_math.h"
+#include "octrad/model/field_test_helper.h"
+#include "octrad/network/mlp_reference_test_helper.h"
+
+namespace octrad::testing {
+
+struct TrainingBatch {
+  std::vector<SurfacePoint> points;
+  std::vector<Vec3f> targets;
+  double epsilon = 0.3;
+};
+
+// The shell of field_test_helper.h in a box that is no cube and lies off the origin.
+inline FieldDomain box_domain(int levels) {
+  FieldDomain domain = shell(levels);
+  domain.origin = {-1.0f, 0.5f, 2.0f};
+  domain.size = {2.0f, 1.0f, 3.0f};
+  return domain;
+}
+
+// Points of it: of every ten, one lies anywhere in the box.
+inline std::vector<SurfacePoint> box_points(std::size_t n, unsigned long long stream) {
+  const FieldDomain box = box_domain(0);
+  std::vector<SurfacePoint> points = random_points(n, stream);
+  for (std::size_t i = 0; i < n; ++i) {
+    Rng rng(stream, RngPurpose::test, 1'000'000 + i);
+    SurfacePoint& p = points[i];
+    if (i % 10 == 0) p.x = {rng.uniform(), rng.uniform(), rng.uniform()};
+    p.x = box.origin + p.x * box.size;
+    p.alpha = i % 3 == 0 ? 0.05f : (i % 3 == 1 ? 0.5f : 1.0f);
+    p.disparity = 2.0f * rng.uniform();
+  }
+  return points;
+}
+
+class FieldReference {
+ public:
+  // What training changes. Field nr has the last two parts: its hash grid and its network.
+  enum Part { kOctree, kDisparity, kGrid, kDecoder, kParts };
+  static constexpr const char* kNames[kParts] = {"octree", "disparity", "grid", "decoder"};
+  using Numbers = std::array<std::vector<double>, kParts>;
+
+  // Where a field on a device has halves. Both false: nothing is rounded.
+  struct Halves {
+    bool networks = false;  // inputs, weights and activations of networks, and gradients in them
+    bool tables = false;    // feature tables as look-ups read them
+  };
+
+  FieldReference(const Config& config, RadianceField& field, Halves halves)
+      : halves_(halves),
+        octaoctree_(dynamic_cast<OctaOctreeField*>(&field)),
+        nr_(dynamic_cast<NrField*>(&field)),
+        scale_(static_cast<double>(field.target_scale())) {
+    const auto is = [&](const std::string& key, const std::string& value) {
+      for (const ConfigKey& k : describe(config)) {
+        if (k.key == key) return k.value == value;
+      }
+      ADD_FAILURE() << "no key " << key;
+      return false;
+    };
+    const auto copy = [](std::span<const float> from, auto&& round) {
+      std::vector<double> to;
+      for (const float v : from) to.push_back(round(static_cast<double>(v)));
+      return to;
+    };
+    const auto table = [&](double v) { return halves_.tables ? as_half(v) : v; };
+    const auto weight = [&](double v) { return network(v); };
+    if (octaoctree_ != nullptr) {
+      parameters[kOctree] = copy(octaoctree_->octree().features(), table);
+      parameters[kGrid] = copy(octaoctree_->grid().table(), table);
+      parameters[kDisparity] = copy(octaoctree_->disparity().weights(), weight);
+      parameters[kDecoder] = copy(octaoctree_->decoder().mlp().weights(), weight);
+      disparity_ = {octaoctree_->disparity().shape(), halves_.networks};
+      decoder_ = {octaoctree_->decoder().mlp().shape(), halves_.networks};
+      octree_ = octaoctree_->octree().view();
+      grid_ = octaoctree_->grid().view();
+      origin_ = octaoctree_->octree().origin();
+      size_ = octaoctree_->octree().size();
+    } else {
+      parameters[kGrid] = copy(nr_->grid().table(), table);
+      parameters[kDecoder] = copy(nr_->decoder().mlp().weights(), weight);
+      decoder_ = {nr_->decoder().mlp().shape(), halves_.networks};
+      grid_ = nr_->grid().view();
+      origin_ = nr_->origin();
+      size_ = nr_->size();
+    }
+    predicted_ = octaoctree_ != nullptr && is("lookup.offset", "predicted");
+    traced_ = octaoctree_ != nullptr && is("lookup.offset", "traced");
+    mirror_ = nr_ != nullptr || is("lookup.direction", "mirror");
+    rough_normal_ = octaoctree_ != nullptr && is("lookup.rough_direction", "normal");
+    harmonics_ = is("disparity.direction", "true");
+    unit_ = is("disparity.unit", "extent") ? 1.0 / static_cast<double>(max_component(size_)) : 1.0;
+    normalized_ = is("decoder.position", "normalized");
+    demodulate_ = is("target.demodulate", "albedo") && is("target.emission", "outside");
+    normalizer_ = is("loss.normalizer", "symmetric") ? LossNormalizer::symmetric : LossNormalizer::prediction;
+    const std::string output = octaoctree_ != nullptr ? "decoder.output" : "nr.output";
+    activation_ = is(output, "exp")          ? Activation::exp
+                  : is(output, "squareplus") ? Activation::squareplus
+                                             : Activation::abs;
+    rough_threshold_ = static_cast<float>(config.lookup_rough_threshold);
+  }
+
+  Numbers parameters;
+
+  // A point on its way through the field.
+  struct Query {
+    Vec3d w, radiance;
+    double disparity = 0.0, disparity_linear = 0.0;
+    std::vector<double> features, linear;
+    std::uint64_t lookup_piece = 0;  // names the entries that the look-ups read
+    std::uint64_t piece = 0;         // names those, the neurons that are on and the signs of outputs
+    double margin = 1.0;             // distance from the edges of that piece that networks make, relative
+  };
+  Query evaluate(const SurfacePoint& point) { return evaluate(point, Vec3d(point.x), direction(point), 0.0); }
+
+  // Whether the piece stays the same when what floats round moves by more than that.
+  bool far_from_edges(const SurfacePoint& point) {
+    const Vec3d x(point.x), w = direction(point);
+    const Query here = evaluate(point, x, w, 0.0);
+    if (here.margin < kMargin) return false;
+    for (const double sign : {-kMargin, kMargin}) {
+      if (evaluate(point, x, w, sign * (1.0 + here.disparity)).lookup_piece != here.lookup_piece) return false;
+      for (int a = 0; a < 3; ++a) {
+        Vec3d shift;
+        shift[a] = sign;
+        if (evaluate(point, x, w + shift, 0.0).lookup_piece != here.lookup_piece) return false;
+        if (evaluate(point, x + shift * 0.1, w, 0.0).lookup_piece != here.lookup_piece) return false;
+      }
+    }
+    return true;
+  }
+
+  // The loss's denominators at the present parameters: constants to the gradient, as the targets are.
+  std::vector<double> denominators(const TrainingBatch& batch) {
+    std::vector<double> result;
+    for (std::size_t i = 0; i < batch.points.size(); ++i) {
+      const Vec3d radiance = evaluate(batch.points[i]).radiance;
+      for (int c = 0; c < 3; ++c) {
+        const double target = static_cast<double>(batch.targets[i][c]);
+        result.push_back((normalizer_ == LossNormalizer::symmetric ? (target + radiance[c]) / 2 : radiance[c]) +
+                         batch.epsilon);
+      }
+    }
+    return result;
+  }
+
+  struct Loss {
+    double value = 0.0;       // mean over points and channels
+    std::uint64_t piece = 0;  // of all points together
+  };
+  Loss loss(const TrainingBatch& batch, const std::vector<double>& denominators) {
+    Loss loss;
+    for (std::size_t i = 0; i < batch.points.size(); ++i) {
+      const Query query = evaluate(batch.points[i]);
+      loss.piece = join(loss.piece, query.piece);
+      for (int c = 0; c < 3; ++c) {
+        const double relative = (static_cast<double>(batch.targets[i][c]) - query.radiance[c]) /
+                                denominators[3 * i + static_cast<std::size_t>(c)];
+        loss.value += relative * relative / (3.0 * static_cast<double>(batch.points.size()));
+      }
+    }
+    return loss;
+  }
+
+  // Backpropagation from the definition, with the roundings of halves.
+  Numbers gradient(const TrainingBatch& batch) {
+    Numbers g;
+    for (int part = 0; part < kParts; ++part) g[part].assign(parameters[part].size(), 0.0);
+    const double norm = 1.0 / (3.0 * static_cast<double>(batch.points.size()));
+    struct Row {
+      std::vector<double> d_linear;
+      double d_disparity_linear = 0.0;
+    };
+    std::vector<Row> rows(batch.points.size());
+    double largest = 0.0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Query query = evaluate(batch.points[i]);
+      const Vec3d factor = this->factor(batch.points[i]);
+      for (int c = 0; c < 3; ++c) {
+        const Activated<double> output = activate(activation_, query.linear[static_cast<std::size_t>(c)]);
+        const LossTerm<double> term = relative_squared_loss(
+            factor[c] * output.value, static_cast<double>(batch.targets[i][c]), batch.epsilon, normalizer_);
+        rows[i].d_linear.push_back(term.gradient * factor[c] * output.derivative * norm);
+        largest = std::max(largest, std::abs(rows[i].d_linear.back()));
+      }
+    }
+    const double decoder_scale = power_of_two(largest);
+    largest = 0.0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const SurfacePoint& point = batch.points[i];
+      const Query query = evaluate(point);
+      const std::vector<double> up =
+          decoder_.backward(rows[i].d_linear, parameters[kDecoder], g[kDecoder], decoder_scale);
+      if (nr_ != nullptr) {
+        add_grid(point, up, g[kGrid]);
+        continue;
+      }
+      double by_disparity = 0.0;
+      visit_octree(Vec3d(point.x), query.w, query.disparity,
+                   [&](int level, std::size_t entry, double weight, double dweight) {
+                     const auto width = static_cast<std::size_t>(octree_.features);
+                     for (std::size_t c = 0; c < width; ++c) {
+                       const double u = up[static_cast<std::size_t>(level) * width + c];
+                       g[kOctree][entry * width + c] += weight * u;
+                       by_disparity += dweight * parameters[kOctree][entry * width + c] * u;
+                     }
+                   });
+      if (predicted_) rows[i].d_disparity_linear = by_disparity * squareplus(query.disparity_linear).derivative * unit_;
+      largest = std::max(largest, std::abs(rows[i].d_disparity_linear));
+    }
+    if (!predicted_) return g;
+    const double disparity_scale = power_of_two(largest);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      evaluate(batch.points[i]);
+      const std::vector<double> up =
+          disparity_.backward({rows[i].d_disparity_linear}, parameters[kDisparity], g[kDisparity], disparity_scale);
+      add_grid(batch.points[i], up, g[kGrid]);
+    }
+    return g;
+  }
+
+  // Points of box_points() that are far from edges, with targets.
+  TrainingBatch batch(std::size_t n, unsigned long long stream, int* left_out = nullptr) {
+    TrainingBatch result;
+    for (const SurfacePoint& p : box_points(n + n / 4, stream)) {
+      if (result.points.size() == n) break;
+      if (!far_from_edges(p)) {
+        if (left_out != nullptr) ++*left_out;
+        continue;
+      }
+      Rng rng(stream, RngPurpose::test, 2'000'000 + result.points.size());
+      result.points.push_back(p);
+      result.targets.push_back(Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 2.0f);
+    }
+    EXPECT_EQ(result.points.size(), n) << "too many points lie near edges";
+    return result;
+  }
+
+ private:
+  static constexpr double kMargin = 1e-5;
+
+  double network(double v) const { return halves_.networks ? as_half(v) : v; }
+  static std::uint64_t join(std::uint64_t a, std::uint64_t b) { return mix64(a * 0x9e3779b97f4a7c15ull + b); }
+  // Brings the largest gradient to 16 .. 32, as a field on a device does before it rounds gradients to halves.
+  static double power_of_two(double largest) {
+    return largest > 0.0 ? std::ldexp(1.0, 4 - std::ilogb(static_cast<float>(largest))) : 1.0;
+  }
+
+  Vec3d direction(const SurfacePoint& point) const {
+    if (rough_normal_ && point.alpha >= rough_threshold_) return Vec3d(point.n);
+    return Vec3d(mirror_ ? reflect(point.wo, point.n) : point.wo);
+  }
+  Vec3d factor(const SurfacePoint& point) const {
+    return demodulate_ && point.alpha >= rough_threshold_ ? Vec3d(point.albedo) * scale_ : Vec3d(scale_);
+  }
+  Vec3d normalized(Vec3d x) const { return (x - Vec3d(origin_)) / Vec3d(size_); }
+
+  // visit(level, entry, weight, derivative of the weight by the disparity).
+  template <typename Visitor>
+  void visit_octree(Vec3d x, Vec3d w, double d, Visitor&& visit) const {
+    for (int l = 0; l < octree_.levels; ++l) {
+      visit_level(
+          octree_, octree_.level[l], normalized(x), w, d,
+          [&](std::uint32_t entry, double weight, double dweight) { visit(l, std::size_t{entry}, weight, dweight); });
+    }
+  }
+  // visit(level, entry, weight).
+  template <typename Visitor>
+  void visit_grid(Vec3d x, Visitor&& visit) const {
+    for (int l = 0; l < grid_.levels; ++l) {
+      std::uint32_t entry[8];
+      double weight[8];
+      hash_grid_taps(grid_.level[l], normalized(x), entry, weight);
+      for (int k = 0; k < 8; ++k) visit(l, std::size_t{entry[k]}, weight[k]);
+    }
+  }
+  std::vector<double> grid_features(Vec3d x, std::uint64_t& piece) const {
+    const auto width = static_cast<std::size_t>(grid_.features);
+    std::vector<double> features(static_cast<std::size_t>(grid_.levels) * width);
+    visit_grid(x, [&](int level, std::size_t entry, double weight) {
+      piece = join(piece, entry);
+      for (std::size_t c = 0; c < width; ++c)
+        features[static_cast<std::size_t>(level) * width + c] += weight * parameters[kGrid][entry * width + c];
+    });
+    return features;
+  }
+  void add_grid(const SurfacePoint& point, const std::vector<double>& up, std::vector<double>& g) const {
+    const auto width = static_cast<std::size_t>(grid_.features);
+    visit_grid(Vec3d(point.x), [&](int level, std::size_t entry, double weight) {
+      for (std::size_t c = 0; c < width; ++c)
+        g[entry * width + c] += weight * up[static_cast<std::size_t>(level) * width + c];
+    });
+  }
+
+  Query evaluate(const SurfacePoint& point, Vec3d x, Vec3d w, double disparity_shift) {
+    Query q;
+    q.w = w;
+    if (octaoctree_ != nullptr) {
+      if (predicted_) {
+        std::vector<double> in = grid_features(x, q.piece);
+        if (harmonics_) {
+          double values[kSphericalHarmonics];
+          spherical_harmonics(w, values);
+          in.insert(in.end(), values, values + kSphericalHarmonics);
+        }
+        for (double& v : in) v = network(v);
+        q.disparity_linear = disparity_.forward(in, parameters[kDisparity])[0];
+        q.margin = disparity_.margin;
+        q.disparity = squareplus(q.disparity_linear).value * unit_;
+      } else if (traced_) {
+        q.disparity = static_cast<double>(point.disparity);
+      }
+      const auto width = static_cast<std::size_t>(octree_.features);
+      q.features.assign(static_cast<std::size_t>(octree_.levels) * width, 0.0);
+      visit_octree(x, w, q.disparity + disparity_shift, [&](int level, std::size_t entry, double weight, double) {
+        q.piece = join(q.piece, entry);
+        for (std::size_t c = 0; c < width; ++c)
+          q.features[static_cast<std::size_t>(level) * width + c] += weight * parameters[kOctree][entry * width + c];
+      });
+    } else {
+      q.features = grid_features(x, q.piece);
+    }
+    q.lookup_piece = q.piece;
+    const Vec3d p = normalized_ ? normalized(x) * 2.0 - Vec3d(1.0) : x, n(point.n), a(point.albedo);
+    std::vector<double> in = q.features;
+    for (const Vec3d& v : {p, w, n, a}) in.insert(in.end(), {v.x, v.y, v.z});
+    in.push_back(static_cast<double>(point.alpha));
+    for (double& v : in) v = network(v);
+    q.linear = decoder_.forward(in, parameters[kDecoder]);
+    q.margin = std::min(q.margin, decoder_.margin);
+    for (const MlpReference* mlp : {&disparity_, &decoder_}) {
+      for (std::size_t l = 1; l + 1 < mlp->activations.size(); ++l) {
+        for (const double v : mlp->activations[l]) q.piece = join(q.piece, v > 0.0 ? 1 : 2);
+      }
+    }
+    const Vec3d f = factor(point);
+    for (int c = 0; c < 3; ++c) {
+      const double linear = q.linear[static_cast<std::size_t>(c)];
+      q.radiance[c] = f[c] * activate(activation_, linear).value;
+      if (activation_ != Activation::abs) continue;
+      q.piece = join(q.piece, linear < 0.0 ? 1 : 2);
+      q.margin = std::min(q.margin, std::abs(linear));
+    }
+    return q;
+  }
+
+  Halves halves_;
+  OctaOctreeField* octaoctree_;
+  NrField* nr_;
+  double scale_;
+  MlpReference disparity_, decoder_;
+  OctaOctreeView octree_;
+  HashGridView grid_;
+  Vec3f origin_, size_;
+  bool predicted_ = false, traced_ = false, mirror_ = false, rough_normal_ = false, harmonics_ = false,
+       normalized_ = false, demodulate_ = false;
+  double unit_ = 1.0;
+  float rough_threshold_ = 0.5f;
+  LossNormalizer normalizer_ = LossNormalizer::prediction;
+  Activation activation_ = Activation::exp;
+};
+
+// What Adam's first moments hold, by part: after the first step with adam.beta1 = 0 that is the step's gradient.
+inline FieldReference::Numbers first_moments(RadianceField& field) {
+  FieldReference::Numbers result;
+  for (const Part& part : parts_of(field)) {
+    for (int k = 0; k < FieldReference::kParts; ++k) {
+      const std::string name = FieldReference::kNames[k];
+      if (part.name == name + " m") result[k] = {part.values.begin(), part.values.end()};
+      if (part.name != name + " moments") continue;
+      const std::size_t width = part.width;  // [entry][first, second][feature]
+      for (std::size_t at = 0; at < part.values.size(); at += 2 * width)
+        result[k].insert(result[k].end(), part.values.begin() + at, part.values.begin() + at + width);
+    }
+  }
+  return result;
+}
+
+// Largest difference between two arrays, relative to the root mean square of those numbers of `expected` that are not
+// 0.
+inline double largest_difference(const std::vector<double>& got, const std::vector<double>& expected) {
+  if (got.size() != expected.size()) return HUGE_VAL;
+  double square = 0.0, count = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    square += expected[i] * expected[i];
+    count += expected[i] != 0.0 ? 1.0 : 0.0;
+    const double difference = std::abs(got[i] - expected[i]);
+    if (!(difference <= largest)) largest = difference;
+  }
+  return largest == 0.0 ? 0.0 : largest / std::sqrt(square / count);
+}
+
+// How far a gradient is from central differences of the reference's loss, part by part: along directions of +-1 in all
+// parameters, which any wrong number shows in, and along single parameters. Steps that leave the smooth piece of the
+// loss are halved, and left out and counted if that does not help.
+struct GradientCheck {
+  double worst = 0.0;  // largest difference, relative to the length of the part's gradient or, of single parameters, to
+                       // their root mean square where they are not 0
+  std::string where;
+  int compared = 0, left_out = 0;
+};
+
+inline GradientCheck check_gradient(FieldReference& reference, const TrainingBatch& batch,
+                                    const FieldReference::Numbers& gradient) {
+  constexpr int kDirections = 3, kSingles = 12;
+  constexpr double kStep = 4e-5;
+  GradientCheck check;
+  const std::vector<double> denominators = reference.denominators(batch);
+  const std::uint64_t piece = reference.loss(batch, denominators).piece;
+  const auto compare = [&](int part, const std::vector<std::pair<std::size_t, double>>& direction, double unit,
+                           const std::string& where) {
+    std::vector<double>& parameters = reference.parameters[part];
+    const auto loss_at = [&](double step) {
+      for (const auto& [at, sign] : direction) parameters[at] += sign * step;
+      const FieldReference::Loss loss = reference.loss(batch, denominators);
+      for (const auto& [at, sign] : direction) parameters[at] -= sign * step;
+      return loss;
+    };
+    ++check.compared;
+    double step = kStep;
+    for (int halvings = 0;; ++halvings, step /= 2) {
+      const FieldReference::Loss up = loss_at(step), down = loss_at(-step);
+      if (up.piece == piece && down.piece == piece) {
+        double expected = (up.value - down.value) / (2 * step), got = 0.0;
+        for (const auto& [at, sign] : direction) got += sign * gradient[part][at];
+        const double error = unit > 0.0 ? std::abs(got - expected) / unit : std::abs(got - expected);
+        if (!(error <= check.worst)) {
+          check.worst = error;
+          check.where = std::string(FieldReference::kNames[part]) + " " + where;
+        }
+        return;
+      }
+      if (halvings == 4) break;
+    }
+    ++check.left_out;
+  };
+  for (int part = 0; part < FieldReference::kParts; ++part) {
+    const std::vector<double>& g = gradient[part];
+    std::vector<std::size_t> nonzero;
+    double square = 0.0;
+    for (std::size_t i = 0; i < g.size(); ++i) {
+      square += g[i] * g[i];
+      if (g[i] != 0.0) nonzero.push_back(i);
+    }
+    if (g.size() != reference.parameters[part].size()) {
+      ADD_FAILURE() << FieldReference::kNames[part] << " has " << g.size() << " numbers";
+      continue;
+    }
+    if (g.empty()) continue;
+    Rng rng(1, RngPurpose::test, static_cast<std::uint64_t>(part));
+    for (int d = 0; d < kDirections; ++d) {
+      std::vector<std::pair<std::size_t, double>> direction;
+      for (std::size_t i = 0; i < g.size(); ++i) direction.push_back({i, rng.uniform() < 0.5f ? -1.0 : 1.0});
+      compare(part, direction, std::sqrt(square), "direction " + std::to_string(d));
+    }
+    if (nonzero.empty()) continue;
+    const double unit = std::sqrt(square / static_cast<double>(nonzero.size()));
+    for (int s = 0; s < kSingles; ++s) {
+      const std::size_t at = s < kSingles / 2 ? nonzero[rng.below(static_cast<std::uint32_t>(nonzero.size()))]
+                                              : rng.below(static_cast<std::uint32_t>(g.size()));
+      compare(part, {{at, 1.0}}, unit, "number " + std::to_string(at));
+    }
+  }
+  return check;
+}
+
+}  // namespace octrad::testing

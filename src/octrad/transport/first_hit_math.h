@@ -1,0 +1,63 @@
+// What a camera sample asks of a radiance field (docs/method.md section 8), for host and device. The path integrators, the
+// G-buffer kernels and validation all decide it here.
+#pragma once
+
+#include "octrad/scene/camera_math.h"
+#include "octrad/transport/follow_math.h"
+
+namespace octrad {
+
+struct FirstHitOptions {
+  bool follow_delta = false;     // through mirrors and glass to the next rough surface (render.delta = trace)
+  int max_chain = 16;            // delta surfaces passed
+  bool emission_inside = false;  // the field's response about an emitter holds its emission (target.emission = inside)
+  enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
+  float rough_threshold = 0.5f;                                   // glossy: below
+};
+
+// What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
+// RayEnd::throughput times the field's response, or times the right-hand side at the bounce point.
+struct FirstHitQuery {
+  enum class Next { nothing, query, bounce } next = Next::nothing;
+  Vec3f known{0, 0, 0};        // emission and environment seen that no response holds
+  unsigned long long key = 0;  // bounce: its random stream
+};
+
+// `rng`: the sample's generator after its ray was followed.
+OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, const RayEnd& end, Rng& rng) {
+  using Bounce = FirstHitOptions::Bounce;
+  FirstHitQuery query;
+  query.known = end.first_emitted + end.emitted;
+  if (!end.surface) return query;
+  if (options.bounce == Bounce::all ||
+      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold)) {
+    query.next = FirstHitQuery::Next::bounce;
+    const unsigned long long high = rng.bits();
+    query.key = (high << 32) | rng.bits();
+    return query;
+  }
+  query.next = FirstHitQuery::Next::query;
+  if (options.emission_inside) query.known = end.passed_emitted;
+  return query;
+}
+
+// Follows a camera sample's ray to its end and decides what it asks. `first`: attributes of the first hit.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHitOptions& options, CameraSample& sample,
+                                               RayEnd& end, FirstHit& first) {
+  end = follow_ray(world, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_delta,
+                   options.max_chain, sample.ray.t_max, &first);
+  return first_hit_query(options, end, sample.rng);
+}
+
+// The point as it is given to a field; `traced`: with SurfacePoint::disparity, at the cost of one ray (lookup.offset = traced).
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading, bool traced) {
+  SurfacePoint point = surface_point(shading);
+  if (traced) point.disparity = traced_disparity(world, point, shading.surface.geometric_normal);
+  return point;
+}
+
+}  // namespace octrad
