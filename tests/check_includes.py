@@ -22,7 +22,8 @@ ALLOWED["network"] = {"base", "device"}
 ALLOWED["model"] = {"base", "device", "encoding", "network"}
 ALLOWED["train"] = ALLOWED["transport"] | ALLOWED["model"] | {"transport", "model"}
 ALLOWED["render"] = set(ALLOWED["train"])
-ALLOWED["app"] = ALLOWED["train"] | {"train", "render"}
+ALLOWED["octrad.h"] = ALLOWED["train"] | {"train", "render"}  # the umbrella header, for users of the library alone
+ALLOWED["app"] = set(ALLOWED["octrad.h"])
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]', re.M)
 HOST_ONLY = {"vector", "string", "map", "unordered_map", "memory", "functional", "stdexcept", "iostream", "fstream", "thread",
@@ -36,6 +37,8 @@ def code_of(text):
 
 def room_of(name):
     """The room of "octrad/ROOM/file.h" or "app/..."; None where the name has no folder."""
+    if name == "octrad/octrad.h":
+        return "octrad.h"
     parts = name.split("/")
     if parts[0] == "octrad":
         parts = parts[1:]

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "octrad/device/check.h"
+#include "octrad/device/stream.h"
 #include "octrad/transport/prepared_scene.h"
 
 namespace octrad::selftest {

@@ -1,4 +1,4 @@
-// Shared by the readers of single formats; private to this room.
+// Shared by the readers and writers of single formats; private to this room.
 #pragma once
 
 #include <cstddef>
@@ -14,6 +14,13 @@ void check_size(const std::string& file, long long width, long long height, long
 
 Image read_exr(const std::string& file);
 Image read_hdr(const std::string& file, const std::vector<unsigned char>& bytes);
+Image read_pfm(const std::string& file, const std::vector<unsigned char>& bytes);
 Image read_stb(const std::string& file, const std::vector<unsigned char>& bytes);  // PNG, JPEG
+
+// The content of a file; `rgb` has the channels R, G, B.
+std::string hdr_bytes(const Image& rgb);
+std::string pfm_bytes(const Image& rgb);
+std::string png_bytes(const Image8& image);
+std::string jpeg_bytes(const Image8& image);
 
 }  // namespace octrad::image_io

@@ -3,9 +3,7 @@
 #include <cstdlib>
 #include <memory>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
-#include "octrad/image/io.h"
 #include "octrad/image/io_internal.h"
 
 #pragma GCC diagnostic push
@@ -81,16 +79,24 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   return image;
 }
 
-void write_png(const std::string& file, const Image8& image) {
+std::string image_io::png_bytes(const Image8& image) {
   int size = 0;
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       stbi_write_png_to_mem(image.data.data(), image.width * image.channels, image.width, image.height, image.channels,
                             &size),
       &std::free);
-  if (!bytes) throw MemoryError(file + ": not enough memory to compress the picture");
-  AtomicFile out(file);
-  out.write(bytes.get(), static_cast<std::size_t>(size));
-  out.commit();
+  if (!bytes) throw MemoryError("not enough memory to compress the picture");
+  return {reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size)};
+}
+
+std::string image_io::jpeg_bytes(const Image8& image) {
+  constexpr int kQuality = 95;
+  std::string bytes;
+  const auto append = [](void* to, void* data, int size) {
+    static_cast<std::string*>(to)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  };
+  stbi_write_jpg_to_func(append, &bytes, image.width, image.height, image.channels, image.data.data(), kQuality);
+  return bytes;
 }
 
 }  // namespace octrad

@@ -11,7 +11,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/array.h"
 #include "octrad/device/stream_test_helper.h"
-#include "octrad/model/device_field.h"
+#include "octrad/model/device_field_test_helper.h"
 #include "octrad/model/field_test_helper.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
@@ -19,6 +19,9 @@
 namespace octrad {
 namespace {
 
+using testing::as_floats;
+using testing::ask;
+using Batch = testing::DeviceBatch;
 using testing::Part;
 using testing::parts_of;
 using testing::pattern;
@@ -38,22 +41,6 @@ Config small_config(const std::string& field) {
   config.target_scale = 1.0;
   return config;
 }
-
-// Points and numbers in device memory.
-struct Batch {
-  Batch(Stream& stream, const std::vector<SurfacePoint>& p, const std::vector<Vec3f>& t = {})
-      : n(p.size()),
-        targets(stream, std::span<const Vec3f>(t), "targets") {
-    std::vector<float> numbers(kSurfacePointNumbers * n);
-    const SurfacePointArray host{numbers.data(), n};
-    for (std::size_t i = 0; i < n; ++i) host.store(i, p[i]);
-    data = DeviceArray<float>(stream, std::span<const float>(numbers), "points");
-  }
-  SurfacePointArray points() const { return {data.data(), n}; }
-  std::size_t n;
-  DeviceArray<float> data;
-  DeviceArray<Vec3f> targets;
-};
 
 std::vector<Vec3f> targets_of(const std::vector<SurfacePoint>& points) {
   std::vector<Vec3f> targets;
@@ -80,20 +67,6 @@ double share_beyond(const std::vector<float>& got, const std::vector<float>& exp
   return static_cast<double>(beyond) / static_cast<double>(got.size());
 }
 
-std::vector<float> as_floats(const std::vector<Vec3f>& values) {
-  std::vector<float> result;
-  for (const Vec3f& v : values) {
-    for (int c = 0; c < 3; ++c) result.push_back(v[c]);
-  }
-  return result;
-}
-
-std::vector<float> ask(Stream& stream, DeviceField& field, const std::vector<SurfacePoint>& points) {
-  const Batch batch(stream, points);
-  DeviceArray<Vec3f> out(stream, points.size(), "out");
-  field.radiance(batch.points(), nullptr, points.size(), out.data());
-  return as_floats(out.download());
-}
 std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& points) {
   std::vector<Vec3f> out(points.size());
   field.radiance(points, out);

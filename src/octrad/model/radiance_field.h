@@ -1,5 +1,5 @@
 // A learned approximation of outgoing radiance (method section 6). Trainers, integrators and the command line see
-// fields only through this interface; each field is one .cc and one line in field_registry.cc.
+// fields only through this interface and what field_registry.h lists of each.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,8 @@ namespace octrad {
 
 // What a field needs to know of the scene: where surfaces are.
 struct FieldDomain {
-  Vec3f origin, size;  // box of normalised positions, world units
-  std::vector<std::vector<Vec3i>>
-      occupied_cells;  // per level 1..K in Morton order (empty for fields without an octree)
+  Vec3f origin, size;                              // box of normalised positions, world units
+  std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
 };
 
 struct FieldStep {

@@ -9,6 +9,7 @@
 #include "octrad/base/random_inputs.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/network/checks.h"
+#include "octrad/network/mlp_device.h"
 #include "octrad/network/mlp_reference_test_helper.h"
 
 namespace octrad {

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 
 namespace octrad {
 namespace {

@@ -5,6 +5,7 @@
 #include <exception>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/named_materials.h"
 

@@ -35,7 +35,4 @@ struct Location {
 // The whole file as bytes. Throws IoError naming the file.
 std::string read_file(const std::string& path);
 
-// "a, b, c".
-std::string join(const std::vector<std::string>& words, const std::string& separator = ", ");
-
 }  // namespace octrad
