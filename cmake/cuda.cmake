@@ -1,8 +1,9 @@
 # The optional CUDA backend. Sets OCTRAD_CUDA_FOUND (the language is on), OCTRAD_CUDA_RUNTIME (what to link) and
 # CMAKE_CUDA_ARCHITECTURES.
 #
-# Files named *_device.cc and *_device_test.cc hold work for either device: they are compiled by nvcc where CUDA is on, and as
-# plain C++ otherwise. *.cu files exist with CUDA only.
+# Files named *_device.cc hold work for either device: they are compiled by nvcc where CUDA is on, and as plain C++ otherwise.
+# So are files named *_device_test.cc that have kernels of their own (OCTRAD_HD is in them); the others only call the library,
+# and nvcc takes more than twice as long. *.cu files exist with CUDA only.
 set(OCTRAD_CUDA_FOUND OFF)
 set(OCTRAD_CUDA_RUNTIME "")
 set(wanted ${OCTRAD_CUDA})
@@ -83,7 +84,11 @@ endif()
 function(octrad_device_sources)
   if(OCTRAD_CUDA_FOUND)
     foreach(source ${ARGN})
-      if(source MATCHES "_device(_test)?\\.cc$")
+      set(kernels "")
+      if(source MATCHES "_device_test\\.cc$")
+        file(STRINGS ${source} kernels REGEX OCTRAD_HD LIMIT_COUNT 1)
+      endif()
+      if(source MATCHES "_device\\.cc$" OR kernels)
         set_source_files_properties(${source} PROPERTIES LANGUAGE CUDA)
       endif()
     endforeach()

@@ -13,6 +13,14 @@ configure_package_config_file(cmake/octradConfig.cmake.in octradConfig.cmake INS
 write_basic_package_version_file(octradConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/octradConfig.cmake ${PROJECT_BINARY_DIR}/octradConfigVersion.cmake
         DESTINATION ${package})
+
+file(RELATIVE_PATH up /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+if(OCTRAD_CUDA_FOUND)
+  set(cuda "-L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -ldl -lrt -lpthread")
+endif()
+configure_file(cmake/octrad.pc.in octrad.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/octrad.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
 if(OCTRAD_PROGRAM)
   install(TARGETS octrad)
 endif()

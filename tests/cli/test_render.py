@@ -1,6 +1,7 @@
 """octrad render --integrator path, and what every integrator shares."""
 import json
 import os
+import resource
 import signal
 import unittest
 
@@ -27,6 +28,19 @@ class Render(Case):
 
     def assert_other_picture(self, a, b):
         self.assertGreater(self.ok("compare", a, b, "--json").json()["images"][0]["mse"], 0)
+
+    def test_a_disk_that_fills_keeps_the_old_picture(self):
+        self.render("--spp", "1")
+        with open(self.out, "rb") as file:
+            before = file.read()
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1024, limit[1]))   # inherited by the program
+        try:
+            self.fails(3, "cannot write", "render", self.scene, "-o", self.out, "--spp", "4")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        with open(self.out, "rb") as file:
+            self.assertEqual(file.read(), before)
 
     def test_report_and_layers(self):
         report = self.render("--integrator", "path", "--spp", "4")

@@ -313,17 +313,22 @@ void info_model(const CommonOptions& common, const std::string& file) {
 }
 
 void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
+  if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
+  if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.keys) return info_keys(common, options.config.resolve());
-  if (options.file.empty()) return info_program(common, device_verbs);
   std::string extension = std::filesystem::path(options.file).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (extension == ".xml") return info_scene(common, options);
+  if (options.sampled) throw UsageError("--sampled belongs to a scene");
+  if (options.config.given()) throw UsageError("--preset, --config and -D belong to a scene or to --keys");
+  if (options.file.empty()) return info_program(common, device_verbs);
   if (extension == ".octrad") return info_model(common, options.file);
-  if (extension == ".exr" || extension == ".hdr" || extension == ".png" || extension == ".jpg" || extension == ".jpeg")
+  if (extension == ".exr" || extension == ".hdr" || extension == ".pfm" || extension == ".png" || extension == ".jpg" ||
+      extension == ".jpeg")
     return info_image(common, options.file);
   throw UsageError(fmt::format(
-      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .png, .jpg)",
+      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
       options.file));
 }
 

@@ -15,9 +15,7 @@
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
 #include "octrad/model/model_file.h"
-#include "octrad/render/cache_integrators.h"
-#include "octrad/render/device_render.h"
-#include "octrad/render/path_integrator.h"
+#include "octrad/render/renderer.h"
 #include "octrad/scene/camera.h"
 
 namespace octrad::cli {
@@ -28,7 +26,7 @@ struct RenderVerbOptions {
   bool force = false;
   int spp = 0;         // 0: the integrator's own
   int max_depth = -2;  // -2: the scene's
-  int rr_depth = 5;
+  int rr_depth = 0;    // 0: 5
   std::string time;
   int width = 0, height = 0;
   std::string crop;
@@ -41,16 +39,6 @@ struct RenderVerbOptions {
   std::vector<std::string> definitions;
   int frames = 0;
 };
-
-const std::vector<std::string> kIntegrators = {"path", "lhs", "rhs", "deferred"};
-const std::vector<std::string> kViewFamilies = {"disparity", "traced", "features1", "occupancy1"};
-
-bool uses_cache(const std::string& integrator) { return integrator != "path"; }
-
-int default_spp(const std::string& integrator) {
-  if (integrator == "path") return 64;
-  return integrator == "rhs" || integrator == "deferred" ? 16 : 4;
-}
 
 // --camera, --origin ..., or a sensor of the scene. Film size: the camera's own where it has one.
 Camera choose_camera(const Scene& scene, const RenderVerbOptions& o) {
@@ -102,41 +90,45 @@ nlohmann::json camera_json(const Camera& c) {
           {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
 }
 
-RenderOptions render_options(const Scene& scene, const RenderVerbOptions& o, const CommonOptions& common) {
-  RenderOptions options;
-  options.camera = choose_camera(scene, o);
-  const Vec2i size = picture_size(options.camera.film_width, options.camera.film_height, o.width, o.height);
-  options.width = size.x;
-  options.height = size.y;
+View choose_view(const Scene& scene, const RenderVerbOptions& o) {
+  View view;
+  view.camera = choose_camera(scene, o);
+  const Vec2i size = picture_size(view.camera.film_width, view.camera.film_height, o.width, o.height);
+  view.width = size.x;
+  view.height = size.y;
   if (!o.crop.empty()) {
     const std::vector<double> crop = parse_numbers(o.crop, 4, "--crop");
     for (const double v : crop) {
       if (v != static_cast<double>(static_cast<int>(v)))
         throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
     }
-    options.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
-                    static_cast<int>(crop[3])};
-    if (options.crop.width <= 0 || options.crop.height <= 0)
-      throw UsageError("--crop: width and height must be above 0");
+    view.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
+                 static_cast<int>(crop[3])};
+    if (view.crop.width <= 0 || view.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
   }
-  options.seconds = o.time.empty() ? 0.0 : parse_duration(o.time);
-  if (!o.time.empty() && options.seconds <= 0.0) throw UsageError("--time must be above 0");
-  options.spp = o.spp > 0 ? o.spp : options.seconds > 0.0 ? 0 : default_spp(o.integrator);
-  options.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
-  options.rr_depth = o.rr_depth;
-  options.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
-  options.film = scene.film;
-  options.interrupted = [] { return interrupted(); };
+  return view;
+}
 
-  // The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is
-  // written.
-  const double pixels = static_cast<double>(options.width) * options.height;
-  const double area = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height : pixels;
-  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", options.width, options.height),
-                 {{"picture", static_cast<std::uint64_t>(area * (kPictureChannelCount + 1) *
-                                                         (2 * sizeof(double) + 2 * sizeof(float)))}},
-                 "  --width, --height and --crop make it smaller");
-  return options;
+double pixels_of(const View& view) {
+  return view.crop.width > 0 ? static_cast<double>(view.crop.width) * view.crop.height
+                             : static_cast<double>(view.width) * view.height;
+}
+
+// The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is
+// written.
+void require_picture_memory(const CommonOptions& common, const View& view) {
+  const double bytes = pixels_of(view) * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float));
+  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", view.width, view.height),
+                 {{"picture", static_cast<std::uint64_t>(bytes)}}, "  --width, --height and --crop make it smaller");
+}
+
+RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
+  RenderBudget budget;
+  budget.seconds = o.time.empty() ? 0.0 : parse_duration(o.time);
+  if (!o.time.empty() && budget.seconds <= 0.0) throw UsageError("--time must be above 0");
+  budget.spp = o.spp > 0 ? o.spp : budget.seconds > 0.0 ? 0 : integrator.default_spp;
+  budget.interrupted = [] { return interrupted(); };
+  return budget;
 }
 
 // The configuration of a cached picture: the model's, with what may change after training.
@@ -154,30 +146,28 @@ Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
   return config;
 }
 
-void check_integrator(const RenderVerbOptions& o, const RadianceField* field) {
-  std::vector<std::string> known = kIntegrators;
-  const std::vector<std::string> views = field ? view_names(*field) : kViewFamilies;
-  known.insert(known.end(), views.begin(), views.end());
-  if (std::find(known.begin(), known.end(), o.integrator) != known.end()) return;
-  const auto is_view = [&](const std::string& prefix) { return o.integrator.compare(0, prefix.size(), prefix) == 0; };
-  if (!field && (is_view("features") || is_view("occupancy"))) return;  // which levels there are, the model says
-  std::string list;
-  for (const std::string& name : known) list += (list.empty() ? "" : ", ") + name;
-  throw UsageError(
-      fmt::format("unknown integrator \"{}\"{}; there are {}", o.integrator, did_you_mean(o.integrator, known), list));
+// Options that the integrator would ignore are refused.
+void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
+  if (integrator.needs_model && o.model.empty())
+    throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
+  if (!integrator.needs_model && !o.model.empty())
+    throw UsageError(fmt::format("--integrator {} uses no --model", o.integrator));
+  if (!integrator.uses_depth && (o.max_depth >= -1 || o.rr_depth > 0))
+    throw UsageError(
+        fmt::format("--integrator {} traces no paths: --max-depth and --rr-depth are for path", o.integrator));
+  if (integrator.one_sample && (o.spp > 1 || !o.time.empty()))
+    throw UsageError(
+        fmt::format("--integrator {} takes one sample a pixel: --spp and --time are of no use", o.integrator));
+  if (integrator.one_sample && o.frames > 0)
+    throw UsageError(fmt::format("--integrator {} makes one picture: --frames cannot time it", o.integrator));
 }
 
 void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
-  check_integrator(o, nullptr);
-  if (uses_cache(o.integrator) && o.model.empty())
-    throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
-  if (!uses_cache(o.integrator) && !o.model.empty()) throw UsageError("--integrator path uses no --model");
+  const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
+  check_options(o, integrator);
   const DeviceChoice device = common.choose_device();
   const std::unique_ptr<Stream> stream = device.make_stream();
-  if (o.frames > 0 && !stream) throw UsageError("--frames measures frames of a GPU: it needs --device cuda");
-  if (o.frames > 0 && std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) == kIntegrators.end())
-    throw UsageError(fmt::format("--frames times path, lhs, rhs and deferred, not the view \"{}\"", o.integrator));
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
   ConfigOptions definitions;
@@ -186,7 +176,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   std::optional<Model> model;
   if (!o.model.empty()) {
     model = load_model(o.model);
-    check_integrator(o, model->field.get());
+    find_integrator(o.integrator, model->field.get());
   }
   const PreparedScene prepared(open_scene(o.scene, definitions.scene_definitions()));
   const Scene& scene = prepared.scene();
@@ -199,14 +189,30 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
                                  definitions.config_definitions().front().first));
   }
 
-  RenderOptions options = render_options(scene, o, common);
+  const View view = choose_view(scene, o);
+  require_picture_memory(common, view);
+  RenderBudget budget = choose_budget(o, integrator);
+  RenderSettings settings;
+  settings.film = scene.film;
+  settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
+  settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
+  settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
+  settings.expected_spp = budget.spp;
+  if (stream) settings.max_memory = common.memory_budget(*stream);
+
+  if (log) {
+    log->write({{"event", "start"},
+                {"scene", o.scene},
+                {"integrator", o.integrator},
+                {"width", view.width},
+                {"height", view.height},
+                {"device", device.name}});
+  }
   Progress progress(o.integrator);
-  options.progress = [&](int spp, double seconds) {
-    const double by_samples = options.spp > 0 ? static_cast<double>(spp) / options.spp : 0.0;
-    const double by_time = options.seconds > 0.0 ? seconds / options.seconds : 0.0;
-    const double pixels = options.crop.width > 0 ? static_cast<double>(options.crop.width) * options.crop.height
-                                                 : static_cast<double>(options.width) * options.height;
-    const double rate = seconds > 0.0 ? pixels * spp / seconds : 0.0;
+  budget.progress = [&](int spp, double seconds) {
+    const double by_samples = budget.spp > 0 ? static_cast<double>(spp) / budget.spp : 0.0;
+    const double by_time = budget.seconds > 0.0 ? seconds / budget.seconds : 0.0;
+    const double rate = seconds > 0.0 ? pixels_of(view) * spp / seconds : 0.0;
     if (progress.due()) {
       progress.update(std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
                       fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate),
@@ -216,23 +222,12 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   };
 
   defer_interrupts();  // from here on there is a picture to save
-  RenderResult result;
+  const std::unique_ptr<Renderer> renderer =
+      make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
+  renderer->set_view(view);
   std::optional<FrameTimes> frames;
-  if (stream) {
-    DeviceRenderer renderer(*stream, prepared, options, model ? model->field.get() : nullptr, config, o.integrator,
-                            common.memory_budget(*stream));
-    if (o.frames > 0) frames = renderer.time_frames(o.frames);
-    result = renderer.render();
-  } else if (o.integrator == "path") {
-    result = render_path(prepared.context(), options);
-  } else if (std::find(kIntegrators.begin(), kIntegrators.end(), o.integrator) != kIntegrators.end()) {
-    const CacheMode mode = o.integrator == "lhs"   ? CacheMode::lhs
-                           : o.integrator == "rhs" ? CacheMode::rhs
-                                                   : CacheMode::deferred;
-    result = render(options, cache_integrator(prepared.context(), *model->field, config, mode, 1, options.seed));
-  } else {
-    result = render_view(options, prepared.context(), *model->field, config, o.integrator);
-  }
+  if (o.frames > 0) frames = renderer->time_frames(o.frames, std::max(1, budget.spp));
+  RenderResult result = render(*renderer, budget);
   progress.finish();
   if (result.counts.non_finite > 0)
     log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
@@ -240,20 +235,20 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   result.image.metadata["octrad.version"] = kVersion;
   result.image.metadata["octrad.scene"] =
       nlohmann::json{{"file", scene.file}, {"fingerprint", scene.fingerprint}}.dump();
-  result.image.metadata["octrad.camera"] = camera_json(options.camera).dump();
+  result.image.metadata["octrad.camera"] = camera_json(view.camera).dump();
   result.image.metadata["octrad.render"] = nlohmann::json{
       {"integrator", o.integrator},
       {"spp", result.spp},
-      {"max_depth", options.max_depth},
-      {"seed", options.seed},
+      {"max_depth", integrator.uses_depth ? settings.max_depth : -1},
+      {"seed", settings.seed},
       {"seconds", result.seconds}}.dump();
   if (model) {
     result.image.metadata["octrad.config"] = to_json(config).dump();
     result.image.metadata["octrad.model"] = nlohmann::json{{"file", o.model}, {"step", model->info.state.step}}.dump();
   }
-  if (options.crop.width > 0) {
-    result.image.metadata["dataWindow.min"] = fmt::format("{} {}", options.crop.x, options.crop.y);
-    result.image.metadata["displayWindow"] = fmt::format("{} {}", options.width, options.height);
+  if (view.crop.width > 0) {
+    result.image.metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
+    result.image.metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
   }
   write_exr(o.output, result.image);
 
@@ -318,19 +313,17 @@ void add_render(Program& program) {
       ->type_name("N");
   verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")
       ->type_name("T");
-  verb->add_option(
-          "--frames", o->frames,
-          "on a GPU: also render this many frames and print the median time, its 95th percentile and its parts")
+  verb->add_option("--frames", o->frames,
+                   "also render this many frames and print the median time, its 95th percentile and its parts")
       ->check(unnamed(CLI::Range(1, 1 << 20)))
       ->type_name("N");
   verb->add_option("--max-depth", o->max_depth,
                    "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
       ->check(unnamed(CLI::Range(-1, 1 << 20)))
       ->type_name("D");
-  verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on")
+  verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on; default: 5")
       ->check(unnamed(CLI::Range(1, 1 << 20)))
-      ->type_name("D")
-      ->capture_default_str();
+      ->type_name("D");
   verb->add_option("-D", o->definitions, "set a parameter of the scene file, or render.delta=cache|trace")
       ->type_name("KEY=VALUE")
       ->expected(1)

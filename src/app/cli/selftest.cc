@@ -123,10 +123,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                           {"allowed_above", r.allowed},
                           {"above", r.above},
                           {"passed", r.passed}});
-    text +=
-        row(check.name, fmt::format("{}  {}: p99.9 {:.2g}, max {:.2g}; at most {:.2g}{}",
-                                    r.passed ? "ok    " : "FAILED", r.error, r.p999, r.max, r.tolerance,
-                                    r.allowed > 0.0 ? fmt::format(" for all but {:.3g} %", 100.0 * r.allowed) : ""));
+    text += row(check.name, fmt::format("{}  {}", r.passed ? "ok    " : "FAILED", r.text()));
   }
 
   if (!o.no_benchmarks)

@@ -2,27 +2,26 @@
 #pragma once
 
 #include "app/selftest/selftest.h"
+#include "octrad/encoding/checks.h"
+#include "octrad/network/checks.h"
 
 namespace octrad::selftest {
 
 // field.cc: look-ups of features.
-CheckResult check_lookup_floats(const Context& context);
-CheckResult check_lookup_halves(const Context& context);
+OctaOctree make_octree(const Scene& scene, int levels);
+// On the scene's surfaces. `sorted`: neighbours in space are neighbours in memory, by cells of a grid of 32^3 in Morton
+// order.
+LookupQueries surface_queries(const Context& context, std::size_t n, bool sorted);
 BenchmarkResult benchmark_lookup(const Context& context);         // queries in random order
 BenchmarkResult benchmark_lookup_sorted(const Context& context);  // in Morton order: what sorting would be worth
 
 // network.cc: the decoder's network, 45 -> 4 x 128 -> 3.
-CheckResult check_decoder(const Context& context);
+inline constexpr MlpShape kDecoder{45, 128, 4, 3};
 BenchmarkResult benchmark_decoder(const Context& context);
 BenchmarkResult benchmark_decoder_training(const Context& context);
 
 // shading.cc: materials and lights at the ends of rays. Needs Context::loaded.
 CheckResult check_shading(const Context& context);
-
-// optimiser.cc: steps of Adam.
-CheckResult check_network_optimiser(const Context& context);
-CheckResult check_touched_optimiser(const Context& context);
-CheckResult check_dense_optimiser(const Context& context);
 
 // rays.cc: warps that take rays (transport/cast.h), against Embree and against the same tree on the CPU; and the walk
 // of a thread alone, which chains, the ends of long paths and traced disparities take.

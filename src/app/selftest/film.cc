@@ -31,7 +31,7 @@ unsigned long long add_samples(const Context& c, const CameraJob& job, const Rec
       s.radiance = Vec3f(0.0f);
       dropped += inside ? 1 : 0;
     }
-    if (!filter.is_box()) film.add(filter, job.sample(k).position, s);
+    if (!(filter.reach() == 0)) film.add(filter, job.sample(k).position, s);
     else if (inside) film.add_to_pixel(p.x, p.y, s);
   }
   return dropped;

@@ -2,92 +2,11 @@
 
 #include "app/selftest/shading_numbers.h"
 #include "octrad/base/rng.h"
-#include "octrad/base/sobol_math.h"
 #include "octrad/device/launch.h"
-#include "octrad/encoding/octahedral_math.h"
-#include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/transport/cast.h"
 
 namespace octrad::selftest {
 namespace {
-
-struct SelftestRng : Kernel {
-  std::uint64_t seed;
-  std::uint32_t* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    Rng rng(seed, RngPurpose::test, i);
-    rng.bits();
-    out[i] = rng.bits();
-  }
-};
-
-struct SelftestSobol : Kernel {
-  std::uint32_t* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const { sobol3(i, out + 3 * static_cast<std::size_t>(i)); }
-};
-
-struct SelftestOctahedral : Kernel {
-  const Vec3f* directions;
-  Vec2f* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = octa_project(directions[i]).u; }
-};
-
-struct SelftestSphericalHarmonics : Kernel {
-  const Vec3f* directions;
-  float* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    spherical_harmonics(directions[i], out + 16 * static_cast<std::size_t>(i));
-  }
-};
-
-struct SelftestHashGrid : Kernel {
-  HashGridView grid;
-  const Vec3f* positions;
-  float* out;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    for (int l = 0; l < grid.levels; ++l) {
-      std::uint32_t entry[8];
-      float weight[8];
-      hash_grid_taps(grid.level[l], positions[i], entry, weight);
-      float sum = 0.0f;
-      for (int c = 0; c < 8; ++c) sum += weight[c] * grid.table[entry[c] * static_cast<std::size_t>(grid.features)];
-      out[static_cast<std::size_t>(i) * static_cast<std::size_t>(grid.levels) + static_cast<std::size_t>(l)] = sum;
-    }
-  }
-};
-
-struct SelftestAdam : Kernel {
-  AdamConstants constants;
-  float rate, second;
-  const float* gradients;
-  float *parameters, *m, *v;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    parameters[i] = adam_update(parameters[i], gradients[i], m[i], v[i], constants, rate, second);
-  }
-};
-
-template <typename Sink>
-struct SelftestTaps : Kernel {
-  const SparseTap* taps;
-  const float* upstream;
-  Sink sink;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    sink.template add<kTapFeatures>(i, taps[i].entry, taps[i].scale,
-                                    upstream + static_cast<std::size_t>(taps[i].source) * kTapFeatures);
-  }
-};
-
-struct SelftestAtomics : Kernel {
-  const std::uint32_t* values;
-  std::uint32_t* counts;
-  float* sum;
-  std::uint32_t* flags;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    atomic_add(&counts[values[i] & 7u], std::uint32_t{1});
-    atomic_add(sum, 1.0f);
-    atomic_or(flags, 1u << (values[i] & 7u));
-  }
-};
 
 struct SelftestClosest : Kernel {
   Bvh8View tree;
@@ -207,42 +126,6 @@ struct SelftestNothing : Kernel {
 };
 
 }  // namespace
-
-void run_rng(Stream& stream, std::size_t n, std::uint64_t seed, std::uint32_t* out) {
-  launch(stream, n, SelftestRng{{}, seed, out});
-}
-
-void run_sobol(Stream& stream, std::size_t n, std::uint32_t* out) { launch(stream, n, SelftestSobol{{}, out}); }
-
-void run_octahedral(Stream& stream, std::size_t n, const Vec3f* directions, Vec2f* out) {
-  launch(stream, n, SelftestOctahedral{{}, directions, out});
-}
-
-void run_spherical_harmonics(Stream& stream, std::size_t n, const Vec3f* directions, float* out) {
-  launch(stream, n, SelftestSphericalHarmonics{{}, directions, out});
-}
-
-void run_hash_grid(Stream& stream, std::size_t n, const HashGridView& grid, const Vec3f* positions, float* out) {
-  launch(stream, n, SelftestHashGrid{{}, grid, positions, out});
-}
-
-void run_adam(Stream& stream, std::size_t n, const AdamConstants& constants, float rate, float second,
-              const float* gradients, float* parameters, float* m, float* v) {
-  launch(stream, n, SelftestAdam{{}, constants, rate, second, gradients, parameters, m, v});
-}
-
-void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const AddNow& sink) {
-  launch(stream, n, SelftestTaps<AddNow>{{}, taps, upstream, sink});
-}
-
-void run_taps(Stream& stream, std::size_t n, const SparseTap* taps, const float* upstream, const KeepForSort& sink) {
-  launch(stream, n, SelftestTaps<KeepForSort>{{}, taps, upstream, sink});
-}
-
-void run_atomics(Stream& stream, std::size_t n, const std::uint32_t* values, std::uint32_t* counts, float* sum,
-                 std::uint32_t* flags) {
-  launch(stream, n, SelftestAtomics{{}, values, counts, sum, flags});
-}
 
 void run_closest(Stream& stream, std::size_t n, const Bvh8View& bvh, const DeviceRay* rays, Hit* hits) {
   cast(stream, n, SelftestClosest{{}, bvh, static_cast<std::uint32_t>(n), rays, hits});

@@ -84,23 +84,6 @@ std::vector<RayQuery> incoherent_rays(const Scene& scene, std::size_t n, std::ui
   return rays;
 }
 
-std::vector<HashGridLevelView> hash_grid_levels() {
-  constexpr std::uint32_t kTable = 1u << 16;
-  std::vector<HashGridLevelView> levels;
-  std::uint32_t first = 0;
-  for (std::uint32_t r = 16; r <= 1024; r *= 4) {
-    HashGridLevelView level;
-    level.scale = static_cast<float>(r) - 1.0f;
-    level.resolution = r;
-    level.first_entry = first;
-    level.dense = r * r * r <= kTable;
-    level.entries = level.dense ? r * r * r : kTable;
-    first += level.entries;
-    levels.push_back(level);
-  }
-  return levels;
-}
-
 RayFixture::RayFixture(const Context& context, std::size_t n, bool finite)
     : host_(incoherent_rays(context.scene, n, context.seed)),
       rays_(context.stream, n, "rays"),

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "octrad/device/check.h"
 #include "octrad/device/stream.h"
 #include "octrad/transport/prepared_scene.h"
 
@@ -31,25 +32,7 @@ struct Context {
 
 // ---- Checks (checks.cc)
 
-struct CheckResult {
-  std::string error;  // what is measured: "relative error of t"
-  std::size_t items = 0;
-  double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;
-  double tolerance = 0.0;
-  double allowed = 0.0;  // share of the items that may be above
-  double above = 0.0;    // that is
-  bool passed = false;
-};
-
-// Collects errors; what is not a number counts as infinite.
-class Errors {
- public:
-  void add(double error);
-  CheckResult result(std::string what, double tolerance, double allowed_share = 0.0);
-
- private:
-  std::vector<double> errors_;
-};
+using Errors = CheckErrors;
 
 struct Check {
   const char* name;

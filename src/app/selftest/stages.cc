@@ -11,8 +11,7 @@
 #include "octrad/base/stopwatch.h"
 #include "octrad/geometry/surface_sampling.h"
 #include "octrad/image/metrics.h"
-#include "octrad/render/cache_integrators.h"
-#include "octrad/render/device_render.h"
+#include "octrad/render/renderer.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad::selftest {
@@ -117,36 +116,37 @@ StageResult frame(const Context& c) {
   const Config config = short_run(c);
   const TrainResult trained = train_short(ground.use, config, &c.stream);
   const bool large = c.items(1, 0) > 0;
-  const std::uint64_t memory = c.stream.on_device() ? c.stream.info().free_bytes / 10 * 9 : 0;
-  RenderOptions options;
-  options.camera = ground.use.scene().cameras.front();
-  options.film = ground.use.scene().film;
-  options.spp = 1;
-  options.seed = c.seed;
-  options.width = options.height = large ? 256 : 64;
-  const RenderResult expected =
-      render(options, cache_integrator(ground.context, *trained.field, config, CacheMode::lhs, 1, options.seed));
-  const RenderResult got =
-      DeviceRenderer(c.stream, ground.use, options, trained.field.get(), config, "lhs", memory).render();
-  const double mape = compare(expected.image, got.image).mape;
+  View view{ground.use.scene().cameras.front()};
+  view.width = view.height = large ? 256 : 64;
+  RenderSettings settings;
+  settings.film = ground.use.scene().film;
+  settings.seed = c.seed;
+  settings.expected_spp = 1;
+  const RenderBudget budget{1};
+  const auto on_cpu = make_renderer(ground.use, "lhs", settings, trained.field.get(), config);
+  on_cpu->set_view(view);
+  settings.max_memory = c.stream.on_device() ? c.stream.info().free_bytes / 10 * 9 : 0;
+  const auto on_stream = make_renderer(ground.use, "lhs", settings, trained.field.get(), config, &c.stream);
+  on_stream->set_view(view);
+  const double mape = compare(render(*on_cpu, budget).image, render(*on_stream, budget).image).mape;
 
-  RenderOptions timed = options;
+  View timed = view;
   timed.width = timed.height = c.stream.on_device() ? (c.quick ? 256 : 1024) : 32;
   const int frames = c.stream.on_device() ? 200 : 3;
-  const FrameTimes times =
-      DeviceRenderer(c.stream, ground.use, timed, trained.field.get(), config, "lhs", memory).time_frames(frames);
+  on_stream->set_view(timed);
+  const FrameTimes times = on_stream->time_frames(frames, 1);
 
   StageResult r;
   r.passed = mape <= kTolerance;
   r.report = {{"scene", ground.use.scene().file},
               {"integrator", "lhs"},
-              {"compared", {{"width", options.width}, {"height", options.height}, {"spp", options.spp}}},
+              {"compared", {{"width", view.width}, {"height", view.height}, {"spp", budget.spp}}},
               {"mape", mape},
               {"tolerance", kTolerance},
               {"frames", frames},
               {"width", timed.width},
               {"height", timed.height},
-              {"spp", timed.spp},
+              {"spp", 1},
               {"median_ms", times.median},
               {"p95_ms", times.p95},
               {"stages_ms", cli::stages_json(times.stages)}};

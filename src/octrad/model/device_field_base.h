@@ -111,12 +111,4 @@ class DeviceFieldBase : public DeviceField {
   void prepare(const Chunk& chunk);
 };
 
-std::unique_ptr<DeviceField> make_device_octaoctree(Stream& stream, RadianceField& field, const Config& config,
-                                                    const DeviceFieldOptions& options);
-std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field, const Config& config,
-                                            const DeviceFieldOptions& options);
-std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
-                                                 const DeviceFieldOptions& options);
-std::vector<MemoryPart> device_nr_memory(const Config& config, const DeviceFieldOptions& options);
-
 }  // namespace octrad

@@ -374,18 +374,4 @@ void DeviceFieldBase::download_decoder(DecoderHead& head) {
   head.set_target_scale(target_scale_);
 }
 
-std::unique_ptr<DeviceField> make_device_field(Stream& stream, RadianceField& field, const Config& config,
-                                               const DeviceFieldOptions& options) {
-  if (options.max_points == 0) throw InputError("a device field needs room for at least one point");
-  if (field.name() == "octaoctree") return make_device_octaoctree(stream, field, config, options);
-  if (field.name() == "nr") return make_device_nr(stream, field, config, options);
-  throw InputError("the field \"" + field.name() + "\" does not run on a device");
-}
-
-std::vector<MemoryPart> estimate_device_memory(const Config& config, const std::vector<long long>& cells_per_level,
-                                               const DeviceFieldOptions& options) {
-  return config.field == "nr" ? device_nr_memory(config, options)
-                              : device_octaoctree_memory(config, cells_per_level, options);
-}
-
 }  // namespace octrad

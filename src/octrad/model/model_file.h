@@ -15,6 +15,7 @@ struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
   long long lhs_samples = 0, rhs_queries = 0;
+  double loss = -1.0;  // smoothed (train/trainer.h); below 0 before the first step
 };
 
 struct ModelInfo {

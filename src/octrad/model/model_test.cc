@@ -2,14 +2,17 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/model/field_test_helper.h"
 #include "octrad/model/model_file.h"
 
@@ -199,6 +202,46 @@ TEST(ModelFile, RefusesBrokenFiles) {
     std::filesystem::remove(copy);
   }
   std::filesystem::remove(file);
+}
+
+// Every key that the field is said to ignore is set to another value; training must not notice.
+TEST_P(AllFields, KeysOfOtherFieldsChangeNothing) {
+  const Config config = small_config(GetParam());
+  const auto points = random_points(64, 4);
+  const auto trained = [&](const Config& c) {
+    const auto field = make_field(c, shell(3));
+    train_steps(*field, 2);
+    return evaluate(*field, points);
+  };
+  const std::vector<Vec3f> expected = trained(config);
+  for (const ConfigKey& key : describe(config)) {
+    Config changed = config;
+    std::istringstream words(key.accepted + " 11 17 2.5");
+    for (std::string word; get(changed, key.key) == key.value && words >> word;) {
+      try {
+        set(changed, key.key, word);
+      } catch (const UsageError&) {
+      }
+    }
+    if (key.key == "field" || key.key == "preset") continue;
+    if (ignores_key(field_entry(GetParam()), key.key)) {
+      EXPECT_NE(get(changed, key.key), key.value) << key.key;
+      EXPECT_TRUE(trained(changed) == expected) << key.key;
+    }
+  }
+}
+
+TEST(Registry, OwnKeysAreKeys) {
+  for (const FieldEntry* field : field_entries()) {
+    for (const std::string_view begin : field->own_keys) {
+      const std::vector<ConfigKey> keys = describe(Config{});
+      EXPECT_TRUE(std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.key.rfind(begin, 0) == 0; }))
+          << field->name << ": " << begin;
+    }
+  }
+  EXPECT_TRUE(ignores_key(field_entry("nr"), "octree.levels"));
+  EXPECT_FALSE(ignores_key(field_entry("octaoctree"), "octree.levels"));
+  EXPECT_FALSE(ignores_key(field_entry("nr"), "train.points"));
 }
 
 TEST(Registry, UnknownFieldIsRefusedWithASuggestion) {

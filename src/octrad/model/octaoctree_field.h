@@ -6,8 +6,8 @@
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/decoder_head.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/model/field_storage.h"
-#include "octrad/model/radiance_field.h"
 #include "octrad/network/adam.h"
 
 namespace octrad {
@@ -28,6 +28,7 @@ class OctaOctreeField : public RadianceField {
   float target_scale() const override { return decoder_.target_scale(); }
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
+  bool predicts_disparity() const override { return true; }
   int levels() const override { return octree_.options().levels; }
   std::vector<long long> cells_per_level() const override;
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
@@ -70,5 +71,11 @@ class OctaOctreeField : public RadianceField {
   std::unique_ptr<SparseAdam> octree_adam_, grid_adam_;  // made when training starts: they are larger than the field
   std::vector<float> octree_upstream_, grid_upstream_;   // [point][level][feature]
 };
+
+extern const FieldEntry kOctaOctreeField;
+std::unique_ptr<DeviceField> make_device_octaoctree(Stream& stream, RadianceField& field, const Config& config,
+                                                    const DeviceFieldOptions& options);
+std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                                 const DeviceFieldOptions& options);
 
 }  // namespace octrad

@@ -1,81 +1,98 @@
-#include "octrad/render/cache_integrators.h"
+// Integrators that ask a radiance field (method section 8): `lhs`, `rhs`, `deferred`.
+#include <vector>
 
-#include "octrad/base/error.h"
-#include "octrad/transport/first_hit_math.h"
+#include "octrad/model/radiance_field.h"
+#include "octrad/render/integrators.h"
+#include "octrad/transport/prepared_scene.h"
 #include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
 
-FirstHitOptions first_hit_options(const Config& config, CacheMode mode) {
-  using Bounce = FirstHitOptions::Bounce;
+class CacheIntegrator : public Integrator {
+ public:
+  CacheIntegrator(const IntegratorInput& input, FirstHitOptions::Bounce bounce)
+      : context_(input.scene.context()),
+        field_(*input.field),
+        options_(first_hit_options(input.config, bounce)),
+        traced_(input.config.lookup_offset == LookupOffset::traced) {
+    rhs_.directions = 1;  // each camera sample has its own first hit
+    rhs_.max_chain = options_.max_chain;
+    rhs_.emission_inside = options_.emission_inside;
+    rhs_.traced_disparity = traced_;
+    rhs_.seed = input.seed;
+  }
+
+  SampleCounts sample(std::span<CameraSample> samples, std::span<PixelSample> out) override {
+    SampleCounts counts;
+    std::vector<SurfacePoint> queries;
+    std::vector<Owner> query_owners, bounce_owners;
+    std::vector<ShadingPoint> bounces;
+    std::vector<unsigned long long> bounce_keys;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      RayEnd end;
+      FirstHit first;
+      const FirstHitQuery query = trace_first_hit(context_, options_, samples[i], end, first);
+      counts.rays += end.rays;
+      out[i] = pixel_sample(query.known, first);
+      if (query.next == FirstHitQuery::Next::bounce) {
+        bounces.push_back(end.point);
+        bounce_owners.push_back({i, end.throughput});
+        bounce_keys.push_back(query.key);
+      } else if (query.next == FirstHitQuery::Next::query) {
+        queries.push_back(field_query_point(context_, end.point, traced_));
+        query_owners.push_back({i, end.throughput});
+        counts.rays += traced_;
+      }
+    }
+    std::vector<Vec3f> responses(queries.size());
+    field_.radiance(queries, responses);
+    counts.queries += static_cast<long long>(queries.size());
+    add(query_owners, responses, out);
+    if (!bounces.empty()) {
+      RhsOptions rhs = rhs_;
+      rhs.keys = bounce_keys;
+      responses.resize(bounces.size());
+      const RadianceQuery ask = [this](std::span<const SurfacePoint> points, std::span<Vec3f> values) {
+        field_.radiance(points, values);
+      };
+      const RhsStatistics s = estimate_rhs_serial(context_, bounces, rhs, ask, responses);
+      counts += {s.rays, s.queries, s.non_finite};
+      add(bounce_owners, responses, out);
+    }
+    return counts;
+  }
+
+ private:
+  struct Owner {
+    std::size_t sample;
+    Vec3f weight;
+  };
+  static void add(const std::vector<Owner>& owners, const std::vector<Vec3f>& responses, std::span<PixelSample> out) {
+    for (std::size_t q = 0; q < owners.size(); ++q) out[owners[q].sample].radiance += owners[q].weight * responses[q];
+  }
+
+  const TransportContext context_;
+  const RadianceField& field_;
+  const FirstHitOptions options_;
+  const bool traced_;
+  RhsOptions rhs_;
+};
+
+}  // namespace
+
+FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce bounce) {
   FirstHitOptions options;
   options.follow_delta = config.render_delta == DeltaSurfaces::trace;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
-  options.bounce = mode == CacheMode::rhs ? Bounce::all : mode == CacheMode::deferred ? Bounce::glossy : Bounce::none;
+  options.bounce = bounce;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   return options;
 }
 
-}  // namespace
-
-SampleFunction cache_integrator(const TransportContext& context, const RadianceField& field, const Config& config,
-                                CacheMode mode, int directions, unsigned long long seed) {
-  const FirstHitOptions options = first_hit_options(config, mode);
-  const bool traced = config.lookup_offset == LookupOffset::traced;
-  return [=, &context, &field, &config](std::span<CameraSample> samples, std::span<PixelSample> out) {
-    SampleCounts counts;
-    std::vector<SurfacePoint> asked;
-    std::vector<std::size_t> asked_by;
-    std::vector<Vec3f> asked_weight;
-    std::vector<ShadingPoint> bounced;
-    std::vector<std::size_t> bounced_by;
-    std::vector<Vec3f> bounced_weight;
-    std::vector<unsigned long long> bounced_key;  // a camera sample's own random stream
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      RayEnd end;
-      FirstHit first;
-      const FirstHitQuery query = trace_first_hit(context, options, samples[i], end, first);
-      counts.rays += end.rays;
-      out[i] = {query.known, first.albedo, first.normal, first.depth, first.roughness};
-      if (query.next == FirstHitQuery::Next::nothing) continue;
-      if (query.next == FirstHitQuery::Next::bounce) {
-        bounced.push_back(end.point);
-        bounced_by.push_back(i);
-        bounced_weight.push_back(end.throughput);
-        bounced_key.push_back(query.key);
-      } else {
-        asked.push_back(field_query_point(context, end.point, traced));
-        counts.rays += traced;
-        asked_by.push_back(i);
-        asked_weight.push_back(end.throughput);
-      }
-    }
-    std::vector<Vec3f> answers(asked.size());
-    field.radiance(asked, answers);
-    counts.queries += static_cast<long long>(asked.size());
-    for (std::size_t q = 0; q < asked.size(); ++q) out[asked_by[q]].radiance += asked_weight[q] * answers[q];
-    if (!bounced.empty()) {
-      RhsOptions rhs;
-      rhs.directions = directions;
-      rhs.max_chain = config.train_max_chain;
-      rhs.emission_inside = options.emission_inside;
-      rhs.traced_disparity = traced;
-      rhs.seed = seed;
-      rhs.keys = bounced_key;
-      answers.resize(bounced.size());
-      const RadianceQuery query = [&](std::span<const SurfacePoint> points, std::span<Vec3f> values) {
-        field.radiance(points, values);
-      };
-      const RhsStatistics s = estimate_rhs_serial(context, bounced, rhs, query, answers);
-      counts.rays += s.rays;
-      counts.queries += s.queries;
-      counts.non_finite += s.non_finite;
-      for (std::size_t b = 0; b < bounced.size(); ++b) out[bounced_by[b]].radiance += bounced_weight[b] * answers[b];
-    }
-    return counts;
-  };
+std::unique_ptr<Integrator> make_cache_integrator(const IntegratorInput& input, FirstHitOptions::Bounce bounce) {
+  return std::make_unique<CacheIntegrator>(input, bounce);
 }
 
 }  // namespace octrad

@@ -1,5 +1,5 @@
 // The cache integrators with fields whose answer is known.
-#include "octrad/render/cache_integrators.h"
+#include "octrad/render/renderer.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -27,6 +27,7 @@ class ConstantField : public RadianceField {
   float target_scale() const override { return 1.0f; }
   Vec3f normalized(Vec3f x) const override { return x * 0.4f + Vec3f(0.5f); }
   int feature_count() const override { return 8; }
+  bool predicts_disparity() const override { return true; }
   int levels() const override { return 2; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override {
@@ -44,8 +45,6 @@ class ConstantField : public RadianceField {
 // A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
 struct Box {
   PreparedScene prepared;
-  const Scene& scene = prepared.scene();
-  TransportContext context = prepared.context();
   ConstantField field;
   Config config = preset("cpu");
 
@@ -62,25 +61,21 @@ struct Box {
     std::filesystem::remove(file);
     return scene;
   }
-  RenderOptions options(int spp) const {
-    RenderOptions o;
-    o.camera = scene.cameras[0];
-    o.width = 32;
-    o.height = 24;
-    o.spp = spp;
-    o.film = scene.film;
-    return o;
-  }
-  RenderResult picture(CacheMode mode, int spp, int directions) const {
-    return render(options(spp), cache_integrator(context, field, config, mode, directions, 1));
+  RenderResult picture(const std::string& integrator, int spp = 1) {
+    RenderSettings settings;
+    settings.film = prepared.scene().film;
+    settings.seed = 1;
+    const auto renderer = make_renderer(prepared, integrator, settings, &field, config);
+    renderer->set_view({prepared.scene().cameras[0], 32, 24});
+    return render(*renderer, {spp});
   }
 };
 
 bool on_sphere(const Image& image, int x, int y) { return image.at(x, y, image.channel("roughness.Y")) < 0.01f; }
 
 TEST(CacheIntegrators, LhsShowsTheFieldAtTheFirstHit) {
-  const Box box;
-  const RenderResult r = box.picture(CacheMode::lhs, 2, 1);
+  Box box;
+  const RenderResult r = box.picture("lhs", 2);
   int mirror = 0;
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
@@ -93,8 +88,8 @@ TEST(CacheIntegrators, LhsShowsTheFieldAtTheFirstHit) {
 }
 
 TEST(CacheIntegrators, RhsReflectsTheFieldOnce) {
-  const Box box;
-  const RenderResult r = box.picture(CacheMode::rhs, 1, 4);
+  Box box;
+  const RenderResult r = box.picture("rhs", 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
       const float roughness = r.image.at(x, y, r.image.channel("roughness.Y"));
@@ -105,8 +100,8 @@ TEST(CacheIntegrators, RhsReflectsTheFieldOnce) {
 }
 
 TEST(CacheIntegrators, DeferredBouncesOnlyWhereItIsGlossy) {
-  const Box box;
-  const RenderResult r = box.picture(CacheMode::deferred, 1, 4);
+  Box box;
+  const RenderResult r = box.picture("deferred", 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) EXPECT_NEAR(r.image.rgb(x, y).x, 2.0f, 1e-3f);
   }
@@ -114,9 +109,9 @@ TEST(CacheIntegrators, DeferredBouncesOnlyWhereItIsGlossy) {
 
 TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
-  const RenderResult outside = box.picture(CacheMode::lhs, 1, 1);
+  const RenderResult outside = box.picture("lhs", 1);
   box.config.target_emission = TargetEmission::inside;
-  const RenderResult inside = box.picture(CacheMode::lhs, 1, 1);
+  const RenderResult inside = box.picture("lhs", 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
       EXPECT_FLOAT_EQ(outside.image.rgb(x, y).x, on_sphere(outside.image, x, y) ? 2.0f : 5.0f);
@@ -128,7 +123,7 @@ TEST(CacheIntegrators, EmissionIsAddedOutsideTheFieldAndOnlyOnce) {
 TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
   Box box(R"(<emitter type="area"><rgb name="radiance" value="3"/></emitter>)");
   box.config.render_delta = DeltaSurfaces::trace;
-  const RenderResult r = box.picture(CacheMode::lhs, 1, 1);
+  const RenderResult r = box.picture("lhs", 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) EXPECT_FLOAT_EQ(r.image.rgb(x, y).x, 5.0f);
   }
@@ -136,9 +131,9 @@ TEST(CacheIntegrators, TracedMirrorsShowWhatIsBehindThem) {
 
 TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
   Box box;
-  const RenderResult cached = box.picture(CacheMode::lhs, 1, 1);
+  const RenderResult cached = box.picture("lhs", 1);
   box.config.render_delta = DeltaSurfaces::trace;
-  const RenderResult traced = box.picture(CacheMode::lhs, 1, 1);
+  const RenderResult traced = box.picture("lhs", 1);
   int mirror = 0;
   for (const char* layer : {"albedo.R", "normal.X", "normal.Z", "depth.Z", "roughness.Y"}) {
     const int c = cached.image.channel(layer);
@@ -154,15 +149,15 @@ TEST(CacheIntegrators, LayersAreThoseOfTheFirstHitAlsoWhereItIsTraced) {
 }
 
 TEST(Views, DisparityTracedFeaturesOccupancy) {
-  const Box box;
-  const RenderResult disparity = render_view(box.options(1), box.context, box.field, box.config, "disparity");
+  Box box;
+  const RenderResult disparity = box.picture("disparity", 1);
   EXPECT_FLOAT_EQ(disparity.image.rgb(3, 3).x, 0.25f);
-  const RenderResult traced = render_view(box.options(1), box.context, box.field, box.config, "traced");
+  const RenderResult traced = box.picture("traced", 1);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x)
       EXPECT_GT(traced.image.rgb(x, y).x, 1.0f / (2.0f * std::sqrt(3.0f)));  // nothing is farther than the diagonal
   }
-  const RenderResult features = render_view(box.options(4), box.context, box.field, box.config, "features2");
+  const RenderResult features = box.picture("features2");
   float low = 1e9f, high = -1e9f;
   for (int x = 0; x < 32; ++x) {
     low = std::min(low, features.image.rgb(x, 12).x);
@@ -170,9 +165,9 @@ TEST(Views, DisparityTracedFeaturesOccupancy) {
   }
   EXPECT_GT(high - low, 0.5f);
   EXPECT_LE(high, 1.0f);
-  EXPECT_NO_THROW(render_view(box.options(1), box.context, box.field, box.config, "occupancy1"));
+  EXPECT_NO_THROW(box.picture("occupancy1", 1));
   try {
-    render_view(box.options(1), box.context, box.field, box.config, "feature2");
+    box.picture("feature2", 1);
     FAIL();
   } catch (const UsageError& e) {
     EXPECT_NE(std::string(e.what()).find("features2"), std::string::npos);

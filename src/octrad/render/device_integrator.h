@@ -1,4 +1,4 @@
-// What DeviceRenderer asks of its integrators. Internal to the room.
+// What DeviceRenderer asks of its integrators. Internal to the module.
 #pragma once
 
 #include <memory>

@@ -21,7 +21,8 @@ ReconstructionFilter::ReconstructionFilter(const Film& film) {
                         ? 0.5f
                         : (shape_.type == FilterShape::Type::tent ? 1.0f : 4.0f * film.filter_stddev);
   }
-  box_ = shape_.type == FilterShape::Type::box && shape_.radius <= 0.5f;
+  reach_ =
+      shape_.type == FilterShape::Type::box && shape_.radius <= 0.5f ? 0 : static_cast<int>(std::ceil(shape_.radius));
   if (shape_.type == FilterShape::Type::gaussian) {
     shape_.exponent = -0.5f / (film.filter_stddev * film.filter_stddev);
     shape_.floor = std::exp(shape_.exponent * shape_.radius * shape_.radius);

@@ -21,12 +21,13 @@ class ReconstructionFilter {
   // Radius 0 means the type's usual one: box 1/2, tent 1, gaussian 4 standard deviations.
   explicit ReconstructionFilter(const Film& film);
   float radius() const { return shape_.radius; }
-  bool is_box() const { return box_; }
+  // How many pixels around its own a sample counts for; 0: exactly its own.
+  int reach() const { return reach_; }
   const FilterShape& shape() const { return shape_; }
 
  private:
   FilterShape shape_;
-  bool box_;  // reaches exactly one pixel
+  int reach_;
 };
 
 // Sums of filtered samples over a window of the picture.

@@ -16,7 +16,7 @@ OCTRAD_HD inline PixelSample load_sample(const SamplePlanes& samples, std::size_
 
 // A thread gathers the samples that count for its pixel.
 struct Gather : Kernel {
-  static constexpr unsigned kMinBlocks = 6;  // 70 registers: nothing spills
+  [[maybe_unused]] static constexpr unsigned kMinBlocks = 6;  // 70 registers: nothing spills
   const CameraJob* job;
   SamplePlanes samples;
   double* sums;
@@ -73,7 +73,7 @@ DeviceFilm::DeviceFilm(Stream& stream, int x0, int y0, int width, int height, co
       width_(width),
       height_(height),
       filter_(film),
-      reach_(filter_.is_box() ? 0 : static_cast<int>(std::ceil(filter_.radius()))),
+      reach_(filter_.reach()),
       sums_(stream, pixels() * kFilmNumbers, "the picture"),
       non_finite_(stream, 1, "counts of samples") {
   clear();
@@ -94,7 +94,7 @@ void DeviceFilm::add(const CameraJob* job, const SamplePlanes& samples) {
                 sums_.data(),
                 non_finite_.data(),
                 filter_.shape(),
-                filter_.is_box(),
+                filter_.reach() == 0,
                 x0_,
                 y0_,
                 width_,

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "octrad/render/path_integrator.h"
+#include "octrad/render/renderer.h"
 #include "octrad/transport/device_test_helper.h"
 #include "octrad/transport/path_device.h"
 
@@ -71,7 +71,7 @@ TEST_P(DeviceFilms, SumUpWhatTheCpuSumsUp) {
           dropped += p.x >= 2 && p.x < 20 && p.y >= 1 && p.y < 15;
         }
         host.set_first(k, {true, s.albedo, s.normal, s.depth, s.roughness});
-        if (!filter.is_box()) expected.add(filter, job.sample(k).position, s);
+        if (filter.reach() > 0) expected.add(filter, job.sample(k).position, s);
         else if (p.x >= 2 && p.x < 20 && p.y >= 1 && p.y < 15) expected.add_to_pixel(p.x, p.y, s);
       }
       const DeviceArray<float> device(*stream, std::span<const float>(numbers), "samples");
@@ -92,15 +92,13 @@ TEST_P(DeviceFilms, HoldThePictureOfThePathTracer) {
   const testing::DeviceSetup setup(*stream, testing::room());
   for (const Film& film : films()) {
     SCOPED_TRACE(static_cast<int>(film.filter));
-    RenderOptions options;
-    options.camera = setup.scene.cameras.front();
-    options.width = 24;
-    options.height = 18;
-    options.spp = 8;
-    options.max_depth = 6;
-    options.seed = 3;
-    options.film = film;
-    const RenderResult expected = render_path(setup.context, options);
+    RenderSettings settings;
+    settings.film = film;
+    settings.max_depth = 6;
+    settings.seed = 3;
+    const auto renderer = make_renderer(setup.prepared, "path", settings);
+    renderer->set_view({setup.scene.cameras.front(), 24, 18});
+    const RenderResult expected = render(*renderer, {8});
     CameraJob job = testing::whole_picture(setup.scene, 4);
     DevicePathTracer tracer(*stream, setup.world(), job.size());
     DeviceFilm found(*stream, 0, 0, 24, 18, film);

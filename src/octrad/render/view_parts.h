@@ -1,50 +1,46 @@
-// What views have in common on the CPU and on a stream. Internal to the room.
+// What views of a field have in common on the CPU and on a stream.
 #pragma once
 
-#include <string>
 #include <vector>
 
-#include "octrad/model/radiance_field.h"
-#include "octrad/render/render_loop.h"
+#include "octrad/image/image.h"
+#include "octrad/render/view.h"
 
 namespace octrad {
-
-struct ViewKind {
-  enum { disparity, traced, features, occupancy } kind;
-  int level = 0;
-};
-
-// Throws UsageError for a view that the field does not have.
-ViewKind parse_view(const RadianceField& field, const std::string& view);
 
 // A stable colour for a cell of a level, by a position in the unit cube.
 Vec3f cell_color(Vec3f normalised, int level);
 
-// One level's features of the whole picture, one sample a pixel: principal components need all of them (of the crop) at
-// once.
+// One level's features over a picture, one sample a pixel: principal components need all of them at once.
 class FeaturePicture {
  public:
   FeaturePicture() = default;
-  FeaturePicture(int width, int height, std::size_t features)
-      : width_(width),
+  // Of the part of `view` that is returned; `features` numbers a pixel.
+  FeaturePicture(const View& view, std::size_t features)
+      : rect_(view.crop.width > 0
+                  ? PixelRect{view.crop.x, view.crop.y, view.crop.x + view.crop.width, view.crop.y + view.crop.height}
+                  : PixelRect{0, 0, view.width, view.height}),
         features_(features),
-        values_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * features),
-        seen_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {}
+        seen_(static_cast<std::size_t>(rect_.width()) * static_cast<std::size_t>(rect_.height())),
+        values_(seen_.size() * features) {}
 
-  // The place for the pixel's features, which count as seen. Pixels may be set from several threads.
+  // The place for the features of pixel (x, y) of the whole picture, which count as seen; null outside of the part.
+  // Pixels may be set from several threads.
   float* pixel(int x, int y) {
-    const std::size_t p = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+    if (x < rect_.x0 || x >= rect_.x1 || y < rect_.y0 || y >= rect_.y1) return nullptr;
+    const std::size_t p = static_cast<std::size_t>(y - rect_.y0) * static_cast<std::size_t>(rect_.width()) +
+                          static_cast<std::size_t>(x - rect_.x0);
     seen_[p] = 1;
     return &values_[p * features_];
   }
-  // Colours of the first three principal components.
-  void paint(const Crop& crop, Image& image) const;
+  // Colours of the first three principal components, into a picture of the part.
+  void paint(Image& image) const;
 
  private:
-  int width_ = 0;
+  PixelRect rect_;
   std::size_t features_ = 0;
-  std::vector<float> values_;
   std::vector<unsigned char> seen_;
+  std::vector<float> values_;
 };
 
 }  // namespace octrad

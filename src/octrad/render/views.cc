@@ -2,10 +2,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "octrad/base/error.h"
-#include "octrad/render/cache_integrators.h"
+#include "octrad/base/rng.h"
+#include "octrad/model/radiance_field.h"
+#include "octrad/render/integrators.h"
 #include "octrad/render/view_parts.h"
-#include "octrad/transport/rhs_estimator.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
@@ -60,20 +61,69 @@ std::vector<Vec3f> principal_components(const std::vector<float>& features, std:
   return colors;
 }
 
-}  // namespace
-
-ViewKind parse_view(const RadianceField& field, const std::string& view) {
-  if (view == "disparity") return {ViewKind::disparity};
-  if (view == "traced") return {ViewKind::traced};
-  for (int l = 1; l <= field.levels(); ++l) {
-    if (view == "features" + std::to_string(l)) return {ViewKind::features, l};
-    if (view == "occupancy" + std::to_string(l)) return {ViewKind::occupancy, l};
+class ViewIntegrator : public Integrator {
+ public:
+  ViewIntegrator(const IntegratorInput& input, FieldView view)
+      : context_(input.scene.context()),
+        field_(*input.field),
+        view_(view),
+        level_(input.choice.level),
+        width_(static_cast<std::size_t>(field_.feature_count() / std::max(1, field_.levels()))),
+        traced_(view == FieldView::traced || input.config.lookup_offset == LookupOffset::traced) {
+    options_.max_chain = input.config.train_max_chain;
   }
-  std::string known;
-  for (const std::string& name : view_names(field)) known += (known.empty() ? "" : ", ") + name;
-  throw UsageError("unknown view \"" + view + "\"" + did_you_mean(view, view_names(field)) + "; this model has " +
-                   known);
-}
+
+  void begin(const View& view) override {
+    if (view_ == FieldView::features) picture_ = FeaturePicture(view, width_);
+  }
+
+  SampleCounts sample(std::span<CameraSample> samples, std::span<PixelSample> out) override {
+    SampleCounts counts;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      RayEnd end;
+      FirstHit first;
+      const FirstHitQuery query = trace_first_hit(context_, options_, samples[i], end, first);
+      counts.rays += end.rays;
+      out[i] = pixel_sample(Vec3f(0.0f), first);
+      if (query.next != FirstHitQuery::Next::query) continue;
+      const SurfacePoint point = field_query_point(context_, end.point, traced_);
+      counts.rays += traced_;
+      ++counts.queries;
+      if (view_ == FieldView::traced) {
+        out[i].radiance = Vec3f(point.disparity);
+      } else if (view_ == FieldView::disparity) {
+        float disparity = 0.0f;
+        field_.inspect(std::span(&point, 1), {}, std::span(&disparity, 1));
+        out[i].radiance = Vec3f(disparity);
+      } else if (view_ == FieldView::occupancy) {
+        out[i].radiance = cell_color(field_.normalized(point.x), level_);
+      } else if (float* pixel =
+                     picture_.pixel(static_cast<int>(samples[i].position.x), static_cast<int>(samples[i].position.y))) {
+        std::vector<float> all(static_cast<std::size_t>(field_.feature_count()));
+        field_.inspect(std::span(&point, 1), all, {});
+        std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(level_ - 1) * width_), width_,
+                    pixel);
+      }
+    }
+    return counts;
+  }
+
+  void finish(Image& image) const override {
+    if (view_ == FieldView::features) picture_.paint(image);
+  }
+
+ private:
+  const TransportContext context_;
+  const RadianceField& field_;
+  const FieldView view_;
+  const int level_;
+  const std::size_t width_;  // features of a level
+  const bool traced_;
+  FirstHitOptions options_;
+  FeaturePicture picture_;
+};
+
+}  // namespace
 
 Vec3f cell_color(Vec3f normalised, int level) {
   const float resolution = std::ldexp(1.0f, level + 1);
@@ -85,7 +135,7 @@ Vec3f cell_color(Vec3f normalised, int level) {
           static_cast<float>((h >> 16) & 255) / 255.0f};
 }
 
-void FeaturePicture::paint(const Crop& crop, Image& image) const {
+void FeaturePicture::paint(Image& image) const {
   std::vector<float> hit;
   for (std::size_t p = 0; p < seen_.size(); ++p) {
     if (seen_[p])
@@ -94,75 +144,15 @@ void FeaturePicture::paint(const Crop& crop, Image& image) const {
   }
   if (hit.empty()) return;
   const std::vector<Vec3f> colors = principal_components(hit, hit.size() / features_, features_);
+  const auto width = static_cast<std::size_t>(rect_.width());
   std::size_t next = 0;
   for (std::size_t p = 0; p < seen_.size(); ++p) {
-    if (!seen_[p]) continue;
-    const int x = static_cast<int>(p % static_cast<std::size_t>(width_)) - crop.x;
-    const int y = static_cast<int>(p / static_cast<std::size_t>(width_)) - crop.y;
-    const Vec3f color = colors[next++];
-    // A wide reconstruction filter draws samples around the crop too.
-    if (x >= 0 && y >= 0 && x < image.width && y < image.height) image.set_rgb(x, y, color);
+    if (seen_[p]) image.set_rgb(static_cast<int>(p % width), static_cast<int>(p / width), colors[next++]);
   }
 }
 
-std::vector<std::string> view_names(const RadianceField& field) {
-  std::vector<std::string> names = {"disparity", "traced"};
-  for (int l = 1; l <= field.levels(); ++l) {
-    names.push_back("features" + std::to_string(l));
-    names.push_back("occupancy" + std::to_string(l));
-  }
-  return names;
-}
-
-RenderResult render_view(const RenderOptions& options, const TransportContext& context, const RadianceField& field,
-                         const Config& config, const std::string& view) {
-  const ViewKind kind = parse_view(field, view);
-  const auto count = static_cast<std::size_t>(field.feature_count());
-  const std::size_t width = count / static_cast<std::size_t>(field.levels());
-
-  FeaturePicture picture;
-  const auto inspect = [&](std::span<CameraSample> samples, std::span<PixelSample> out) {
-    SampleCounts counts;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const RayEnd end = follow_ray(context, samples[i].ray.origin, nullptr, samples[i].ray.direction, samples[i].rng,
-                                    false, config.train_max_chain, samples[i].ray.t_max);
-      counts.rays += end.rays;
-      if (!end.surface) continue;
-      SurfacePoint point = surface_point(end.point);
-      out[i].albedo = point.albedo;
-      out[i].normal = point.n;
-      out[i].depth = length(point.x - samples[i].ray.origin);
-      out[i].roughness = point.alpha;
-      if (kind.kind == ViewKind::traced || config.lookup_offset == LookupOffset::traced) {
-        point.disparity = traced_disparity(context, point, end.point.surface.geometric_normal);
-      }
-      if (kind.kind == ViewKind::traced) {
-        out[i].radiance = Vec3f(point.disparity);
-      } else if (kind.kind == ViewKind::disparity) {
-        float disparity = 0.0f;
-        field.inspect(std::span(&point, 1), {}, std::span(&disparity, 1));
-        out[i].radiance = Vec3f(disparity);
-      } else if (kind.kind == ViewKind::occupancy) {
-        out[i].radiance = cell_color(field.normalized(point.x), kind.level);
-      } else {
-        std::vector<float> all(count);
-        field.inspect(std::span(&point, 1), all, {});
-        std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(kind.level - 1) * width), width,
-                    picture.pixel(static_cast<int>(samples[i].position.x), static_cast<int>(samples[i].position.y)));
-      }
-      ++counts.queries;
-    }
-    return counts;
-  };
-  RenderOptions once = options;
-  if (kind.kind == ViewKind::features) {
-    once.spp = 1;
-    once.seconds = 0.0;
-    picture = FeaturePicture(options.width, options.height, width);
-  }
-  RenderResult result = render(once, inspect);
-  if (kind.kind == ViewKind::features) picture.paint(options.crop, result.image);
-  return result;
+std::unique_ptr<Integrator> make_view_integrator(const IntegratorInput& input, FieldView view) {
+  return std::make_unique<ViewIntegrator>(input, view);
 }
 
 }  // namespace octrad

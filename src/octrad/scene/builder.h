@@ -1,4 +1,4 @@
-// Turns a Description into a Scene. Internal to the room; see load.h.
+// Turns a Description into a Scene. Internal to the module; see load.h.
 #pragma once
 
 #include <map>
@@ -43,6 +43,10 @@ class SceneBuilder {
   int material(const Element& element);      // index, building it on first use
   Material flatten(const Element& element);  // with wrappers folded in
   Material scattering_model(Params& params);
+#define OCTRAD_READ(name, Model, transmits) void read_##name(Params& params, Material& m);
+  OCTRAD_BSDF_LIST(OCTRAD_READ)  // the parameters of each model
+#undef OCTRAD_READ
+  void microfacets(Params& params, Material& m);
   void conductor_index(Params& params, Material& m);
   Vec3f constant_color(Params& params, const std::string& name, Vec3f fallback);
   float index_of_refraction(Params& params, const std::string& name, const std::string& fallback);

@@ -11,7 +11,8 @@
 namespace octrad {
 namespace {
 
-// One word into the state. For a fixed state this is a bijection of the word and the other way round, so that two
+// Mixes one word into the state. For a fixed state this is a bijection of the word, and for a fixed word one of the
+// state, so that two
 // inputs that differ in one word never collide in a lane.
 std::uint64_t absorb(std::uint64_t state, std::uint64_t word) {
   return ((state << 27 | state >> 37) ^ mix64(word + 0x9e3779b97f4a7c15ull)) * 0xe7037ed1a0b428dbull + 1;
@@ -87,21 +88,13 @@ std::string scene_fingerprint(const Scene& scene) {
   for (const Sphere& s : scene.spheres) h.add(s.center).add(s.radius).add(s.flip_normals).add(s.to_local);
   for (const Shape& s : scene.shapes) h.add(s.kind).add(s.geometry).add(s.material).add(s.emitter);
   for (const Material& m : scene.materials) {
-    h.add(m.type)
-        .add(m.two_sided)
-        .add(m.back)
-        .add(m.opacity)
-        .add(m.bump)
-        .add(m.bump_scale)
-        .add(m.reflectance)
-        .add(m.specular_reflectance);
-    h.add(m.specular_transmittance)
-        .add(m.alpha_u)
-        .add(m.alpha_v)
-        .add(m.distribution)
-        .add(m.sample_visible)
-        .add(m.nonlinear);
-    h.add(m.int_ior).add(m.ext_ior).add(m.eta).add(m.k);
+    // Names every member, so that one more does not compile before it is here.
+    const auto& [id, type, two_sided, back, opacity, bump, bump_scale, reflectance, specular_reflectance,
+                 specular_transmittance, alpha_u, alpha_v, distribution, sample_visible, nonlinear, int_ior, ext_ior,
+                 eta, k] = m;
+    h.add(type).add(two_sided).add(back).add(opacity).add(bump).add(bump_scale);
+    h.add(reflectance).add(specular_reflectance).add(specular_transmittance).add(alpha_u).add(alpha_v);
+    h.add(distribution).add(sample_visible).add(nonlinear).add(int_ior).add(ext_ior).add(eta).add(k);
   }
   for (const AreaLight& l : scene.area_lights) h.add(l.shape).add(l.radiance);
   for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);

@@ -1,17 +1,19 @@
 #include <algorithm>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/named_materials.h"
 
 namespace octrad {
 namespace {
 
-const std::vector<std::string> kModels = {"diffuse",        "plastic",    "roughplastic",  "conductor",
-                                          "roughconductor", "dielectric", "thindielectric"};
+#define OCTRAD_NAME(name, Model, transmits) #name,
+const std::vector<std::string> kModels = {OCTRAD_BSDF_LIST(OCTRAD_NAME)};
+#undef OCTRAD_NAME
 const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap"};
 
-// The one or more bsdfs that a wrapper holds.
+// The bsdfs nested in a wrapper, at least one.
 std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
   const std::vector<const Element*> found = params.nested("bsdf");
   if (found.empty()) fail(params.location(), params.what() + " needs a nested <bsdf>");
@@ -22,9 +24,7 @@ std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
   return found;
 }
 
-bool transmits(const Material& m) {
-  return m.opacity >= 0 || m.type == BsdfType::dielectric || m.type == BsdfType::thindielectric;
-}
+bool transmits(const Material& m) { return m.opacity >= 0 || transmits(m.type); }
 
 }  // namespace
 
@@ -82,7 +82,7 @@ Material SceneBuilder::flatten(const Element& element) {
     }
     m.bump_scale = scale;
     if (m.back >= 0) {
-      // The back is shared by whoever refers to it: bump a copy.
+      // Other materials may refer to the same back: apply the bump map to a copy.
       Material back = scene_.materials[static_cast<std::size_t>(m.back)];
       if (back.bump >= 0) fail(element.location, "a bumpmap inside a bumpmap is not supported");
       back.bump = m.bump;
@@ -109,44 +109,66 @@ Material SceneBuilder::scattering_model(Params& params) {
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());
-  const bool rough = m.type == BsdfType::roughplastic || m.type == BsdfType::roughconductor;
-  const bool plastic = m.type == BsdfType::plastic || m.type == BsdfType::roughplastic;
-  const bool conductor = m.type == BsdfType::conductor || m.type == BsdfType::roughconductor;
-  const bool dielectric = m.type == BsdfType::dielectric || m.type == BsdfType::thindielectric;
-  if (m.type == BsdfType::diffuse) m.reflectance = texture_or(params, "reflectance", TextureRole::reflectance, 0.5f);
-  if (plastic) {
-    m.reflectance = texture_or(params, "diffuse_reflectance", TextureRole::reflectance, 0.5f);
-    m.nonlinear = params.get_bool("nonlinear", false);
-  }
-  if (m.type != BsdfType::diffuse)
-    m.specular_reflectance = texture(params, "specular_reflectance", TextureRole::reflectance);
-  if (dielectric) m.specular_transmittance = texture(params, "specular_transmittance", TextureRole::reflectance);
-  if (plastic || dielectric) {
-    m.int_ior = index_of_refraction(params, "int_ior", plastic ? "polypropylene" : "bk7");
-    m.ext_ior = index_of_refraction(params, "ext_ior", "air");
-    if (plastic && m.int_ior <= m.ext_ior)
-      fail(params.where("int_ior"), params.what() + " needs int_ior greater than ext_ior");
-  }
-  if (conductor) conductor_index(params, m);
-  if (rough) {
-    m.distribution = params.choice("distribution", "beckmann", {"beckmann", "ggx"}) == "ggx"
-                         ? MicrofacetDistribution::ggx
-                         : MicrofacetDistribution::beckmann;
-    m.sample_visible = params.get_bool("sample_visible", true);
-    if (m.type == BsdfType::roughplastic) {
-      m.alpha_u = m.alpha_v = constant_texture(Vec3f(params.float_in("alpha", 0.1f, 0.0f, 10.0f)));
-    } else {
-      const int alpha = texture(params, "alpha", TextureRole::scalar);
-      m.alpha_u = texture(params, "alpha_u", TextureRole::scalar);
-      m.alpha_v = texture(params, "alpha_v", TextureRole::scalar);
-      if ((m.alpha_u >= 0) != (m.alpha_v >= 0))
-        fail(params.location(), "roughconductor needs both alpha_u and alpha_v, or alpha alone");
-      if (alpha >= 0 && m.alpha_u >= 0)
-        fail(params.where("alpha"), "roughconductor takes alpha or alpha_u and alpha_v, not both");
-      if (m.alpha_u < 0) m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.1f));
-    }
+  switch (m.type) {
+#define OCTRAD_CASE(name, Model, transmits) \
+  case BsdfType::name: read_##name(params, m); break;
+    OCTRAD_BSDF_LIST(OCTRAD_CASE)
+#undef OCTRAD_CASE
   }
   return m;
+}
+
+void SceneBuilder::read_diffuse(Params& params, Material& m) {
+  m.reflectance = texture_or(params, "reflectance", TextureRole::reflectance, 0.5f);
+}
+
+void SceneBuilder::read_plastic(Params& params, Material& m) {
+  m.reflectance = texture_or(params, "diffuse_reflectance", TextureRole::reflectance, 0.5f);
+  m.nonlinear = params.get_bool("nonlinear", false);
+  m.specular_reflectance = texture(params, "specular_reflectance", TextureRole::reflectance);
+  m.int_ior = index_of_refraction(params, "int_ior", "polypropylene");
+  m.ext_ior = index_of_refraction(params, "ext_ior", "air");
+  if (m.int_ior <= m.ext_ior) fail(params.where("int_ior"), params.what() + " needs int_ior greater than ext_ior");
+}
+
+void SceneBuilder::read_roughplastic(Params& params, Material& m) {
+  read_plastic(params, m);
+  microfacets(params, m);
+  m.alpha_u = m.alpha_v = constant_texture(Vec3f(params.float_in("alpha", 0.1f, 0.0f, 10.0f)));
+}
+
+void SceneBuilder::read_conductor(Params& params, Material& m) {
+  m.specular_reflectance = texture(params, "specular_reflectance", TextureRole::reflectance);
+  conductor_index(params, m);
+}
+
+void SceneBuilder::read_roughconductor(Params& params, Material& m) {
+  read_conductor(params, m);
+  microfacets(params, m);
+  const int alpha = texture(params, "alpha", TextureRole::scalar);
+  m.alpha_u = texture(params, "alpha_u", TextureRole::scalar);
+  m.alpha_v = texture(params, "alpha_v", TextureRole::scalar);
+  if ((m.alpha_u >= 0) != (m.alpha_v >= 0))
+    fail(params.location(), "roughconductor needs both alpha_u and alpha_v, or alpha alone");
+  if (alpha >= 0 && m.alpha_u >= 0)
+    fail(params.where("alpha"), "roughconductor takes alpha or alpha_u and alpha_v, not both");
+  if (m.alpha_u < 0) m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.1f));
+}
+
+void SceneBuilder::read_dielectric(Params& params, Material& m) {
+  m.specular_reflectance = texture(params, "specular_reflectance", TextureRole::reflectance);
+  m.specular_transmittance = texture(params, "specular_transmittance", TextureRole::reflectance);
+  m.int_ior = index_of_refraction(params, "int_ior", "bk7");
+  m.ext_ior = index_of_refraction(params, "ext_ior", "air");
+}
+
+void SceneBuilder::read_thindielectric(Params& params, Material& m) { read_dielectric(params, m); }
+
+void SceneBuilder::microfacets(Params& params, Material& m) {
+  m.distribution = params.choice("distribution", "beckmann", {"beckmann", "ggx"}) == "ggx"
+                       ? MicrofacetDistribution::ggx
+                       : MicrofacetDistribution::beckmann;
+  m.sample_visible = params.get_bool("sample_visible", true);
 }
 
 void SceneBuilder::conductor_index(Params& params, Material& m) {

@@ -2,7 +2,13 @@
 // device.
 #pragma once
 
-#include "octrad/shading/bsdf/list.h"
+#include "octrad/shading/bsdf/conductor.h"
+#include "octrad/shading/bsdf/dielectric.h"
+#include "octrad/shading/bsdf/diffuse.h"
+#include "octrad/shading/bsdf/plastic.h"
+#include "octrad/shading/bsdf/roughconductor.h"
+#include "octrad/shading/bsdf/roughplastic.h"
+#include "octrad/shading/bsdf/thindielectric.h"
 
 namespace octrad {
 
@@ -13,7 +19,7 @@ OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
   if (bump_hides(b, wi)) return {};
   BsdfValue v;
   switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
+#define OCTRAD_CASE(name, Model, transmits) \
   case BsdfType::name: v = Model::evaluate(b, wo, wi); break;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -25,7 +31,7 @@ OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
 
 OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
+#define OCTRAD_CASE(name, Model, transmits) \
   case BsdfType::name: return Model::sample(b, wo, u_lobe, u);
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -46,7 +52,7 @@ OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, V
     u_lobe /= b.opacity;
     if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
   }
-  BsdfSample s = sample_model(b, wo, u_lobe, u);  // called in one place: kernels hold all models once
+  BsdfSample s = sample_model(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
   s.pdf *= b.opacity;
   if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
   return s;
@@ -54,18 +60,8 @@ OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, V
 
 OCTRAD_HD inline bool is_delta_bsdf(const Bsdf& b) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
+#define OCTRAD_CASE(name, Model, transmits) \
   case BsdfType::name: return Model::kDeltaOnly;
-    OCTRAD_BSDF_LIST(OCTRAD_CASE)
-#undef OCTRAD_CASE
-  }
-  return false;
-}
-
-OCTRAD_HD inline bool transmits_bsdf(const Bsdf& b) {
-  switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
-  case BsdfType::name: return Model::kTransmits;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
   }
@@ -74,7 +70,7 @@ OCTRAD_HD inline bool transmits_bsdf(const Bsdf& b) {
 
 OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
+#define OCTRAD_CASE(name, Model, transmits) \
   case BsdfType::name: return Model::albedo(b);
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -84,7 +80,7 @@ OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
 
 OCTRAD_HD inline float roughness_bsdf(const Bsdf& b) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model) \
+#define OCTRAD_CASE(name, Model, transmits) \
   case BsdfType::name: return Model::roughness(b);
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE

@@ -354,7 +354,7 @@ int add(Scene& scene, const Texture& t) {
   return static_cast<int>(scene.textures.size()) - 1;
 }
 
-// Every kind of texture, wrapper, model and light.
+// Every kind of texture, wrapper and light, and every model of the list.
 Scene everything() {
   testing::SceneMaker maker;
   Scene& scene = maker.scene;
@@ -410,6 +410,18 @@ Scene everything() {
   mesh.uvs.clear();
   maker.sphere({0.3f, 0.5f, -0.6f}, 0.5f, glass_index);
   maker.sphere({-1.0f, 0.4f, -1.0f}, 0.4f, coat_index);
+  float x = -1.4f;
+  const auto small = [&](BsdfType type) {
+    Material m;
+    m.type = type;
+    m.reflectance = tiled;
+    m.specular_reflectance = m.specular_transmittance = mirrored;
+    maker.sphere({x, 0.2f, 1.0f}, 0.2f, maker.material(m));
+    x += 0.45f;
+  };
+#define OCTRAD_SMALL(name, Model, transmits) small(BsdfType::name);
+  OCTRAD_BSDF_LIST(OCTRAD_SMALL)
+#undef OCTRAD_SMALL
   // Lights: a quad, a quad with a texture and tilted normals, a sphere with a texture, one that shines inwards, a map.
   maker.quad({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, plain, {5, 4, 3});
   const int banner = maker.quad({-1.9f, 1, -1}, {0, 0, 1}, {0, 1, 0}, plain, {2, 2, 2});

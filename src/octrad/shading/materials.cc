@@ -1,3 +1,4 @@
+#include <array>
 #include <map>
 #include <memory>
 #include <tuple>
@@ -10,6 +11,20 @@
 #include "octrad/shading/rough_transmittance.h"
 
 namespace octrad {
+namespace {
+
+using SlotTextures = std::array<int, kMaterialSlots>;
+
+// The texture of each slot, -1: none.
+SlotTextures slot_textures(const Material& m) {
+#define OCTRAD_MEMBER(name) m.name,
+  SlotTextures out = {OCTRAD_MATERIAL_SLOTS(OCTRAD_MEMBER) m.opacity};
+#undef OCTRAD_MEMBER
+  if (m.alpha_v < 0) out[MaterialSlot::alpha_v] = m.alpha_u;
+  return out;
+}
+
+}  // namespace
 
 struct Materials::Impl {
   std::vector<MaterialRecord> records;
@@ -22,8 +37,7 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
   impl_->compact.resize(scene.textures.size());
   std::vector<char> used(scene.textures.size(), 0);
   for (const Material& m : scene.materials) {
-    for (const int i :
-         {m.reflectance, m.specular_reflectance, m.specular_transmittance, m.alpha_u, m.alpha_v, m.opacity}) {
+    for (const int i : slot_textures(m)) {
       if (i >= 0) used[static_cast<std::size_t>(i)] = 1;
     }
   }
@@ -46,21 +60,17 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     b.conductor_k = m.k;
     b.alpha_u = b.alpha_v = 0.1f;  // Mitsuba's default
     r.back = m.back;
-    const int index[kMaterialSlots] = {m.reflectance,
-                                       m.specular_reflectance,
-                                       m.specular_transmittance,
-                                       m.alpha_u,
-                                       m.alpha_v >= 0 ? m.alpha_v : m.alpha_u,
-                                       m.opacity};
+    const SlotTextures index = slot_textures(m);
     b.reflectance = Vec3f(0.5f);
     for (int i = 0; i < kMaterialSlots; ++i) {
-      if (index[i] < 0) continue;
-      const Texture& texture = scene.textures[static_cast<std::size_t>(index[i])];
+      const int t = index[static_cast<std::size_t>(i)];
+      if (t < 0) continue;
+      const Texture& texture = scene.textures[static_cast<std::size_t>(t)];
       if (texture.kind == Texture::Kind::constant) {
         assign_slot(b, i, texture.color0);
       } else {
         r.textured |= 1u << i;
-        r.textures[i] = index[i];
+        r.textures[i] = t;
       }
     }
     if (m.bump >= 0) {

@@ -12,22 +12,19 @@
 
 namespace octrad {
 
-// Parameters that a texture may drive.
-enum MaterialSlot : int {
-  kReflectanceSlot,
-  kSpecularReflectanceSlot,
-  kSpecularTransmittanceSlot,
-  kAlphaUSlot,
-  kAlphaVSlot,
-  kOpacitySlot,
-  kMaterialSlots
+// What a texture may drive: the parameters of OCTRAD_MATERIAL_SLOTS, and the opacity of a mask.
+struct MaterialSlot {
+#define OCTRAD_NAME(name) name,
+  enum : int { OCTRAD_MATERIAL_SLOTS(OCTRAD_NAME) opacity, count };
+#undef OCTRAD_NAME
 };
+inline constexpr int kMaterialSlots = MaterialSlot::count;
 
 struct MaterialRecord {
-  Bsdf constant;                                            // every parameter that does not vary over the surface
-  std::uint32_t textured = 0;                               // bit s: slot s does
-  int textures[kMaterialSlots] = {-1, -1, -1, -1, -1, -1};  // of those slots
-  int bump = -1;                                            // texture
+  Bsdf constant;                      // every parameter that does not vary over the surface
+  std::uint32_t textured = 0;         // bit s: slot s does
+  int textures[kMaterialSlots] = {};  // of those slots
+  int bump = -1;                      // texture
   float bump_scale = 1.0f;
   int back = -1;  // record of the other side
 };
@@ -37,13 +34,14 @@ struct MaterialsView {
   const TextureView* textures = nullptr;
 };
 
+OCTRAD_HD inline void assign(Vec3f& parameter, Vec3f value) { parameter = value; }
+OCTRAD_HD inline void assign(float& parameter, Vec3f value) { parameter = value.x; }
 OCTRAD_HD inline void assign_slot(Bsdf& b, int slot, Vec3f value) {
   switch (slot) {
-    case kReflectanceSlot: b.reflectance = value; break;
-    case kSpecularReflectanceSlot: b.specular_reflectance = value; break;
-    case kSpecularTransmittanceSlot: b.specular_transmittance = value; break;
-    case kAlphaUSlot: b.alpha_u = value.x; break;
-    case kAlphaVSlot: b.alpha_v = value.x; break;
+#define OCTRAD_CASE(name) \
+  case MaterialSlot::name: assign(b.name, value); break;
+    OCTRAD_MATERIAL_SLOTS(OCTRAD_CASE)
+#undef OCTRAD_CASE
     default: b.opacity = value.x < 0.0f ? 0.0f : (value.x > 1.0f ? 1.0f : value.x); break;
   }
 }
@@ -73,7 +71,7 @@ OCTRAD_HD inline Vec3f bumped_normal(const TextureView& texture, float scale, co
   return dot(surface.geometric_normal, m) < 0.0f ? -m : m;
 }
 
-// `wo`: unit, world space, away from the surface. Sides are told by the shading normal, as Mitsuba does.
+// `wo`: unit, world space, away from the surface. The side is decided by the shading normal, as in Mitsuba.
 OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const SurfaceInteraction& surface, Vec3f wo) {
   ShadingPoint p;
   p.surface = surface;
@@ -102,7 +100,7 @@ OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const Surfac
     p.bsdf.bumped = true;
     p.bsdf.base_normal = p.to_local(two_sided && side < 0.0f ? -surface.shading_normal : surface.shading_normal);
   }
-  p.black = !two_sided && side <= 0.0f && p.bsdf.opacity >= 1.0f && !transmits_bsdf(p.bsdf);
+  p.black = !two_sided && side <= 0.0f && p.bsdf.opacity >= 1.0f && !transmits(p.bsdf.type);
   return p;
 }
 

@@ -33,12 +33,6 @@ struct LhsPoses {
   bool fresh = false;
 };
 
-OCTRAD_HD inline Vec3f uniform_direction(Vec2f u) {
-  const float z = 1.0f - 2.0f * u.x;
-  const float r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
-  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
-}
-
 // Cosine-distributed direction around `n`.
 OCTRAD_HD inline Vec3f cosine_direction(Vec3f n, Vec2f u) {
   const Vec3f v =

@@ -2,12 +2,14 @@
 #pragma once
 
 #include "octrad/base/surface_point.h"
+#include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
-
-struct DeviceWorld;
+namespace rhs_kernels {
+struct Memory;
+}
 
 struct DeviceRhsOptions {
   int directions = 16;           // M
@@ -29,11 +31,10 @@ struct DeviceRhsPoints {
 
 // Two parts with the cache's answers in between: trace() fills queries(), reduce() sums up each point's targets in the
 // order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
-template <typename World>
-class RhsOn {
+class DeviceRhs {
  public:
   // For up to `slots` points times directions. `traced_disparity`: fill SurfacePoint::disparity of the queries.
-  RhsOn(Stream& stream, const World& world, std::size_t slots, bool traced_disparity = false);
+  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, bool traced_disparity = false);
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const { return queries_.points(); }
@@ -48,9 +49,10 @@ class RhsOn {
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kSizes };
+  rhs_kernels::Memory memory() const;
 
   Stream* stream_;
-  World world_;
+  DeviceWorld world_;
   std::size_t capacity_;
   bool traced_;
   DeviceArray<TraceCounts> counts_;
@@ -58,7 +60,5 @@ class RhsOn {
   DeviceArray<Hit> hits_;
   PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
 };
-
-using DeviceRhs = RhsOn<DeviceWorld>;
 
 }  // namespace octrad

@@ -212,7 +212,7 @@ void expect_right_hand_sides(Stream& stream, const RhsCase& c) {
   const RhsStatistics statistics =
       estimate_rhs_serial(setup.context, points, options, c.ask ? query : RadianceQuery(), expected);
   for (std::size_t i = 0; i < n && c.inside; ++i) {
-    if (points[i].surface.emitter >= 0) expected[i] += setup.lights.emitted(points[i].surface, points[i].wo);
+    if (points[i].surface.emitter >= 0) expected[i] += setup.prepared.lights().emitted(points[i].surface, points[i].wo);
   }
 
   DeviceRhs rhs(stream, setup.world(), n * static_cast<std::size_t>(c.directions), c.traced);

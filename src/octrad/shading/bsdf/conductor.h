@@ -7,9 +7,7 @@
 namespace octrad {
 
 struct ConductorModel {
-  static constexpr const char* kName = "conductor";
   static constexpr bool kDeltaOnly = true;
-  static constexpr bool kTransmits = false;
 
   OCTRAD_HD static BsdfValue evaluate(const Bsdf&, Vec3f, Vec3f) { return {}; }
   OCTRAD_HD static BsdfSample sample(const Bsdf& b, Vec3f wo, float, Vec2f) {

@@ -7,9 +7,7 @@
 namespace octrad {
 
 struct DiffuseModel {
-  static constexpr const char* kName = "diffuse";
   static constexpr bool kDeltaOnly = false;
-  static constexpr bool kTransmits = false;
 
   OCTRAD_HD static BsdfValue evaluate(const Bsdf& b, Vec3f wo, Vec3f wi) {
     if (!(wo.z > 0.0f && wi.z > 0.0f)) return {};

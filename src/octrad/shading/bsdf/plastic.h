@@ -14,7 +14,7 @@ OCTRAD_HD inline Vec3f base_reflectance(const Bsdf& b) {
   return b.reflectance / (Vec3f(1.0f) - r);
 }
 
-// Share of samples that the specular lobe gets where both lobes carry the same light.
+// Probability of sampling the specular lobe where both lobes carry the same power.
 OCTRAD_HD inline float specular_share(const Bsdf& b) {
   const float s = b.specular_reflectance.x + b.specular_reflectance.y + b.specular_reflectance.z;
   const float d = b.reflectance.x + b.reflectance.y + b.reflectance.z;
@@ -22,9 +22,7 @@ OCTRAD_HD inline float specular_share(const Bsdf& b) {
 }
 
 struct PlasticModel {
-  static constexpr const char* kName = "plastic";
   static constexpr bool kDeltaOnly = false;
-  static constexpr bool kTransmits = false;
 
   OCTRAD_HD static float specular_probability(const Bsdf& b, float fresnel) {
     const float share = specular_share(b);

@@ -9,9 +9,7 @@
 namespace octrad {
 
 struct RoughConductorModel {
-  static constexpr const char* kName = "roughconductor";
   static constexpr bool kDeltaOnly = false;
-  static constexpr bool kTransmits = false;
 
   OCTRAD_HD static Microfacet microfacet(const Bsdf& b) {
     return {b.distribution, b.alpha_u, b.alpha_v, b.sample_visible};

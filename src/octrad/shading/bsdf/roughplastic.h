@@ -8,9 +8,7 @@
 namespace octrad {
 
 struct RoughPlasticModel {
-  static constexpr const char* kName = "roughplastic";
   static constexpr bool kDeltaOnly = false;
-  static constexpr bool kTransmits = false;
 
   // Transmittance of the coat from outside, linear between table entries.
   OCTRAD_HD static float transmittance(const Bsdf& b, float cos) {

@@ -8,9 +8,7 @@
 namespace octrad {
 
 struct ThinDielectricModel {
-  static constexpr const char* kName = "thindielectric";
   static constexpr bool kDeltaOnly = true;
-  static constexpr bool kTransmits = true;
 
   OCTRAD_HD static BsdfValue evaluate(const Bsdf&, Vec3f, Vec3f) { return {}; }
   OCTRAD_HD static BsdfSample sample(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f) {

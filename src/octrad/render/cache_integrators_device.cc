@@ -1,0 +1,86 @@
+#include "octrad/device/array.h"
+#include "octrad/model/device_field.h"
+#include "octrad/render/integrators.h"
+#include "octrad/shading/device_world.h"
+#include "octrad/transport/gbuffer_device.h"
+#include "octrad/transport/rhs_device.h"
+
+namespace octrad {
+namespace {
+
+bool traced(const IntegratorInput& input) { return input.config.lookup_offset == LookupOffset::traced; }
+
+class CacheIntegrator : public DeviceIntegrator {
+ public:
+  CacheIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& field,
+                  std::size_t capacity, FirstHitOptions::Bounce bounce)
+      : field_(field),
+        options_(first_hit_options(input.config, bounce)),
+        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, traced(input)),
+        responses_(stream, capacity, "answers of the cache") {
+    if (bounce == FirstHitOptions::Bounce::none) return;
+    rhs_options_.directions = 1;
+    rhs_options_.max_chain = options_.max_chain;
+    rhs_options_.emission_inside = options_.emission_inside;
+    rhs_options_.seed = input.seed;
+    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, traced(input));
+    rhs_responses_ = DeviceArray<Vec3f>(stream, capacity, "answers of the cache");
+    targets_ = DeviceArray<Vec3f>(stream, capacity, "right-hand sides");
+  }
+
+  void set(const CameraJob& job) override { gbuffer_.set(job); }
+  void run(std::size_t samples, const StageMark& mark) override {
+    gbuffer_.run(options_, samples);
+    mark("first hits");
+    field_.radiance(gbuffer_.queries(), gbuffer_.query_count(), samples, responses_.data());
+    mark("field");
+    if (rhs_) {
+      const DeviceRhsPoints points{gbuffer_.bounce_points(), gbuffer_.bounce_count(), samples, nullptr,
+                                   gbuffer_.bounce_keys()};
+      rhs_->trace(points, rhs_options_);
+      mark("bounces");
+      field_.radiance(rhs_->queries(), rhs_->query_count(), samples, rhs_responses_.data());
+      rhs_->reduce(points, rhs_options_, rhs_responses_.data(), targets_.data());
+      mark("field at bounces");
+    }
+    gbuffer_.add(responses_.data(), rhs_ ? targets_.data() : nullptr, samples);
+  }
+  const CameraJob* job() const override { return gbuffer_.job(); }
+  SamplePlanes samples() const override { return gbuffer_.samples(); }
+  SampleCounts take_counts() override {
+    TraceCounts sum = gbuffer_.take_counts();
+    if (rhs_) {
+      const TraceCounts more = rhs_->take_counts();
+      sum.rays += more.rays;
+      sum.queries += more.queries;
+      sum.non_finite += more.non_finite;
+    }
+    return {static_cast<long long>(sum.rays), static_cast<long long>(sum.queries),
+            static_cast<long long>(sum.non_finite)};
+  }
+
+ private:
+  DeviceField& field_;
+  const FirstHitOptions options_;
+  DeviceGBuffer gbuffer_;
+  DeviceArray<Vec3f> responses_, rhs_responses_, targets_;
+  std::unique_ptr<DeviceRhs> rhs_;
+  DeviceRhsOptions rhs_options_;
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorInput& input, Stream& stream,
+                                                               const DeviceWorld& world, DeviceField* field,
+                                                               std::size_t capacity, FirstHitOptions::Bounce bounce) {
+  return std::make_unique<CacheIntegrator>(input, stream, world, *field, capacity, bounce);
+}
+
+std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
+                                          FirstHitOptions::Bounce bounce) {
+  const bool bounces = bounce != FirstHitOptions::Bounce::none;
+  return DeviceGBuffer::bytes(capacity, bounces, traced(input)) + capacity * sizeof(Vec3f) +
+         (bounces ? DeviceRhs::bytes(capacity, traced(input)) + 2 * capacity * sizeof(Vec3f) : 0);
+}
+
+}  // namespace octrad

@@ -1,0 +1,206 @@
+#include "octrad/render/renderer_device.h"
+
+#include <algorithm>
+
+#include "octrad/base/bytes.h"
+#include "octrad/base/error.h"
+#include "octrad/device/array.h"
+#include "octrad/device/launch.h"
+#include "octrad/image/tonemap_math.h"
+#include "octrad/model/device_field.h"
+#include "octrad/render/film_device.h"
+
+namespace octrad {
+namespace {
+
+constexpr std::size_t kMostSamples = std::size_t{1} << 21;  // of a job: enough to fill any device
+constexpr int kWarmFrames = 10;
+
+// Film to what a screen shows, as octrad tonemap without options.
+struct ToneMap : Kernel {
+  const double* sums;  // planes of DeviceFilm
+  std::size_t pixels;
+  ToneMapping mapping;
+  unsigned char* out;  // [pixels][4]
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const double weight = sums[kPictureChannelCount * pixels + i];
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float value = weight > 0.0 ? static_cast<float>(sums[c * pixels + i] / weight) : 0.0f;
+      out[4 * static_cast<std::size_t>(i) + c] = to_byte(tonemap(value, mapping));
+    }
+    out[4 * static_cast<std::size_t>(i) + 3] = 255;
+  }
+};
+
+class StreamRenderer : public Renderer {
+ public:
+  StreamRenderer(Stream& stream, const PreparedScene& scene, const IntegratorChoice& choice,
+                 const RenderSettings& settings, RadianceField* field, const Config& config)
+      : Renderer(scene, choice, settings, field, config),
+        stream_(stream),
+        scene_bytes_(scene.bytes_to_upload(stream)) {}
+
+  int largest_pass() const override {
+    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, 64));
+  }
+
+  Image image() override {
+    Image image = film_->image();
+    integrator_->finish(image);
+    return image;
+  }
+
+  SampleCounts take_counts() override {
+    SampleCounts counts = integrator_->take_counts();
+    counts.non_finite += static_cast<long long>(film_->take_non_finite());
+    return counts;
+  }
+
+  FrameTimes time_frames(int count, int spp) override {
+    if (!choice_.info->recordable)
+      throw UsageError(std::string("frames of the view ") + choice_.info->name + " cannot be timed on a GPU");
+    if (pixels() * static_cast<std::size_t>(spp) > capacity_) {
+      throw MemoryError(
+          "a frame of " + std::to_string(spp) +
+          " samples a pixel does not fit into device memory at once; use fewer samples or a smaller picture");
+    }
+    const CameraJob job = job_of(window_.sampled.y0, window_.sampled.height(), 0, spp);
+    DeviceArray<unsigned char> screen(stream_, 4 * film_->pixels(), "the screen");
+    const auto frame = [&](const StageMark& mark) {
+      film_->clear();
+      integrator_->run(job.size(), mark);
+      film_->add(integrator_->job(), integrator_->samples());
+      mark("film");
+      launch(stream_, film_->pixels(), ToneMap{{}, film_->sums(), film_->pixels(), {}, screen.data()});
+      mark("tone mapping");
+    };
+    integrator_->set(job);
+    frame(no_mark);  // what is set up once must not be recorded
+    const std::unique_ptr<LaunchGraph> graph = stream_.capture([&] { frame(no_mark); });
+
+    FrameTimes times;
+    std::vector<double> whole;
+    for (int f = 0; f < kWarmFrames + count; ++f) {
+      const auto start = stream_.record();
+      stream_.replay(*graph);
+      const auto end = stream_.record();
+      const double ms = stream_.milliseconds(*start, *end);
+      if (f >= kWarmFrames) whole.push_back(ms);
+    }
+    times.median = percentile(whole, 0.5);
+    times.p95 = percentile(whole, 0.95);
+
+    StageTimes stages(stream_);
+    for (int f = 0; f < kWarmFrames + count; ++f) {
+      stages.begin();
+      frame([&](const char* name) { stages.mark(name); });
+      if (f < kWarmFrames) stages.forget();
+      else stages.settle();
+    }
+    times.stages = stages.medians();
+    clear();
+    take_counts();
+    return times;
+  }
+
+ private:
+  std::size_t columns() const { return static_cast<std::size_t>(window_.sampled.width()); }
+  std::size_t pixels() const { return columns() * static_cast<std::size_t>(window_.sampled.height()); }
+
+  CameraJob job_of(int y, int rows, int first, int count) const {
+    CameraJob job;
+    job.view = view_.camera.view(view_.width, view_.height);
+    job.seed = settings_.seed;
+    job.x0 = window_.sampled.x0;
+    job.y0 = y;
+    job.width = window_.sampled.width();
+    job.height = std::min(rows, window_.sampled.y1 - y);
+    job.first = first;
+    job.count = count;
+    return job;
+  }
+
+  // What a view allocates, with jobs of `capacity` samples.
+  std::vector<MemoryPart> memory(std::size_t capacity) const {
+    std::vector<MemoryPart> parts;
+    if (field_) parts = estimate_device_memory(config_, field_->cells_per_level(), {capacity});
+    parts.push_back({"scene", scene_bytes_});
+    parts.push_back({"film", DeviceFilm::bytes(window_.crop.width(), window_.crop.height())});
+    parts.push_back({"samples in flight", choice_.info->device_bytes(input(), capacity)});
+    return parts;
+  }
+
+  // Buffers are made for the largest view so far, and kept for others.
+  void view_changed() override {
+    const auto total = [&](std::size_t capacity) {
+      std::uint64_t sum = 0;
+      for (const MemoryPart& part : memory(capacity)) sum += part.bytes;
+      return sum;
+    };
+    const std::size_t spp =
+        choice_.info->one_sample ? 1 : static_cast<std::size_t>(std::max(1, settings_.expected_spp));
+    job_samples_ = std::clamp(pixels() * spp, columns(), std::max(kMostSamples, columns()));
+    const std::uint64_t budget = settings_.max_memory;
+    while (budget > 0 && total(job_samples_) > budget && job_samples_ > columns())
+      job_samples_ = std::max(columns(), job_samples_ / 2);
+    if (!integrator_ || job_samples_ > capacity_) {
+      require_memory(budget, "the picture", memory(job_samples_), "  --width, --height and --crop make it smaller");
+      integrator_.reset();
+      device_field_.reset();
+      capacity_ = job_samples_;
+      const DeviceWorld& world = scene_.world(stream_);
+      if (field_) device_field_ = make_device_field(stream_, *field_, config_, {capacity_});
+      integrator_ = choice_.info->make_device(input(), stream_, world, device_field_.get(), capacity_);
+    }
+    const PixelRect& crop = window_.crop;
+    if (film_ && crop == film_window_) return;
+    film_.reset();
+    film_window_ = crop;
+    film_ = std::make_unique<DeviceFilm>(stream_, crop.x0, crop.y0, crop.width(), crop.height(), settings_.film);
+  }
+
+  void model_changed(bool same_shape) override {
+    if (device_field_ && same_shape) {
+      device_field_->upload_from(*field_);
+      return;
+    }
+    integrator_.reset();  // set_view() makes it again
+    device_field_.reset();
+  }
+
+  void clear_film() override {
+    film_->clear();
+    integrator_->begin(view_);
+  }
+
+  void sample(int first, int count) override {
+    const auto rows =
+        static_cast<int>(std::max<std::size_t>(1, job_samples_ / (columns() * static_cast<std::size_t>(count))));
+    for (int y = window_.sampled.y0; y < window_.sampled.y1; y += rows) {
+      const CameraJob job = job_of(y, rows, first, count);
+      integrator_->set(job);
+      integrator_->run(job.size(), no_mark);
+      film_->add(integrator_->job(), integrator_->samples());
+    }
+    stream_.synchronize();  // time limits and interrupts count what is done
+  }
+
+  Stream& stream_;
+  std::unique_ptr<DeviceField> device_field_;  // null without a model
+  std::unique_ptr<DeviceIntegrator> integrator_;
+  std::unique_ptr<DeviceFilm> film_;
+  PixelRect film_window_;          // of film_
+  const std::size_t scene_bytes_;  // that this renderer's use of the scene has yet to allocate
+  std::size_t capacity_ = 0;       // samples that buffers are made for
+  std::size_t job_samples_ = 0;    // of a job of this view; depends on the view alone, so that sums are formed alike
+};
+
+}  // namespace
+
+std::unique_ptr<Renderer> make_stream_renderer(Stream& stream, const PreparedScene& scene,
+                                               const IntegratorChoice& choice, const RenderSettings& settings,
+                                               RadianceField* field, const Config& config) {
+  return std::make_unique<StreamRenderer>(stream, scene, choice, settings, field, config);
+}
+
+}  // namespace octrad

@@ -1,0 +1,118 @@
+#include "octrad/transport/first_hit_math.h"
+
+#include <gtest/gtest.h>
+
+#include "octrad/shading/test_fixtures.h"
+#include "octrad/transport/prepared_scene.h"
+
+namespace octrad {
+namespace {
+
+using Bounce = FirstHitOptions::Bounce;
+using Next = FirstHitQuery::Next;
+
+struct Found {
+  FirstHitQuery query;
+  RayEnd end;
+  FirstHit first;
+};
+
+Found look_along(const PreparedScene& scene, Vec3f direction, const FirstHitOptions& options = {}) {
+  CameraSample sample{{{0, 0, 0}, direction, 1e30f}, Rng(1, RngPurpose::test, 0), {}};
+  Found found;
+  found.query = trace_first_hit(scene.context(), options, sample, found.end, found.first);
+  return found;
+}
+
+// Before the camera: to -z a lamp of radiance 3, to +z a mirror that shows it, to +x a rough metal wall, to -x nothing
+// but the sky of radiance .25.
+PreparedScene scene_around() {
+  testing::SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f), true);
+  maker.quad({-1, -1, -2}, {2, 0, 0}, {0, 2, 0}, grey, Vec3f(3.0f));
+  Material mirror, metal;
+  mirror.type = BsdfType::conductor;
+  mirror.two_sided = true;
+  metal.type = BsdfType::roughconductor;
+  metal.two_sided = true;
+  metal.alpha_u = metal.alpha_v = maker.texture(0.2f);
+  maker.quad({-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, maker.material(mirror));
+  maker.quad({2, -1, -1}, {0, 0, 2}, {0, 2, 0}, maker.material(metal));
+  Environment sky;
+  sky.width = 2;
+  sky.height = 2;
+  sky.pixels.assign(4, Vec3f(0.25f));
+  maker.scene.environments.push_back(sky);
+  return PreparedScene(maker.scene);
+}
+
+TEST(FirstHit, EmissionIsKnownUnlessTheResponseHoldsIt) {
+  const PreparedScene scene = scene_around();
+  FirstHitOptions options;
+  const Found outside = look_along(scene, {0, 0, -1}, options);
+  EXPECT_EQ(outside.query.next, Next::query);
+  EXPECT_FLOAT_EQ(outside.query.known.x, 3.0f);
+  options.emission_inside = true;
+  EXPECT_FLOAT_EQ(look_along(scene, {0, 0, -1}, options).query.known.x, 0.0f);
+  // A bounce estimates scattered light alone: the lamp's own emission is known again.
+  options.bounce = Bounce::all;
+  const Found bounced = look_along(scene, {0, 0, -1}, options);
+  EXPECT_EQ(bounced.query.next, Next::bounce);
+  EXPECT_FLOAT_EQ(bounced.query.known.x, 3.0f);
+}
+
+TEST(FirstHit, TheSkyIsKnownAndLeavesNothingToAsk) {
+  const PreparedScene scene = scene_around();
+  for (const bool inside : {false, true}) {
+    FirstHitOptions options;
+    options.emission_inside = inside;
+    options.bounce = Bounce::all;
+    const Found found = look_along(scene, {-1, 0, 0}, options);
+    EXPECT_EQ(found.query.next, Next::nothing);
+    EXPECT_FLOAT_EQ(found.query.known.x, 0.25f);
+    EXPECT_FALSE(found.first.valid);
+  }
+}
+
+TEST(FirstHit, DeltaChainsAreFollowedAndKeepTheirFirstSurface) {
+  const PreparedScene scene = scene_around();
+  FirstHitOptions options;
+  const Found cached = look_along(scene, {0, 0, 1}, options);
+  EXPECT_EQ(cached.query.next, Next::query);
+  EXPECT_FLOAT_EQ(cached.end.point.surface.position.z, 2.0f);
+  options.follow_delta = true;
+  const Found traced = look_along(scene, {0, 0, 1}, options);
+  EXPECT_FLOAT_EQ(traced.end.point.surface.position.z, -2.0f);
+  EXPECT_FLOAT_EQ(traced.query.known.x, 3.0f * traced.end.throughput.x);
+  EXPECT_EQ(traced.end.rays, 2);
+  EXPECT_FLOAT_EQ(traced.first.depth, 2.0f);
+  EXPECT_EQ(traced.first.roughness, 0.0f);
+  // What the chain met before its end is not what the response holds.
+  options.emission_inside = true;
+  EXPECT_FLOAT_EQ(look_along(scene, {0, 0, 1}, options).query.known.x, 0.0f);
+  options.max_chain = 0;
+  EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::nothing);
+}
+
+TEST(FirstHit, GlossySurfacesBounceBelowTheThreshold) {
+  const PreparedScene scene = scene_around();
+  FirstHitOptions options;
+  options.bounce = Bounce::glossy;
+  options.rough_threshold = 0.3f;
+  const Found glossy = look_along(scene, {1, 0, 0}, options);
+  EXPECT_EQ(glossy.query.next, Next::bounce);
+  EXPECT_NE(glossy.query.key, look_along(scene, {0, 0, 1}, options).query.key + 1);
+  options.rough_threshold = 0.2f;  // below is exclusive
+  EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::query);
+}
+
+TEST(FirstHit, DisparityIsTracedOnRequest) {
+  const PreparedScene scene = scene_around();
+  const Found mirror = look_along(scene, {0, 0, 1});
+  EXPECT_EQ(field_query_point(scene.context(), mirror.end.point, false).disparity, 0.0f);
+  EXPECT_NEAR(field_query_point(scene.context(), mirror.end.point, true).disparity, 0.25f,
+              5e-5f);  // the ray starts a little off the surface
+}
+
+}  // namespace
+}  // namespace octrad

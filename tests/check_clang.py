@@ -1,0 +1,69 @@
+#!/usr/bin/env python3
+"""clang understands every source without a warning, and every header compiles alone. Nothing is generated.
+
+    OCTRAD_BUILD=build check_clang.py [FILE ...]      all files of src/ but tests, or these
+
+The folders of the libraries come from compile_commands.json of the build. A header that is the first include of the
+source of its name is tried there and not again. Ends with "N passed, N failed, N skipped"; skipped without clang.
+"""
+import concurrent.futures
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+BUILD = pathlib.Path(os.environ.get("OCTRAD_BUILD", ROOT / "build"))
+FLAGS = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", '-DOCTRAD_VERSION=""',
+         "-Wno-pragma-once-outside-header"]
+
+
+def library_flags():
+    """Where the headers of the libraries are, and what they want to be defined."""
+    flags = ["-I%s" % (ROOT / "src")]
+    for command in json.loads((BUILD / "compile_commands.json").read_text()):
+        for flag in re.findall(r"(?<=\s)-(?:isystem\s+\S+|DFMT_\w+)", command["command"]):
+            if flag not in flags:
+                flags.append(flag)
+    return [word for flag in flags for word in flag.split()]
+
+
+def first_include(path):
+    found = re.search(r'^#include [<"](.*)[>"]', path.read_text(), re.M)
+    return found and found[1]
+
+
+def wanted():
+    sources = [p for p in sorted((ROOT / "src").rglob("*.cc")) if not re.search(r"_(test|bench)\.cc$", p.name)]
+    tried = {first_include(p) for p in sources if first_include(p) == p.with_suffix(".h").relative_to(ROOT / "src").as_posix()}
+    # Highway's *-inl.h files are included once for each instruction set, by sources that prepare for it.
+    headers = [p for p in sorted((ROOT / "src").rglob("*.h")) if not p.name.endswith("-inl.h")]
+    return sources + [p for p in headers if p.relative_to(ROOT / "src").as_posix() not in tried]
+
+
+def main():
+    clang = shutil.which("clang++")
+    if not clang:
+        print("SKIPPED: clang is not installed\n0 passed, 0 failed, 1 skipped")
+        return 0
+    print(subprocess.run([clang, "--version"], capture_output=True, text=True).stdout.splitlines()[0])
+    flags = FLAGS + library_flags()
+
+    def compile_one(path):
+        return path, subprocess.run([clang, *flags, "-x", "c++", str(path)], capture_output=True, text=True)
+
+    passed = failed = 0
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for path, done in pool.map(compile_one, [pathlib.Path(p) for p in sys.argv[1:]] or wanted()):
+            passed, failed = passed + (done.returncode == 0), failed + (done.returncode != 0)
+            if done.returncode != 0:
+                print("%s:\n%s" % (path, done.stderr))
+    print("%d passed, %d failed, 0 skipped" % (passed, failed))
+    return 1 if failed or not passed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
