@@ -95,7 +95,7 @@ export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
 step "Unit tests"
 for program in build-test/test_*; do [ -x "$program" ] && check "$(basename "$program")" "$program"; done
 
-step "Tests across rooms"
+step "Tests across modules"
 check "command line" "$python" tests/cli/run.py "$OCTRAD"
 for script in tests/test_*.py; do [ -e "$script" ] && check "$script" "$python" "$script"; done
 

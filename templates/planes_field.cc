@@ -21,7 +21,6 @@ constinit const FieldEntry kPlanesField = {
     .name = "planes",
     .title = "three feature planes",
     .own_keys = kOwnKeys,
-    .uses_disparity = false,
     .cell_levels = [](const Config&) { return 0; },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<PlanesField>(config, domain);

@@ -12,8 +12,8 @@
 namespace octrad {
 namespace {
 
-// Bounds on what one scene may expand to, so that files that include each other fail with a message and not with the
-// machine's memory.
+// Limits on the expansion of one scene, so that files that include each other end with a message and do not exhaust
+// memory.
 constexpr int kMaxIncludes = 1000;
 constexpr int kMaxIncludeDepth = 16;
 constexpr int kMaxElementDepth = 64;
@@ -78,7 +78,7 @@ class Reader {
   }
 
   static Location locate(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node) {
-    // pugixml gives the offset of the name; the bracket stands before it.
+    // pugixml gives the offset of the name, one behind the bracket.
     const std::ptrdiff_t offset = node.offset_debug();
     return {source, static_cast<std::size_t>(offset > 0 ? offset - 1 : 0)};
   }

@@ -1,5 +1,5 @@
 // A Mitsuba 3 XML file as a tree: <default>s substituted, <include>s spliced in, <alias>es and ids collected. Nothing
-// is interpreted yet; every element and attribute knows where it stands.
+// is interpreted yet; every element and attribute keeps its line and column.
 #pragma once
 
 #include <map>

@@ -1,4 +1,4 @@
-// What scene files may say, and how the loader answers when they say something else.
+// What scene files may contain, and the errors for everything else.
 #include "octrad/scene/load.h"
 
 #include <gtest/gtest.h>
