@@ -16,7 +16,6 @@ struct FieldEntry {
   const char* title;  // for people
   // Beginnings of the keys that no other field reads.
   std::span<const std::string_view> own_keys;
-  bool uses_disparity;  // look-ups take a disparity; otherwise inspect() gives 0
   // Levels of occupied cells that FieldDomain must have; 0: the field needs none.
   int (*cell_levels)(const Config&);
   std::unique_ptr<RadianceField> (*make)(const Config&, const FieldDomain&);

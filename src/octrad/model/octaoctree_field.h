@@ -28,7 +28,7 @@ class OctaOctreeField : public RadianceField {
   float target_scale() const override { return decoder_.target_scale(); }
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
-  bool predicts_disparity() const override { return true; }
+  bool uses_disparity() const override { return true; }
   int levels() const override { return octree_.options().levels; }
   std::vector<long long> cells_per_level() const override;
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
