@@ -128,7 +128,7 @@ class Documents(unittest.TestCase):
         sections = {int(n) for n in re.findall(r"^## (\d+)\. ", (ROOT / "docs/method.md").read_text(), re.M)}
         count = 0
         for path in DOCUMENTS + SOURCES:
-            for cited in re.findall(r"[Mm]ethod,? sections? " + NUMBERS, re.sub(r"\n\s*//", "", path.read_text())):
+            for cited in re.findall(r"[Mm]ethod(?:\.md)?,? sections? " + NUMBERS, re.sub(r"\n\s*//", "", path.read_text())):
                 for number in numbers(cited):
                     count += 1
                     with self.subTest("%s: section %d" % (path.relative_to(ROOT), number)):
