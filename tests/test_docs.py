@@ -114,6 +114,15 @@ class Documents(unittest.TestCase):
             with self.subTest(model):
                 self.assertTrue(any("`%s`" % model in row for row in rows), "docs/scenes.md has no row for it")
 
+    def test_integrators(self):
+        source = (ROOT / "src/octrad/render/integrators.cc").read_text()
+        names = re.findall(r'(?:IntegratorInfo info\{|_info<[^>]*>\()"(\w+)"', source)
+        self.assertGreaterEqual(len(names), 8)
+        rows = re.findall(r"^\| (`[^|]*)\|", MANUAL.read_text(), re.M)
+        for name in names:
+            with self.subTest(name):
+                self.assertTrue(any(re.search("`%s1?`" % name, row) for row in rows), "the manual has no row for it")
+
     def test_sections_of_the_method(self):
         """Comments cite docs/method.md as "method section 4"."""
         sections = {int(n) for n in re.findall(r"^## (\d+)\. ", (ROOT / "docs/method.md").read_text(), re.M)}
