@@ -1,4 +1,4 @@
-// What DeviceRenderer asks of its integrators. Internal to the module.
+// The interface of integrators to DeviceRenderer. Internal to the module.
 #pragma once
 
 #include <memory>
