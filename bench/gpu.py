@@ -110,14 +110,12 @@ def line(words, folder):
 
 
 def curve(log):
-    """[{step, seconds, mape}] of a training log: where the validation was new."""
-    points = []
+    """[{step, seconds, mape}] of a training log."""
     with open(log, encoding="utf-8") as lines:
-        for event in map(json.loads, lines):
-            mape = event.get("validation_mape")
-            if mape is not None and (not points or points[-1]["mape"] != mape):
-                points.append({"step": event.get("step", event.get("steps")), "seconds": event["seconds"], "mape": mape})
-    return points
+        events = [json.loads(line) for line in lines]
+    points = [{key: e[key] for key in ("step", "seconds", "mape")} for e in events if e["event"] == "validation"]
+    done = events[-1]
+    return points + [{"step": done["steps"], "seconds": done["seconds"], "mape": done["validation_mape"]}]
 
 
 def measure(octrad, step, words, folder):

@@ -4,7 +4,7 @@
     bench/quality.py SCENE.xml --time 5m --view scene=ref1.exr --view mirror=ref2.exr,mirror.json -o results.json
 
 A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own sensor. References need the roughness layer
-(bench/reference.py makes them). Prints a table and writes everything, commands included, as JSON. Nothing else should run on
+(octrad merge makes them). Prints a table and writes everything, commands included, as JSON. Nothing else should run on
 the machine meanwhile: the budget is wall-clock time.
 """
 import argparse
@@ -38,7 +38,7 @@ def main():
     rows = []
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
-        trained = run([args.octrad, "train", args.scene, "-o", model, "--preset", "cpu", "--field", field, "--time", args.time, "--seed", args.seed,
+        trained = run([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, "--time", args.time, "--seed", args.seed,
                        "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions)
         for view in args.view:
             name, rest = view.split("=", 1)

@@ -60,7 +60,7 @@ def cache(args, folder):
     for scene in args.scenes:
         for levels in (6, 8):
             model = os.path.join(folder, "model.octrad")
-            trained, memory = peak_memory_of([args.octrad, "train", scene, "-o", model, "--time", "10s", "-D", f"octree.levels={levels}", "--no-optimizer",
+            trained, memory = peak_memory_of([args.octrad, "train", scene, "-o", model, "--overwrite", "--time", "10s", "-D", f"octree.levels={levels}", "--no-optimizer",
                                               "--device", "cpu", "--json", "-q"])
             picture = ["-o", os.path.join(folder, "cache.exr"), "--device", "cpu", "--json", "-q", "--model", model, "--width", "512", "--height", "512"]
             rhs = [run([args.octrad, "render", scene, "--integrator", "rhs", "--spp", "4"] + picture)["queries_per_s"] for _ in range(args.repeat)]

@@ -4,7 +4,8 @@ set(package ${CMAKE_INSTALL_LIBDIR}/cmake/octrad)
 
 install(TARGETS octrad_library EXPORT octradTargets)
 install(DIRECTORY src/octrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
-        PATTERN "*_test_helper.h" EXCLUDE PATTERN "*_test_data.h" EXCLUDE PATTERN "test_fixtures.h" EXCLUDE
+        PATTERN "*_test_helper.h" EXCLUDE PATTERN "*_test_data.h" EXCLUDE PATTERN "check*.h" EXCLUDE
+        PATTERN "random_inputs.h" EXCLUDE PATTERN "sample_scenes.h" EXCLUDE PATTERN "shell_cells.h" EXCLUDE
         PATTERN "*-inl.h" EXCLUDE PATTERN "each_target.h" EXCLUDE)  # the last two: inside of SIMD sources
 install(EXPORT octradTargets NAMESPACE octrad:: DESTINATION ${package})
 
@@ -13,6 +14,14 @@ configure_package_config_file(cmake/octradConfig.cmake.in octradConfig.cmake INS
 write_basic_package_version_file(octradConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/octradConfig.cmake ${PROJECT_BINARY_DIR}/octradConfigVersion.cmake
         DESTINATION ${package})
+
+file(RELATIVE_PATH up /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+if(OCTRAD_CUDA_FOUND)
+  set(cuda "-L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -ldl -lrt -lpthread")
+endif()
+configure_file(cmake/octrad.pc.in octrad.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/octrad.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
 if(OCTRAD_PROGRAM)
   install(TARGETS octrad)
 endif()

@@ -32,7 +32,7 @@ show octrad render $scene --integrator path --spp 100000 --time $reference_time 
 show octrad render $scene --integrator path --spp 100000 --time $noise_time "${size[@]}" --seed 1 -o demo/noise.exr --json >demo/noise.json
 
 step "Training the cache ($train_time)"
-show octrad train $scene -o demo/room.octrad --preset cpu --time $train_time --reference demo/ref.exr
+show octrad train $scene -o demo/room.octrad --overwrite --preset cpu --time $train_time --reference demo/ref.exr
 
 step "The cache's picture: one query a pixel"
 show octrad render $scene --integrator lhs --model demo/room.octrad "${size[@]}" -o demo/lhs.exr --json >demo/lhs.json

@@ -5,12 +5,12 @@
 set -euo pipefail
 
 packages=(
-  g++ cmake ninja-build pkg-config ccache
+  g++ cmake ninja-build ccache
   libembree-dev libtbb-dev libopenexr-dev libstb-dev libpugixml-dev libcli11-dev libfmt-dev nlohmann-json3-dev libhwy-dev
 )
 case "${1:-}" in
   "") ;;
-  --test) packages+=(libgtest-dev python3 python3-numpy clang clang-format clang-tidy) ;;
+  --test) packages+=(libgtest-dev pkg-config python3 python3-numpy clang clang-format clang-tidy) ;;
   *) echo "usage: scripts/install_deps.sh [--test]" >&2; exit 1 ;;
 esac
 

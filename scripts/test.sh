@@ -112,7 +112,7 @@ step "Unit tests"
 for program in build-test/test_*; do [ -x "$program" ] && add "$(basename "$program")" "$program"; done
 run_added
 
-step "Tests across rooms"
+step "Tests across modules"
 add "command line" "$python" tests/cli/run.py "$OCTRAD"
 for script in tests/test_*.py; do add "$script" "$python" "$script"; done
 run_added
@@ -139,8 +139,10 @@ sanitizer() {
 }
 
 if [ $fast = 0 ]; then
-  step "clang: every source, and every header alone"
-  check "tests/check_clang.py" "$python" tests/check_clang.py
+  step "clang: every source, and every header alone; clang-tidy"
+  add "tests/check_clang.py" "$python" tests/check_clang.py
+  if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
+  run_added
 
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick

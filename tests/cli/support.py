@@ -1,10 +1,13 @@
 """Runs the program and writes small inputs. Standard library only."""
+import fcntl
 import json
 import os
+import pty
 import shutil
 import struct
 import subprocess
 import tempfile
+import termios
 import time
 import unittest
 import unittest.mock
@@ -46,6 +49,15 @@ def write_hdr(path, width, height, pixel):
                 while peak < 0.5:
                     peak, exponent = peak * 2, exponent - 1
                 out.write(bytes(int(v * 2.0 ** (8 - exponent)) for v in rgb) + bytes([exponent + 128]))
+
+
+def write_pfm(path, width, height, pixel):
+    """Portable float map: any float, exactly; pixel(x, y) -> (r, g, b)."""
+    with open(path, "wb") as out:
+        out.write(f"PF\n{width} {height}\n-1.0\n".encode())
+        for y in reversed(range(height)):
+            for x in range(width):
+                out.write(struct.pack("<3f", *pixel(x, y)))
 
 
 def write_safetensors(path, tensors, metadata):
@@ -138,6 +150,26 @@ def read_safetensors(path):
 def start(*arguments):
     """A process to send signals to; its error output is kept."""
     return subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def on_terminal(columns, *arguments, timeout=120):
+    """What the program writes to a terminal of that width."""
+    controller, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    process = subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=terminal, env=dict(os.environ, TERM="xterm"))
+    os.close(terminal)
+    text, end = b"", time.monotonic() + timeout
+    while time.monotonic() < end:
+        try:
+            block = os.read(controller, 65536)
+        except OSError:  # the program closed its end
+            break
+        if not block:
+            break
+        text += block
+    process.communicate(timeout=10)
+    os.close(controller)
+    return text.decode("utf-8", "replace")
 
 
 def wait_for(condition, seconds=60):

@@ -1,16 +1,18 @@
-"""octrad compare and octrad tonemap."""
+"""octrad compare, merge and tonemap."""
+import json
 import math
 import os
 import struct
 import unittest
 import zlib
 
-from support import Case, write_hdr
+from support import ROOM, Case, write_hdr, write_pfm
 
 
 def read_png(path):
     """8-bit RGB PNG whose rows use any filter -> width, height, rows of bytes."""
-    raw = open(path, "rb").read()
+    with open(path, "rb") as file:
+        raw = file.read()
     assert raw[:8] == b"\x89PNG\r\n\x1a\n"
     position, data = 8, b""
     while position < len(raw):
@@ -78,7 +80,122 @@ class Compare(Case):
         self.fails(3, "none.exr", "compare", self.ref, self.path("none.exr"))
         self.fails(2, "bad.exr", "compare", self.write("bad.exr", "not a picture"), self.same)
         self.fails(1, "--alpha-below", "compare", self.ref, self.same, "--alpha-below", "half")
+        self.fails(1, "--errors", "compare", self.ref, self.same, "--error-max", "2")
+        self.fails(1, "--errors", "compare", self.ref, self.same, "--error-kind", "mape")
         self.fails(3, "folder", "compare", self.ref, self.same, "--errors", "/dev/null/x")
+
+    def rooms(self, *seeds, spp=8):
+        """Pictures of the small room."""
+        scene, files = self.write("room.xml", ROOM), []
+        for seed in seeds:
+            files.append(self.path("seed%d.exr" % seed))
+            self.ok("render", scene, "-o", files[-1], "--spp", spp, "--seed", seed, "-q")
+        return files
+
+    def test_noise_of_the_reference(self):
+        a, b, c = self.rooms(1, 2, 3)
+        report = self.ok("compare", a, c, "--reference-b", b, "--json").json()
+        plain = self.ok("compare", a, b, "--json").json()["images"][0]
+        noise = report["reference_noise"]
+        self.assertEqual(noise["image"], b)
+        self.assertAlmostEqual(noise["mape"], plain["mape"] / math.sqrt(2), places=9)  # as many samples in both
+        self.assertAlmostEqual(noise["mse"], plain["mse"] / 2, places=9)
+        # Another picture of as many samples differs by both pictures' noise.
+        self.assertGreater(report["images"][0]["mape"], noise["mape"])
+        self.assertNotIn("own noise", self.ok("compare", a, c, "--reference-b", b).err)
+        # Itself is nearer than its noise: that says nothing about the truth.
+        hint = self.ok("compare", a, a, "--reference-b", b)
+        self.assertIn("is not above the reference's own noise", hint.err)
+        self.assertEqual(len(hint.out.splitlines()), 3)
+        self.assertIn("(own noise)", hint.out)
+        # Samples are counted: 4 times as many have half the noise.
+        many = self.path("many.exr")
+        self.ok("render", self.path("room.xml"), "-o", many, "--spp", 32, "--seed", 4, "-q")
+        few = self.ok("compare", a, a, "--reference-b", many, "--json").json()["reference_noise"]
+        lot = self.ok("compare", many, many, "--reference-b", a, "--json").json()["reference_noise"]
+        self.assertAlmostEqual(few["mse"] / lot["mse"], 4, places=6)
+        self.fails(2, "same seed", "compare", a, c, "--reference-b", a)
+        self.fails(2, "16 x 12", "compare", a, c, "--reference-b", self.small_picture())
+        self.fails(3, "none.exr", "compare", a, c, "--reference-b", self.path("none.exr"))
+
+    def test_merge(self):
+        files, out = self.rooms(1, 2, 3), self.path("joined.exr")
+        report = self.ok("merge", *files, "-o", out, "--json").json()
+        self.assertEqual((report["spp"], report["width"], report["height"]), (24, 32, 24))
+        # The mean of three has a third of the noise's variance: the estimate from two of them agrees roughly.
+        self.ok("render", self.path("room.xml"), "-o", self.path("truth.exr"), "--spp", 1000, "--seed", 9, "-q")
+        error = lambda file: self.ok("compare", self.path("truth.exr"), file, "--json").json()["images"][0]["mape"]
+        self.assertLess(error(out), 0.75 * error(files[0]))
+        self.assertTrue(0.6 < report["noise"]["mape"] / error(out) < 1.6, (report, error(out)))
+        info = self.ok("info", out, "--json").json()
+        self.assertIn("roughness.Y", [c["name"] for c in info["channels"]])
+        self.assertEqual(json.loads(info["metadata"]["octrad.render"])["seeds"], [1, 2, 3])
+        self.assertEqual(json.loads(info["metadata"]["octrad.render"])["max_depth"], 6)
+        # Of another renderer: no metadata, weights by hand, layers from one of ours.
+        a, b, joined = (self.path(n) for n in ("a.pfm", "b.pfm", "joined.pfm"))
+        write_pfm(a, 32, 24, lambda x, y: (1, 2, 4))
+        write_pfm(b, 32, 24, lambda x, y: (3, 2, 0))
+        self.ok("merge", a + ":30", b + ":10", "-o", joined)
+        means = {c["name"]: c["mean"] for c in self.ok("info", joined, "--json").json()["channels"]}
+        self.assertEqual(means, {"R": 1.5, "G": 2, "B": 3})
+        self.ok("merge", a + ":30", b + ":10", "-o", out, "--aux", files[0])
+        layers = {c["name"]: c["min"] for c in self.ok("info", out, "--json").json()["channels"]}
+        self.assertAlmostEqual(layers["roughness.Y"], 0.2, places=5)
+        self.assertEqual(layers["R"], 1.5)
+
+    def test_merge_refusals(self):
+        (a, b), out = self.rooms(1, 2, spp=1), self.path("out.exr")
+        plain, other = self.path("plain.pfm"), self.path("other.exr")
+        write_pfm(plain, 32, 24, lambda x, y: (1, 2, 4))
+        self.fails(1, "two pictures", "merge", a, "-o", out)
+        self.fails(2, "same seed", "merge", a, b, a, "-o", out)
+        self.fails(2, "same seed", "merge", plain + ":2", plain + ":2", "-o", out)
+        self.fails(2, "plain.pfm:SPP", "merge", a, plain, "-o", out)
+        self.fails(1, "FILE:SPP", "merge", a, plain + ":0", "-o", out)
+        self.fails(2, "differ in size", "merge", a, self.small_picture() + ":1", "-o", out)
+        for options, what in ((("-D", "wall=0.3"), "their scene"), (("--max-depth", 3), "max_depth"), (("--origin", "0,0,0.5", "--target", "0,0,0"), "their camera")):
+            self.ok("render", self.path("room.xml"), "-o", other, "--spp", 1, "--seed", 5, *options)
+            self.fails(2, "differ in " + what, "merge", a, other, "-o", out)
+        self.fails(2, "16 x 12", "merge", a, b, "-o", out, "--aux", self.small_picture())
+        self.fails(1, ".exr, .hdr or .pfm", "merge", a, b, "-o", self.path("out.tif"))
+        self.fails(3, "none.exr", "merge", a, self.path("none.exr"), "-o", out)
+        self.assertFalse(os.path.exists(out))
+
+    def small_picture(self):
+        file = self.path("16x12.pfm")
+        write_pfm(file, 16, 12, lambda x, y: (1, 1, 1))
+        return file
+
+    def test_mask_file(self):
+        mask = self.path("mask.pfm")
+        write_pfm(mask, 8, 8, lambda x, y: (1, 1, 1) if x == 0 else (0.2, 0.5, 0.7))
+        pixels = lambda *options: self.ok("compare", self.ref, self.double, "--json", *options).json()["images"][0]
+        inside, everything = pixels("--mask", mask), pixels()
+        self.assertEqual((inside["pixels"], everything["pixels"]), (8, 64))
+        self.assertAlmostEqual(inside["mape"], 8 * everything["mape"], places=9)
+        write_pfm(mask, 8, 8, lambda x, y: (float("nan"), 1, 1))
+        nothing = self.ok("compare", self.ref, self.double, "--json", "--mask", mask)
+        self.assertEqual(nothing.json()["images"][0]["mape"], None)
+        self.assertIn("no pixel is selected", nothing.err)
+        self.fails(2, "16 x 12", "compare", self.ref, self.double, "--mask", self.small_picture())
+        self.fails(3, "none.png", "compare", self.ref, self.double, "--mask", self.path("none.png"))
+        self.fails(2, "bad.exr", "compare", self.ref, self.double, "--mask", self.write("bad.exr", "no picture"))
+
+    def test_roughness_of_another_picture(self):
+        (layers,) = self.rooms(1)
+        plain, mask = self.path("plain.pfm"), self.path("mask.pfm")  # as another renderer would write it
+        write_pfm(plain, 32, 24, lambda x, y: (1, 1, 1))
+        write_pfm(mask, 32, 24, lambda x, y: (x % 2, x % 2, x % 2))
+        pixels = lambda *options: self.ok("compare", *options, "--json").json()["images"][0]["pixels"]
+        own = pixels(layers, layers, "--alpha-below", 0.5)
+        self.assertGreater(own, 10)
+        self.assertEqual(pixels(plain, layers, "--alpha-below", 0.5, "--aux", layers), own)
+        both = pixels(plain, layers, "--alpha-below", 0.5, "--aux", layers, "--mask", mask)
+        self.assertTrue(0 < both < own)
+        self.fails(2, "--aux FILE", "compare", plain, layers, "--alpha-below", "0.5")
+        self.fails(2, "mask.pfm: no layer", "compare", plain, layers, "--alpha-below", "0.5", "--aux", mask)
+        self.fails(2, "16 x 12", "compare", plain, layers, "--alpha-below", "0.5", "--aux", self.small_picture())
+        self.fails(1, "--aux belongs to", "compare", plain, layers, "--aux", layers)
 
     def test_tonemap(self):
         out = self.path("a.png")
@@ -95,6 +212,55 @@ class Compare(Case):
         row = read_png(out)[2][0]
         self.assertGreater(min(row[0:3]), 220)
         self.assertEqual(row[3:6], b"\0\0\0")
+        self.ok("tonemap", self.ref, "-o", out, "--curve", "filmic", "--encoding", "linear")
+        filmic = lambda x: x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+        self.assertEqual(read_png(out)[2][0][0:3], bytes(round(255 * filmic(v)) for v in (1.0, 0.5, 0.25)))
+
+    def test_tonemap_writes_what_the_ending_says(self):
+        for name, magic in (("a.png", b"\x89PNG"), ("a.JPG", b"\xff\xd8\xff"), ("a.jpeg", b"\xff\xd8\xff")):
+            out = self.path(name)
+            self.ok("tonemap", self.ref, "-o", out)
+            with open(out, "rb") as file:
+                self.assertEqual(file.read(len(magic)), magic)
+        for name, why in (("a.exr", "for the screen"), ("a.hdr", "for the screen"), ("a.tif", ".png or .jpg"), ("a", ".png or .jpg")):
+            self.fails(1, why, "tonemap", self.ref, "-o", self.path(name))
+            self.assertFalse(os.path.exists(self.path(name)))
+
+    def test_tonemap_shows_vectors(self):
+        (room,) = self.rooms(1, spp=64)
+        out = self.path("a.png")
+        self.ok("tonemap", room, "-o", out, "--layer", "normal")
+        rows = read_png(out)[2]
+        self.assertEqual(rows[23][48:51], bytes([128, 255, 128]), "the floor's normal is +y")
+        self.ok("tonemap", room, "-o", out, "--layer", "normal", "--range", "-2,2")
+        self.assertEqual(read_png(out)[2][23][48:51], bytes([128, 191, 128]))
+        self.fails(1, "--curve", "tonemap", room, "-o", out, "--layer", "normal", "--curve", "filmic")
+        self.ok("tonemap", room, "-o", out, "--layer", "albedo", "--curve", "filmic")
+
+    def test_contact_sheet(self):
+        out = self.path("sheet.png")
+        report = self.ok("tonemap", self.ref, self.double, self.small, "-o", out, "--columns", 3, "--json").json()
+        width, height, rows = read_png(out)
+        self.assertEqual((width, height), (report["width"], report["height"]))
+        self.assertTrue(3 * 8 < width < 60 and 8 < height < 60)
+        flat = b"".join(rows)
+        color = bytes([255, 188, 137])
+        self.assertEqual(sum(flat[i:i + 3] == color for i in range(0, len(flat), 3)), 64 + 56 + 32)
+        labelled = lambda *options: self.ok("tonemap", self.ref, self.ref, "-o", out, *options) and read_png(out)
+        self.assertGreater(labelled("--columns", 1)[1], labelled("--columns", 2)[1])
+        wide = self.path("wide.hdr")
+        write_hdr(wide, 64, 8, lambda x, y: (0.25, 0.25, 0.25))
+        white = lambda label: sum(row.count(b"\xff\xff\xff") for row in (self.ok("tonemap", wide, "-o", out, "--labels", label) and read_png(out))[2])
+        self.assertGreater(white("label"), white("i"))
+        two = ("tonemap", wide, wide, "-o", out, "--labels")
+        self.assertGreater(self.ok(*two, "one,two") and sum(row.count(b"\xff") for row in read_png(out)[2]),
+                           self.ok(*two, "one,") and sum(row.count(b"\xff") for row in read_png(out)[2]))
+        self.assertGreater(white("i"), 0)
+        self.fails(1, "--labels", "tonemap", self.ref, self.double, "-o", out, "--labels", "one")
+        self.fails(1, "3 for 2 pictures", "tonemap", self.ref, self.double, "-o", out, "--labels", "one,two,three")
+        self.fails(1, "--columns", "tonemap", self.ref, "-o", out, "--columns", "2")
+        self.fails(1, "--columns", "tonemap", self.ref, self.ref, "-o", out, "--columns", "0")
+        self.fails(3, "none.exr", "tonemap", self.ref, self.path("none.exr"), "-o", out)
 
     def test_tonemap_refusals(self):
         out = self.path("a.png")
@@ -103,6 +269,13 @@ class Compare(Case):
         self.fails(1, "--range", "tonemap", self.ref, "-o", out, "--channel", "R", "--range", "1")
         self.fails(1, "below the second", "tonemap", self.ref, "-o", out, "--channel", "R", "--range", "1,1")
         self.fails(1, "--curve", "tonemap", self.ref, "-o", out, "--curve", "acid")
+        self.fails(1, "--range belongs to", "tonemap", self.ref, "-o", out, "--range", "0,2")
+        self.fails(1, "--exposure is for colours", "tonemap", self.ref, "-o", out, "--channel", "R", "--exposure", "1")
+        self.fails(1, "--gamma belongs to", "tonemap", self.ref, "-o", out, "--gamma", "2", "--encoding", "srgb")
+        self.fails(2, 'did you mean "R"', "tonemap", self.ref, "-o", out, "--channel", "r")
+        (room,) = self.rooms(1, spp=1)
+        self.fails(2, 'did you mean "depth.Z"', "tonemap", room, "-o", out, "--channel", "Z")
+        self.fails(2, "needs normals.R", "tonemap", room, "-o", out, "--layer", "normals")
         self.assertFalse(os.path.exists(out))
 
 

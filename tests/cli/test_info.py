@@ -79,6 +79,15 @@ class Info(Case):
         self.assertEqual((channels["G"]["min"], channels["G"]["mean"], channels["G"]["max"]), (0, 1.5, 3))
         self.assertIn("4 x 2", self.ok("info", file).out)
 
+    def test_options_that_would_be_ignored_are_refused(self):
+        picture = self.path("a.hdr")
+        write_hdr(picture, 4, 2, lambda x, y: (0.5, x, 0.0))
+        for words in ((picture, "-D", "octree.levels=3"), (picture, "--preset", "paper"), ("--preset", "paper"), ("-D", "octree.levels=3")):
+            self.fails(1, "belong to a scene or to --keys", "info", *words)
+        self.fails(1, "takes no FILE", "info", "--keys", picture)
+        for words in ((picture,), (), ("--keys",)):
+            self.fails(1, "--sampled belongs to a scene", "info", *words, "--sampled")
+
     def test_unknown_kind(self):
         self.fails(1, "cannot tell", "info", self.write("a.txt", ""))
 

@@ -2,10 +2,11 @@
 import json
 import os
 import random
+import re
 import signal
 import unittest
 
-from support import ROOM, SMALL, Case, read_safetensors, run, start, wait_for
+from support import ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model"}
 
@@ -17,7 +18,8 @@ class Train(Case):
         self.model = self.path("m.octrad")
 
     def train(self, *options, model=None):
-        return self.ok("train", self.scene, "-o", model or self.model, *SMALL, "--json", *options).json()
+        again = () if "--resume" in options else ("--overwrite",)
+        return self.ok("train", self.scene, "-o", model or self.model, *SMALL, "--json", *again, *options).json()
 
     def render(self, integrator, out, *options):
         return self.ok("render", self.scene, "--model", self.model, "--integrator", integrator, "-o", out, "--json", "-q", *options).json()
@@ -44,6 +46,92 @@ class Train(Case):
         self.assertIn("saved", [e["event"] for e in events])
         self.assertIsNone(self.train("--steps", 2)["validation_mape"])
 
+    def test_log_has_each_validation_once(self):
+        reference, log = self.path("ref.exr"), self.path("log.jsonl")
+        self.ok("render", self.scene, "-o", reference, "--spp", 4, "-q")
+        self.train("--time", "12s", "--reference", reference, "--log-json", log)
+        events = [json.loads(line) for line in open(log)]
+        validations = [e for e in events if e["event"] == "validation"]
+        self.assertGreaterEqual(len(validations), 1)
+        for event in validations:
+            self.assertEqual(set(event), {"event", "step", "seconds", "mape"})
+            self.assertGreater(event["mape"], 0)
+        self.assertEqual(len({e["step"] for e in validations}), len(validations))
+        for event in events:
+            if event["event"] == "progress":
+                self.assertFalse([key for key in event if "validation" in key])
+        self.assertGreater(len([e for e in events if e["event"] == "progress"]), len(validations))
+
+    def test_reference_of_another_kind_is_told(self):
+        good, cut, other, part = (self.path(n) for n in ("good.exr", "cut.exr", "other.exr", "part.exr"))
+        self.ok("render", self.scene, "-o", good, "--spp", 1, "--max-depth", -1, "-q")
+        self.ok("render", self.scene, "-o", cut, "--spp", 1, "-q")
+        self.ok("render", self.write("other.xml", ROOM.replace("8, 8, 8", "9, 8, 8")), "-o", other, "--spp", 1, "--max-depth", -1, "-q")
+        self.ok("render", self.scene, "-o", part, "--spp", 1, "--crop", "1,1,8,8", "-q")
+        errors = lambda reference: self.ok("train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--steps", 1, "--reference", reference).err
+        self.assertEqual(errors(good), "")
+        self.assertIn("cut.exr has paths of at most 6 (max_depth)", errors(cut))
+        self.assertIn("other.exr shows another scene", errors(other))
+        self.fails(2, "part of a picture", "train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--steps", 1, "--reference", part)
+        # What a stranger's metadata holds is no reason to fail.
+        foreign = self.path("foreign.pfm")
+        write_pfm(foreign, 32, 24, lambda x, y: (1, 1, 1))
+        self.assertEqual(errors(foreign), "")
+
+    def test_a_model_is_overwritten_on_demand_only(self):
+        self.train("--steps", 2)
+        with open(self.model, "rb") as file:
+            before = file.read()
+        words = ("train", self.scene, "-o", self.model, *SMALL, "--steps", 1)
+        result = self.fails(1, "--overwrite replaces it", *words)
+        self.assertIn("--resume continues it", result.err)
+        self.fails(1, "--overwrite", *words, "--overwrite", "--resume")
+        with open(self.model, "rb") as file:
+            self.assertEqual(file.read(), before)
+        self.ok(*words, "--overwrite")
+        self.assertEqual(self.ok("info", self.model, "--json").json()["metadata"]["step"], 1)
+
+    def test_nothing_left_to_resume(self):
+        self.train("--steps", 3)
+        words = ("train", self.scene, "-o", self.model, *SMALL, "--resume", "--json")
+        result = self.ok(*words, "--steps", 3)
+        self.assertIn("has trained 3 of 3 steps already: nothing is left to do; --steps is the total", result.err)
+        self.assertEqual(result.json()["steps"], 3)
+        self.assertGreater(result.json()["loss"], 0, "of the steps before")
+        self.assertIn("--time is the total", self.ok(*words, "--time", "1ms").err)
+        self.assertEqual(self.ok(*words, "--steps", 4).err, "")
+
+    def test_the_loss_continues_over_resume(self):
+        # Nothing that depends on the share of the budget: 5 and 3 steps are 8.
+        fixed = ("-D", "adam.decay.start=1", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")
+        loss = self.train("--steps", 8, *fixed, model=self.path("whole.octrad"))["loss"]
+        self.assertNotEqual(self.train("--steps", 5, *fixed)["loss"], loss)
+        self.assertEqual(self.train("--resume", "--steps", 8)["loss"], loss)
+        self.assertEqual(json.loads(self.ok("info", self.model, "--json").json()["metadata"]["state"])["loss"], loss)
+
+    def test_one_line_of_configuration(self):
+        options = [word for word in SMALL if word != "-q"]
+        short = self.ok("train", self.scene, "-o", self.model, *options, "--steps", 1).err.splitlines()
+        line = [l for l in short if "octree.levels=3" in l]
+        self.assertEqual(len(line), 1, short)
+        self.assertTrue(line[0].startswith("preset cpu, "), line)
+        self.assertNotIn("adam.beta1", line[0])
+        self.assertLess(len(short), 5, short)
+        self.assertIn("adam.beta1=0.9", self.ok("train", self.scene, "-o", self.model, "--overwrite", *options, "--steps", 1, "-v").err)
+
+    def test_the_status_line_fits_80_columns(self):
+        reference = self.path("ref.exr")
+        self.ok("render", self.scene, "-o", reference, "--spp", 1, "-q")
+        options = [word for word in SMALL if word != "-q"]
+        text = on_terminal(80, "train", self.scene, "-o", self.model, *options, "--time", "8s", "--reference", reference)
+        lines = [line.split("\x1b")[0] for line in text.split("\r") if " %  " in line]
+        self.assertGreater(len(lines), 5, text)
+        self.assertLess(max(map(len, lines)), 80)
+        complete = [line for line in lines if "MAPE" in line]
+        self.assertGreater(len(complete), 0, text)
+        for line in complete:
+            self.assertRegex(line, r"^train +\d+ %  ETA .*  step [\d,]+  loss [\d.]+  MAPE [\d.]+  [\d.]+ [kM]? ?queries/s$")
+
     def test_time_and_both_budgets(self):
         report = self.train("--time", "1s")
         self.assertGreater(report["steps"], 1)
@@ -64,6 +152,13 @@ class Train(Case):
         metadata = self.ok("info", out, "--json").json()["metadata"]
         self.assertEqual(json.loads(metadata["octrad.config"])["octree"]["levels"], 3)
         self.fails(1, "features3", "render", self.scene, "--model", self.model, "--integrator", "features4", "-o", out)
+        r = ("render", self.scene, "--model", self.model, "-o", self.path("refused.exr"), "--integrator")
+        for integrator in ("lhs", "rhs", "deferred", "disparity", "features1"):
+            self.fails(1, "--max-depth", *r, integrator, "--max-depth", 4)
+            self.fails(1, "--rr-depth", *r, integrator, "--rr-depth", 4)
+        self.fails(1, "one sample a pixel", *r, "features1", "--spp", 4)
+        self.fails(1, "one sample a pixel", *r, "features1", "--time", "1s")
+        self.assertFalse(os.path.exists(self.path("refused.exr")))
         self.fails(1, "the model fixes this key", "render", self.scene, "--model", self.model, "-D", "octree.levels=4", "-o", out)
         self.fails(1, 'did you mean "render.delta"', "render", self.scene, "--model", self.model, "-D", "render.detla=trace", "-o", out)
         self.ok("render", self.scene, "--model", self.model, "-D", "render.delta=trace", "-o", out, "--spp", 1)
@@ -91,10 +186,19 @@ class Train(Case):
         self.assertEqual((report["steps"], report["lhs_samples"]), (steps, steps * 256))
         self.assert_same_tensors(whole, self.model)
 
+    def test_a_second_training_of_a_file_is_told_at_once(self):
+        first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q")
+        wait_for(lambda: os.path.exists(self.model + ".lock"))
+        self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
+        first.send_signal(signal.SIGINT)
+        self.assertEqual(first.wait(timeout=60), 130)
+        self.assertFalse(os.path.exists(self.model + ".lock"))
+        self.train("--resume", "--steps", 1)
+
     def test_interrupt_saves_and_resume_continues(self):
         for sent in (signal.SIGINT, signal.SIGTERM):
             log = self.path("log%d.jsonl" % sent)
-            process = start("train", self.scene, "-o", self.model, *SMALL, "--time", "10m", "--log-json", log, "--json")
+            process = start("train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--time", "10m", "--log-json", log, "--json")
             self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
             process.send_signal(sent)
             out, err = process.communicate(timeout=60)
@@ -128,6 +232,26 @@ class Train(Case):
         self.assertEqual(report["field"], "nr")
         self.render("lhs", self.path("out.exr"), "--spp", 1)
         self.assertEqual(self.ok("info", self.model, "--json").json()["metadata"]["config"]["field"], "nr")
+        r = ("render", self.scene, "--model", self.model, "-o", self.path("view.exr"), "--integrator")
+        self.fails(1, "predicts none", *r, "disparity")
+        self.fails(1, "unknown integrator", *r, "occupancy9")
+        self.assertFalse(os.path.exists(self.path("view.exr")))
+
+    def test_model_sizes_are_announced(self):
+        for keys in (("octree.levels=4", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32")):
+            options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
+            announced = self.ok("info", self.scene, "--json", *options).json()["model_file"]
+            train = ("train", self.scene, "-o", self.model, "--overwrite", "--steps", 2, *options)
+            self.assertIn("with what --resume needs", self.ok(*train).err)
+            info = self.ok("info", self.model, "--json").json()
+            self.assertEqual(info["feature_bytes"], announced["features"])
+            # The networks are not announced: less than 60,000 weights of 4 bytes, and their two moments.
+            self.assertTrue(0 < info["bytes"] - info["optimizer_bytes"] - announced["without_optimizer"] < 240000, (info["bytes"], announced))
+            self.assertTrue(0 < info["bytes"] - announced["with_optimizer"] < 3 * 240000, (info["bytes"], announced))
+            self.assertLess(abs(os.path.getsize(self.model) - info["bytes"]), 20000)
+            self.ok(*train, "--no-optimizer")
+            small = self.ok("info", self.model, "--json").json()
+            self.assertEqual((small["bytes"], small["optimizer_bytes"]), (info["bytes"] - info["optimizer_bytes"], 0))
 
     def test_other_scene_needs_force(self):
         self.train("--steps", 2)
@@ -140,11 +264,20 @@ class Train(Case):
         result = self.fails(4, "octree.levels=", "train", self.scene, "-o", self.model, "--max-memory", "8M")
         self.assertIn("octree.features=", result.err)
         self.assertFalse(os.path.exists(self.model))
+        # Numbers that can be checked: all that is needed against the whole budget.
+        result = self.fails(4, "training needs", "train", self.scene, "-o", self.model, "--max-memory", "40M")
+        self.assertIn("the budget is 40.0 MiB", result.err)
+        self.assertIn("MiB  the program and the scene, in memory already", result.err)
+        number = lambda text: float(text.split()[-2]) * {"KiB": 1 / 1024, "MiB": 1, "GiB": 1024}[text.split()[-1]]
+        needs = number(re.search(r"training needs (\S+ \S+)", result.err).group(1))
+        parts = [number(" ".join(line.split()[:2])) for line in result.err.splitlines()[1:] if line.startswith("    ")]
+        self.assertAlmostEqual(needs, sum(parts), delta=0.5)
         self.train("--steps", 2)
         self.fails(4, "the budget is", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 4, "--max-memory", "8M")
 
     def test_refusals(self):
         t = ("train", self.scene, "-o", self.model)
+        self.fails(1, "not a whole number", *t, "--steps", "many")
         self.fails(1, 'did you mean "octree.levels"', *t, "-D", "octree.level=3")
         self.fails(1, 'did you mean "octaoctree"', *t, "--field", "octoctree")
         self.fails(1, "--steps", *t, "--steps", "0")

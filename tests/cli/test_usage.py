@@ -19,8 +19,9 @@ class Usage(Case):
                 example = re.search(r"Example:\n((?:  .*\n?)+)", text)
                 self.assertIsNotNone(example, text)
                 options = set(re.findall(r"(?<![\w-])(--?[A-Za-z][\w-]*)", text.split("Example:")[0]))
-                for common in ("--threads", "--seed", "--max-memory", "--device", "--json", "-q", "-v", "--log-json"):
+                for common in ("--threads", "--seed", "--max-memory", "--device", "--json", "-q", "-v"):
                     self.assertIn(common, options)
+                self.assertEqual("--log-json" in options, verb in ("train", "render"), "where there is progress to write")
                 for line in example.group(1).strip().splitlines():
                     words = shlex.split(line)
                     self.assertEqual(words[:2], ["octrad", verb])
@@ -41,14 +42,21 @@ class Usage(Case):
         self.fails(1, "unexpected argument", "info", "a.exr", "b.exr")
 
     def test_bad_values(self):
-        self.fails(1, "--threads", "info", "--threads", "-1")
-        self.fails(1, "--threads", "info", "--threads", "two")
-        self.fails(1, "--seed", "info", "--seed", "1.5")
+        for option, word, why in (("--threads", "-1", "out of range"), ("--threads", "two", "not a whole number"), ("--threads", "", "not a whole number"),
+                                  ("--threads", "4097", "expected a whole number from 0 to 4096"), ("--seed", "1.5", "not a whole number"),
+                                  ("--seed", "9" * 30, "out of range"), ("--seed", "0x10", "not a whole number"), ("--seed", "1e3", "not a whole number")):
+            self.assertIn(why, self.fails(1, option, "info", option, word).err, word)
+        for word, why in (("two", "not a number"), ("nan", "not a number"), ("", "not a number"), ("100", "out of range"), ("inf", "out of range"),
+                          ("1x", "expected a number from -64 to 64")):
+            self.assertIn(why, self.fails(1, "--exposure", "tonemap", "a.exr", "-o", "a.png", "--exposure", word).err, word)
         self.fails(1, "amount of memory", "info", "--max-memory", "4X")
         self.fails(1, "above 0", "info", "--max-memory", "0")
         for word in ("gpu", "cuda:", "cuda:-1", "cuda:x", "cpu:0", ""):
             self.fails(1, "expected auto, cpu, cuda or cuda:N", "info", "--device", word)
         self.fails(1, "required", "compare")
+        self.fails(1, "one level of detail", "info", "-v", "-v")
+        self.fails(1, "exclude each other", "info", "-v", "-q")
+        self.fails(1, "unknown option --log-json", "info", "--log-json", "log.jsonl")
 
     def test_closed_output_is_an_io_error(self):
         with open("/dev/full", "w") as full:

@@ -12,6 +12,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
 #include "octrad/base/threads.h"
+#include "octrad/model/field_registry.h"
 
 namespace octrad::cli {
 namespace {
@@ -70,9 +71,9 @@ DeviceChoice CommonOptions::choose_device() const {
 }
 
 void CommonOptions::apply() const {
-  const int level = static_cast<int>(LogLevel::normal) + verbose - quiet;
-  set_log_level(
-      static_cast<LogLevel>(std::clamp(level, static_cast<int>(LogLevel::quiet), static_cast<int>(LogLevel::debug))));
+  if (quiet > 0 && verbose > 0) throw UsageError("-q and -v exclude each other");
+  if (verbose > 1) throw UsageError("-v is given twice: there is one level of detail");
+  set_log_level(quiet > 0 ? LogLevel::quiet : verbose > 0 ? LogLevel::verbose : LogLevel::normal);
   if (threads > 0) set_thread_count(threads);
   memory_budget();  // refuses nonsense before any work
   if (!support.cuda) choose_device();
@@ -85,11 +86,11 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
   program.devices[name] = devices;
   CommonOptions& common = program.common;
   verb->add_option("--threads", common.threads, "threads to use; 0: all")
-      ->check(unnamed(CLI::Range(0, 4096)))
+      ->check(whole_in_range(0, 4096))
       ->type_name("N")
       ->group("Common");
   verb->add_option("--seed", common.seed, "of every random number")
-      ->check(unnamed(CLI::Range(0LL, 9000000000000000LL)))
+      ->check(whole_in_range(0, 9000000000000000))
       ->type_name("N")
       ->group("Common");
   verb->add_option("--max-memory", common.max_memory,
@@ -100,13 +101,42 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
       ->type_name("DEVICE")
       ->group("Common");
   verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
-  verb->add_flag("-v,--verbose", common.verbose, "more detail; twice: for debugging")->group("Common");
+  verb->add_flag("-v,--verbose", common.verbose, "more detail, such as every configuration key")->group("Common");
   verb->add_flag("--json", common.json, "print one JSON object on standard output")->group("Common");
-  verb->add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
-      ->type_name("FILE")
-      ->group("Common");
   verb->footer("Example:\n  " + example);
   return verb;
+}
+
+void add_log_option(CLI::App& verb, CommonOptions& common) {
+  verb.add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
+      ->type_name("FILE")
+      ->group("Common");
+}
+
+CLI::Validator in_range(double low, double high) {
+  return CLI::Validator(
+      [low, high](std::string& text) -> std::string {
+        char* end = nullptr;
+        const double value = std::strtod(text.c_str(), &end);
+        if (!text.empty() && *end == '\0' && value >= low && value <= high) return "";
+        const bool number = !text.empty() && *end == '\0' && !std::isnan(value);
+        return fmt::format("\"{}\" is {}; expected a number from {:g} to {:g}", text,
+                           number ? "out of range" : "not a number", low, high);
+      },
+      "");
+}
+
+CLI::Validator whole_in_range(long long low, long long high) {
+  return CLI::Validator(
+      [low, high](std::string& text) -> std::string {
+        const bool digits = text.find_first_not_of("0123456789", text[0] == '-' ? 1 : 0) == std::string::npos;
+        const bool number = digits && !text.empty() && text != "-";
+        const double value = number ? std::strtod(text.c_str(), nullptr) : 0.0;  // of any length
+        if (number && value >= static_cast<double>(low) && value <= static_cast<double>(high)) return "";
+        return fmt::format("\"{}\" is {}; expected a whole number from {} to {}", text,
+                           number ? "out of range" : "not a whole number", low, high);
+      },
+      "");
 }
 
 void print_json(const nlohmann::json& object) {
@@ -215,6 +245,13 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
     if (!is_config_key(key)) out[key] = value;
   }
   return out;
+}
+
+void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
+  for (const auto& [key, value] : options.config_definitions()) {
+    if (ignores_key(field_entry(config.field), key))
+      log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
+  }
 }
 
 nlohmann::json read_json_file(const std::string& file) {

@@ -16,6 +16,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/device/choose.h"
 #include "octrad/device/stage_times.h"
+#include "octrad/image/image.h"
 #include "octrad/model/config.h"
 
 namespace octrad::cli {
@@ -26,8 +27,8 @@ struct CommonOptions {
   long long seed = -1;     // -1: not given
   std::string max_memory;  // "4G"; empty: what the machine can give
   std::string device = "auto";
-  DeviceSupport support;  // of the verb that runs
-  int quiet = 0, verbose = 0;
+  DeviceSupport support;       // of the verb that runs
+  int quiet = 0, verbose = 0;  // how often they were given
   bool json = false;
   std::string log_json;
 
@@ -70,16 +71,24 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
 void add_train(Program& program);
 void add_render(Program& program);
 void add_compare(Program& program);
+void add_merge(Program& program);
 void add_info(Program& program);
 void add_query(Program& program);
 void add_tonemap(Program& program);
 void add_selftest(Program& program);
+
+// Adds --log-json: for verbs whose work has progress to write.
+void add_log_option(CLI::App& verb, CommonOptions& common);
 
 // A check that does not add itself to the help text (the option's own text says what is accepted).
 template <typename Validator>
 CLI::Validator unnamed(Validator validator) {
   return validator.description("");
 }
+
+// A check that an option's value is a number from `low` to `high`, or a whole one. Its messages say what is accepted.
+CLI::Validator in_range(double low, double high);
+CLI::Validator whole_in_range(long long low, long long high);
 
 // Standard output: with --json exactly one object, without it text. Throws IoError when it cannot be written.
 void print_json(const nlohmann::json& object);
@@ -103,6 +112,7 @@ struct ConfigOptions {
   std::vector<std::string> definitions;  // "key=value"
 
   void add_to(CLI::App& verb);
+  bool given() const { return !preset.empty() || !file.empty() || !definitions.empty(); }
   // Preset, then the file, then the definitions that name configuration keys.
   Config resolve() const;
   // The definitions that name configuration keys, in order (not checked).
@@ -111,6 +121,23 @@ struct ConfigOptions {
   // key.
   std::map<std::string, std::string> scene_definitions() const;
 };
+
+// A value of what octrad wrote into a picture: `key` of the JSON object in the attribute `name`. `fallback` where there
+// is none, or one of another type.
+template <typename T>
+T metadata_value(const Image& image, const std::string& name, const std::string& key, const T& fallback) {
+  const auto found = image.metadata.find(name);
+  if (found == image.metadata.end()) return fallback;
+  const nlohmann::json object = nlohmann::json::parse(found->second, nullptr, false);
+  try {
+    return object.is_object() ? object.value(key, fallback) : fallback;
+  } catch (const nlohmann::json::exception&) {
+    return fallback;
+  }
+}
+
+// Warns of keys on the command line (-D) that the field of `config` does not use.
+void warn_of_ignored_keys(const ConfigOptions& options, const Config& config);
 
 // JSON from a file. Throws IoError, or InputError with the position of a syntax error.
 nlohmann::json read_json_file(const std::string& file);

@@ -65,6 +65,7 @@ int run(int argc, char** argv) {
   add_train(program);
   add_render(program);
   add_compare(program);
+  add_merge(program);
   add_info(program);
   add_query(program);
   add_tonemap(program);

@@ -106,7 +106,7 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   const Model model = load_model(o.model);
   const std::vector<SurfacePoint> points = read_points(o.points);
   RadianceField& field = *model.field;
-  if (model.info.config.lookup_offset == LookupOffset::traced)
+  if (model.info.config.lookup_offset == LookupOffset::traced && model.field->uses_disparity())
     log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
 
   const Stopwatch watch;

@@ -12,9 +12,11 @@
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
 #include "octrad/train/trainer.h"
 
@@ -28,7 +30,7 @@ struct TrainVerbOptions {
   long long steps = -1;
   std::string time;
   std::string reference;
-  bool resume = false, no_optimizer = false, deterministic = false;
+  bool resume = false, overwrite = false, no_optimizer = false, deterministic = false;
 };
 
 // Options that have configuration keys of their own are applied last: they are what the user sees first.
@@ -62,26 +64,52 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   return wanted;
 }
 
-// One line a group of keys.
+// The preset and what differs from it in one line; with -v every key, one line a group.
 void show_config(const Config& config) {
-  std::vector<std::pair<std::string, std::string>> lines = {{"", "config "}};
-  for (const ConfigKey& key : describe(config)) {
-    const std::size_t dot = key.key.find('.');
-    const std::string group = dot == std::string::npos ? "" : key.key.substr(0, dot);
-    auto line = std::find_if(lines.begin(), lines.end(), [&](const auto& l) { return l.first == group; });
-    if (line == lines.end()) line = lines.insert(lines.end(), {group, "  " + group + ":"});
-    line->second +=
-        " " + key.key.substr(dot == std::string::npos ? 0 : dot + 1) + "=" + (key.value.empty() ? "\"\"" : key.value);
+  const std::vector<ConfigKey> keys = describe(config), preset_keys = describe(preset(config.preset));
+  std::vector<std::pair<std::string, std::string>> groups;
+  std::string changed;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const std::string& key = keys[i].key;
+    const std::string text = key + "=" + (keys[i].value.empty() ? "\"\"" : keys[i].value);
+    if (keys[i].value != preset_keys[i].value) changed += ", " + text;
+    const std::string group = key.substr(0, key.find('.') == std::string::npos ? 0 : key.find('.'));
+    if (groups.empty() || groups.back().first != group) groups.push_back({group, ""});
+    groups.back().second += " " + text;
   }
-  for (const auto& [group, line] : lines) log_info("{}", line);
+  log_info("preset {}{}{}", config.preset, changed, log_level() < LogLevel::verbose ? " (-v: every key)" : "");
+  for (const auto& [group, line] : groups) log_verbose(" {}", line);
+}
+
+// Warns of a reference that the cache cannot come near to, as far as the file says how it was made.
+void check_reference(const std::string& file, const Image& reference, const Scene& scene) {
+  if (reference.metadata.count("displayWindow") > 0)
+    throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
+  const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", scene.fingerprint);
+  if (fingerprint != scene.fingerprint) {
+    log_warning(
+        fmt::format("{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
+                    metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint, scene.file,
+                    scene.fingerprint));
+  }
+  const int depth = metadata_value(reference, "octrad.render", "max_depth", -1);
+  if (depth >= 0 && metadata_value<std::string>(reference, "octrad.render", "integrator", "") == "path") {
+    log_warning(
+        fmt::format("{} has paths of at most {} (max_depth) and the cache has every bounce: the light that the "
+                    "reference lacks counts as an error; render it with --max-depth -1",
+                    file, depth));
+  }
 }
 
 void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
-  require_writable(o.output);
+  const WriterLock lock(o.output);
+  if (!o.resume && !o.overwrite && std::filesystem::is_regular_file(o.output))
+    throw UsageError(fmt::format("{} exists: --resume continues it, --overwrite replaces it", o.output));
   const DeviceChoice device = common.choose_device();
   const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
+  warn_of_ignored_keys(o.config, config);
 
   std::optional<Model> resumed;
   std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
@@ -103,19 +131,22 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   if (!o.reference.empty()) reference = read_image(o.reference);
   const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
+  if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
 
   TrainOptions options;
   options.output = o.output;
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
-  // What the scene takes is gone already; 0 would mean no limit.
-  const std::uint64_t budget = common.memory_budget(), resident = resident_bytes(),
-                      used = resident - std::min(resident, held);
-  options.max_memory = budget == 0 ? 0.0 : static_cast<double>(budget > used ? budget - used : 1);
+  options.max_memory = static_cast<double>(common.memory_budget());
+  const std::uint64_t resident = resident_bytes();
+  options.used_memory = static_cast<double>(resident - std::min(resident, held));
   options.stream = stream.get();
   options.deterministic = o.deterministic;
-  if (stream) options.max_memory = static_cast<double>(common.memory_budget(*stream));
+  if (stream) {
+    options.max_memory = static_cast<double>(common.memory_budget(*stream));
+    options.used_memory = 0.0;
+  }
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
 
@@ -137,15 +168,24 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                 {"config", to_json(config)},
                 {"step", resumed_step},
                 {"device", device.name}});
-  if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed->info.state.step));
+  if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed_step));
+  if (resumed && spent_budget(config, resumed->info.state) >= 1.0) {
+    log_warning(fmt::format(
+        "{} has trained {} already: nothing is left to do; {} is the total, earlier runs included", o.output,
+        config.train_steps > 0
+            ? fmt::format("{} of {} steps", format_count(resumed_step), format_count(config.train_steps))
+            : fmt::format("{} of {}", format_duration(resumed->info.state.seconds),
+                          format_duration(config.train_seconds)),
+        config.train_steps > 0 ? "--steps" : "--time"));
+  }
 
   Progress progress("train");
   options.progress = [&](const TrainProgress& p) {
     if (progress.due()) {
       std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
       if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
-      text += fmt::format("  {} queries/s  {}", format_rate(p.queries_per_second),
-                          format_bytes(static_cast<double>(resident_bytes())));
+      text += fmt::format("  {} queries/s", format_rate(p.queries_per_second));
+      if (p.validation_mape < 0.0) text += "  " + format_bytes(static_cast<double>(resident_bytes()));  // 80 columns
       progress.update(p.fraction, text);
     }
     if (log) {
@@ -158,9 +198,11 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                              {"rhs_queries_per_s", p.queries_per_second},
                              {"memory", resident_bytes()}};
       if (stream) line["device_memory"] = stream->allocated_bytes();
-      if (p.validation_mape >= 0.0) line["validation_mape"] = p.validation_mape;
       log->write(line);
     }
+  };
+  options.validated = [&](long long step, double seconds, double mape) {
+    if (log) log->write({{"event", "validation"}, {"step", step}, {"seconds", seconds}, {"mape", mape}});
   };
   options.saved = [&](const std::string& file, long long step) {
     log_verbose("saved {} at step {}", file, format_count(step));
@@ -180,7 +222,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                            {"lhs_samples", result.lhs_samples},
                            {"rhs_queries", result.rhs_queries},
                            {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds},
-                           {"loss", result.loss},
+                           {"loss", result.loss < 0.0 ? nlohmann::json(nullptr) : nlohmann::json(result.loss)},
                            {"validation_mape", nullptr},
                            {"model", o.output},
                            {"field", config.field},
@@ -189,8 +231,13 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                            {"device", device.name}};
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
-  if (resumed && result.steps == resumed_step) report["loss"] = nullptr;  // no step was left to do
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
+  ModelFileSize size;
+  if (std::filesystem::is_regular_file(o.output)) {
+    size = model_file_size(TensorReader(o.output));
+    report["model_bytes"] = static_cast<std::uint64_t>(size.total);
+    report["optimizer_bytes"] = static_cast<std::uint64_t>(size.optimizer);
+  }
   if (log) {
     nlohmann::json done = report;
     done["event"] = "done";
@@ -205,6 +252,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
              format_duration(result.seconds), result.loss,
              result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
              format_rate(static_cast<double>(result.rhs_queries) / seconds));
+    if (size.optimizer > 0.0)
+      log_info("{}: {} with what --resume needs, {} with --no-optimizer", o.output, format_bytes(size.total),
+               format_bytes(size.total - size.optimizer));
     if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
   }
 }
@@ -221,16 +271,19 @@ void add_train(Program& program) {
       ->required()
       ->type_name("MODEL.octrad");
   o->config.add_to(*verb);
-  verb->add_option("--field", o->field, "octaoctree (the default) | nr")->type_name("NAME");
-  verb->add_option("--steps", o->steps, "train N steps")->check(unnamed(CLI::Range(1LL, 100000000LL)))->type_name("N");
+  verb->add_option("--field", o->field, join(field_names(), " | ") + "; default: " + Config{}.field)->type_name("NAME");
+  verb->add_option("--steps", o->steps, "train N steps")->check(whole_in_range(1, 100000000))->type_name("N");
   verb->add_option("--time", o->time, "train this long, such as 90s or 5m; with --steps: at most this long")
       ->type_name("T");
   verb->add_option("--reference", o->reference,
                    "picture of the scene's first sensor: its error is shown while training")
       ->type_name("REF.exr");
-  verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
+  CLI::Option* resume =
+      verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
+  verb->add_flag("--overwrite", o->overwrite, "replace MODEL.octrad if there is one")->excludes(resume);
   verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
+  add_log_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
 }
 

@@ -2,14 +2,18 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <random>
+#include <utility>
 
 #include "octrad/base/error.h"
 
@@ -33,23 +37,39 @@ std::string resolve(const std::string& file) {
   return error ? file : target.string();
 }
 
+// A name beside `file` that nobody uses yet, most likely.
+std::string unused_name(const std::string& file) {
+  static std::atomic<unsigned> count = 0;
+  std::random_device random;
+  return fmt::format("{}.octrad-{:08x}{:04x}.tmp", file, random(), ++count & 0xffffu);
+}
+
+// A new file of that name, never one that is there or that a link points to. Sets `opened` to the name where it worked.
+int open_new(const std::string& name, std::string& opened) {
+  const int descriptor = open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  if (descriptor >= 0) opened = name;
+  return descriptor;
+}
+
 }  // namespace
 
 AtomicFile::AtomicFile(const std::string& file) : file_(resolve(file)) {
   require_writable(file_);
   struct stat info {};
   direct_ = stat(file_.c_str(), &info) == 0 && !S_ISREG(info.st_mode);
-  temporary_ = direct_ ? file_ : file_ + ".tmp";
-  descriptor_ =
-      open(temporary_.c_str(), direct_ ? O_WRONLY | O_CLOEXEC : O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (direct_) {
+    descriptor_ = open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+  } else {
+    if (access("/proc/self/fd", X_OK) == 0)  // commit() needs it
+      descriptor_ = open(folder_of(file_).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) descriptor_ = open_new(unused_name(file_), temporary_);
+  }
   if (descriptor_ < 0) fail("write", file, errno);
 }
 
 AtomicFile::~AtomicFile() {
-  if (descriptor_ >= 0) {
-    close(descriptor_);
-    if (!direct_) unlink(temporary_.c_str());
-  }
+  if (descriptor_ >= 0) close(descriptor_);
+  if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -67,25 +87,55 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
 
 void AtomicFile::commit() {
   if (!direct_ && fsync(descriptor_) != 0) fail("write", file_, errno);
-  const int descriptor = descriptor_;
-  descriptor_ = -1;
-  if (close(descriptor) != 0) {
-    const int error = errno;
-    if (!direct_) unlink(temporary_.c_str());
-    fail("write", file_, error);
+  if (!direct_ && temporary_.empty()) {
+    // The only way to give it a name; it must be a new one, which is then renamed.
+    const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
+    std::string name = unused_name(file_);
+    while (linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+      if (errno != EEXIST) fail("write", file_, errno);
+      name = unused_name(file_);
+    }
+    temporary_ = name;
   }
+  if (close(std::exchange(descriptor_, -1)) != 0) fail("write", file_, errno);
   if (direct_) return;
-  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) {
-    const int error = errno;
-    unlink(temporary_.c_str());
-    fail("replace", file_, error);
-  }
+  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) fail("replace", file_, errno);
+  temporary_.clear();
   // The new name itself must survive a power failure too. Not every file system can sync a folder: best effort.
   const int folder = open(folder_of(file_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder >= 0) {
     fsync(folder);
     close(folder);
   }
+}
+
+WriterLock::WriterLock(const std::string& file) : lock_(resolve(file) + ".lock") {
+  require_writable(file);
+  struct stat info {};
+  if (stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return;  // /dev/null
+  for (;;) {
+    descriptor_ = open(lock_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) fail("write", lock_, errno);
+    if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+      const int error = errno;
+      close(std::exchange(descriptor_, -1));
+      if (error != EWOULDBLOCK) return;  // a file system without locks
+      throw IoError(fmt::format("cannot write {}: another process is writing it (it holds {})", file, lock_));
+    }
+    // Whoever held it before may have removed the file in between.
+    struct stat mine {
+    }, there{};
+    if (fstat(descriptor_, &mine) == 0 && stat(lock_.c_str(), &there) == 0 && mine.st_ino == there.st_ino &&
+        mine.st_dev == there.st_dev)
+      return;
+    close(std::exchange(descriptor_, -1));
+  }
+}
+
+WriterLock::~WriterLock() {
+  if (descriptor_ < 0) return;
+  unlink(lock_.c_str());
+  close(descriptor_);
 }
 
 void require_writable(const std::string& file) {

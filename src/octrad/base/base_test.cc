@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cfenv>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -46,6 +47,10 @@ TEST(Error, SuggestsTheClosestName) {
   EXPECT_EQ(did_you_mean("zebra", names), "");
   EXPECT_EQ(did_you_mean("", names), "");
   EXPECT_EQ(did_you_mean("x", {}), "");
+  const std::vector<std::string> channels = {"R", "G", "B", "depth.Z", "roughness.Y"};
+  EXPECT_EQ(did_you_mean("Z", channels), " (did you mean \"depth.Z\"?)");
+  EXPECT_EQ(did_you_mean("r", channels), " (did you mean \"R\"?)");
+  EXPECT_EQ(did_you_mean("Q", channels), "");
 }
 
 TEST(Numbers, LesserAndGreaterPassOverNan) {
@@ -125,10 +130,46 @@ TEST_F(BaseFiles, AtomicFileReplacesOrLeaves) {
     out.write(std::string("half"));
   }  // no commit
   EXPECT_EQ(read_text_file(path("a")), "old");
-  EXPECT_FALSE(std::filesystem::exists(path("a.tmp")));
   write_text_file(path("a"), "new");
   EXPECT_EQ(read_text_file(path("a")), "new");
-  EXPECT_FALSE(std::filesystem::exists(path("a.tmp")));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
+}
+
+TEST_F(BaseFiles, AtomicFilesOfTwoWritersNeverMix) {
+  write_text_file(path("a.tmp"), "somebody's own");
+  {
+    AtomicFile one(path("a")), two(path("a"));
+    one.write(std::string(100, '1'));
+    two.write(std::string(50, '2'));
+    one.write(std::string(100, '1'));
+    two.commit();
+    EXPECT_EQ(read_text_file(path("a")), std::string(50, '2'));
+    one.commit();
+  }
+  EXPECT_EQ(read_text_file(path("a")), std::string(200, '1'));
+  EXPECT_EQ(read_text_file(path("a.tmp")), "somebody's own");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 2);
+}
+
+TEST_F(BaseFiles, OneWriterHoldsTheLock) {
+  {
+    const WriterLock first(path("a"));
+    const pid_t child = fork();
+    if (child == 0) {
+      int code = 1;
+      try {
+        const WriterLock second(path("a"));
+      } catch (const IoError& error) {
+        code = std::string(error.what()).find("another process") != std::string::npos ? 0 : 2;
+      }
+      _exit(code);
+    }
+    int status = -1;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+  }
+  const WriterLock again(path("a"));
+  EXPECT_NO_THROW(WriterLock("/dev/null"));
 }
 
 TEST_F(BaseFiles, AtomicFileFollowsLinks) {
@@ -169,7 +210,7 @@ TEST_F(BaseFiles, AtomicFileReportsAFullDisk) {
   EXPECT_THROW(write_text_file(path("a"), std::string(1000, 'x')), IoError);
   setrlimit(RLIMIT_FSIZE, &before);
   EXPECT_EQ(read_text_file(path("a")), "old");
-  EXPECT_FALSE(std::filesystem::exists(path("a.tmp")));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 
 TEST(Interrupt, FirstSignalSetsAFlag) {
@@ -253,7 +294,6 @@ TEST(Log, LevelsDecideWhatIsShown) {
   log_error("error");
   set_log_level(LogLevel::verbose);
   log_verbose("detail {}", 2);
-  log_debug("debug");
   set_log_level(LogLevel::normal);
   const std::string text = testing::internal::GetCapturedStderr();
   EXPECT_EQ(text, "octrad: warning: warning\noctrad: error: error\ndetail 2\n");
@@ -291,6 +331,20 @@ TEST(Threads, ExceptionsReachTheCaller) {
                               }),
                  InputError);
   }
+}
+
+TEST(Threads, LoopsHaveTheFloatingPointModeOfTheirCaller) {
+  std::thread([] {
+    const auto modes = [] {
+      std::vector<int> seen(1000);
+      parallel_for(seen.size(), [&](std::size_t i) { seen[i] = std::fegetround(); });
+      return seen;
+    };
+    std::fesetround(FE_UPWARD);
+    EXPECT_EQ(modes(), std::vector<int>(1000, FE_UPWARD));
+    std::fesetround(FE_TONEAREST);
+    EXPECT_EQ(modes(), std::vector<int>(1000, FE_TONEAREST)) << "the mode of the first loop was kept";
+  }).join();
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ std::string lower(const std::string& s) {
   return out;
 }
 
-// Edit distance with transpositions of neighbours (optimal string alignment).
+// Edit distance with transpositions of adjacent letters (optimal string alignment).
 int edit_distance(const std::string& a, const std::string& b) {
   const std::size_t n = a.size(), m = b.size();
   std::vector<std::vector<int>> d(n + 1, std::vector<int>(m + 1));
@@ -35,13 +35,15 @@ std::string did_you_mean(const std::string& word, const std::vector<std::string>
   if (word.empty() || word.size() > 200) return "";
   const std::string w = lower(word);
   const std::string* best = nullptr;
-  int best_distance = std::max(1, static_cast<int>(w.size()) / 3) + 1;
+  // At least one letter is right, so that a word of one letter is no other letter mistyped.
+  int best_distance = std::min(std::max(1, static_cast<int>(w.size()) / 3) + 1, static_cast<int>(w.size()));
   for (const std::string& candidate : candidates) {
     const std::string c = lower(candidate);
     int distance = edit_distance(w, c);
-    // "levels" for "octree.levels", "--thread" for "--threads": the end or the beginning of a longer name.
+    // "levels" for "octree.levels", "--thread" for "--threads": the end or the beginning of a longer name. A word that
+    // is an end letter by letter is likelier than one that is mistyped.
     const std::size_t dot = c.rfind('.');
-    if (dot != std::string::npos && c.compare(dot + 1, std::string::npos, w) == 0) distance = std::min(distance, 1);
+    if (dot != std::string::npos && c.compare(dot + 1, std::string::npos, w) == 0) distance = 0;
     if (w.size() >= 4 && c.compare(0, w.size(), w) == 0) distance = std::min(distance, 2);
     if (distance < best_distance) {
       best_distance = distance;

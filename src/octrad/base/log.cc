@@ -66,7 +66,11 @@ void log_status_line(const std::string& text) {
   const std::lock_guard lock(log.mutex);
   if (text.empty() && log.status.empty()) return;
   const std::size_t width = terminal_width();
-  log.status = text.size() < width ? text : text.substr(0, width - 1);
+  log.status = text;
+  if (text.size() >= width) {  // whole fields, which two blanks separate
+    const std::size_t end = text.rfind("  ", width - 1);
+    log.status = text.substr(0, end == std::string::npos || end == 0 ? width - 1 : end);
+  }
   put("\r" + log.status + "\x1b[K");
 }
 

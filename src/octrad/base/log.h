@@ -1,4 +1,4 @@
-// Messages for the person at the terminal, on standard error. The one global of the program.
+// Messages for the user, on standard error. The one global of the program.
 #pragma once
 
 #include <fmt/core.h>
@@ -8,7 +8,7 @@
 
 namespace octrad {
 
-enum class LogLevel { quiet = 0, normal = 1, verbose = 2, debug = 3 };
+enum class LogLevel { quiet = 0, normal = 1, verbose = 2 };
 
 void set_log_level(LogLevel level);
 LogLevel log_level();
@@ -29,14 +29,11 @@ void log_verbose(fmt::format_string<Args...> format, Args&&... args) {
   if (log_level() >= LogLevel::verbose)
     log_message(LogLevel::verbose, fmt::format(format, std::forward<Args>(args)...));
 }
-template <typename... Args>
-void log_debug(fmt::format_string<Args...> format, Args&&... args) {
-  if (log_level() >= LogLevel::debug) log_message(LogLevel::debug, fmt::format(format, std::forward<Args>(args)...));
-}
 
 // Whether standard error is a terminal that can redraw a line.
 bool log_is_terminal();
-// Replaces the one line at the bottom of a terminal (cut to its width); "" removes it. No-op when not a terminal.
+// Replaces the one line at the bottom of a terminal (cut to its width, between fields where two blanks separate them);
+// "" removes it. No-op when not a terminal.
 void log_status_line(const std::string& text);
 
 }  // namespace octrad

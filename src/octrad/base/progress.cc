@@ -49,10 +49,10 @@ void Progress::update(double fraction, const std::string& text, bool force) {
     next_ = now + interval_;
     line = label_;
     if (fraction >= 0.0) line += fmt::format(" {:3.0f} %", 100.0 * fraction);
-    line += "  " + text;
     const double left = remaining(fraction);
-    if (left < 0.0 || !log_is_terminal()) line += "  " + format_duration(now);  // a terminal has 80 columns
-    if (left >= 0.0) line += "  ETA " + format_duration(left);
+    if (left >= 0.0) line += "  ETA " + format_duration(left);  // first: what does not fit is cut at the end
+    line += "  " + text;
+    if (left < 0.0 || !log_is_terminal()) line += "  " + format_duration(now);
   }
   if (log_is_terminal()) log_status_line(line);
   else log_message(LogLevel::normal, line);

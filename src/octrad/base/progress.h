@@ -19,7 +19,7 @@ class Progress {
 
   // Whether it is time for the next line; cheap, so that callers can skip composing it.
   bool due() const;
-  // Shows "label 12 %  text  ETA 3m 05s" (with the time so far where there are no 80 columns to keep to) if due (or
+  // Shows "label 12 %  ETA 3m 05s  text" (with the time so far where there are no 80 columns to keep to) if due (or
   // `force`). `fraction` done in [0, 1], negative if unknown. The ETA is extrapolated from the first update, so resumed
   // work is estimated right. Thread-safe.
   void update(double fraction, const std::string& text, bool force = false);

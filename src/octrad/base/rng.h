@@ -1,7 +1,8 @@
 // Counter-based random numbers: every number is a function of (seed, purpose, index, dimension), never of the
-// thread that draws it. Mixing: splitmix64's finaliser (Steele et al. 2014), twice keyed.
+// thread that draws it. Mixing: splitmix64's finaliser (Steele et al. 2014), applied to two keys.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "octrad/base/vec.h"
@@ -53,5 +54,12 @@ class Rng {
   std::uint64_t key_;
   std::uint64_t dimension_ = 0;
 };
+
+// Uniform on the unit sphere.
+OCTRAD_HD inline Vec3f uniform_direction(Vec2f u) {
+  const float z = 1.0f - 2.0f * u.x;
+  const float r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
+  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
+}
 
 }  // namespace octrad

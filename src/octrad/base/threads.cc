@@ -62,12 +62,16 @@ void parallel_for(std::size_t n, const std::function<void(std::size_t)>& body) {
 #else
 
 void parallel_for(std::size_t n, const std::function<void(std::size_t)>& body) {
+  // TBB's threads keep the floating-point mode in which they were first asked to work, and Embree flushes subnormal
+  // numbers while it builds: the caller's mode holds instead.
+  using Context = tbb::task_group_context;
+  Context context(Context::bound, Context::default_traits | Context::fp_settings);
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, n, 1),
       [&](const auto& range) {
         for (std::size_t i = range.begin(); i < range.end(); ++i) body(i);
       },
-      tbb::simple_partitioner());
+      tbb::simple_partitioner(), context);
 }
 
 #endif

@@ -7,6 +7,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/device/array.h"
+#include "octrad/device/checks.h"
 #include "octrad/device/launch.h"
 #include "octrad/device/stage_times.h"
 #include "octrad/device/stream_test_helper.h"
@@ -29,23 +30,9 @@ struct CountLevels : Kernel {
   }
 };
 
-struct Histogram : Kernel {
-  const std::uint32_t* values;
-  std::uint32_t* counts;
-  float* sum;
-  std::uint32_t* flags;
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    atomic_add(&counts[values[i] & 7u], std::uint32_t{1});
-    atomic_add(sum, 1.0f);
-    atomic_or(flags, 1u << (values[i] & 7u));
-  }
-};
-
-class Streams : public ::testing::TestWithParam<bool> {};
+class Streams : public testing::StreamTest {};
 
 TEST_P(Streams, LaunchesWriteEveryItemOnce) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   for (const std::size_t n :
        {std::size_t{0}, std::size_t{1}, std::size_t{127}, std::size_t{128}, std::size_t{100'001}}) {
     std::vector<float> values(n);
@@ -61,8 +48,6 @@ TEST_P(Streams, LaunchesWriteEveryItemOnce) {
 }
 
 TEST_P(Streams, LaunchesOfLevelsMeetEveryItemOfEachOnce) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   for (const std::uint32_t n : {1u, 127u, 129u, 5000u}) {
     constexpr int kLevels = 9;
     DeviceArray<std::uint32_t> counts(*stream, std::size_t{kLevels} * n, "counts");
@@ -75,27 +60,14 @@ TEST_P(Streams, LaunchesOfLevelsMeetEveryItemOfEachOnce) {
   }
 }
 
-TEST_P(Streams, AtomicsLoseNothing) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  const std::size_t n = 80'000;
-  std::vector<std::uint32_t> values(n);
-  std::iota(values.begin(), values.end(), 0u);
-  const DeviceArray<std::uint32_t> in(*stream, std::span<const std::uint32_t>(values), "in");
-  DeviceArray<std::uint32_t> counts(*stream, 8, "counts"), flags(*stream, 1, "flags");
-  DeviceArray<float> sum(*stream, 1, "sum");
-  counts.fill(0);
-  flags.fill(0);
-  sum.fill(0);
-  launch(*stream, n, Histogram{{}, in.data(), counts.data(), sum.data(), flags.data()});
-  for (const std::uint32_t c : counts.download()) EXPECT_EQ(c, n / 8);
-  EXPECT_EQ(sum.download()[0], static_cast<float>(n));
-  EXPECT_EQ(flags.download()[0], 255u);
+TEST_P(Streams, AtomicsLoseNothing) { EXPECT_TRUE(testing::passed(check_atomics(*stream, 80'000, 1))); }
+
+TEST_P(Streams, RandomNumbersAreThoseOfTheCpu) {
+  EXPECT_TRUE(testing::passed(check_random_numbers(*stream, 20'000, 2)));
+  EXPECT_TRUE(testing::passed(check_sobol(*stream, 20'000)));
 }
 
 TEST_P(Streams, GraphsReplayWhatWasRecorded) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const std::vector<float> start(1000, 1.0f);
   DeviceArray<float> a(*stream, std::span<const float>(start), "a");
   const auto graph = stream->capture([&] {
@@ -111,8 +83,6 @@ TEST_P(Streams, GraphsReplayWhatWasRecorded) {
 
 // What a device refuses while it records, the host stream refuses too.
 TEST_P(Streams, RecordingAllowsNothingElse) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const std::vector<float> start(10, 1.0f);
   DeviceArray<float> a(*stream, std::span<const float>(start), "a");
   const auto graph = stream->capture([&] { launch(*stream, a.size(), Affine{{}, a.data(), a.data(), 2.0f}); });
@@ -132,8 +102,6 @@ TEST_P(Streams, RecordingAllowsNothingElse) {
 }
 
 TEST_P(Streams, FailuresWhileRecordingLeaveTheStreamAsItWas) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   {
     const std::vector<float> start(10, 1.0f);
     DeviceArray<float> a(*stream, std::span<const float>(start), "a");
@@ -151,8 +119,6 @@ TEST_P(Streams, FailuresWhileRecordingLeaveTheStreamAsItWas) {
 
 // Items are numbered in 32 bits.
 TEST_P(Streams, TooManyItemsAreRefused) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   EXPECT_THROW(launch(*stream, std::size_t{1} << 32, Affine{{}, nullptr, nullptr, 1.0f}), DeviceError);
 }
 
@@ -168,8 +134,6 @@ TEST(HostStreams, NewMemoryIsNotZero) {
 }
 
 TEST_P(Streams, MemoryIsCountedAndGivenBack) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   {
     DeviceArray<double> a(*stream, 1000, "a");
     EXPECT_EQ(stream->allocated_bytes(), 8000u);
@@ -183,8 +147,6 @@ TEST_P(Streams, MemoryIsCountedAndGivenBack) {
 }
 
 TEST_P(Streams, EventsMeasureTime) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const auto start = stream->record();
   DeviceArray<float> a(*stream, 1 << 20, "a");
   a.fill(0);
@@ -195,8 +157,6 @@ TEST_P(Streams, EventsMeasureTime) {
 }
 
 TEST_P(Streams, StagesAreTimedInTheirOrder) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   StageTimes times(*stream);
   times.settle();
   EXPECT_TRUE(times.means().empty());
@@ -234,7 +194,7 @@ TEST_P(Streams, StagesAreTimedInTheirOrder) {
   EXPECT_EQ(percentile({3.0, 1.0, 2.0}, 0.99), 3.0);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Streams, ::testing::Values(false, true), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, Streams, ::testing::Bool(), testing::stream_name);
 
 TEST(Devices, SurveySaysWhyThereIsNone) {
   const DeviceSurvey survey = survey_devices();

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "octrad/device/check.h"
 #include "octrad/device/stream.h"
 
 namespace octrad::testing {
@@ -19,5 +20,20 @@ inline std::unique_ptr<Stream> stream_or_skip(bool cuda) {
 }
 
 inline std::string stream_name(const ::testing::TestParamInfo<bool>& info) { return info.param ? "Cuda" : "Host"; }
+
+// Derive from this, and instantiate over ::testing::Bool() with stream_name.
+class StreamTest : public ::testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    stream = stream_or_skip(GetParam());
+    if (!stream) GTEST_SKIP() << kNoDevice;
+  }
+  std::unique_ptr<Stream> stream;
+};
+
+inline ::testing::AssertionResult passed(const CheckResult& result) {
+  if (result.passed) return ::testing::AssertionSuccess() << result.text();
+  return ::testing::AssertionFailure() << result.text();
+}
 
 }  // namespace octrad::testing

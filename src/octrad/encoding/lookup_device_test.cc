@@ -8,9 +8,9 @@
 #include <set>
 #include <vector>
 
-#include "octrad/base/rng.h"
+#include "octrad/base/random_inputs.h"
 #include "octrad/device/stream_test_helper.h"
-#include "octrad/encoding/lookup_device.h"
+#include "octrad/encoding/checks.h"
 #include "octrad/encoding/shell_cells.h"
 
 namespace octrad {
@@ -20,112 +20,35 @@ using testing::ShellScene;
 
 const Vec3f kOrigin{-1.0f, 2.0f, 0.5f}, kSize{4.0f, 3.0f, 2.5f};
 
-struct Batch {
-  std::vector<float> x, w, d;  // [3][n], [3][n], [n]
-  std::size_t n = 0;
-  Vec3f position(std::size_t i) const { return {x[i], x[n + i], x[2 * n + i]}; }
-  Vec3f direction(std::size_t i) const { return {w[i], w[n + i], w[2 * n + i]}; }
-};
-
-Batch make_batch(const ShellScene& scene, std::size_t n) {
-  Batch b;
-  b.n = n;
-  b.x.resize(3 * n);
-  b.w.resize(3 * n);
-  b.d.resize(n);
+// On the surfaces of the scene, some far outside, in the corner or nowhere.
+std::vector<Vec3f> positions(const ShellScene& scene, std::size_t n) {
+  std::vector<Vec3f> result(n);
   for (std::size_t i = 0; i < n; ++i) {
     Rng rng(5, RngPurpose::test, i);
-    Vec3f x = kOrigin + scene.point(rng) * kSize;
-    if (i % 97 == 5) x = kOrigin + kSize * 1.5f;  // far outside
-    if (i % 97 == 7) x = kOrigin;                 // in the corner
-    if (i % 97 == 9) x.y = std::numeric_limits<float>::quiet_NaN();
-    const Vec3f w = i % 13 == 0 ? Vec3f(0, 0, -1) : ShellScene::direction(rng);
-    for (int a = 0; a < 3; ++a) {
-      b.x[static_cast<std::size_t>(a) * n + i] = x[a];
-      b.w[static_cast<std::size_t>(a) * n + i] = w[a];
-    }
-    b.d[i] = i % 4 == 0 ? 0.0f : 3.0f * rng.uniform();
-  }
-  return b;
-}
-
-// The batch and a table in device memory.
-struct Uploaded {
-  Uploaded(Stream& stream, const Batch& b, std::span<const float> values)
-      : x(stream, std::span<const float>(b.x), "x"),
-        w(stream, std::span<const float>(b.w), "w"),
-        d(stream, std::span<const float>(b.d), "d"),
-        floats(stream, values, "table") {
-    std::vector<Half> rounded;
-    for (const float v : values) rounded.push_back(to_half(v));
-    halves = DeviceArray<Half>(stream, std::span<const Half>(rounded), "table");
-    queries = {x.data(), b.n, w.data(), b.n, d.data(), {}, static_cast<std::uint32_t>(b.n)};
-  }
-  DeviceArray<float> x, w, d, floats;
-  DeviceArray<Half> halves;
-  DeviceQueries queries;
-};
-
-std::vector<float> numbered(const std::vector<std::uint32_t>& words, std::size_t rows, std::size_t n) {
-  std::vector<float> result(rows * n);
-  for (std::size_t f = 0; f < rows; ++f) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const Vec2f both = unpack_halves(words[f / 2 * n + i]);
-      result[f * n + i] = f % 2 != 0 ? both.y : both.x;
-    }
+    result[i] = kOrigin + scene.point(rng) * kSize;
+    if (i % 97 == 5) result[i] = kOrigin + kSize * 1.5f;
+    if (i % 97 == 7) result[i] = kOrigin;
+    if (i % 97 == 9) result[i].y = std::numeric_limits<float>::quiet_NaN();
   }
   return result;
 }
 
-class DeviceLookup : public ::testing::TestWithParam<bool> {
+class DeviceLookup : public testing::StreamTest {
  protected:
-  void SetUp() override {
-    stream_ = testing::stream_or_skip(GetParam());
-    if (!stream_) GTEST_SKIP() << testing::kNoDevice;
-  }
-  std::unique_ptr<Stream> stream_;
   const ShellScene scene_{3};
 };
 
 TEST_P(DeviceLookup, OctreeFeaturesAreThoseOfTheDefinition) {
+  const LookupQueries queries(*stream, positions(scene_, 1500), 3.0f, 6);
   for (const int features : {2, 4, 8}) {
     for (const int mode : {0, 1, 2}) {
-      const OctaOctreeOptions options{5, features, mode != 1, mode != 2};
-      OctaOctree tree(options, scene_.cells(options.levels), kOrigin, kSize);
-      testing::fill_random(tree.features(), 7);
-      const Batch b = make_batch(scene_, 1500);
-      const Uploaded up(*stream_, b, tree.features());
-      const DeviceOctree device(*stream_, tree);
-      const std::size_t rows = static_cast<std::size_t>(tree.feature_count());
-      // Two rows before the features must stay as they are.
-      DeviceArray<float> out(*stream_, (rows + 2) * b.n, "out"), out16(*stream_, (rows + 2) * b.n, "out");
-      DeviceArray<std::uint32_t> halves(*stream_, (rows / 2 + 1) * b.n, "out");
-      out.fill(0x11);
-      halves.fill(0x11);
-      device.lookup(*stream_, {up.floats.data(), nullptr}, up.queries, FloatRows{out.data(), b.n}, 2);
-      device.lookup(*stream_, {nullptr, up.halves.data()}, up.queries, FloatRows{out16.data(), b.n}, 2);
-      device.lookup(*stream_, {nullptr, up.halves.data()}, up.queries, HalfRows{halves.data(), b.n}, 2);
-      const std::vector<float> got = out.download(), got16 = out16.download();
-      const std::vector<std::uint32_t> words = halves.download();
-      EXPECT_EQ(words[0], 0x11111111u);
-      const std::vector<float> packed = numbered(words, rows + 2, b.n);
-      std::vector<float> value(rows);
-      // A GPU's reciprocal moves positions by some 1e-7 of the domain: 1e-5 cells of the finest level.
-      const float tolerance = stream_->on_device() ? 5e-5f : 1e-5f;
-      int bad = 0;
-      for (std::size_t i = 0; i < b.n; ++i) {
-        lookup_query<float>(tree.view(), b.position(i), b.direction(i), b.d[i], value.data(), nullptr);
-        for (std::size_t f = 0; f < rows; ++f) {
-          const std::size_t at = (f + 2) * b.n + i;
-          if (!stream_->on_device()) {
-            ASSERT_EQ(got[at], value[f]) << "query " << i << " feature " << f;
-          }
-          bad += !(std::abs(got[at] - value[f]) < tolerance && std::abs(got16[at] - value[f]) < 1e-3f &&
-                   std::abs(packed[at] - got16[at]) < 6e-4f);
-        }
+      for (const bool halves : {false, true}) {
+        OctaOctree tree({5, features, mode != 1, mode != 2}, scene_.cells(5), kOrigin, kSize);
+        const CheckResult r = check_octree_lookup(*stream, tree, queries, halves, 7);
+        EXPECT_TRUE(testing::passed(r)) << features << " features, mode " << mode << ", halves " << halves;
+        // Contracted multiplications may decide for another cell or vertex where none interpolates.
+        EXPECT_TRUE(mode != 0 || r.above == 0.0) << features << " features, halves " << halves;
       }
-      // Contracted multiplications may decide for another cell or vertex where none interpolates.
-      EXPECT_LE(bad, mode == 0 ? 0 : static_cast<int>(b.n * rows / 1000)) << features << " features, mode " << mode;
     }
   }
 }
@@ -134,14 +57,14 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
   const OctaOctreeOptions options{5, 4, true, true};
   OctaOctree tree(options, scene_.cells(options.levels), kOrigin, kSize);
   testing::fill_random(tree.features(), 3);
-  Batch b = make_batch(scene_, 700);
-  const Uploaded up(*stream_, b, tree.features());
-  const DeviceOctree device(*stream_, tree);
+  const LookupQueries b(*stream, positions(scene_, 700), 3.0f, 6);
+  const UploadedFeatures table(*stream, tree.features(), false);
+  const DeviceOctree device(*stream, tree);
   const std::size_t rows = static_cast<std::size_t>(tree.feature_count()),
                     entries = static_cast<std::size_t>(tree.entry_count());
   std::vector<float> upstream(rows * b.n);
   testing::fill_random(upstream, 4);
-  const DeviceArray<float> d_features(*stream_, std::span<const float>(upstream), "upstream");
+  const DeviceArray<float> d_features(*stream, std::span<const float>(upstream), "upstream");
 
   std::vector<double> expected(entries * 4, 0.0), by_disparity(b.n, 0.0);
   std::set<std::uint32_t> touched;
@@ -161,13 +84,13 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
     for (std::size_t f = 0; f < rows; ++f) by_disparity[i] += slope[f] * upstream[f * b.n + i];
   }
 
-  DeviceArray<float> gradient(*stream_, entries * 4, "gradient"), d_disparity(*stream_, 5 * b.n, "d");
-  DeviceArray<std::uint32_t> bits(*stream_, entries / 32 + 1, "bits"), list(*stream_, entries, "list"),
-      count(*stream_, 1, "count");
+  DeviceArray<float> gradient(*stream, entries * 4, "gradient"), d_disparity(*stream, 5 * b.n, "d");
+  DeviceArray<std::uint32_t> bits(*stream, entries / 32 + 1, "bits"), list(*stream, entries, "list"),
+      count(*stream, 1, "count");
   gradient.fill(0);
   bits.fill(0);
   count.fill(0);
-  device.scatter(*stream_, {up.floats.data(), nullptr}, up.queries, d_features.data(), b.n, d_disparity.data(), b.n,
+  device.scatter(*stream, table.view(), b.view, d_features.data(), b.n, d_disparity.data(), b.n,
                  AddNow{gradient.data(), {bits.data(), list.data(), count.data()}});
   const std::vector<float> sums = gradient.download(), parts = d_disparity.download();
   for (std::size_t k = 0; k < sums.size(); ++k)
@@ -179,7 +102,7 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
   // On a device, rounding may decide otherwise about a weight of 0.
   std::size_t apart = 0;
   for (const std::uint32_t e : touched) apart += distinct.count(e) == 0;
-  EXPECT_LE(apart, stream_->on_device() ? touched.size() / 1000 : 0);
+  EXPECT_LE(apart, stream->on_device() ? touched.size() / 1000 : 0);
   int bad = 0;
   for (std::size_t i = 0; i < b.n; ++i) {
     double sum = 0.0;
@@ -190,10 +113,10 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
 
   // The same contributions, written down for a sort.
   const std::size_t slots = b.n * 5 * kOctreeTaps;
-  DeviceArray<std::uint32_t> kept_rows(*stream_, slots, "rows");
-  DeviceArray<float> kept_scales(*stream_, slots, "scales");
+  DeviceArray<std::uint32_t> kept_rows(*stream, slots, "rows");
+  DeviceArray<float> kept_scales(*stream, slots, "scales");
   kept_rows.fill(0xff);
-  device.scatter(*stream_, {up.floats.data(), nullptr}, up.queries, d_features.data(), b.n, nullptr, 0,
+  device.scatter(*stream, table.view(), b.view, d_features.data(), b.n, nullptr, 0,
                  KeepForSort{kept_rows.data(), kept_scales.data()});
   std::vector<double> again(entries * 4, 0.0);
   const std::vector<std::uint32_t> keys = kept_rows.download();
@@ -208,62 +131,66 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
     ASSERT_NEAR(again[k], expected[k], 1e-4 * (1.0 + std::abs(expected[k]))) << k;
 }
 
-TEST_P(DeviceLookup, HashGridFeaturesAndGradients) {
+TEST_P(DeviceLookup, HashGridFeaturesAreThoseOfTheDefinition) {
+  const LookupQueries queries(*stream, positions(scene_, 900), 0.0f, 6);
   for (const int features : {2, 4, 8}) {
-    HashGrid grid(HashGridOptions{4, features, 12, 8, 2.0});
-    testing::fill_random(grid.table(), 9);
-    const Batch b = make_batch(scene_, 900);
-    const Uploaded up(*stream_, b, grid.table());
+    for (const bool halves : {false, true}) {
+      HashGrid grid(HashGridOptions{4, features, 12, 8, 2.0});
+      EXPECT_TRUE(testing::passed(check_hash_grid_lookup(*stream, grid, kOrigin, kSize, queries, halves, 9)))
+          << features << " features, halves " << halves;
+    }
+  }
+}
+
+TEST_P(DeviceLookup, HashGridGradientsReachTheEntriesThatWereRead) {
+  for (const int features : {2, 4, 8}) {
+    const HashGrid grid(HashGridOptions{4, features, 12, 8, 2.0});
+    const LookupQueries b(*stream, positions(scene_, 900), 0.0f, 6);
     const DeviceHashGrid device(grid, kOrigin, kSize);
     const std::size_t rows = static_cast<std::size_t>(grid.feature_count()), width = static_cast<std::size_t>(features);
-    DeviceArray<float> out(*stream_, rows * b.n, "out"), out16(*stream_, rows * b.n, "out");
-    device.lookup(*stream_, {up.floats.data(), nullptr}, up.queries, FloatRows{out.data(), b.n}, 0);
-    device.lookup(*stream_, {nullptr, up.halves.data()}, up.queries, FloatRows{out16.data(), b.n}, 0);
-    const std::vector<float> got = out.download(), got16 = out16.download();
     std::vector<float> upstream(rows * b.n);
     testing::fill_random(upstream, 4);
     std::vector<double> expected(grid.table().size(), 0.0);
-    int bad = 0;
     for (std::size_t i = 0; i < b.n; ++i) {
-      for (int l = 0; l < 4; ++l) {
+      for (std::size_t l = 0; l < 4; ++l) {
         std::uint32_t entry[8];
         float weight[8];
         hash_grid_taps(grid.view().level[l], (b.position(i) - kOrigin) / kSize, entry, weight);
         for (std::size_t c = 0; c < width; ++c) {
-          float sum = 0.0f;
-          for (int k = 0; k < 8; ++k) sum += weight[k] * grid.table()[entry[k] * width + c];
-          const std::size_t at = (static_cast<std::size_t>(l) * width + c) * b.n + i;
-          bad += !(std::abs(got[at] - sum) < 2e-5f && std::abs(got16[at] - sum) < 1e-3f);
-          for (int k = 0; k < 8; ++k) expected[entry[k] * width + c] += double(weight[k]) * upstream[at];
+          for (int k = 0; k < 8; ++k)
+            expected[entry[k] * width + c] += double(weight[k]) * upstream[(l * width + c) * b.n + i];
         }
       }
     }
-    EXPECT_EQ(bad, 0) << features;
-
-    const DeviceArray<float> d_features(*stream_, std::span<const float>(upstream), "upstream");
-    DeviceArray<float> gradient(*stream_, grid.table().size(), "gradient");
+    const DeviceArray<float> d_features(*stream, std::span<const float>(upstream), "upstream");
+    DeviceArray<float> gradient(*stream, grid.table().size(), "gradient");
     gradient.fill(0);
-    device.scatter(*stream_, up.queries, d_features.data(), b.n, AddNow{gradient.data(), {}});
+    device.scatter(*stream, b.view, d_features.data(), b.n, AddNow{gradient.data(), {}});
     const std::vector<float> sums = gradient.download();
     for (std::size_t k = 0; k < sums.size(); ++k)
       ASSERT_NEAR(sums[k], expected[k], 2e-4 * (1.0 + std::abs(expected[k]))) << k;
   }
 }
 
+TEST_P(DeviceLookup, DirectionsAreMappedAsOnTheCpu) {
+  EXPECT_TRUE(testing::passed(check_octahedral_map(*stream, 20'000, 1)));
+  EXPECT_TRUE(testing::passed(check_spherical_harmonics(*stream, 20'000, 2)));
+}
+
 TEST_P(DeviceLookup, RowsBeyondTheQueueAreLeftAlone) {
   const OctaOctreeOptions options{3, 4, true, true};
   OctaOctree tree(options, scene_.cells(options.levels), kOrigin, kSize);
   testing::fill_random(tree.features(), 7);
-  const Batch b = make_batch(scene_, 64);
-  Uploaded up(*stream_, b, tree.features());
-  const DeviceOctree device(*stream_, tree);
+  LookupQueries b(*stream, positions(scene_, 64), 3.0f, 6);
+  const UploadedFeatures table(*stream, tree.features(), false);
+  const DeviceOctree device(*stream, tree);
   const std::vector<std::uint32_t> length{100};
-  const DeviceArray<std::uint32_t> count(*stream_, std::span<const std::uint32_t>(length), "count");
-  up.queries.slice = {count.data(), 70};  // items 0 .. 29 hold something
-  DeviceArray<float> out(*stream_, 12 * b.n, "out");
+  const DeviceArray<std::uint32_t> count(*stream, std::span<const std::uint32_t>(length), "count");
+  b.view.slice = {count.data(), 70};  // items 0 .. 29 hold something
+  DeviceArray<float> out(*stream, 12 * b.n, "out");
   out.fill(0x11);
   const float untouched = out.download()[0];
-  device.lookup(*stream_, {up.floats.data(), nullptr}, up.queries, FloatRows{out.data(), b.n}, 0);
+  device.lookup(*stream, table.view(), b.view, FloatRows{out.data(), b.n}, 0);
   const std::vector<float> got = out.download();
   for (std::size_t f = 0; f < 12; ++f) {
     EXPECT_NE(got[f * b.n + 29], untouched);
@@ -271,7 +198,7 @@ TEST_P(DeviceLookup, RowsBeyondTheQueueAreLeftAlone) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, DeviceLookup, ::testing::Values(false, true), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, DeviceLookup, ::testing::Bool(), testing::stream_name);
 
 TEST(Halves, ConversionsAreThoseOfTheStandard) {
   for (std::uint32_t h = 0; h < 0x10000u; ++h) {

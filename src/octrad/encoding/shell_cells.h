@@ -1,4 +1,4 @@
-// A made-up scene for tests and benchmarks of this room: the walls of a room and spheres in it, as occupied cells and
+// A synthetic scene for tests and benchmarks of encodings: the walls of a box and spheres in it, as occupied cells and
 // random points on the surfaces. Not part of the library.
 #pragma once
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "octrad/base/rng.h"
+#include "octrad/base/random_inputs.h"
 #include "octrad/base/vec.h"
 #include "octrad/encoding/octaoctree.h"
 
@@ -88,12 +88,5 @@ class ShellScene {
   std::vector<Vec3d> centers_;
   std::vector<double> radii_, areas_;
 };
-
-// Uniform in [-1, 1], the same on every run.
-inline void fill_random(std::span<float> values, std::uint64_t seed) {
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    values[i] = static_cast<float>(static_cast<std::int32_t>(mix64(seed * 0x9e3779b97f4a7c15ull + i) >> 32)) * 0x1p-31f;
-  }
-}
 
 }  // namespace octrad::testing

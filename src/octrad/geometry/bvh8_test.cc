@@ -21,12 +21,6 @@ namespace {
 constexpr float kFar = 1e30f;
 constexpr double kTie = 1e-4;  // relative distance within which two surfaces are one
 
-Vec3f random_direction(Rng& rng) {
-  const Vec2f u = rng.uniform2();
-  const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
-  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
-}
-
 Vec3f random_point(Rng& rng, float size) {
   return {size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f), size * (rng.uniform() - 0.5f)};
 }
@@ -143,7 +137,7 @@ TEST(Bvh8, AgreesWithBruteForceInSoups) {
       const auto tracer = make_bvh8_tracer(scene);
       Rng rng(7, RngPurpose::test, 0);
       for (int i = 0; i < 400; ++i) {
-        Vec3f direction = random_direction(rng);
+        Vec3f direction = uniform_direction(rng.uniform2());
         const Vec3f origin = random_point(rng, i % 4 == 0 ? 20.0f : 3.0f);
         // Half of the rays aim at a triangle; some have another length.
         if (i % 2 == 0) {
@@ -287,7 +281,7 @@ TEST(Bvh8, EmptyAndInvalidInput) {
   Rng rng(11, RngPurpose::test, 0);
   int found = 0;
   for (int i = 0; i < 2000; ++i) {
-    const Vec3f origin = random_point(rng, 3.0f), direction = random_direction(rng);
+    const Vec3f origin = random_point(rng, 3.0f), direction = uniform_direction(rng.uniform2());
     const Hit a = tracer->intersect(origin, direction, 0.0f, kFar),
               b = reference->intersect(origin, direction, 0.0f, kFar);
     EXPECT_EQ(std::memcmp(&a, &b, sizeof(Hit)), 0);
@@ -313,7 +307,7 @@ TEST(Bvh8, ShortAndLongDirections) {
   Rng rng(24, RngPurpose::test, 0);
   int found = 0;
   for (int i = 0; i < 400; ++i) {
-    const Vec3f origin = random_point(rng, 1.5f), direction = random_direction(rng);
+    const Vec3f origin = random_point(rng, 1.5f), direction = uniform_direction(rng.uniform2());
     const Hit unit = tracer->intersect(origin, direction, 0.0f, kFar);
     found += unit.valid() ? 1 : 0;
     for (const int exponent : {-90, -31, -29, 59, 61, 90}) {
@@ -432,7 +426,7 @@ TEST(Bvh8, StructureIsSoundForEveryShapeOfTree) {
     const Bvh8 usual = build_bvh8(scene);
     Rng rng(22, RngPurpose::test, 0);
     for (int i = 0; i < 3000; ++i) {
-      const Vec3f origin = random_point(rng, 3.0f), direction = random_direction(rng);
+      const Vec3f origin = random_point(rng, 3.0f), direction = uniform_direction(rng.uniform2());
       const Hit a = bvh8_intersect(bvh.view(), origin, direction, 0.0f, kFar),
                 b = bvh8_intersect(usual.view(), origin, direction, 0.0f, kFar);
       EXPECT_EQ(std::memcmp(&a, &b, sizeof(Hit)), 0) << "the hit depends on the tree";
@@ -508,7 +502,8 @@ TEST_P(Bvh8SharedScenes, AgreesWithEmbree) {
     for (int i = static_cast<int>(block); i < rays; i += static_cast<int>(counts.size())) {
       Rng rng(41, RngPurpose::test, static_cast<std::uint64_t>(i));
       const SurfaceInteraction s = sampler.sample(rng.uniform(), rng.uniform2());
-      Vec3f direction = random_direction(rng), origin = offset_origin(s.position, s.geometric_normal, direction);
+      Vec3f direction = uniform_direction(rng.uniform2()),
+            origin = offset_origin(s.position, s.geometric_normal, direction);
       float t_min = 0.0f;
       switch (i % 8) {
         case 0: {  // grazing: along the surface

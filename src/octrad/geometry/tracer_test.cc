@@ -71,12 +71,6 @@ double brute_force(const Scene& scene, Vec3f origin, Vec3f direction) {
   return nearest;
 }
 
-Vec3f random_direction(Rng& rng) {
-  const Vec2f u = rng.uniform2();
-  const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
-  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
-}
-
 TEST(Tracer, AgreesWithBruteForceOnEveryInstructionSet) {
   const Scene scene = bumpy_scene();
   for (const char* config : {"", "isa=avx2", "isa=sse2"}) {
@@ -85,7 +79,7 @@ TEST(Tracer, AgreesWithBruteForceOnEveryInstructionSet) {
     std::vector<RayQuery> rays;
     for (int i = 0; i < 1003; ++i) {
       const Vec3f origin{4.0f * rng.uniform() - 2.0f, 0.6f + 1.5f * rng.uniform(), 4.0f * rng.uniform() - 2.0f};
-      rays.push_back({origin, normalize(random_direction(rng)), i % 3 == 0 ? 0.7f : 1e30f});
+      rays.push_back({origin, normalize(uniform_direction(rng.uniform2())), i % 3 == 0 ? 0.7f : 1e30f});
     }
     std::vector<Hit> hits(rays.size());
     std::vector<unsigned char> blocked(rays.size());
@@ -121,11 +115,11 @@ TEST(Tracer, ShiftedOriginsDoNotMeetTheirSurface) {
   int leaving = 0, self_hits = 0;
   for (int i = 0; i < 4000; ++i) {
     const Vec3f origin{2.0f * rng.uniform() - 1.0f, 0.6f + rng.uniform(), 2.0f * rng.uniform() - 1.0f},
-        direction = random_direction(rng);
+        direction = uniform_direction(rng.uniform2());
     const Hit hit = tracer->intersect(origin, direction, 0.0f, 1e30f);
     if (!hit.valid()) continue;
     const SurfaceInteraction s = interact(scene, hit, origin, direction);
-    const Vec3f out = random_direction(rng);
+    const Vec3f out = uniform_direction(rng.uniform2());
     const Hit again = tracer->intersect(offset_origin(s.position, s.geometric_normal, out), out, 0.0f, 1e30f);
     ++leaving;
     const bool convex_side = scene.shapes[static_cast<std::size_t>(hit.shape)].kind != Shape::Kind::sphere ||

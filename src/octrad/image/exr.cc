@@ -2,6 +2,7 @@
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
+#include <ImfIO.h>
 #include <ImfInputFile.h>
 #include <ImfOutputFile.h>
 #include <ImfPartType.h>
@@ -36,6 +37,25 @@ std::tuple<std::string, int, std::string> channel_order(const std::string& name)
 
 // Reserved by the format or filled in by the library; the rest of the metadata is free text.
 bool is_own_key(const std::string& key) { return key == "dataWindow.min" || key == "displayWindow"; }
+
+// The library writes here: errors of a file that it holds itself would be swallowed by its destructor.
+class MemoryStream : public Imf::OStream {
+ public:
+  explicit MemoryStream(const std::string& name) : Imf::OStream(name.c_str()) {}
+  void write(const char c[], int n) override {
+    const std::size_t end = position_ + static_cast<std::size_t>(n);
+    if (end > bytes_.size()) bytes_.resize(end);
+    std::copy_n(c, n, bytes_.data() + position_);
+    position_ = end;
+  }
+  uint64_t tellp() override { return position_; }
+  void seekp(uint64_t position) override { position_ = position; }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+  std::size_t position_ = 0;
+};
 
 }  // namespace
 
@@ -122,7 +142,8 @@ void write_exr(const std::string& file, const Image& image, ExrPrecision precisi
     halves.resize(image.data.size());
     std::transform(image.data.begin(), image.data.end(), halves.begin(), [](float v) { return half(v); });
   }
-  AtomicFile out_file(file);
+  require_writable(file);
+  MemoryStream stream(file);
   try {
     Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
     header.compression() = Imf::ZIP_COMPRESSION;
@@ -140,13 +161,15 @@ void write_exr(const std::string& file, const Image& image, ExrPrecision precisi
       header.channels().insert(image.channels[c], Imf::Channel(type));
       buffer.insert(image.channels[c], Imf::Slice::Make(type, base + c * value_size, window, stride_x, stride_y));
     }
-    Imf::OutputFile out(out_file.temporary().c_str(), header, 0);
+    Imf::OutputFile out(stream, header, 0);
     out.setFrameBuffer(buffer);
     out.writePixels(image.height);
   } catch (const std::exception& e) {
     throw IoError(file + ": cannot write EXR file: " + e.what());
   }
-  out_file.commit();
+  AtomicFile out(file);
+  out.write(stream.bytes());
+  out.commit();
 }
 
 }  // namespace octrad

@@ -1,6 +1,7 @@
 // Radiance pictures (.hdr): a text header, a resolution line, then scanlines of RGBE pixels, either plain or run-length
-// encoded by component. Format as described in Greg Ward's "Real Pixels" (Graphics Gems II) and Radiance's
-// picture-file notes. Written here because stb's reader does not end on a file that is cut off inside a run.
+// encoded by component; plain ones are written. Format as described in Greg Ward's "Real Pixels" (Graphics Gems II) and
+// Radiance's picture-file notes. Written here because stb's reader does not end on a file that is cut off inside a run.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -126,6 +127,26 @@ class HdrReader {
 
 Image image_io::read_hdr(const std::string& file, const std::vector<unsigned char>& bytes) {
   return HdrReader(file, bytes).read();
+}
+
+std::string image_io::hdr_bytes(const Image& rgb) {
+  // Plain pixels. None can be taken for a run: the largest mantissa of each is at least 128, or all are 0.
+  std::string out = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y " + std::to_string(rgb.height) + " +X " +
+                    std::to_string(rgb.width) + "\n";
+  constexpr float kLargest = 0x0.ffp127f;  // of what a byte and an exponent hold
+  for (int y = 0; y < rgb.height; ++y) {
+    for (int x = 0; x < rgb.width; ++x) {
+      Vec3f v = rgb.rgb(x, y);
+      for (int c = 0; c < 3; ++c) v[c] = v[c] > 0.0f ? std::min(v[c], kLargest) : 0.0f;  // not a number: 0
+      int exponent = 0;
+      std::frexp(max_component(v), &exponent);
+      if (std::lround(std::ldexp(max_component(v), 8 - exponent)) > 255) ++exponent;
+      const bool black = max_component(v) == 0.0f || exponent + 128 <= 0;
+      for (int c = 0; c < 3; ++c) out += static_cast<char>(black ? 0 : std::lround(std::ldexp(v[c], 8 - exponent)));
+      out += static_cast<char>(black ? 0 : exponent + 128);
+    }
+  }
+  return out;
 }
 
 }  // namespace octrad

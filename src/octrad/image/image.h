@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -48,6 +49,19 @@ struct Image {
                channels.size() +
            static_cast<std::size_t>(c);
   }
+};
+
+// 8-bit picture for display, interleaved, row 0 at the top; 1 (grey), 3 (RGB) or 4 (RGBA) channels.
+struct Image8 {
+  int width = 0, height = 0, channels = 3;
+  std::vector<std::uint8_t> data;
+
+  Image8() = default;
+  Image8(int w, int h, int c)
+      : width(w),
+        height(h),
+        channels(c),
+        data(static_cast<std::size_t>(w) * static_cast<std::size_t>(h) * static_cast<std::size_t>(c)) {}
 };
 
 // The colour of `image` as a picture with the channels R, G, B (a grey "Y" is repeated). `layer`: "" for the main

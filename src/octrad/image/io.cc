@@ -1,13 +1,16 @@
 #include "octrad/image/io.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 
+#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/image/io_internal.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad {
 namespace image_io {
@@ -37,6 +40,12 @@ bool starts_with(const std::vector<unsigned char>& bytes, std::initializer_list<
   return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
 }
 
+void write_bytes(const std::string& file, const std::string& bytes) {
+  AtomicFile out(file);
+  out.write(bytes);
+  out.commit();
+}
+
 }  // namespace
 
 Image read_image(const std::string& file) {
@@ -51,7 +60,9 @@ Image read_image(const std::string& file) {
   const bool png = starts_with(bytes, {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'});
   const bool jpeg = starts_with(bytes, {0xff, 0xd8, 0xff});
   const bool hdr = starts_with(bytes, {'#', '?'});
-  if (!png && !jpeg && !hdr) throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG and HDR can)");
+  const bool pfm = starts_with(bytes, {'P', 'F'}) || starts_with(bytes, {'P', 'f'});
+  if (!png && !jpeg && !hdr && !pfm)
+    throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR and PFM can)");
 
   stream.clear();
   stream.seekg(0, std::ios::end);
@@ -62,7 +73,37 @@ Image read_image(const std::string& file) {
   bytes.resize(static_cast<std::size_t>(size));
   if (!stream.read(reinterpret_cast<char*>(bytes.data()), size))
     throw IoError(file + ": cannot read: " + std::strerror(errno));
-  return hdr ? image_io::read_hdr(file, bytes) : image_io::read_stb(file, bytes);
+  if (hdr) return image_io::read_hdr(file, bytes);
+  return pfm ? image_io::read_pfm(file, bytes) : image_io::read_stb(file, bytes);
+}
+
+PictureFormat picture_format(const std::string& file) {
+  std::string ending = std::filesystem::path(file).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (ending == ".exr") return PictureFormat::exr;
+  if (ending == ".hdr") return PictureFormat::hdr;
+  if (ending == ".pfm") return PictureFormat::pfm;
+  if (ending == ".png") return PictureFormat::png;
+  if (ending == ".jpg" || ending == ".jpeg") return PictureFormat::jpeg;
+  std::error_code failed;
+  if (std::filesystem::is_character_file(file, failed)) return PictureFormat::exr;
+  throw UsageError(
+      file + ": the ending says what is written: .exr, .hdr or .pfm (linear radiance), .png or .jpg (for the screen)");
+}
+
+void write_image(const std::string& file, const Image& image, const ToneMapping& mapping) {
+  const PictureFormat format = picture_format(file);
+  if (format == PictureFormat::exr) return write_exr(file, image);
+  if (is_display_format(format)) return write_image(file, tonemap(image, mapping));
+  const Image rgb = extract_rgb(image);
+  write_bytes(file, format == PictureFormat::hdr ? image_io::hdr_bytes(rgb) : image_io::pfm_bytes(rgb));
+}
+
+void write_image(const std::string& file, const Image8& image) {
+  const PictureFormat format = picture_format(file);
+  if (!is_display_format(format)) throw UsageError(file + ": a picture for the screen is written as .png or .jpg");
+  write_bytes(file, format == PictureFormat::png ? image_io::png_bytes(image) : image_io::jpeg_bytes(image));
 }
 
 }  // namespace octrad

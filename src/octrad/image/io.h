@@ -2,34 +2,20 @@
 //
 // Metadata keys with a meaning here:
 //   "encoding"        "srgb8": values in [0, 1] still sRGB-encoded (PNG and JPEG, whatever their depth); "linear"
-//   (HDR).
+//                     (HDR, PFM).
 //                     EXR files are linear and get no such key.
 //   "dataWindow.min"  "x y": where the picture lies in a larger display window (a crop); absent for 0 0.
 //   "displayWindow"   "width height" of that display window; absent when it is the picture itself.
 #pragma once
 
-#include <cstdint>
 #include <string>
-#include <vector>
 
 #include "octrad/image/image.h"
+#include "octrad/image/tonemap_math.h"
 
 namespace octrad {
 
-// 8-bit picture for display, interleaved, row 0 at the top; 1 (grey), 3 (RGB) or 4 (RGBA) channels.
-struct Image8 {
-  int width = 0, height = 0, channels = 3;
-  std::vector<std::uint8_t> data;
-
-  Image8() = default;
-  Image8(int w, int h, int c)
-      : width(w),
-        height(h),
-        channels(c),
-        data(static_cast<std::size_t>(w) * static_cast<std::size_t>(h) * static_cast<std::size_t>(c)) {}
-};
-
-// Reads EXR, PNG, JPEG or Radiance HDR; the content decides, not the name.
+// Reads EXR, PNG, JPEG, Radiance HDR or PFM; the format is recognised by content, not by name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
 // channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.
@@ -41,11 +27,24 @@ Image read_image(const std::string& file);
 
 enum class ExrPrecision { float32, half };
 
-// Writes an EXR file: scanlines, ZIP, channels by name, metadata as string attributes. `file`.tmp is written first and
+// Writes an EXR file: scanlines, ZIP, channels by name, metadata as string attributes. A new file is written first and
 // renamed, so an old file survives any failure. Missing folders are an IoError.
 void write_exr(const std::string& file, const Image& image, ExrPrecision precision = ExrPrecision::float32);
 
-// Writes an 8-bit PNG, as atomically.
-void write_png(const std::string& file, const Image8& image);
+enum class PictureFormat { exr, hdr, pfm, png, jpeg };
+
+// By the ending of the name, in any case: .exr, .hdr, .pfm, .png, .jpg, .jpeg. A device such as /dev/null counts as
+// EXR. Throws UsageError that lists the endings; call it before long work whose result goes to `file`.
+PictureFormat picture_format(const std::string& file);
+// PNG and JPEG: 8 bits a channel for the screen, where EXR, HDR and PFM hold linear radiance.
+inline bool is_display_format(PictureFormat format) {
+  return format == PictureFormat::png || format == PictureFormat::jpeg;
+}
+
+// Writes what the ending of the name says, as atomically as write_exr(). EXR: everything. HDR and PFM: the colour. PNG
+// and JPEG: the colour through `mapping`.
+void write_image(const std::string& file, const Image& image, const ToneMapping& mapping = {});
+// PNG or JPEG (quality 95; 1 or 3 channels); throws UsageError for a name with another ending.
+void write_image(const std::string& file, const Image8& image);
 
 }  // namespace octrad

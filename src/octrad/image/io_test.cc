@@ -7,6 +7,9 @@
 #include <ImfOutputFile.h>
 #include <ImfTiledOutputFile.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
 #include <half.h>
 #include <unistd.h>
 
@@ -17,6 +20,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad {
 namespace {
@@ -216,7 +220,7 @@ TEST_F(IoTest, HugeSizesAreRefusedBeforeAllocation) {
   EXPECT_NE(error_of<InputError>("huge.hdr").find("too large"), std::string::npos);
 
   Image8 small(2, 2, 3);
-  write_png(path("a.png"), small);
+  write_image(path("a.png"), small);
   std::string png = read_bytes("a.png");
   png.replace(16, 8, std::string("\x00\x01\x00\x00\x00\x01\x00\x00", 8));  // 65536 x 65536
   write_bytes("huge.png", png);
@@ -231,7 +235,7 @@ TEST_F(IoTest, PngRoundTrip) {
   for (const int channels : {1, 3, 4}) {
     Image8 image(5, 3, channels);
     for (std::size_t i = 0; i < image.data.size(); ++i) image.data[i] = static_cast<std::uint8_t>(i * 4);
-    write_png(path("a.png"), image);
+    write_image(path("a.png"), image);
     const Image back = read_image(path("a.png"));
     EXPECT_EQ(back.width, 5);
     EXPECT_EQ(back.height, 3);
@@ -312,7 +316,7 @@ TEST_F(IoTest, BrokenPngAndJpegNeverCrash) {
   Image8 image(40, 30, 3);
   Rng rng(4, RngPurpose::test, 0);
   for (std::uint8_t& v : image.data) v = static_cast<std::uint8_t>(rng.below(8));
-  write_png(path("a.png"), image);
+  write_image(path("a.png"), image);
   const std::string png = read_bytes("a.png"), jpeg = grey_jpeg();
   for (std::size_t cut = 8; cut < png.size() - 12; cut += 29) {
     write_bytes("cut.png", png.substr(0, cut));
@@ -329,19 +333,123 @@ TEST_F(IoTest, BrokenPngAndJpegNeverCrash) {
   }
 }
 
+TEST_F(IoTest, TheEndingSaysWhatIsWritten) {
+  Image image = test_image(9, 5, {"R", "G", "B", "depth.Z"});
+  for (float& v : image.data) v = std::abs(v);
+  const Image rgb = extract_rgb(image);
+  for (const auto& [name, magic] : {std::pair{"a.exr", "\x76\x2f\x31\x01"},
+                                    {"a.HDR", "#?RADIANCE"},
+                                    {"a.pfm", "PF\n9 5\n-1"},
+                                    {"a.png", "\x89PNG"},
+                                    {"a.jpg", "\xff\xd8\xff"},
+                                    {"a.b.JPEG", "\xff\xd8\xff"}}) {
+    SCOPED_TRACE(name);
+    write_image(path(name), image);
+    EXPECT_EQ(read_bytes(name).rfind(magic, 0), 0u);
+    EXPECT_FALSE(fs::exists(path(name) + ".tmp"));
+    const Image back = read_image(path(name));
+    EXPECT_EQ(back.width, 9);
+    EXPECT_EQ(back.height, 5);
+    EXPECT_EQ(back.channels.size(), picture_format(name) == PictureFormat::exr ? 4u : 3u);
+  }
+  EXPECT_EQ(read_image(path("a.exr")).data, image.data);
+  EXPECT_EQ(read_image(path("a.pfm")).data, rgb.data);
+  // RGBE: 8 bits of the largest channel's exponent.
+  const Image hdr = read_image(path("a.HDR"));
+  for (int y = 0; y < 5; ++y) {
+    for (int x = 0; x < 9; ++x) {
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(hdr.rgb(x, y)[c], rgb.rgb(x, y)[c], max_component(rgb.rgb(x, y)) / 256.0f) << x << " " << y;
+    }
+  }
+  // What the screen shows: the same bytes as tonemap(), nearly so after the losses of JPEG.
+  ToneMapping mapping;
+  mapping.exposure = -2.0f;
+  write_image(path("b.png"), image, mapping);
+  const Image8 shown = tonemap(image, mapping);
+  const Image png = read_image(path("b.png"));
+  for (std::size_t i = 0; i < shown.data.size(); ++i)
+    ASSERT_FLOAT_EQ(png.data[i], static_cast<float>(shown.data[i]) / 255.0f);
+  Image flat(16, 16, {"R", "G", "B"});
+  for (std::size_t i = 0; i < flat.data.size(); ++i) flat.data[i] = i % 3 == 0 ? 0.5f : 0.1f;
+  write_image(path("flat.jpg"), flat);
+  const Image jpg = read_image(path("flat.jpg"));
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(jpg.rgb(7, 9)[c], encode_srgb(flat.rgb(7, 9)[c]), 3.0f / 255.0f);
+
+  for (const char* name : {"a.tiff", "exr", "a", ".exr", "a.png "}) {
+    try {
+      write_image(path(name), image);
+      ADD_FAILURE() << name << " was written";
+    } catch (const UsageError& e) {
+      EXPECT_NE(std::string(e.what()).find(".exr, .hdr or .pfm"), std::string::npos) << e.what();
+    }
+    EXPECT_FALSE(fs::exists(path(name)));
+  }
+  EXPECT_EQ(picture_format("/dev/null"), PictureFormat::exr);
+  EXPECT_THROW(write_image(path("c.hdr"), shown), UsageError);
+  EXPECT_THROW(write_image(path("c.png"), Image(1, 1, {"depth.Z"})), InputError);
+}
+
+TEST_F(IoTest, HdrHoldsWhatRgbeCan) {
+  const float huge = std::numeric_limits<float>::max(), inf = std::numeric_limits<float>::infinity();
+  Image image(8, 1, {"R", "G", "B"});
+  const Vec3f values[8] = {{1.0f, 0.5f, 0.25f},  {0.999f, 0.0f, 0.0f},  {-1.0f, std::nanf(""), 2.0f},
+                           {huge, inf, 1.0f},    {1e-42f, 0.0f, 0.0f},  {0.0f, 0.0f, 0.0f},
+                           {255.5f, 0.4f, 0.6f}, {3e-38f, 1e-38f, 0.0f}};
+  for (int x = 0; x < 8; ++x) image.set_rgb(x, 0, values[x]);
+  write_image(path("a.hdr"), image);
+  const Image back = read_image(path("a.hdr"));
+  EXPECT_EQ(back.rgb(0, 0), Vec3f(1.0f, 0.5f, 0.25f));
+  EXPECT_EQ(back.rgb(1, 0), Vec3f(1.0f, 0.0f, 0.0f));  // rounds up into the next exponent
+  EXPECT_EQ(back.rgb(2, 0), Vec3f(0.0f, 0.0f, 2.0f));
+  EXPECT_EQ(back.rgb(3, 0), Vec3f(0x0.ffp127f, 0x0.ffp127f, 0.0f));
+  EXPECT_EQ(back.rgb(4, 0), Vec3f(0.0f));
+  EXPECT_EQ(back.rgb(5, 0), Vec3f(0.0f));
+  EXPECT_EQ(back.rgb(6, 0), Vec3f(256.0f, 0.0f, 0.0f));
+  EXPECT_NEAR(back.rgb(7, 0).x, 3e-38f, 1e-40f);
+}
+
+TEST_F(IoTest, ReadsPfmInBothByteOrdersAndRefusesBrokenOnes) {
+  const auto floats = [](std::initializer_list<std::uint32_t> words, bool big) {
+    std::string out;
+    for (const std::uint32_t w : words) {
+      for (int b = 0; b < 4; ++b) out += static_cast<char>(w >> 8 * (big ? 3 - b : b));
+    }
+    return out;
+  };
+  const std::uint32_t one = 0x3f800000, two = 0x40000000, half = 0x3f000000;
+  write_bytes("grey.pfm", "Pf\n1 2\n1.0\n" + floats({one, two}, true));  // the first row is the lower one
+  const Image grey = read_image(path("grey.pfm"));
+  EXPECT_EQ(grey.channels, std::vector<std::string>{"Y"});
+  EXPECT_EQ(grey.data, (std::vector<float>{2.0f, 1.0f}));
+  EXPECT_EQ(grey.metadata.at("encoding"), "linear");
+  const std::string good = "PF 1 1 -1\n" + floats({one, two, half}, false);
+  write_bytes("colour.pfm", good);
+  EXPECT_EQ(read_image(path("colour.pfm")).data, (std::vector<float>{1.0f, 2.0f, 0.5f}));
+  for (std::size_t cut = 2; cut < good.size(); ++cut) {
+    write_bytes("cut.pfm", good.substr(0, cut));
+    EXPECT_NE(error_of<InputError>("cut.pfm").find("cut.pfm: "), std::string::npos) << cut;
+  }
+  for (const char* header : {"PF\n-1 1\n-1\n", "PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PX\n1 1\n-1\n",
+                             "PF\n9999999 9999999\n-1\n", "PF\n1e9 1\n-1\n", "PF\n99999999999999999999 1\n-1\n"}) {
+    write_bytes("bad.pfm", header + std::string(12, 'x'));
+    EXPECT_NE(error_of<InputError>("bad.pfm"), "") << header;
+  }
+}
+
 TEST_F(IoTest, ErrorsNameTheFileAndTheReason) {
   EXPECT_NE(error_of<IoError>("missing.exr").find("missing.exr: cannot open: No such file"), std::string::npos);
   write_bytes("text.exr", "hello");
-  EXPECT_NE(
-      error_of<InputError>("text.exr").find("text.exr: not a picture that can be read (EXR, PNG, JPEG and HDR can)"),
-      std::string::npos);
+  EXPECT_NE(error_of<InputError>("text.exr")
+                .find("text.exr: not a picture that can be read (EXR, PNG, JPEG, HDR and PFM can)"),
+            std::string::npos);
   write_bytes("empty.png", "");
   EXPECT_NE(error_of<InputError>("empty.png"), "");
   EXPECT_NE(error_of<IoError>(""), "");  // the folder itself
 
   const Image image = test_image(2, 2, {"R", "G", "B"});
   EXPECT_THROW(write_exr(path("no/such/folder/a.exr"), image), IoError);
-  EXPECT_THROW(write_png(path("no/such/folder/a.png"), Image8(2, 2, 3)), IoError);
+  EXPECT_THROW(write_image(path("no/such/folder/a.png"), Image8(2, 2, 3)), IoError);
 }
 
 TEST_F(IoTest, AFailedWriteLeavesTheOldFile) {
@@ -354,6 +462,25 @@ TEST_F(IoTest, AFailedWriteLeavesTheOldFile) {
   EXPECT_THROW(write_exr(path("a.exr"), bad), IoError);
   EXPECT_EQ(read_bytes("a.exr"), before);
   EXPECT_FALSE(fs::exists(path("a.exr.tmp")));
+}
+
+// The library's own file would swallow the error when it is closed.
+TEST_F(IoTest, ADiskThatFillsLeavesTheOldFile) {
+  write_exr(path("a.exr"), test_image(2, 2, {"R", "G", "B"}));
+  const std::string before = read_bytes("a.exr");
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit usual{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &usual), 0);
+  for (const rlim_t bytes : {0, 100, 1000, 4000}) {
+    rlimit limit = usual;
+    limit.rlim_cur = bytes;
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    EXPECT_THROW(write_exr(path("a.exr"), test_image(64, 64, {"R", "G", "B"})), IoError) << bytes;
+    setrlimit(RLIMIT_FSIZE, &usual);
+    EXPECT_EQ(read_bytes("a.exr"), before) << bytes;
+  }
+  write_exr(path("a.exr"), test_image(64, 64, {"R", "G", "B"}));
+  EXPECT_EQ(read_image(path("a.exr")).width, 64);
 }
 
 TEST(Image, ChannelsAndLayers) {

@@ -100,23 +100,41 @@ Metrics compare(const Image& reference_file, const Image& image_file, std::span<
   return m;
 }
 
-std::vector<std::uint8_t> roughness_mask(const Image& reference, float above, float below) {
-  const int roughness = reference.channel("roughness.Y");
-  if (roughness < 0) {
-    throw InputError(
-        "the reference has no layer \"roughness.Y\" to select pixels by (octrad render --integrator path writes one)");
+Metrics reference_noise(const Image& reference, const Image& other, double share, std::span<const std::uint8_t> mask) {
+  Metrics m = compare(reference, other, mask);
+  m.mse *= share;
+  m.relmse *= share;
+  m.mape *= std::sqrt(share);
+  m.mape_trimmed *= std::sqrt(share);
+  return m;
+}
+
+std::vector<std::uint8_t> picture_mask(const Image& image) {
+  const Image rgb = extract_rgb(image);
+  std::vector<std::uint8_t> mask(rgb.pixel_count());
+  for (std::size_t p = 0; p < mask.size(); ++p) {
+    const float* v = &rgb.data[3 * p];
+    mask[p] = v[0] + v[1] + v[2] >= 1.5f ? 1 : 0;
   }
-  const int normal[3] = {reference.channel("normal.X"), reference.channel("normal.Y"), reference.channel("normal.Z")};
+  return mask;
+}
+
+std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float below) {
+  const int roughness = layers.channel("roughness.Y");
+  if (roughness < 0) {
+    throw InputError("no layer \"roughness.Y\" to select pixels by (every picture that octrad render writes has one)");
+  }
+  const int normal[3] = {layers.channel("normal.X"), layers.channel("normal.Y"), layers.channel("normal.Z")};
   const bool has_normal = normal[0] >= 0 && normal[1] >= 0 && normal[2] >= 0;
-  std::vector<std::uint8_t> mask(reference.pixel_count(), 0);
+  std::vector<std::uint8_t> mask(layers.pixel_count(), 0);
   std::size_t p = 0;
-  for (int y = 0; y < reference.height; ++y) {
-    for (int x = 0; x < reference.width; ++x, ++p) {
-      const float r = reference.at(x, y, roughness);
+  for (int y = 0; y < layers.height; ++y) {
+    for (int x = 0; x < layers.width; ++x, ++p) {
+      const float r = layers.at(x, y, roughness);
       bool hit = true;
       if (has_normal)
-        hit = reference.at(x, y, normal[0]) != 0.0f || reference.at(x, y, normal[1]) != 0.0f ||
-              reference.at(x, y, normal[2]) != 0.0f;
+        hit = layers.at(x, y, normal[0]) != 0.0f || layers.at(x, y, normal[1]) != 0.0f ||
+              layers.at(x, y, normal[2]) != 0.0f;
       mask[p] = hit && r > above && r < below ? 1 : 0;
     }
   }

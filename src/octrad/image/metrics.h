@@ -27,10 +27,20 @@ struct Metrics {
 // colour, or no pixel is left.
 Metrics compare(const Image& reference, const Image& image, std::span<const std::uint8_t> mask = {});
 
-// Mask of the pixels whose first hit has a roughness in (above, below), from the layer "roughness.Y" of `reference`.
+// The errors of `reference` itself, estimated from its difference to `other`, a picture of the same view with other
+// random numbers. `share`: of the variance of that difference, what the reference's own is: n_b / (n_a + n_b) for
+// independent pictures with n_a and n_b samples a pixel. Squared errors are scaled by it, mape by its root; psnr and
+// mean_ratio are those of the difference. Throws as compare() does.
+Metrics reference_noise(const Image& reference, const Image& other, double share,
+                        std::span<const std::uint8_t> mask = {});
+
+// Mask of the pixels whose mean over the colour channels is at least half. Throws InputError when it has no colour.
+std::vector<std::uint8_t> picture_mask(const Image& image);
+
+// Mask of the pixels whose first hit has a roughness in (above, below), from the layer "roughness.Y" of `layers`.
 // Pixels that hit nothing (a normal of length 0, where there is a "normal" layer) are left out. Throws InputError when
 // there is no such layer.
-std::vector<std::uint8_t> roughness_mask(const Image& reference, float above, float below);
+std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float below);
 
 enum class ErrorKind { mape, squared, relative_squared };
 

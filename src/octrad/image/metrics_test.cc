@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "octrad/base/error.h"
-#include "octrad/image/tonemap.h"
+#include "octrad/base/rng.h"
 
 namespace octrad {
 namespace {
@@ -87,6 +87,36 @@ TEST(Metrics, RoughnessMask) {
   EXPECT_THROW(roughness_mask(picture(1, 1, {Vec3f(1.0f)}), 0.0f, 1.0f), InputError);
 }
 
+TEST(Metrics, NoiseOfAReferenceFromASecondOne) {
+  // Gaussian noise of a pixel with n samples: standard deviation s / sqrt(n). The estimate must be the distance to the
+  // truth.
+  const double s = 0.8, truth = 0.99;
+  const int n_a = 64, n_b = 16, width = 200, height = 200;
+  Image a(width, height, {"R", "G", "B"}), b = a, exact = a;
+  Rng rng(1, RngPurpose::test, 0);
+  const auto gauss = [&] {
+    const double r = std::sqrt(-2.0 * std::log(1.0 - static_cast<double>(rng.uniform())));
+    return r * std::cos(6.283185307179586 * static_cast<double>(rng.uniform()));
+  };
+  for (std::size_t i = 0; i < a.data.size(); ++i) {
+    exact.data[i] = static_cast<float>(truth);
+    a.data[i] = static_cast<float>(truth + s / std::sqrt(n_a) * gauss());
+    b.data[i] = static_cast<float>(truth + s / std::sqrt(n_b) * gauss());
+  }
+  const Metrics estimate = reference_noise(a, b, static_cast<double>(n_b) / (n_a + n_b)), real = compare(exact, a);
+  EXPECT_NEAR(estimate.mse, s * s / n_a, 0.02 * s * s / n_a);  // 5 sigma of 120,000 values
+  EXPECT_NEAR(estimate.mape, real.mape, 0.03 * real.mape);     // the denominator is noisy in one and exact in the other
+  EXPECT_NEAR(estimate.relmse, real.relmse, 0.08 * real.relmse);
+  EXPECT_NEAR(reference_noise(a, b, 0.5).mse, compare(a, b).mse / 2.0, 1e-12);
+}
+
+TEST(Metrics, PictureMask) {
+  EXPECT_EQ(picture_mask(picture(4, 1, {Vec3f(1.0f), Vec3f(0.5f), Vec3f(0.49f), Vec3f(kNan)})),
+            (std::vector<std::uint8_t>{1, 1, 0, 0}));
+  EXPECT_EQ(picture_mask(picture(2, 1, {{1.0f, 1.0f, 0.0f}, {1.0f, 0.0f, 0.0f}})), (std::vector<std::uint8_t>{1, 0}));
+  EXPECT_THROW(picture_mask(Image(1, 1, {"depth.Z"})), InputError);
+}
+
 TEST(Metrics, RefusesWhatCannotBeCompared) {
   EXPECT_THROW(compare(picture(2, 1, {Vec3f(1.0f), Vec3f(1.0f)}), picture(1, 2, {Vec3f(1.0f), Vec3f(1.0f)})),
                InputError);
@@ -94,34 +124,6 @@ TEST(Metrics, RefusesWhatCannotBeCompared) {
   EXPECT_THROW(compare(picture(1, 1, {Vec3f(1.0f)}), Image(1, 1, {"depth.Z"})), InputError);
   const std::vector<std::uint8_t> nothing = {0};
   EXPECT_THROW(compare(picture(1, 1, {Vec3f(1.0f)}), picture(1, 1, {Vec3f(1.0f)}), nothing), InputError);
-}
-
-TEST(Tonemap, KnownValues) {
-  EXPECT_NEAR(encode_srgb(0.5f), 0.735357f, 1e-5f);
-  EXPECT_NEAR(encode_srgb(0.002f), 0.02584f, 1e-6f);
-  for (float v = 0.0f; v <= 1.0f; v += 0.01f) EXPECT_NEAR(decode_srgb(encode_srgb(v)), v, 1e-5f);
-  ToneMapping mapping;
-  mapping.exposure = 1.0f;
-  EXPECT_NEAR(tonemap(0.25f, mapping), 0.735357f, 1e-5f);
-  mapping = {0.0f, ToneMapping::Curve::log1p, ToneMapping::Encoding::linear, 2.2f};
-  EXPECT_NEAR(tonemap(1.0f, mapping), std::log(2.0f), 1e-6f);
-  mapping.encoding = ToneMapping::Encoding::gamma;
-  EXPECT_NEAR(tonemap(1.0f, mapping), std::pow(std::log(2.0f), 1.0f / 2.2f), 1e-6f);
-  EXPECT_EQ(tonemap(100.0f, mapping), 1.0f);
-  EXPECT_EQ(tonemap(-1.0f, mapping), 0.0f);
-  EXPECT_EQ(tonemap(kNan, mapping), 0.0f);
-  EXPECT_EQ(tonemap(std::numeric_limits<float>::infinity(), mapping), 1.0f);
-
-  const Image8 shown = tonemap(picture(2, 1, {{0.5f, 0.0f, 2.0f}, Vec3f(0.25f)}), ToneMapping{});
-  EXPECT_EQ(shown.data, (std::vector<std::uint8_t>{188, 0, 255, 137, 137, 137}));
-}
-
-TEST(Tonemap, FalseColors) {
-  Image values(3, 1, {"Y"});
-  values.data = {-1.0f, 5.0f, kNan};
-  const Image8 colors = false_color(values, 0, 0.0f, 1.0f);
-  EXPECT_EQ(colors.data, (std::vector<std::uint8_t>{0, 0, 0, 255, 255, 235, 0, 255, 0}));
-  EXPECT_THROW(false_color(values, 0, 1.0f, 1.0f), InputError);
 }
 
 }  // namespace

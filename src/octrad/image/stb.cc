@@ -3,9 +3,7 @@
 #include <cstdlib>
 #include <memory>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
-#include "octrad/image/io.h"
 #include "octrad/image/io_internal.h"
 
 #pragma GCC diagnostic push
@@ -39,7 +37,8 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   };
   int width = 0, height = 0, channels = 0;
   if (stbi_info_from_memory(bytes.data(), size, &width, &height, &channels) == 0) {
-    // Its reason is that of the last format it tried; loading stops at the first that fits and says more.
+    // stb's info call reports the reason of the last format that it tried; its load call stops at the matching format
+    // and gives a better one.
     stbi_image_free(stbi_load_from_memory(bytes.data(), size, &width, &height, &channels, 0));
     throw fail();
   }
@@ -47,7 +46,7 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   const bool jpeg = bytes[0] == 0xff;
   if (jpeg) {
     // stb fills what is missing at the end with grey and reports success. Neither marker occurs inside coded data, and
-    // a thumbnail with an end of its own comes before the last start of scan.
+    // a thumbnail's own end marker precedes the last start of scan.
     const unsigned char scan[2] = {0xff, 0xda}, end[2] = {0xff, 0xd9};
     const auto last_scan = std::find_end(bytes.begin(), bytes.end(), scan, scan + 2);
     if (std::search(last_scan, bytes.end(), end, end + 2) == bytes.end())
@@ -81,16 +80,24 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   return image;
 }
 
-void write_png(const std::string& file, const Image8& image) {
+std::string image_io::png_bytes(const Image8& image) {
   int size = 0;
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       stbi_write_png_to_mem(image.data.data(), image.width * image.channels, image.width, image.height, image.channels,
                             &size),
       &std::free);
-  if (!bytes) throw MemoryError(file + ": not enough memory to compress the picture");
-  AtomicFile out(file);
-  out.write(bytes.get(), static_cast<std::size_t>(size));
-  out.commit();
+  if (!bytes) throw MemoryError("not enough memory to compress the picture");
+  return {reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size)};
+}
+
+std::string image_io::jpeg_bytes(const Image8& image) {
+  constexpr int kQuality = 95;
+  std::string bytes;
+  const auto append = [](void* to, void* data, int size) {
+    static_cast<std::string*>(to)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  };
+  stbi_write_jpg_to_func(append, &bytes, image.width, image.height, image.channels, image.data.data(), kQuality);
+  return bytes;
 }
 
 }  // namespace octrad

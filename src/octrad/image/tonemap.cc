@@ -6,11 +6,28 @@
 #include "octrad/base/error.h"
 
 namespace octrad {
+
 Image8 tonemap(const Image& image, const ToneMapping& mapping, const std::string& layer) {
   const Image rgb = extract_rgb(image, layer);
   Image8 out(rgb.width, rgb.height, 3);
   std::transform(rgb.data.begin(), rgb.data.end(), out.data.begin(),
                  [&](float v) { return to_byte(tonemap(v, mapping)); });
+  return out;
+}
+
+bool is_vector_layer(const Image& image, const std::string& layer) {
+  return !layer.empty() && image.channel(layer + ".X") >= 0;
+}
+
+Image8 vector_color(const Image& image, const std::string& layer, float lower, float upper) {
+  if (!(lower < upper)) throw InputError("a range needs a lower end below the upper end");
+  const Image vectors = extract_rgb(image, layer);
+  Image8 out(image.width, image.height, 3);
+  for (std::size_t i = 0; i < out.data.size(); i += 3) {
+    const float* v = &vectors.data[i];
+    if (v[0] == 0.0f && v[1] == 0.0f && v[2] == 0.0f) continue;
+    for (std::size_t c = 0; c < 3; ++c) out.data[i + c] = to_byte((v[c] - lower) / (upper - lower));
+  }
   return out;
 }
 

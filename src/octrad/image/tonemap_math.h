@@ -8,7 +8,7 @@
 namespace octrad {
 
 struct ToneMapping {
-  enum class Curve { none, log1p };             // applied after exposure: x, or ln(1 + x)
+  enum class Curve { none, log1p, filmic };     // applied after exposure: x, ln(1 + x), or filmic_curve(x)
   enum class Encoding { srgb, gamma, linear };  // applied after clamping to [0, 1]
   float exposure = 0.0f;                        // stops: radiance is multiplied by 2^exposure
   Curve curve = Curve::none;
@@ -25,11 +25,20 @@ OCTRAD_HD inline float decode_srgb(float encoded) {
   return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
 }
 
+// An S-shaped curve that rolls highlights off: Krzysztof Narkowicz's fit of the ACES reference curve ("ACES Filmic Tone
+// Mapping Curve", 2016), for values from 0 on; 0.18 becomes 0.27, 1 becomes 0.80, and from 7.3 on all is white.
+OCTRAD_HD inline float filmic_curve(float x) {
+  // At 1e4 the curve has long ended above 1; squares of larger values could overflow.
+  const float v = x < 1e4f ? x : 1e4f;
+  return v * (2.51f * v + 0.03f) / (v * (2.43f * v + 0.59f) + 0.14f);
+}
+
 // One channel value through `mapping`, in [0, 1]. NaN gives 0.
 OCTRAD_HD inline float tonemap(float value, const ToneMapping& mapping) {
   float v = value * std::exp2(mapping.exposure);
   if (!(v > 0.0f)) return 0.0f;  // negative or NaN
   if (mapping.curve == ToneMapping::Curve::log1p) v = std::log1p(v);
+  else if (mapping.curve == ToneMapping::Curve::filmic) v = filmic_curve(v);
   v = v < 1.0f ? v : 1.0f;
   switch (mapping.encoding) {
     case ToneMapping::Encoding::srgb: return encode_srgb(v);

@@ -14,6 +14,8 @@
 
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
+#include "octrad/model/field_registry.h"
 
 namespace octrad {
 namespace {
@@ -31,11 +33,19 @@ using Member =
 constexpr const char* kPresets[] = {"paper", "default", "cpu"};
 std::vector<std::string> preset_names() { return {std::begin(kPresets), std::end(kPresets)}; }
 
+std::string field_titles() {
+  std::vector<std::string> titles;
+  for (const FieldEntry* field : field_entries()) titles.emplace_back(field->title);
+  return join(titles, " or ");
+}
+
 struct Range {
   double low, high;
   bool open_low = false;
+  bool power_of_2 = false;
 };
 constexpr double kAny = 1e300;
+constexpr Range kFeatureCounts = {2, 8, false, true};  // that look-ups have code for
 
 struct Key {
   std::string name;
@@ -63,13 +73,13 @@ Key choice(const char* name, Enum Config::*member,
   return {name, std::move(c), {}, false, help};
 }
 // A choice that is known by its name only.
-Key name_of(const char* name, std::string Config::*member, const std::vector<std::string>& names, const char* help) {
+Key name_of(const char* name, std::string Config::*member, const std::vector<std::string>& names, std::string help) {
   return {name,
           Choice{names, [=](const Config& config) { return config.*member; },
                  [=](Config& config, std::size_t i) { config.*member = names[i]; }},
           {},
           false,
-          help};
+          std::move(help)};
 }
 Key flag(const char* name, bool Config::*member, const char* help) { return {name, member, {}, false, help}; }
 Key duration(const char* name, double Config::*member, Range range, const char* help) {
@@ -80,12 +90,11 @@ const std::vector<Key>& keys() {
   using C = Config;
   static const std::vector<Key> table = {
       name_of("preset", &C::preset, preset_names(), "the preset that the other keys started from"),
-      name_of("field", &C::field, {"octaoctree", "nr"},
-              "what is trained: OctaOctree or Neural Radiosity (a hash grid)"),
+      name_of("field", &C::field, field_names(), "what is trained: " + field_titles()),
 
       number("octree.levels", &C::octree_levels, {1, 9},
              "K; the finest level has 2^(K+1) cells per axis; memory grows about 4.5 x a level"),
-      number("octree.features", &C::octree_features, {2, 8}, "C, features per level and vertex: 2, 4 or 8"),
+      number("octree.features", &C::octree_features, kFeatureCounts, "C, features per level and vertex: 2, 4 or 8"),
       choice("octree.box", &C::octree_box, {{"axis", OctreeBox::axis}, {"cube", OctreeBox::cube}},
              "domain: the padded bounding box normalised per axis, or its enclosing cube"),
       choice("octree.occupancy", &C::octree_occupancy,
@@ -110,7 +119,7 @@ const std::vector<Key>& keys() {
              "roughness from which a surface counts as rough"),
 
       number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
-      number("disparity.features", &C::disparity_features, {2, 8}, "features per level: 2, 4 or 8"),
+      number("disparity.features", &C::disparity_features, kFeatureCounts, "features per level: 2, 4 or 8"),
       number("disparity.log2_table", &C::disparity_log2_table, {10, 24}, "log2 of the entries a level may have"),
       number("disparity.base", &C::disparity_base, {2, 512}, "resolution of the coarsest level"),
       number("disparity.scale", &C::disparity_scale, {1, 4}, "growth of the resolution from level to level"),
@@ -130,7 +139,7 @@ const std::vector<Key>& keys() {
              "position input: in [-1, 1] or in world units"),
 
       number("nr.levels", &C::nr_levels, {1, 16}, "field nr: levels of the hash grid"),
-      number("nr.features", &C::nr_features, {2, 8}, "field nr: features per level: 2, 4 or 8"),
+      number("nr.features", &C::nr_features, kFeatureCounts, "field nr: features per level: 2, 4 or 8"),
       number("nr.log2_table", &C::nr_log2_table, {10, 24}, "field nr: log2 of the entries a level may have"),
       number("nr.base", &C::nr_base, {2, 512}, "field nr: resolution of the coarsest level"),
       number("nr.scale", &C::nr_scale, {1, 4}, "field nr: growth of the resolution from level to level"),
@@ -216,19 +225,13 @@ const Key& find(const std::string& name) {
                                did_you_mean(name, names)));
 }
 
-bool is_feature_count(const Key& key) {
-  return key.name == "octree.features" || key.name == "disparity.features" || key.name == "nr.features";
-}
-
-std::string listed(const std::vector<std::string>& names, const char* separator) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : separator) + name;
-  return list;
-}
-
 std::string accepted(const Key& key) {
-  if (const auto* choice = std::get_if<Choice>(&key.member)) return listed(choice->names, " | ");
-  if (is_feature_count(key)) return "2 | 4 | 8";
+  if (const auto* choice = std::get_if<Choice>(&key.member)) return join(choice->names, " | ");
+  if (key.range.power_of_2) {
+    std::vector<std::string> values;
+    for (double v = key.range.low; v <= key.range.high; v *= 2) values.push_back(fmt::format("{:g}", v));
+    return join(values, " | ");
+  }
   if (key.duration) return "a duration above 0: 90, 30s, 2m, 1h";
   if (std::holds_alternative<bool Config::*>(key.member)) return "true | false";
   if (std::holds_alternative<std::string Config::*>(key.member)) return "text";
@@ -246,7 +249,7 @@ void check_range(const Key& key, double value, const std::string& text) {
   if (!std::isfinite(value) || value < key.range.low || value > key.range.high ||
       (key.range.open_low && value <= key.range.low))
     refuse(key, text);
-  if (is_feature_count(key) && value != 2 && value != 4 && value != 8) refuse(key, text);
+  if (key.range.power_of_2 && std::log2(value) != std::floor(std::log2(value))) refuse(key, text);
 }
 
 // Whole text as a number, decimal only.
@@ -328,7 +331,7 @@ std::string text_of(const nlohmann::json& value, const std::string& key) {
 Config preset(const std::string& name) {
   if (std::find(std::begin(kPresets), std::end(kPresets), name) == std::end(kPresets)) {
     throw UsageError(fmt::format("unknown preset \"{}\"{}; there are {}", name, did_you_mean(name, preset_names()),
-                                 listed(preset_names(), ", ")));
+                                 join(preset_names())));
   }
   Config c;
   c.preset = name;

@@ -79,7 +79,7 @@ OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
 #if defined(__CUDA_ARCH__)
   if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
 #if __CUDA_ARCH__ >= 800
-  // Lanes that are here together ask once: in the beginning everybody's value is the largest yet.
+  // Active lanes of a warp share one atomic operation: at first every lane has a new maximum.
   const unsigned lanes = __activemask();
   value = __reduce_max_sync(lanes, value);
   if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;
@@ -372,20 +372,6 @@ void DeviceFieldBase::download_decoder(DecoderHead& head) {
   head.mlp().prepare();
   decoder_adam_.download(head.adam());
   head.set_target_scale(target_scale_);
-}
-
-std::unique_ptr<DeviceField> make_device_field(Stream& stream, RadianceField& field, const Config& config,
-                                               const DeviceFieldOptions& options) {
-  if (options.max_points == 0) throw InputError("a device field needs room for at least one point");
-  if (field.name() == "octaoctree") return make_device_octaoctree(stream, field, config, options);
-  if (field.name() == "nr") return make_device_nr(stream, field, config, options);
-  throw InputError("the field \"" + field.name() + "\" does not run on a device");
-}
-
-std::vector<MemoryPart> estimate_device_memory(const Config& config, const std::vector<long long>& cells_per_level,
-                                               const DeviceFieldOptions& options) {
-  return config.field == "nr" ? device_nr_memory(config, options)
-                              : device_octaoctree_memory(config, cells_per_level, options);
 }
 
 }  // namespace octrad

@@ -118,7 +118,7 @@ class FieldReference {
 
   Numbers parameters;
 
-  // A point on its way through the field.
+  // Intermediate values of one point.
   struct Query {
     Vec3d w, radiance;
     double disparity = 0.0, disparity_linear = 0.0;
@@ -375,109 +375,5 @@ class FieldReference {
   LossNormalizer normalizer_ = LossNormalizer::prediction;
   Activation activation_ = Activation::exp;
 };
-
-// What Adam's first moments hold, by part: after the first step with adam.beta1 = 0 that is the step's gradient.
-inline FieldReference::Numbers first_moments(RadianceField& field) {
-  FieldReference::Numbers result;
-  for (const Part& part : parts_of(field)) {
-    for (int k = 0; k < FieldReference::kParts; ++k) {
-      const std::string name = FieldReference::kNames[k];
-      if (part.name == name + " m") result[k] = {part.values.begin(), part.values.end()};
-      if (part.name != name + " moments") continue;
-      const std::size_t width = part.width;  // [entry][first, second][feature]
-      for (std::size_t at = 0; at < part.values.size(); at += 2 * width)
-        result[k].insert(result[k].end(), part.values.begin() + at, part.values.begin() + at + width);
-    }
-  }
-  return result;
-}
-
-// Largest difference between two arrays, relative to the root mean square of those numbers of `expected` that are not
-// 0.
-inline double largest_difference(const std::vector<double>& got, const std::vector<double>& expected) {
-  if (got.size() != expected.size()) return HUGE_VAL;
-  double square = 0.0, count = 0.0, largest = 0.0;
-  for (std::size_t i = 0; i < got.size(); ++i) {
-    square += expected[i] * expected[i];
-    count += expected[i] != 0.0 ? 1.0 : 0.0;
-    const double difference = std::abs(got[i] - expected[i]);
-    if (!(difference <= largest)) largest = difference;
-  }
-  return largest == 0.0 ? 0.0 : largest / std::sqrt(square / count);
-}
-
-// How far a gradient is from central differences of the reference's loss, part by part: along directions of +-1 in all
-// parameters, which any wrong number shows in, and along single parameters. Steps that leave the smooth piece of the
-// loss are halved, and left out and counted if that does not help.
-struct GradientCheck {
-  double worst = 0.0;  // largest difference, relative to the length of the part's gradient or, of single parameters, to
-                       // their root mean square where they are not 0
-  std::string where;
-  int compared = 0, left_out = 0;
-};
-
-inline GradientCheck check_gradient(FieldReference& reference, const TrainingBatch& batch,
-                                    const FieldReference::Numbers& gradient) {
-  constexpr int kDirections = 3, kSingles = 12;
-  constexpr double kStep = 4e-5;
-  GradientCheck check;
-  const std::vector<double> denominators = reference.denominators(batch);
-  const std::uint64_t piece = reference.loss(batch, denominators).piece;
-  const auto compare = [&](int part, const std::vector<std::pair<std::size_t, double>>& direction, double unit,
-                           const std::string& where) {
-    std::vector<double>& parameters = reference.parameters[part];
-    const auto loss_at = [&](double step) {
-      for (const auto& [at, sign] : direction) parameters[at] += sign * step;
-      const FieldReference::Loss loss = reference.loss(batch, denominators);
-      for (const auto& [at, sign] : direction) parameters[at] -= sign * step;
-      return loss;
-    };
-    ++check.compared;
-    double step = kStep;
-    for (int halvings = 0;; ++halvings, step /= 2) {
-      const FieldReference::Loss up = loss_at(step), down = loss_at(-step);
-      if (up.piece == piece && down.piece == piece) {
-        double expected = (up.value - down.value) / (2 * step), got = 0.0;
-        for (const auto& [at, sign] : direction) got += sign * gradient[part][at];
-        const double error = unit > 0.0 ? std::abs(got - expected) / unit : std::abs(got - expected);
-        if (!(error <= check.worst)) {
-          check.worst = error;
-          check.where = std::string(FieldReference::kNames[part]) + " " + where;
-        }
-        return;
-      }
-      if (halvings == 4) break;
-    }
-    ++check.left_out;
-  };
-  for (int part = 0; part < FieldReference::kParts; ++part) {
-    const std::vector<double>& g = gradient[part];
-    std::vector<std::size_t> nonzero;
-    double square = 0.0;
-    for (std::size_t i = 0; i < g.size(); ++i) {
-      square += g[i] * g[i];
-      if (g[i] != 0.0) nonzero.push_back(i);
-    }
-    if (g.size() != reference.parameters[part].size()) {
-      ADD_FAILURE() << FieldReference::kNames[part] << " has " << g.size() << " numbers";
-      continue;
-    }
-    if (g.empty()) continue;
-    Rng rng(1, RngPurpose::test, static_cast<std::uint64_t>(part));
-    for (int d = 0; d < kDirections; ++d) {
-      std::vector<std::pair<std::size_t, double>> direction;
-      for (std::size_t i = 0; i < g.size(); ++i) direction.push_back({i, rng.uniform() < 0.5f ? -1.0 : 1.0});
-      compare(part, direction, std::sqrt(square), "direction " + std::to_string(d));
-    }
-    if (nonzero.empty()) continue;
-    const double unit = std::sqrt(square / static_cast<double>(nonzero.size()));
-    for (int s = 0; s < kSingles; ++s) {
-      const std::size_t at = s < kSingles / 2 ? nonzero[rng.below(static_cast<std::uint32_t>(nonzero.size()))]
-                                              : rng.below(static_cast<std::uint32_t>(g.size()));
-      compare(part, {{at, 1.0}}, unit, "number " + std::to_string(at));
-    }
-  }
-  return check;
-}
 
 }  // namespace octrad::testing

@@ -1,79 +1,71 @@
+#include "octrad/model/field_registry.h"
+
+#include <algorithm>
+
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
-#include "octrad/model/radiance_field.h"
 
 namespace octrad {
 namespace {
 
-template <typename Field>
-std::unique_ptr<RadianceField> make(const Config& config, const FieldDomain& domain) {
-  return std::make_unique<Field>(config, domain);
+constexpr const FieldEntry* kFields[] = {
+    &kOctaOctreeField,
+    &kNrField,
+};
+
+bool owns(const FieldEntry& field, const std::string& key) {
+  return std::any_of(field.own_keys.begin(), field.own_keys.end(),
+                     [&](std::string_view begin) { return key.rfind(begin, 0) == 0; });
 }
-
-// Every field, by the name that `--field` and the model file use.
-struct Entry {
-  const char* name;
-  std::unique_ptr<RadianceField> (*make)(const Config&, const FieldDomain&);
-};
-constexpr Entry kFields[] = {
-    {"octaoctree", make<OctaOctreeField>},
-    {"nr", make<NrField>},
-};
-
-double entries_of(const HashGridOptions& options) { return static_cast<double>(hash_grid_entries(options)); }
 
 }  // namespace
 
+std::span<const FieldEntry* const> field_entries() { return kFields; }
+
 std::vector<std::string> field_names() {
   std::vector<std::string> names;
-  for (const Entry& e : kFields) names.emplace_back(e.name);
+  for (const FieldEntry* e : kFields) names.emplace_back(e->name);
   return names;
 }
 
-std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
-  std::string known;
-  for (const Entry& e : kFields) {
-    if (config.field == e.name) return e.make(config, domain);
-    known += std::string(known.empty() ? "" : ", ") + e.name;
+const FieldEntry& field_entry(const std::string& name) {
+  for (const FieldEntry* e : kFields) {
+    if (name == e->name) return *e;
   }
-  throw UsageError("unknown field \"" + config.field + "\"" + did_you_mean(config.field, field_names()) +
-                   "; known fields: " + known);
+  throw UsageError("unknown field \"" + name + "\"" + did_you_mean(name, field_names()) +
+                   "; known fields: " + join(field_names()));
+}
+
+bool ignores_key(const FieldEntry& field, const std::string& key) {
+  return !owns(field, key) &&
+         std::any_of(std::begin(kFields), std::end(kFields), [&](const FieldEntry* e) { return owns(*e, key); });
+}
+
+std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
+  return field_entry(config.field).make(config, domain);
 }
 
 std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                         bool training) {
-  // Floats an entry: the value, and for training two moments and a step count (dense Adam is the same state).
-  std::vector<MemoryPart> items;
-  const auto add = [&](const std::string& name, double bytes) {
-    items.push_back({name, static_cast<std::uint64_t>(bytes)});
-  };
-  const auto table = [&](const std::string& what, double entries, int features) {
-    add(what + " features", entries * features * 4.0);
-    if (training) add(what + " optimiser state", entries * (features * 8.0 + 2.0));
-  };
-  if (config.field == "octaoctree") {
-    double entries = 0.0;
-    for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
-      entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
-    }
-    table("octree", entries, config.octree_features);
-    table("disparity grid", entries_of(disparity_grid_options(config)), config.disparity_features);
-  } else {
-    table("hash grid", entries_of(nr_grid_options(config)), config.nr_features);
+  return field_entry(config.field).memory(config, cells_per_level, training);
+}
+
+std::unique_ptr<DeviceField> make_device_field(Stream& stream, RadianceField& field, const Config& config,
+                                               const DeviceFieldOptions& options) {
+  if (options.max_points == 0) throw InputError("a device field needs room for at least one point");
+  for (const FieldEntry* e : kFields) {
+    if (field.name() == e->name && e->make_device != nullptr) return e->make_device(stream, field, config, options);
   }
-  double cells = 0.0;
-  for (const long long n : cells_per_level) cells += static_cast<double>(n);
-  if (cells > 0.0) add("octree cells and index", cells * 28.0);
-  if (training) {
-    // A shaded point with its target, its contributions to the tables (about 40 of 64 cells of a query hold surfaces)
-    // and upstream gradients.
-    const double taps = config.field == "octaoctree"
-                            ? config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0
-                            : config.nr_levels * 8.0;
-    add("batch", config.train_points * (600.0 + taps * 36.0));
-  }
-  return items;
+  throw InputError("the field \"" + field.name() + "\" does not run on a device");
+}
+
+std::vector<MemoryPart> estimate_device_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                               const DeviceFieldOptions& options) {
+  const FieldEntry& field = field_entry(config.field);
+  if (field.device_memory == nullptr) throw InputError("the field \"" + config.field + "\" does not run on a device");
+  return field.device_memory(config, cells_per_level, options);
 }
 
 }  // namespace octrad

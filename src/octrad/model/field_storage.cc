@@ -104,4 +104,18 @@ void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& ad
   read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
 }
 
+void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
+                      bool training) {
+  const auto add = [&](std::string_view of, double bytes) {
+    parts.push_back({what + std::string(of), static_cast<std::uint64_t>(bytes)});
+  };
+  add(kFeaturesPart, entries * features * 4.0);
+  // Floats an entry: two moments, and a step count (dense Adam has the same state).
+  if (training) add(kOptimizerPart, entries * (features * 8.0 + 2.0));
+}
+
+void add_batch_memory(std::vector<MemoryPart>& parts, const Config& config, double taps) {
+  parts.push_back({"batch", static_cast<std::uint64_t>(config.train_points * (600.0 + taps * 36.0))});
+}
+
 }  // namespace octrad

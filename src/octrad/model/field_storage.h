@@ -1,11 +1,14 @@
-// Tensors of the parts that fields are made of (docs/formats.md), and the optimiser step that they share.
+// The parts that fields are made of: their tensors (docs/formats.md), their memory, and the optimiser step that they
+// share.
 #pragma once
 
 #include <algorithm>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "octrad/base/bytes.h"
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/model/config.h"
 #include "octrad/model/safetensors.h"
@@ -48,5 +51,12 @@ void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid&
 // "optimizer.prefix.moments", ".counts", ".count".
 void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
+
+// Memory of a table of features, with its optimiser's state when training: two parts, whose names end with these.
+inline constexpr std::string_view kFeaturesPart = " features", kOptimizerPart = " optimiser state";
+void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
+                      bool training);
+// Memory of a batch: shaded points with their targets, `taps` contributions of each to the tables, and gradients.
+void add_batch_memory(std::vector<MemoryPart>& parts, const Config& config, double taps);
 
 }  // namespace octrad

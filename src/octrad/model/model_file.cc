@@ -7,6 +7,8 @@
 #include "octrad/base/error.h"
 #include "octrad/base/version.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/field_registry.h"
+#include "octrad/model/field_storage.h"
 #include "octrad/model/safetensors.h"
 
 namespace octrad {
@@ -39,6 +41,7 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.seconds = state.at("seconds").get<double>();
     info.state.lhs_samples = state.at("lhs_samples").get<long long>();
     info.state.rhs_queries = state.at("rhs_queries").get<long long>();
+    info.state.loss = state.value("loss", -1.0);  // older files have none
   } catch (const nlohmann::json::exception& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   } catch (const UsageError& e) {
@@ -61,8 +64,8 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   domain.origin = read_vec3(in, "octree.origin");
   domain.size = read_vec3(in, "octree.size");
   if (min_component(domain.size) <= 0.0f) throw InputError(in.file() + ": octree.size must be positive");
-  if (config.field != "octaoctree") return domain;
-  for (int l = 1; l <= config.octree_levels; ++l) {
+  const int levels = field_entry(config.field).cell_levels(config);
+  for (int l = 1; l <= levels; ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".cells";
     const auto t = in.get(name, DType::i32, {-1, 3});
     std::vector<Vec3i> cells(static_cast<std::size_t>(t.shape[0]));
@@ -90,13 +93,36 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   out.metadata("program", std::string("octrad ") + kVersion);
   out.metadata("step", std::to_string(info.state.step));
   out.metadata("seed", std::to_string(config.seed));
-  out.metadata("state", nlohmann::json{{"step", info.state.step},
-                                       {"seconds", info.state.seconds},
-                                       {"lhs_samples", info.state.lhs_samples},
-                                       {"rhs_queries", info.state.rhs_queries}}
-                            .dump());
+  nlohmann::json state = {{"step", info.state.step},
+                          {"seconds", info.state.seconds},
+                          {"lhs_samples", info.state.lhs_samples},
+                          {"rhs_queries", info.state.rhs_queries}};
+  if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
+  out.metadata("state", state.dump());
   field.save(out, optimizer);
   out.write(file);
+}
+
+ModelFileSize model_file_size(const TensorReader& file) {
+  ModelFileSize size;
+  for (const std::string& name : file.names()) {
+    const auto bytes = static_cast<double>(file.get(name).bytes);
+    size.total += bytes;
+    if (name.starts_with("optimizer.")) size.optimizer += bytes;
+    else if (name.ends_with(".features") || name.ends_with(".table")) size.features += bytes;
+  }
+  return size;
+}
+
+ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level) {
+  ModelFileSize size;
+  for (const MemoryPart& part : estimate_memory(config, cells_per_level, true)) {
+    if (part.name.ends_with(kFeaturesPart)) size.features += static_cast<double>(part.bytes);
+    if (part.name.ends_with(kOptimizerPart)) size.optimizer += static_cast<double>(part.bytes);
+  }
+  size.total = size.features + size.optimizer;
+  for (const long long cells : cells_per_level) size.total += static_cast<double>(cells) * sizeof(Vec3i);
+  return size;
 }
 
 ModelInfo read_model_info(const std::string& file) { return info_of(TensorReader(file)); }

@@ -2,14 +2,17 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/model/field_test_helper.h"
 #include "octrad/model/model_file.h"
 
@@ -52,7 +55,8 @@ std::vector<Vec3f> evaluate(const RadianceField& field, std::span<const SurfaceP
 }
 
 class AllFields : public ::testing::TestWithParam<std::string> {};
-INSTANTIATE_TEST_SUITE_P(Registry, AllFields, ::testing::ValuesIn(field_names()));
+INSTANTIATE_TEST_SUITE_P(Registry, AllFields, ::testing::ValuesIn(field_names()),
+                         [](const auto& field) { return field.param; });
 
 TEST_P(AllFields, LearnsAPattern) {
   const auto field = make_field(small_config(GetParam()), shell(3));
@@ -129,8 +133,33 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
   for (const Vec3f& v : evaluate(*field, points)) EXPECT_TRUE(is_finite(v));
 }
 
-TEST_P(AllFields, EveryRateMovesItsOwnParts) {
-  testing::check_rates(small_config(GetParam()), 3, [](RadianceField& field, const Config&) { train_steps(field, 1); });
+// With one learning rate above 0, a step changes a trained field unless the rate is another field's own.
+TEST_P(AllFields, EveryRateThatTheFieldHasTrains) {
+  const auto points = random_points(64, 5);
+  const std::string file = temporary("rates.octrad");
+  const auto trained = make_field(small_config(GetParam()), shell(3));
+  train_steps(*trained, 20);
+  for (const std::string rate : {"features", "networks", "grids", "none"}) {
+    Config config = small_config(GetParam());
+    for (const std::string other : {"features", "networks", "grids"})
+      set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
+    ModelInfo info;
+    info.config = config;
+    save_model(file, *trained, info, false);
+    const auto field = load_model(file).field;
+    const std::vector<Vec3f> before = evaluate(*field, points);
+    train_steps(*field, 1);
+    const bool trains = rate != "none" && !ignores_key(field_entry(GetParam()), "adam.rate." + rate);
+    EXPECT_EQ(evaluate(*field, points) != before, trains) << rate;
+  }
+  std::filesystem::remove(file);
+}
+
+TEST(Fields, EveryRateMovesItsOwnParts) {
+  for (const char* name : {"octaoctree", "nr"}) {
+    SCOPED_TRACE(name);
+    testing::check_rates(small_config(name), 3, [](RadianceField& field, const Config&) { train_steps(field, 1); });
+  }
 }
 
 // Switches of the method that must train and that must change the result.
@@ -199,6 +228,46 @@ TEST(ModelFile, RefusesBrokenFiles) {
     std::filesystem::remove(copy);
   }
   std::filesystem::remove(file);
+}
+
+// Every key that the field is said to ignore is set to another value; training must not notice.
+TEST_P(AllFields, KeysOfOtherFieldsChangeNothing) {
+  const Config config = small_config(GetParam());
+  const auto points = random_points(64, 4);
+  const auto trained = [&](const Config& c) {
+    const auto field = make_field(c, shell(3));
+    train_steps(*field, 2);
+    return evaluate(*field, points);
+  };
+  const std::vector<Vec3f> expected = trained(config);
+  for (const ConfigKey& key : describe(config)) {
+    Config changed = config;
+    std::istringstream words(key.accepted + " 11 17 2.5");
+    for (std::string word; get(changed, key.key) == key.value && words >> word;) {
+      try {
+        set(changed, key.key, word);
+      } catch (const UsageError&) {
+      }
+    }
+    if (key.key == "field" || key.key == "preset") continue;
+    if (ignores_key(field_entry(GetParam()), key.key)) {
+      EXPECT_NE(get(changed, key.key), key.value) << key.key;
+      EXPECT_TRUE(trained(changed) == expected) << key.key;
+    }
+  }
+}
+
+TEST(Registry, OwnKeysAreKeys) {
+  for (const FieldEntry* field : field_entries()) {
+    for (const std::string_view begin : field->own_keys) {
+      const std::vector<ConfigKey> keys = describe(Config{});
+      EXPECT_TRUE(std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.key.rfind(begin, 0) == 0; }))
+          << field->name << ": " << begin;
+    }
+  }
+  EXPECT_TRUE(ignores_key(field_entry("nr"), "octree.levels"));
+  EXPECT_FALSE(ignores_key(field_entry("octaoctree"), "octree.levels"));
+  EXPECT_FALSE(ignores_key(field_entry("nr"), "train.points"));
 }
 
 TEST(Registry, UnknownFieldIsRefusedWithASuggestion) {

@@ -9,7 +9,31 @@ namespace {
 
 constexpr int kChunk = 128;
 
+constexpr std::string_view kOwnKeys[] = {"nr."};
+
+std::vector<MemoryPart> nr_memory(const Config& config, const std::vector<long long>&, bool training) {
+  std::vector<MemoryPart> parts;
+  add_table_memory(parts, "hash grid", static_cast<double>(hash_grid_entries(nr_grid_options(config))),
+                   config.nr_features, training);
+  if (training) add_batch_memory(parts, config, config.nr_levels * 8.0);
+  return parts;
+}
+
 }  // namespace
+
+constinit const FieldEntry kNrField = {
+    .name = "nr",
+    .title = "Neural Radiosity (a hash grid)",
+    .own_keys = kOwnKeys,
+    .cell_levels = [](const Config&) { return 0; },
+    .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
+      return std::make_unique<NrField>(config, domain);
+    },
+    .memory = nr_memory,
+    .make_device = make_device_nr,
+    .device_memory = device_nr_memory,
+    .smaller = [](const Config&) { return std::vector<std::pair<std::string, std::string>>{}; },
+};
 
 HashGridOptions nr_grid_options(const Config& config) {
   return {config.nr_levels, config.nr_features, config.nr_log2_table, config.nr_base, config.nr_scale};

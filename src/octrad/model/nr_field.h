@@ -1,13 +1,13 @@
 // Neural Radiosity (Hadadan et al. 2021) as the paper's authors ran it (method section 9): a hash grid over position
-// and a decoder. The comparison for everything that the OctaOctree claims.
+// and a decoder. The baseline for the OctaOctree.
 #pragma once
 
 #include <memory>
 
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/model/decoder_head.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/model/field_storage.h"
-#include "octrad/model/radiance_field.h"
 
 namespace octrad {
 
@@ -51,5 +51,11 @@ class NrField : public RadianceField {
   std::unique_ptr<SparseAdam> grid_adam_;
   std::vector<float> upstream_;  // [point][level][feature]
 };
+
+extern const FieldEntry kNrField;
+std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field, const Config& config,
+                                            const DeviceFieldOptions& options);
+std::vector<MemoryPart> device_nr_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                         const DeviceFieldOptions& options);
 
 }  // namespace octrad

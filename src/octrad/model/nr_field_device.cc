@@ -67,7 +67,8 @@ std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field
   return std::make_unique<DeviceNrField>(stream, dynamic_cast<NrField&>(field), config, options);
 }
 
-std::vector<MemoryPart> device_nr_memory(const Config& config, const DeviceFieldOptions& options) {
+std::vector<MemoryPart> device_nr_memory(const Config& config, const std::vector<long long>&,
+                                         const DeviceFieldOptions& options) {
   using Base = DeviceFieldBase;
   std::vector<MemoryPart> parts = Base::decoder_memory(
       {config.nr_levels * config.nr_features + kPointInputs, config.nr_width, config.nr_hidden, 3}, options);

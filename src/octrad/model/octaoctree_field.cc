@@ -17,11 +17,54 @@ OctaOctreeOptions octree_options(const Config& config) {
           config.octa_interpolation == OctaInterpolation::barycentric};
 }
 
+constexpr std::string_view kOwnKeys[] = {
+    "octree.levels",    "octree.features", "octree.occupancy",       "octree.interpolation", "octa.",
+    "lookup.direction", "lookup.offset",   "lookup.rough_direction", "disparity.",           "decoder.width",
+    "decoder.hidden",   "decoder.output",  "adam.rate.features"};
+
+std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                          bool training) {
+  std::vector<MemoryPart> parts;
+  double entries = 0.0, cells = 0.0;
+  for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
+    entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
+    cells += static_cast<double>(cells_per_level[l]);
+  }
+  add_table_memory(parts, "octree", entries, config.octree_features, training);
+  add_table_memory(parts, "disparity grid", static_cast<double>(hash_grid_entries(disparity_grid_options(config))),
+                   config.disparity_features, training);
+  parts.push_back({"octree cells and index", static_cast<std::uint64_t>(cells * 28.0)});
+  // About 40 of the 64 cells of a query hold surfaces.
+  if (training) add_batch_memory(parts, config, config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0);
+  return parts;
+}
+
+std::vector<std::pair<std::string, std::string>> smaller_octaoctrees(const Config& config) {
+  std::vector<std::pair<std::string, std::string>> changes;
+  if (config.octree_levels > 1) changes.emplace_back("octree.levels", std::to_string(config.octree_levels - 1));
+  if (config.octree_features > 2) changes.emplace_back("octree.features", std::to_string(config.octree_features / 2));
+  return changes;
+}
+
 float* row(std::vector<float>& rows, int r, int stride) {
   return rows.data() + static_cast<std::ptrdiff_t>(r) * stride;
 }
 
 }  // namespace
+
+constinit const FieldEntry kOctaOctreeField = {
+    .name = "octaoctree",
+    .title = "OctaOctree",
+    .own_keys = kOwnKeys,
+    .cell_levels = [](const Config& config) { return config.octree_levels; },
+    .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
+      return std::make_unique<OctaOctreeField>(config, domain);
+    },
+    .memory = octaoctree_memory,
+    .make_device = make_device_octaoctree,
+    .device_memory = device_octaoctree_memory,
+    .smaller = smaller_octaoctrees,
+};
 
 HashGridOptions disparity_grid_options(const Config& config) {
   return {config.disparity_levels, config.disparity_features, config.disparity_log2_table, config.disparity_base,

@@ -1,5 +1,5 @@
 // A learned approximation of outgoing radiance (method section 6). Trainers, integrators and the command line see
-// fields only through this interface; each field is one .cc and one line in field_registry.cc.
+// fields only through this interface and what field_registry.h lists of each.
 #pragma once
 
 #include <memory>
@@ -14,11 +14,10 @@
 
 namespace octrad {
 
-// What a field needs to know of the scene: where surfaces are.
+// What a field needs of the scene: its box and the cells that hold surfaces.
 struct FieldDomain {
-  Vec3f origin, size;  // box of normalised positions, world units
-  std::vector<std::vector<Vec3i>>
-      occupied_cells;  // per level 1..K in Morton order (empty for fields without an octree)
+  Vec3f origin, size;                              // box of normalised positions, world units
+  std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
 };
 
 struct FieldStep {
@@ -48,7 +47,7 @@ class RadianceField {
   virtual Vec3f normalized(Vec3f x) const = 0;
   virtual int feature_count() const = 0;
   virtual int levels() const = 0;
-  virtual bool predicts_disparity() const { return false; }
+  virtual bool uses_disparity() const { return false; }  // look-ups take a disparity; otherwise inspect() gives 0
   // Occupied cells of each level, for estimate_memory() (none for fields without an octree).
   virtual std::vector<long long> cells_per_level() const { return {}; }
   // Encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0 for fields that predict none).

@@ -21,7 +21,7 @@ class TensorWriter {
   void add(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
   // Copies, for small or temporary tensors.
   void add_copy(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
-  // Writes to `file`.tmp, syncs and renames: the old file survives any failure. Throws IoError.
+  // Writes a new file, syncs and renames: the old file survives any failure. Throws IoError.
   void write(const std::string& file) const;
 
  private:

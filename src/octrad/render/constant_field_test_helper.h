@@ -19,7 +19,7 @@ class ConstantField : public RadianceField {
   float target_scale() const override { return 1.0f; }
   Vec3f normalized(Vec3f x) const override { return x * 0.4f + Vec3f(0.5f); }
   int feature_count() const override { return 8; }
-  bool predicts_disparity() const override { return true; }
+  bool uses_disparity() const override { return true; }
   int levels() const override { return 2; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override {

@@ -16,7 +16,7 @@ OCTRAD_HD inline PixelSample load_sample(const SamplePlanes& samples, std::size_
 
 // A thread gathers the samples that count for its pixel.
 struct Gather : Kernel {
-  static constexpr unsigned kMinBlocks = 6;  // 70 registers: nothing spills
+  [[maybe_unused]] static constexpr unsigned kMinBlocks = 6;  // 70 registers: nothing spills
   const CameraJob* job;
   SamplePlanes samples;
   double* sums;

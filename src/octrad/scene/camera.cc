@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/scene/source.h"
 #include "octrad/scene/transform.h"
 

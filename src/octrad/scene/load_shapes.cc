@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 
 namespace octrad {

@@ -14,7 +14,8 @@ namespace octrad {
   X(conductor, ConductorModel, false)           \
   X(roughconductor, RoughConductorModel, false) \
   X(dielectric, DielectricModel, true)          \
-  X(thindielectric, ThinDielectricModel, true)
+  X(thindielectric, ThinDielectricModel, true)  \
+  /* more models: at the end, for fingerprints of scenes hold the number */
 
 #define OCTRAD_NAME(name, Model, transmits) name,
 enum class BsdfType { OCTRAD_BSDF_LIST(OCTRAD_NAME) };
@@ -26,7 +27,8 @@ enum class BsdfType { OCTRAD_BSDF_LIST(OCTRAD_NAME) };
   X(specular_reflectance)        \
   X(specular_transmittance)      \
   X(alpha_u)                     \
-  X(alpha_v)
+  X(alpha_v)                     \
+  /* more parameters */
 
 enum class MicrofacetDistribution { beckmann, ggx };
 

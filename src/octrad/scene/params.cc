@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 
 namespace octrad {
 namespace {

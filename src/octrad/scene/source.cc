@@ -45,10 +45,4 @@ std::string read_file(const std::string& path) {
   return text;
 }
 
-std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string result;
-  for (const std::string& word : words) result += (result.empty() ? "" : separator) + word;
-  return result;
-}
-
 }  // namespace octrad

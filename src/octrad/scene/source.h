@@ -1,4 +1,4 @@
-// Where something stands in an input file, and errors that say so.
+// Locations in an input file (line, column), and errors that name them.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace octrad {
 
-// A text file in memory that can tell line and column of a byte offset.
+// A text file in memory, with line and column of a byte offset.
 class SourceFile {
  public:
   SourceFile(std::string name, std::string text);
@@ -34,8 +34,5 @@ struct Location {
 
 // The whole file as bytes. Throws IoError naming the file.
 std::string read_file(const std::string& path);
-
-// "a, b, c".
-std::string join(const std::vector<std::string>& words, const std::string& separator = ", ");
 
 }  // namespace octrad

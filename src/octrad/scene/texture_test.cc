@@ -152,8 +152,8 @@ class TextureTest : public ::testing::Test {
     for (std::size_t i = 0; i < 18; ++i)
       bytes.data[i] = static_cast<std::uint8_t>(std::lround(std::nearbyint(kPixels[i] * 255.0f)));
     for (std::size_t i = 0; i < 6; ++i) grey.data[i] = bytes.data[3 * i];
-    write_png(folder_.file("t.png"), bytes);
-    write_png(folder_.file("g.png"), grey);
+    write_image(folder_.file("t.png"), bytes);
+    write_image(folder_.file("g.png"), grey);
   }
 
   // Loads a <texture> both as a colour and as a scalar.

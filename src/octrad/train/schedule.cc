@@ -24,4 +24,15 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
   return s;
 }
 
+double spent_budget(const Config& config, const TrainingState& state) {
+  if (config.train_steps > 0) return std::min(1.0, static_cast<double>(state.step) / config.train_steps);
+  return std::min(1.0, state.seconds / std::max(1e-9, config.train_seconds));
+}
+
+double smoothed_loss(double smoothed, double loss, long long step) {
+  if (smoothed < 0.0) return loss;
+  const long long window = std::min(step + 1, std::clamp(step / 10, 50LL, 500LL));
+  return smoothed + (loss - smoothed) / static_cast<double>(window);
+}
+
 }  // namespace octrad

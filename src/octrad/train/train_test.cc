@@ -60,12 +60,39 @@ TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
   EXPECT_NEAR(schedule(config, 100000, 1.0).rate_scale, 0.02, 1e-9);
 }
 
+TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {
+  EXPECT_EQ(smoothed_loss(-1.0, 3.0, 0), 3.0);
+  double smoothed = -1.0;
+  for (int i = 0; i < 50; ++i) smoothed = smoothed_loss(smoothed, i, i);
+  EXPECT_NEAR(smoothed, 24.5, 1e-9);  // of the first 50 steps, all
+  // A loss that falls from 1 to 0 at some step has left the mean to 1 / e a tenth later.
+  for (const long long step : {1000LL, 4000LL, 100000LL}) {
+    double after = 1.0;
+    const long long window = std::min(500LL, step / 10);
+    for (long long i = 0; i < window; ++i) after = smoothed_loss(after, 0.0, step + i);
+    EXPECT_NEAR(after, std::exp(-1.0), 0.03) << step;
+  }
+}
+
+TEST(Schedule, SpentBudget) {
+  Config config = preset("cpu");
+  TrainingState state;
+  state.step = 30;
+  state.seconds = 60.0;
+  config.train_seconds = 240.0;
+  EXPECT_DOUBLE_EQ(spent_budget(config, state), 0.25);
+  config.train_steps = 60;
+  EXPECT_DOUBLE_EQ(spent_budget(config, state), 0.5);
+  config.train_steps = 20;
+  EXPECT_EQ(spent_budget(config, state), 1.0);
+}
+
 TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
   Box box;
   const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
   TrainOptions options;
   options.output = whole;
-  train(box.scene, short_run(12), options);
+  const double loss = train(box.scene, short_run(12), options).loss;
 
   options.output = broken;
   int steps = 0;
@@ -78,6 +105,7 @@ TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
   options.resume = &model;
   const TrainResult result = train(box.scene, model.info.config, options);
   EXPECT_EQ(result.steps, 12);
+  EXPECT_EQ(result.loss, loss);  // its smoothing continues too
   expect_same_tensors(whole, broken);
   std::filesystem::remove(whole);
   std::filesystem::remove(broken);
@@ -109,6 +137,15 @@ TEST(Train, OverBudgetRequestsNameTheKnobs) {
     FAIL() << "a megabyte was enough";
   } catch (const MemoryError& e) {
     for (const char* word : {"octree.levels=4", "octree.features=2", "--max-memory"})
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+  }
+  options.max_memory = 1e9;
+  options.used_memory = 1e9;
+  try {
+    train(box.scene, config, options);
+    FAIL() << "nothing was left";
+  } catch (const MemoryError& e) {
+    for (const char* word : {"the budget is 953.7 MiB", "953.7 MiB  the program and the scene"})
       EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
   }
 }
@@ -161,6 +198,7 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
     ++reports;
     EXPECT_EQ(p.steps, 5);
     EXPECT_GT(p.points_per_second, 0.0);
+    EXPECT_GT(p.loss, 0.0);
   };
   const TrainResult result = train(box.scene, short_run(5), options);
   EXPECT_GE(reports, 1);
@@ -171,10 +209,10 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
   EXPECT_NEAR(train(box.scene, short_run(5), options).validation_mape, 1.0, 1e-4);
 }
 
-TEST(Train, BothFieldsAndAllPresetsTakeAStep) {
+TEST(Train, AllFieldsAndPresetsTakeAStep) {
   Box box;
   for (const char* name : {"paper", "default", "cpu"}) {
-    for (const char* field : {"octaoctree", "nr"}) {
+    for (const std::string& field : field_names()) {
       Config config = preset(name);
       config.field = field;
       config.octree_levels = 3;  // the full size is a matter of memory only

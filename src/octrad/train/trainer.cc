@@ -1,5 +1,7 @@
 #include "octrad/train/trainer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -8,8 +10,8 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
-#include "octrad/encoding/octaoctree.h"
 #include "octrad/geometry/voxelize.h"
+#include "octrad/model/field_registry.h"
 #include "octrad/train/device_engine.h"
 #include "octrad/train/validation.h"
 
@@ -31,7 +33,7 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
   return counts;
 }
 
-// What training allocates before anything is: on the device where there is one.
+// Estimate of what training will allocate: on the device where there is one.
 using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
 
 MemoryEstimate memory_estimate(const TrainOptions& options) {
@@ -45,35 +47,28 @@ MemoryEstimate memory_estimate(const TrainOptions& options) {
   };
 }
 
-// Returns the estimate. Throws MemoryError when it is above `limit` (0: none), with advice unless the run continues
-// another, whose sizes are fixed.
-double check_memory(const MemoryEstimate& estimate, const Config& config, const std::vector<long long>& cells,
-                    double limit, bool continues) {
-  const std::vector<MemoryPart> parts = estimate(config, cells);
+// Returns the estimate. Throws MemoryError when it and what is taken already are above the limit, with advice unless
+// the run continues another, whose sizes are fixed.
+double check_memory(const TrainOptions& options, const Config& config, const std::vector<long long>& cells) {
+  const MemoryEstimate estimate = memory_estimate(options);
+  std::vector<MemoryPart> parts = estimate(config, cells);
+  const double bytes = total_bytes(parts);
+  parts.push_back({"the program and the scene, in memory already", static_cast<std::uint64_t>(options.used_memory)});
   std::string advice;
-  const auto saving = [&](const std::string& knob, const Config& changed, const std::vector<long long>& changed_cells) {
-    advice += (advice.empty() ? "" : "; ") + knob + " would need " +
-              format_bytes(total_bytes(estimate(changed, changed_cells)));
-  };
-  if (config.field == "octaoctree" && config.octree_levels > 1) {
-    Config fewer = config;
-    --fewer.octree_levels;
-    std::vector<long long> coarser(cells.begin(), cells.end() - 1);
-    saving("octree.levels=" + std::to_string(fewer.octree_levels), fewer, coarser);
+  auto changes = field_entry(config.field).smaller(config);
+  if (config.train_points > 1024) changes.emplace_back("train.points", std::to_string(config.train_points / 2));
+  for (const auto& [key, value] : changes) {
+    Config changed = config;
+    set(changed, key, value);
+    std::vector<long long> fewer = cells;
+    fewer.resize(std::min(cells.size(), static_cast<std::size_t>(field_entry(config.field).cell_levels(changed))));
+    advice += fmt::format("{}{}={} would need {}", advice.empty() ? "" : "; ", key, value,
+                          format_bytes(options.used_memory + total_bytes(estimate(changed, fewer))));
   }
-  if (config.field == "octaoctree" && config.octree_features > 2) {
-    Config narrower = config;
-    narrower.octree_features /= 2;
-    saving("octree.features=" + std::to_string(narrower.octree_features), narrower, cells);
-  }
-  if (config.train_points > 1024) {
-    Config smaller = config;
-    smaller.train_points /= 2;
-    saving("train.points=" + std::to_string(smaller.train_points), smaller, cells);
-  }
-  if (continues) advice = "a run that continues keeps the sizes of its model";
-  require_memory(static_cast<std::uint64_t>(std::max(0.0, limit)), "training (beside the scene)", parts, advice);
-  return total_bytes(parts);
+  if (options.resume) advice = "a run that continues keeps the sizes of its model";
+  require_memory(static_cast<std::uint64_t>(std::max(0.0, options.max_memory)),
+                 options.stream ? "training (beside the scene)" : "training", parts, advice);
+  return bytes;
 }
 
 // One training run: everything that lives from the first step to the last.
@@ -88,10 +83,10 @@ class Run {
     if (options.resume) {
       field = std::move(options.resume->field);
       state_ = options.resume->info.state;
-      bytes_ = check_memory(memory_estimate(options), config, field->cells_per_level(), options.max_memory, true);
+      bytes_ = check_memory(options, config, field->cells_per_level());
     } else {
       const FieldDomain domain = field_domain(scene.scene(), config);
-      bytes_ = check_memory(memory_estimate(options), config, cell_counts(domain), options.max_memory, false);
+      bytes_ = check_memory(options, config, cell_counts(domain));
       field = make_field(config, domain);
       field->set_target_scale(
           static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
@@ -112,7 +107,7 @@ class Run {
 
  private:
   void checkpoint(bool optimizer);
-  double fraction() const;
+  double fraction() const { return spent_budget(config_, state_); }
   void settle();
   [[noreturn]] void stop_non_finite(long long step, const std::string& why);
 
@@ -125,15 +120,9 @@ class Run {
   double bytes_ = 0.0;
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
-  double smoothed_ = -1.0;               // loss; below 0 before the first step
   long long non_finite_ = 0;             // gradients dropped
-  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped; they cost light, not stability
+  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped, which darkens targets
 };
-
-double Run::fraction() const {
-  if (config_.train_steps > 0) return std::min(1.0, static_cast<double>(state_.step) / config_.train_steps);
-  return std::min(1.0, state_.seconds / std::max(1e-9, config_.train_seconds));
-}
 
 void Run::checkpoint(bool optimizer) {
   if (options_.output.empty()) return;
@@ -155,7 +144,7 @@ void Run::settle() {
   long long step = state_.step - static_cast<long long>(report.losses.size());
   for (const double loss : report.losses) {
     if (!std::isfinite(loss)) stop_non_finite(step, "the loss is not finite");
-    smoothed_ = smoothed_ < 0.0 ? loss : smoothed_ + (loss - smoothed_) * 0.02;
+    state_.loss = smoothed_loss(state_.loss, loss, step);
     ++step;
   }
   if (non_finite_ > config_.adam_max_non_finite) {
@@ -188,13 +177,13 @@ TrainResult Run::go() {
   start_ = Clock::now();
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
-  // A GPU answers in no time, and learns fast.
+  // A GPU is quick to query and to train: validate often.
   const double between_validations =
       options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
   double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
          next_validation = std::min(5.0, between_validations);
   double mape = -1.0;
-  int waiting = 0;  // steps asked for and not yet reported
+  int waiting = 0;  // steps launched and not yet collected
   while (fraction() < 1.0) {
     if (options_.interrupted && options_.interrupted()) {
       result.interrupted = true;
@@ -212,6 +201,7 @@ TrainResult Run::go() {
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
       mape = validation_->mape(*engine_);
+      if (options_.validated) options_.validated(state_.step, state_.seconds, mape);
       next_validation = seconds_since(start_) + between_validations;
     }
     if (options_.progress && seconds >= next_progress) {
@@ -220,7 +210,7 @@ TrainResult Run::go() {
       p.steps = config_.train_steps;
       p.seconds = state_.seconds;
       p.fraction = fraction();
-      p.loss = smoothed_;
+      p.loss = state_.loss;
       p.validation_mape = mape;
       p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries) / seconds;
       p.points_per_second = static_cast<double>(state_.step - first_step) * s.points / seconds;
@@ -240,7 +230,7 @@ TrainResult Run::go() {
   result.seconds = state_.seconds;
   result.lhs_samples = state_.lhs_samples;
   result.rhs_queries = state_.rhs_queries;
-  result.loss = std::max(0.0, smoothed_);
+  result.loss = state_.loss;
   result.dropped_contributions = dropped_contributions_;
   result.stages = engine_->stages();
   result.field = engine_->release_field();
@@ -252,11 +242,10 @@ TrainResult Run::go() {
 FieldDomain field_domain(const Scene& scene, const Config& config) {
   const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
   FieldDomain domain{box.origin, box.size, {}};
-  if (config.field == "octaoctree") {
-    domain.occupied_cells =
-        config.octree_occupancy == OctreeOccupancy::sampled
-            ? sampled_cells(scene, box, config.octree_levels, static_cast<unsigned long long>(config.seed))
-            : occupied_cells(scene, box, config.octree_levels);
+  if (const int levels = field_entry(config.field).cell_levels(config); levels > 0) {
+    domain.occupied_cells = config.octree_occupancy == OctreeOccupancy::sampled
+                                ? sampled_cells(scene, box, levels, static_cast<unsigned long long>(config.seed))
+                                : occupied_cells(scene, box, levels);
   }
   return domain;
 }

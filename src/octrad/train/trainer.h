@@ -19,7 +19,7 @@ struct TrainProgress {
   long long step = 0, steps = 0;    // steps: 0 when the run is bounded by time
   double seconds = 0.0;             // of training so far
   double fraction = 0.0;            // of the budget
-  double loss = 0.0;                // smoothed over about 50 steps
+  double loss = 0.0;                // smoothed: see smoothed_loss()
   double validation_mape = -1.0;    // latest; -1 before the first or without a reference
   double queries_per_second = 0.0;  // right-hand-side cache queries
   double points_per_second = 0.0;
@@ -31,12 +31,14 @@ struct TrainOptions {
   bool save_optimizer = true;        // in the final file (checkpoints always have it)
   const Image* reference = nullptr;  // of the scene's first camera, any resolution
   double max_memory = 0.0;           // bytes of the device (or of the computer, without one); 0: no limit
+  double used_memory = 0.0;          // of them, taken already: by the program and the scene
   Stream* stream = nullptr;          // where to train; null: on the CPU
   bool deterministic = false;        // on a device: the same bits every time, at a cost (the CPU always is)
   std::vector<Camera> cameras;       // poses in addition to the scene's
   Model* resume = nullptr;           // continue this model (its field is moved from)
   std::function<bool()> interrupted;
-  std::function<void(const TrainProgress&)> progress;  // several times a second
+  std::function<void(const TrainProgress&)> progress;                          // several times a second
+  std::function<void(long long step, double seconds, double mape)> validated;  // each time it is measured
   std::function<void(const std::string& file, long long step)> saved;
 };
 
@@ -44,7 +46,7 @@ struct TrainResult {
   long long steps = 0;
   double seconds = 0.0;
   long long lhs_samples = 0, rhs_queries = 0;
-  double loss = 0.0;
+  double loss = -1.0;                   // smoothed; below 0 if there was no step
   long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
   StageSplit stages;              // mean milliseconds of a step's stages; empty on the CPU and for very short runs
   double validation_mape = -1.0;  // of the finished model against the reference
@@ -65,5 +67,12 @@ struct ScheduleState {
   double epsilon = 0.0, rate_scale = 1.0;
 };
 ScheduleState schedule(const Config& config, long long step, double fraction);
+
+// Share of the budget that is spent, in [0, 1]: of train.steps, or of train.time where that is 0.
+double spent_budget(const Config& config, const TrainingState& state);
+
+// The loss of step number `step` (from 0) joined to the smoothed loss of those before it (below 0: none): a mean over
+// about the last tenth of the steps, at least 50 and at most 500.
+double smoothed_loss(double smoothed, double loss, long long step);
 
 }  // namespace octrad

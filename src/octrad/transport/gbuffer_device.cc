@@ -1,8 +1,203 @@
-#include "octrad/shading/device_world.h"
-#include "octrad/transport/gbuffer_kernels.h"
+// Kernels and driver of DeviceGBuffer.
+#include "octrad/transport/gbuffer_device.h"
+
+#include <algorithm>
+
+#include "octrad/device/launch.h"
+#include "octrad/transport/cast.h"
 
 namespace octrad {
+namespace gbuffer_kernels {
 
-template class GBufferOn<DeviceWorld>;
+struct Memory {
+  const CameraJob* job;
+  TraceCounts* counts;
+  SamplePlanes samples;
+  Hit* hits;              // of samples
+  std::uint32_t* chains;  // samples
+  SurfacePointArray queries;
+  FloatPlanes query_weight;
+  std::uint32_t* query_owner;  // samples
+  FloatPlanes normals;         // geometric, of the queries; only for traced disparity
+  ShadingPoint* bounce_points;
+  unsigned long long* bounce_keys;
+  FloatPlanes bounce_weight;
+  std::uint32_t* bounce_owner;
+  std::uint32_t* chain_count;
+  std::uint32_t* query_count;
+  std::uint32_t* bounce_count;
+};
+
+struct Extend : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return memory.job->size(); }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t k) const {
+    const Ray ray = memory.job->sample(k).ray;
+    return {ray.origin, ray.direction, ray.t_max};
+  }
+  OCTRAD_HD void met(std::uint32_t k, const Hit& hit) const { memory.hits[k] = hit; }
+};
+
+// The ray of sample `k` has ended.
+OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, const RayEnd& end,
+                             const FirstHit& first, Rng& rng) {
+  const FirstHitQuery query = first_hit_query(options, end, rng);
+  memory.samples.set_radiance(k, query.known);
+  memory.samples.set_first(k, first);
+  if (query.next == FirstHitQuery::Next::nothing) return;
+  if (query.next == FirstHitQuery::Next::bounce) {
+    const std::uint32_t b = atomic_append(memory.bounce_count);
+    memory.bounce_points[b] = end.point;
+    memory.bounce_keys[b] = query.key;
+    memory.bounce_weight.set3(0, b, end.throughput);
+    memory.bounce_owner[b] = k;
+    return;
+  }
+  const std::uint32_t q = atomic_append(memory.query_count);
+  memory.queries.store(q, surface_point(end.point));
+  if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
+  memory.query_weight.set3(0, q, end.throughput);
+  memory.query_owner[q] = k;
+}
+
+// As rhs_kernels::Arrive.
+template <bool kChain>
+struct Arrive : Kernel {
+  static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
+  DeviceWorld world;
+  Memory memory;
+  FirstHitOptions options;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const CameraJob& job = *memory.job;
+    if (i >= (kChain ? *memory.chain_count : job.size())) return;
+    const std::uint32_t k = kChain ? memory.chains[i] : i;
+    CameraSample sample = job.sample(k);
+    Segment segment = first_segment(sample.ray.origin, nullptr, sample.ray.direction, sample.ray.t_max);
+    RayEnd end;
+    FirstHit first;
+    if constexpr (kChain) {
+      follow_from(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_delta, options.max_chain,
+                  segment, end, &first);
+      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
+    } else {
+      if (follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_delta, segment, end,
+                     &first)) {
+        memory.chains[atomic_append(memory.chain_count)] = k;
+        return;
+      }
+    }
+    finish(memory, options, k, end, first, sample.rng);
+  }
+};
+
+struct Disparity : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  OCTRAD_HD void operator()(std::uint32_t q) const {
+    if (q >= *memory.query_count) return;
+    if (q == 0) memory.counts->rays += *memory.query_count;
+    const float disparity = traced_disparity(world, memory.queries.load(q), memory.normals.get3(0, q));
+    memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
+  }
+};
+
+// A sample has one query or one bounce point at most.
+struct Add : Kernel {
+  SamplePlanes samples;
+  FloatPlanes weight;
+  const std::uint32_t* owner;
+  const std::uint32_t* count;
+  const Vec3f* values;
+  unsigned long long* total;  // count is added to it; may be null
+  OCTRAD_HD void operator()(std::uint32_t q) const {
+    if (q >= *count) return;
+    if (q == 0 && total) *total += *count;
+    const std::uint32_t k = owner[q];
+    samples.set_radiance(k, samples.radiance(k) + weight.get3(0, q) * values[q]);
+  }
+};
+
+}  // namespace gbuffer_kernels
+
+using namespace gbuffer_kernels;
+
+DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces,
+                             bool traced_disparity)
+    : stream_(&stream),
+      world_(world),
+      capacity_(capacity),
+      traced_(traced_disparity),
+      job_(stream, 1, "the camera"),
+      counts_(stream, 1, "counts of rays"),
+      sizes_(stream, kSizes, "sizes of queues"),
+      chains_(stream, capacity, "camera rays"),
+      query_owner_(stream, capacity, "queries"),
+      bounce_owner_(stream, bounces ? capacity : 0, "right-hand-side points"),
+      hits_(stream, capacity, "hits of camera rays"),
+      bounce_points_(stream, bounces ? capacity : 0, "right-hand-side points"),
+      bounce_keys_(stream, bounces ? capacity : 0, "right-hand-side points"),
+      samples_(stream, kSampleNumbers, capacity, "samples"),
+      queries_(stream, kSurfacePointNumbers, capacity, "queries"),
+      query_weight_(stream, 3, capacity, "queries"),
+      bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
+      normals_(traced_disparity ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()) {
+  counts_.fill(0);
+}
+
+std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, bool traced_disparity) {
+  const std::size_t numbers = static_cast<std::size_t>(kSampleNumbers + kSurfacePointNumbers + 3 + (bounces ? 3 : 0) +
+                                                       (traced_disparity ? 3 : 0));
+  return capacity * (numbers * sizeof(float) + sizeof(Hit) + 2 * sizeof(std::uint32_t) +
+                     (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0));
+}
+
+void DeviceGBuffer::set(const CameraJob& job) { job_.upload(std::span<const CameraJob>(&job, 1)); }
+
+void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
+  const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
+  std::uint32_t* sizes = sizes_.data();
+  const Memory memory{job_.data(),          counts_.data(),        {samples_.planes()},    hits_.data(),
+                      chains_.data(),       queries_.points(),     query_weight_.planes(), query_owner_.data(),
+                      normals_.planes(),    bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(),
+                      bounce_owner_.data(), sizes + kChains,       sizes + kQueries,       sizes + kBounces};
+  FirstHitOptions checked = options;
+  if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
+  sizes_.fill(0);
+  cast(*stream_, n, Extend{{}, world_, memory});
+  launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
+  launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
+  if (traced_) launch(*stream_, n, Disparity{{}, world_, memory});
+}
+
+void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {
+  const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
+  std::uint32_t* sizes = sizes_.data();
+  if (responses) {
+    launch(*stream_, n,
+           Add{{},
+               {samples_.planes()},
+               query_weight_.planes(),
+               query_owner_.data(),
+               sizes + kQueries,
+               responses,
+               &counts_.data()->queries});
+  }
+  if (right_hand_sides) {
+    launch(*stream_, n,
+           Add{{},
+               {samples_.planes()},
+               bounce_weight_.planes(),
+               bounce_owner_.data(),
+               sizes + kBounces,
+               right_hand_sides,
+               nullptr});
+  }
+}
+
+TraceCounts DeviceGBuffer::take_counts() { return octrad::take_counts(counts_); }
 
 }  // namespace octrad

@@ -1,25 +1,23 @@
 // What the samples of a picture see first, on a Stream: queries for a radiance field, and where asked for points to
-// estimate the right-hand side at; afterwards the answers are added up (render/cache_integrators.cc does the same on the
-// CPU).
+// estimate the right-hand side at; afterwards the responses are added up (render/cache_integrators.cc does the same on
+// the CPU).
 #pragma once
 
 #include "octrad/base/surface_point.h"
+#include "octrad/shading/device_world.h"
 #include "octrad/transport/camera_job.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/first_hit_math.h"
 
 namespace octrad {
 
-struct DeviceWorld;
-
 // Everything is allocated by the constructor; run() and add() can be recorded.
-template <typename World>
-class GBufferOn {
+class DeviceGBuffer {
  public:
   // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `traced_disparity`:
   // fill SurfacePoint::disparity of the queries.
-  GBufferOn(Stream& stream, const World& world, std::size_t capacity, bool bounces = false,
-            bool traced_disparity = false);
+  DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces = false,
+                bool traced_disparity = false);
 
   // What the next run() sees; not while the stream records.
   void set(const CameraJob& job);
@@ -34,9 +32,9 @@ class GBufferOn {
   const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }  // random streams
   const std::uint32_t* bounce_count() const { return sizes_.data() + kBounces; }
 
-  // Adds the field's answers to the queries, and the right-hand sides of the bounce points (null: none), to the
+  // Adds the field's responses to the queries, and the right-hand sides of the bounce points (null: none), to the
   // samples. `samples` as for run().
-  void add(const Vec3f* answers, const Vec3f* right_hand_sides, std::size_t samples = 0);
+  void add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples = 0);
   // Emission known without the field, then complete radiance; attributes of the first hit.
   SamplePlanes samples() const { return {samples_.planes()}; }
 
@@ -48,7 +46,7 @@ class GBufferOn {
   enum { kChains, kQueries, kBounces, kSizes };
 
   Stream* stream_;
-  World world_;
+  DeviceWorld world_;
   std::size_t capacity_;
   bool traced_;
   DeviceArray<CameraJob> job_;
@@ -59,7 +57,5 @@ class GBufferOn {
   DeviceArray<unsigned long long> bounce_keys_;
   PlaneArray samples_, queries_, query_weight_, bounce_weight_, normals_;
 };
-
-using DeviceGBuffer = GBufferOn<DeviceWorld>;
 
 }  // namespace octrad

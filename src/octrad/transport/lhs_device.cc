@@ -1,8 +1,290 @@
-#include "octrad/shading/device_world.h"
-#include "octrad/transport/lhs_kernels.h"
+// Kernels and driver of DeviceLhs. An item is a point that is being drawn: point item % n of
+// the group's step item / n.
+#include "octrad/transport/lhs_device.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "octrad/base/error.h"
+#include "octrad/device/launch.h"
+#include "octrad/transport/cast.h"
 
 namespace octrad {
+namespace lhs_kernels {
 
-template class LhsOn<DeviceWorld>;
+// LhsDraw without its Rng: origin 0..2 and direction 3..5 of the walk, pose 6..11; its integers packed into one word
+// (`progress`): 2 bits each for kind and legs, 8 for tries, 8 for the vertex, 12 for masks passed.
+inline constexpr int kDrawNumbers = 12;
+inline constexpr int kMostWalk = 255;
+static_assert(kLhsTries <= 255);
+
+// Items that need a ray are queued from the front, others from the back.
+struct Queue {
+  std::uint32_t* items;
+  std::uint32_t* counts;  // of both
+  std::uint32_t size;
+  OCTRAD_HD void push(LhsNext next, std::uint32_t item) const {
+    if (next == LhsNext::ray) items[atomic_append(counts)] = item;
+    else items[size - 1 - atomic_append(counts + 1)] = item;
+  }
+  OCTRAD_HD bool has_ray(std::uint32_t q) const { return q < counts[0]; }
+  OCTRAD_HD bool has(std::uint32_t q) const { return has_ray(q) || q >= size - counts[1]; }
+};
+
+// State of all items.
+struct Memory {
+  FloatPlanes walks;
+  Rng* generators;
+  std::uint32_t* progress;
+  Hit* hits;             // by place in the queue
+  ShadingPoint* points;  // results; shape -1 where none was found
+  SurfacePointArray surface_points;
+
+  OCTRAD_HD LhsDraw load(std::uint32_t item) const {
+    LhsDraw draw(generators[item]);
+    const std::uint32_t p = progress[item];
+    draw.kind = static_cast<LhsKind>(p & 3u);
+    draw.legs = p >> 2 & 3u;
+    draw.tries = p >> 4 & 0xffu;
+    draw.vertex = p >> 12 & 0xffu;
+    draw.passed = p >> 20;
+    if (draw.kind == LhsKind::area) return draw;
+    draw.walk.origin = walks.get3(0, item);
+    draw.walk.direction = walks.get3(3, item);
+    if (draw.kind != LhsKind::pose || draw.vertex == 0) return draw;
+    draw.walk.pose_origin = walks.get3(6, item);
+    draw.walk.pose_direction = walks.get3(9, item);
+    return draw;
+  }
+  OCTRAD_HD void store(std::uint32_t item, const LhsDraw& draw) const {
+    generators[item] = draw.rng;
+    const auto kind = static_cast<std::uint32_t>(draw.kind);
+    progress[item] = kind | draw.legs << 2 | draw.tries << 4 | draw.vertex << 12 | draw.passed << 20;
+    if (draw.kind == LhsKind::area) return;
+    walks.set3(0, item, draw.walk.origin);
+    walks.set3(3, item, draw.walk.direction);
+    if (draw.kind != LhsKind::pose || draw.vertex == 0) return;
+    walks.set3(6, item, draw.walk.pose_origin);
+    walks.set3(9, item, draw.walk.pose_direction);
+  }
+  OCTRAD_HD void finish(std::uint32_t item, bool found, const ShadingPoint& point) const {
+    points[item] = found ? point : ShadingPoint{};
+    surface_points.store(item, surface_point(points[item]));
+  }
+};
+
+// All points' first tries.
+struct Start : Kernel {
+  Memory memory;
+  LhsOptions options;
+  LhsPoses poses;
+  const unsigned long long* step;
+  std::uint32_t points, steps;
+  Queue queue;
+  OCTRAD_HD void operator()(std::uint32_t item) const {
+    const std::uint32_t slice = item / points;
+    LhsDraw draw(options, *step - *step % steps + slice, item - slice * points);
+    queue.push(lhs_start_try(poses, draw), item);
+    memory.store(item, draw);
+  }
+};
+
+struct Extend : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  Queue queue;
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return queue.counts[0]; }
+  OCTRAD_HD void count() const {}
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const {
+    const std::uint32_t item = queue.items[q];
+    return {memory.walks.get3(0, item), memory.walks.get3(3, item), kRayInfinity};
+  }
+  OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
+};
+
+struct Arrive : Kernel {
+  static constexpr unsigned kMinBlocks = 4;
+  DeviceWorld world;
+  Memory memory;
+  LhsOptions options;
+  LhsPoses poses;
+  Queue queue, next_queue;
+  OCTRAD_HD void operator()(std::uint32_t q) const {
+    if (!queue.has(q)) return;
+    const std::uint32_t item = queue.items[q];
+    Hit hit;
+    if (queue.has_ray(q)) hit = memory.hits[q];
+    LhsDraw draw = memory.load(item);
+    ShadingPoint point;
+    const LhsNext next = lhs_advance(world, options, poses, hit, draw, point);
+    if (next == LhsNext::ray || next == LhsNext::no_ray) {
+      memory.store(item, draw);
+      next_queue.push(next, item);
+    } else {
+      memory.finish(item, next == LhsNext::found, point);
+    }
+  }
+};
+
+// Finishes the items that the rounds have left, one thread an item. Where there are few, only some lanes of a warp take
+// one, to reduce divergence.
+struct Finish : Kernel {
+  static constexpr unsigned kMinBlocks = 2;
+  static constexpr std::uint32_t kThreads = 1u << 15;  // about what a large GPU runs at once of this kernel
+  DeviceWorld world;
+  Memory memory;
+  LhsOptions options;
+  LhsPoses poses;
+  Queue queue;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const std::uint32_t left = queue.counts[0] + queue.counts[1];
+    if (left == 0) return;
+    std::uint32_t spread = (queue.size < kThreads ? queue.size : kThreads) / left;
+    spread = spread < 1 ? 1 : spread > 32 ? 32 : spread;
+    const std::uint32_t place = i / spread;
+    if (place * spread != i || place >= left) return;
+    const bool ray = place < queue.counts[0];
+    const std::uint32_t item = queue.items[ray ? place : queue.size - left + place];
+    LhsDraw draw = memory.load(item);
+    ShadingPoint point;
+    const bool found = lhs_finish(world, options, poses, ray ? LhsNext::ray : LhsNext::no_ray, draw, point);
+    memory.finish(item, found, point);
+  }
+};
+
+struct Disparity : Kernel {
+  DeviceWorld world;
+  const ShadingPoint* points;
+  SurfacePointArray surface_points;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const float disparity = traced_disparity(world, surface_points.load(i), points[i].surface.geometric_normal);
+    surface_points.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * surface_points.stride + i] = disparity;
+  }
+};
+
+// Copies the points of one step out of those of the group.
+struct Take : Kernel {
+  const unsigned long long* step;
+  std::uint32_t points, steps;
+  const ShadingPoint* drawn;
+  SurfacePointArray drawn_surface_points;
+  ShadingPoint* taken;
+  SurfacePointArray taken_surface_points;
+  unsigned long long* missing;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const std::size_t begin = static_cast<std::size_t>(*step % steps) * points;
+    if (drawn[begin + i].surface.shape < 0) atomic_add(missing, 1ull);
+    taken_surface_points.store(i, drawn_surface_points.load(begin + i));
+    // Word by word, so that accesses coalesce. Without the alignment the compiler would copy bytes.
+    using Word = unsigned long long;
+    static_assert(sizeof(ShadingPoint) % sizeof(Word) == 0 && alignof(ShadingPoint) % alignof(Word) == 0);
+    const char* from = static_cast<const char*>(__builtin_assume_aligned(drawn + begin, alignof(Word)));
+    char* to = static_cast<char*>(__builtin_assume_aligned(taken, alignof(Word)));
+    for (std::size_t w = i; w < points * (sizeof(ShadingPoint) / sizeof(Word)); w += points) {
+      std::memcpy(to + w * sizeof(Word), from + w * sizeof(Word), sizeof(Word));
+    }
+  }
+};
+
+}  // namespace lhs_kernels
+
+using namespace lhs_kernels;
+
+DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options,
+                     std::span<const CameraView> views, bool fresh_poses, std::size_t most, std::size_t most_ahead,
+                     int rounds)
+    : stream_(&stream),
+      world_(world),
+      options_(options),
+      most_(most),
+      most_ahead_(std::max(most, most_ahead)),
+      rounds_(rounds >= 0                  ? rounds
+              : options.glossy_boost > 1.0 ? 32
+                                           : 12),
+      fresh_poses_(fresh_poses),
+      views_(stream, views, "camera poses"),
+      missing_(stream, 1, "counts of points"),
+      sizes_(stream, 2 * static_cast<std::size_t>(rounds_) + 2, "sizes of queues"),
+      queues_{DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points"),
+              DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points")},
+      progress_(stream, most_ahead_, "left-hand-side points"),
+      generators_(stream, most_ahead_, "random numbers of points"),
+      hits_(stream, most_ahead_, "hits of left-hand-side points"),
+      walks_(stream, kDrawNumbers, most_ahead_, "left-hand-side points"),
+      drawn_(stream, most_ahead_, "left-hand-side points"),
+      points_(stream, most, "left-hand-side points"),
+      drawn_surface_points_(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points"),
+      surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
+  if (views.empty()) throw UsageError("left-hand-side points need a camera to start from");
+  if (options.max_walk < 0 || options.max_walk > kMostWalk) {
+    throw UsageError("walks of up to " + std::to_string(options.max_walk) +
+                     " vertices: a device draws walks of up to " + std::to_string(kMostWalk));
+  }
+  missing_.fill(0);
+  drawn_.fill(0);  // points are copied as whole words, padding included
+}
+
+std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead) {
+  const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(kSurfacePointNumbers) * sizeof(float);
+  const std::size_t draw =
+      3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) + static_cast<std::size_t>(kDrawNumbers) * sizeof(float);
+  return most * point + std::max(most, most_ahead) * (point + draw);
+}
+
+void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, bool traced) {
+  check(n, steps);
+  const std::size_t items = n * static_cast<std::size_t>(steps);
+  const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
+  const Memory memory{walks_.planes(), generators_.data(), progress_.data(),
+                      hits_.data(),    drawn_.data(),      drawn_surface_points_.points()};
+  const auto queue = [&](int round) {
+    return Queue{queues_[round % 2].data(), sizes_.data() + 2 * round, static_cast<std::uint32_t>(items)};
+  };
+  sizes_.fill(0);
+  launch(*stream_, items,
+         Start{{},
+               memory,
+               options_,
+               poses,
+               step,
+               static_cast<std::uint32_t>(n),
+               static_cast<std::uint32_t>(steps),
+               queue(0)});
+  for (int r = 0; r < rounds_; ++r) {
+    cast(*stream_, items, Extend{{}, world_, memory, queue(r)});
+    launch(*stream_, items, Arrive{{}, world_, memory, options_, poses, queue(r), queue(r + 1)});
+  }
+  launch(*stream_, items, Finish{{}, world_, memory, options_, poses, queue(rounds_)});
+  if (traced) launch(*stream_, items, Disparity{{}, world_, drawn_.data(), drawn_surface_points_.points()});
+}
+
+void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
+  check(n, steps);
+  launch(*stream_, n,
+         Take{{},
+              step,
+              static_cast<std::uint32_t>(n),
+              static_cast<std::uint32_t>(steps),
+              drawn_.data(),
+              drawn_surface_points_.points(),
+              points_.data(),
+              surface_points_.points(),
+              missing_.data()});
+}
+
+void DeviceLhs::check(std::size_t n, int steps) const {
+  if (steps >= 1 && n <= most_ && n <= most_ahead_ / static_cast<std::size_t>(steps)) return;
+  throw UsageError(std::to_string(n) + " left-hand-side points of " + std::to_string(steps) +
+                   " steps: memory was taken for " + std::to_string(most_) + " and " + std::to_string(most_ahead_) +
+                   " of several steps");
+}
+
+unsigned long long DeviceLhs::take_missing() {
+  const unsigned long long missing = missing_.download()[0];
+  missing_.fill(0);
+  return missing;
+}
 
 }  // namespace octrad

@@ -3,21 +3,18 @@
 // ray at a time.
 #pragma once
 
+#include "octrad/shading/device_world.h"
 #include "octrad/transport/camera_job.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/path_math.h"
 
 namespace octrad {
 
-struct DeviceWorld;
-
-// Everything is allocated by the constructor; run() can be recorded. `World`: DeviceWorld, or another whose pointers
-// belong to the stream.
-template <typename World>
-class PathTracerOn {
+// Everything is allocated by the constructor; run() can be recorded.
+class DevicePathTracer {
  public:
   // For jobs of up to `capacity` samples. Paths longer than `wave_bounces` are finished by one thread each.
-  PathTracerOn(Stream& stream, const World& world, std::size_t capacity, int wave_bounces = 16);
+  DevicePathTracer(Stream& stream, const DeviceWorld& world, std::size_t capacity, int wave_bounces = 16);
 
   // What the next run() traces; not while the stream records.
   void set(const CameraJob& job);
@@ -34,7 +31,7 @@ class PathTracerOn {
 
  private:
   Stream* stream_;
-  World world_;
+  DeviceWorld world_;
   std::size_t capacity_;
   int wave_bounces_;
   DeviceArray<CameraJob> job_;
@@ -44,7 +41,5 @@ class PathTracerOn {
   DeviceArray<Hit> hits_;
   PlaneArray state_, samples_, shadow_rays_, shadow_light_;
 };
-
-using DevicePathTracer = PathTracerOn<DeviceWorld>;
 
 }  // namespace octrad

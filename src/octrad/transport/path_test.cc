@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "octrad/shading/test_fixtures.h"
+#include "octrad/scene/sample_scenes.h"
 
 namespace octrad {
 namespace {

@@ -1,8 +1,264 @@
-#include "octrad/shading/device_world.h"
-#include "octrad/transport/rhs_kernels.h"
+// Kernels and driver of DeviceRhs. Slot i * M + m belongs to direction m of point i.
+#include "octrad/transport/rhs_device.h"
+
+#include <algorithm>
+
+#include "octrad/base/error.h"
+#include "octrad/device/launch.h"
+#include "octrad/transport/cast.h"
 
 namespace octrad {
+namespace rhs_kernels {
 
-template class RhsOn<DeviceWorld>;
+// State of a slot: contribution of emitter sampling 0..2, emission met by the BSDF ray 3..5, weight of the BSDF sample,
+// later times the chain's throughput 6..8, its density 9 (negative for a delta lobe), emission included in the response
+// 10..12.
+inline constexpr int kSlotNumbers = 13;
+
+struct Memory {
+  TraceCounts* counts;
+  FloatPlanes slots;
+  std::uint32_t* query_of;  // of a slot: its query, or kNoQuery
+  RayPlanes rays;           // by place in the ray queue
+  std::uint32_t* owners;    // slots
+  Hit* hits;
+  RayPlanes shadow_rays;  // by place in the shadow queue
+  std::uint32_t* shadow_owners;
+  std::uint32_t* chains;  // places in the ray queue
+  SurfacePointArray queries;
+  FloatPlanes normals;  // geometric, of the queries; only for traced disparity
+  std::uint32_t* shadow_count;
+  std::uint32_t* ray_count;
+  std::uint32_t* chain_count;
+  std::uint32_t* query_count;
+};
+
+// Both samples of a direction.
+struct Sample : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  DeviceRhsPoints points;
+  DeviceRhsOptions options;
+  OCTRAD_HD void operator()(std::uint32_t slot) const {
+    const auto directions = static_cast<std::uint32_t>(options.directions);
+    const std::uint32_t i = slot / directions, m = slot - i * directions;
+    if (points.count && i >= *points.count) return;
+    const ShadingPoint point = points.points[i];
+    Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i);
+    const Vec3f wo = point.to_local(point.wo);
+    const SobolSet light_set(rng), bsdf_set(rng);
+    Vec3f light(0.0f);
+    if (!is_delta_bsdf(point.bsdf)) {
+      const EmitterSample emitter = sample_emitter(world, point, wo, light_set(m));
+      if (emitter.valid) {
+        light = emitter.contribution;
+        const std::uint32_t place = atomic_append(memory.shadow_count);
+        memory.shadow_rays.store(place, emitter.ray);
+        memory.shadow_owners[place] = slot;
+      }
+    }
+    memory.slots.set3(0, slot, light);
+    memory.slots.set3(3, slot, Vec3f(0.0f));
+    memory.query_of[slot] = kNoQuery;
+    const BounceSample bounce = sample_bounce(point, wo, bsdf_set(m));
+    if (!bounce.valid) return;
+    memory.slots.set3(6, slot, bounce.weight);
+    memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
+    const Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
+    const std::uint32_t place = atomic_append(memory.ray_count);
+    memory.rays.store(place, {segment.origin, segment.direction, segment.t_max});
+    memory.owners[place] = slot;
+  }
+};
+
+struct Occlude : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  static constexpr bool kAny = true;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *memory.shadow_count; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const { return memory.shadow_rays.load(q); }
+  OCTRAD_HD void met(std::uint32_t q, bool any) const {
+    if (any) memory.slots.set3(0, memory.shadow_owners[q], Vec3f(0.0f));
+  }
+};
+
+struct Extend : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  static constexpr bool kAny = false;
+  OCTRAD_HD Bvh8View bvh() const { return world.bvh; }
+  OCTRAD_HD std::uint32_t size() const { return *memory.ray_count; }
+  OCTRAD_HD void count() const { memory.counts->rays += size(); }
+  OCTRAD_HD RayQuery ray(std::uint32_t q) const { return memory.rays.load(q); }
+  OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
+};
+
+// The BSDF ray of `slot` has ended.
+OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
+                             const RayEnd& end) {
+  const Vec3f weight = memory.slots.get3(6, slot);
+  const float pdf = memory.slots.get(9, slot);
+  memory.slots.set3(3, slot, bounce_emission(weight, std::fabs(pdf), std::signbit(pdf), end));
+  if (!end.surface || !options.ask) return;
+  const std::uint32_t q = atomic_append(memory.query_count);
+  memory.queries.store(q, surface_point(end.point));
+  if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
+  memory.query_of[slot] = q;
+  memory.slots.set3(6, slot, weight * end.throughput);
+  if (options.emission_inside) memory.slots.set3(10, slot, end.own_emitted);
+}
+
+// What the bounce's ray hit; `kChain`: follows it through masks and over mirrors and glass to the end, otherwise rays
+// that go on are left to that.
+template <bool kChain>
+struct Arrive : Kernel {
+  static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
+  DeviceWorld world;
+  Memory memory;
+  DeviceRhsPoints points;
+  DeviceRhsOptions options;
+  OCTRAD_HD void operator()(std::uint32_t k) const {
+    if (k >= (kChain ? *memory.chain_count : *memory.ray_count)) return;
+    const std::uint32_t q = kChain ? memory.chains[k] : k;
+    const std::uint32_t slot = memory.owners[q];
+    const auto directions = static_cast<std::uint32_t>(options.directions);
+    const std::uint32_t i = slot / directions;
+    Rng rng = rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i,
+                                  slot - i * directions);
+    const RayQuery ray = memory.rays.load(q);
+    Segment segment{ray.origin, ray.direction, ray.t_max, 0};
+    const Vec3f position = points.points[i].surface.position;
+    RayEnd end;
+    if constexpr (kChain) {
+      follow_from(world, position, memory.hits[q], rng, true, options.max_chain, segment, end);
+      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
+    } else {
+      if (follow_hit(world, position, memory.hits[q], rng, true, segment, end, nullptr)) {
+        memory.chains[atomic_append(memory.chain_count)] = q;
+        return;
+      }
+    }
+    finish(memory, options, slot, end);
+  }
+};
+
+struct Disparity : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  OCTRAD_HD void operator()(std::uint32_t q) const {
+    if (q >= *memory.query_count) return;
+    if (q == 0) memory.counts->rays += *memory.query_count;
+    SurfacePoint point = memory.queries.load(q);
+    point.disparity = traced_disparity(world, point, memory.normals.get3(0, q));
+    memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] =
+        point.disparity;
+  }
+};
+
+struct Reduce : Kernel {
+  DeviceWorld world;
+  Memory memory;
+  DeviceRhsPoints points;
+  DeviceRhsOptions options;
+  const Vec3f* responses;
+  Vec3f* targets;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (i == 0 && options.ask) memory.counts->queries += *memory.query_count;
+    if (points.count && i >= *points.count) return;
+    const float share = 1.0f / static_cast<float>(options.directions);
+    const auto directions = static_cast<std::uint32_t>(options.directions);
+    Vec3f target(0.0f);
+    unsigned long long dropped = 0;
+    const std::uint32_t from = i * directions, to = from + directions;
+    for (std::uint32_t slot = from; slot < to; ++slot) {
+      const Vec3f light = memory.slots.get3(0, slot), emission = memory.slots.get3(3, slot);
+      if (is_finite(light)) target += light * share;
+      else ++dropped;
+      if (is_finite(emission)) target += emission * share;
+      else ++dropped;
+    }
+    for (std::uint32_t slot = from; options.ask && slot < to; ++slot) {
+      const std::uint32_t q = memory.query_of[slot];
+      if (q == kNoQuery) continue;
+      const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
+      const Vec3f contribution = cache_contribution(memory.slots.get3(6, slot), responses[q], counted);
+      if (is_finite(contribution)) target += contribution * share;
+      else ++dropped;
+    }
+    if (options.own_emission && points.points[i].surface.emitter >= 0)
+      target += world.emitted(points.points[i].surface, points.points[i].wo);
+    targets[i] = target;
+    if (dropped > 0) atomic_add(&memory.counts->non_finite, dropped);
+  }
+};
+
+inline void check_slots(std::size_t points, int directions, std::size_t capacity) {
+  if (directions < 1 || points > capacity / static_cast<std::size_t>(directions)) {
+    throw UsageError("right-hand side of " + std::to_string(points) + " points with " + std::to_string(directions) +
+                     " directions: memory was taken for " + std::to_string(capacity) + " samples");
+  }
+}
+
+}  // namespace rhs_kernels
+
+using namespace rhs_kernels;
+
+DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, bool traced_disparity)
+    : stream_(&stream),
+      world_(world),
+      capacity_(slots),
+      traced_(traced_disparity),
+      counts_(stream, 1, "counts of rays"),
+      sizes_(stream, kSizes, "sizes of ray queues"),
+      owners_(stream, slots, "rays"),
+      shadow_owners_(stream, slots, "shadow rays"),
+      chains_(stream, slots, "rays"),
+      query_of_(stream, slots, "queries"),
+      hits_(stream, slots, "hits"),
+      rays_(stream, kRayNumbers, slots, "rays"),
+      shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
+      slots_(stream, kSlotNumbers, slots, "right-hand-side samples"),
+      queries_(stream, kSurfacePointNumbers, slots, "queries"),
+      normals_(traced_disparity ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()) {
+  counts_.fill(0);
+}
+
+std::size_t DeviceRhs::bytes(std::size_t slots, bool traced_disparity) {
+  return slots *
+         (4 * sizeof(std::uint32_t) + sizeof(Hit) +
+          static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers + (traced_disparity ? 3 : 0)) *
+              sizeof(float));
+}
+
+Memory DeviceRhs::memory() const {
+  std::uint32_t* sizes = sizes_.data();
+  return {counts_.data(),    slots_.planes(),     query_of_.data(),      rays_.rays(),    owners_.data(),
+          hits_.data(),      shadow_rays_.rays(), shadow_owners_.data(), chains_.data(),  queries_.points(),
+          normals_.planes(), sizes + kShadows,    sizes + kRays,         sizes + kChains, sizes + kQueries};
+}
+
+void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
+  check_slots(points.most, options.directions, capacity_);
+  const std::size_t n = points.most * static_cast<std::size_t>(options.directions);
+  const Memory memory = this->memory();
+  sizes_.fill(0);
+  launch(*stream_, n, Sample{{}, world_, memory, points, options});
+  cast(*stream_, n, Occlude{{}, world_, memory});
+  cast(*stream_, n, Extend{{}, world_, memory});
+  launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
+  launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
+  if (traced_ && options.ask) launch(*stream_, n, Disparity{{}, world_, memory});
+}
+
+void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,
+                       Vec3f* targets) {
+  check_slots(points.most, options.directions, capacity_);
+  const Memory memory = this->memory();
+  launch(*stream_, points.most, Reduce{{}, world_, memory, points, options, responses, targets});
+}
+
+TraceCounts DeviceRhs::take_counts() { return octrad::take_counts(counts_); }
 
 }  // namespace octrad

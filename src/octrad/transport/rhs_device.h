@@ -2,17 +2,19 @@
 #pragma once
 
 #include "octrad/base/surface_point.h"
+#include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
-
-struct DeviceWorld;
+namespace rhs_kernels {
+struct Memory;
+}
 
 struct DeviceRhsOptions {
   int directions = 16;           // M
   int max_chain = 16;            // delta surfaces passed by a BSDF ray
-  bool emission_inside = false;  // answers about emitters hold their emission: it is taken off again
+  bool emission_inside = false;  // responses for emitters include their emission, which is subtracted
   bool own_emission = false;     // add the points' own emission to the targets
   bool ask = true;               // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
@@ -27,19 +29,18 @@ struct DeviceRhsPoints {
   const unsigned long long* keys = nullptr;    // random stream of each point; null: its place in the batch
 };
 
-// Two parts with the cache's answers in between: trace() fills queries(), reduce() sums up each point's targets in the
-// order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
-template <typename World>
-class RhsOn {
+// Two parts with the queries of the cache between them: trace() fills queries(), reduce() sums up each point's targets
+// in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
+class DeviceRhs {
  public:
   // For up to `slots` points times directions. `traced_disparity`: fill SurfacePoint::disparity of the queries.
-  RhsOn(Stream& stream, const World& world, std::size_t slots, bool traced_disparity = false);
+  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, bool traced_disparity = false);
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const { return queries_.points(); }
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }  // at most capacity()
-  // answers[q] for query q; may be null where nothing was asked. Needs the points and options of the last trace().
-  void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* answers, Vec3f* targets);
+  // responses[q] for query q; may be null where there are no queries. Needs the points and options of the last trace().
+  void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses, Vec3f* targets);
 
   std::size_t capacity() const { return capacity_; }
   // Since the last call.
@@ -48,9 +49,10 @@ class RhsOn {
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kSizes };
+  rhs_kernels::Memory memory() const;
 
   Stream* stream_;
-  World world_;
+  DeviceWorld world_;
   std::size_t capacity_;
   bool traced_;
   DeviceArray<TraceCounts> counts_;
@@ -58,7 +60,5 @@ class RhsOn {
   DeviceArray<Hit> hits_;
   PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
 };
-
-using DeviceRhs = RhsOn<DeviceWorld>;
 
 }  // namespace octrad

@@ -1,0 +1,131 @@
+// Small fields under every switch that changes how a field is evaluated, and the gradient that training hands to the
+// optimiser. Not part of the library.
+#pragma once
+
+#include <cctype>
+#include <cmath>
+#include <memory>
+#include <ostream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "octrad/model/field_reference_test_helper.h"
+
+namespace octrad::testing {
+
+using FieldKeys = std::vector<std::pair<std::string, std::string>>;
+
+struct FieldCase {
+  std::string field;
+  FieldKeys keys;
+};
+
+inline std::string name_of(const FieldCase& c) {
+  std::string name = c.field;
+  if (c.keys.size() > 5) return name + "_as_in_the_paper";
+  for (const auto& [key, value] : c.keys) name.append("_").append(key).append("_").append(value);
+  for (char& letter : name) letter = std::isalnum(static_cast<unsigned char>(letter)) ? letter : '_';
+  return name;
+}
+
+inline void PrintTo(const FieldCase& c, std::ostream* out) { *out << name_of(c); }
+
+inline std::vector<FieldCase> field_cases() {
+  std::vector<FieldCase> result;
+  const auto add = [&](const std::string& field, const std::vector<FieldKeys>& switches) {
+    for (const FieldKeys& keys : switches) result.push_back({field, keys});
+  };
+  add("octaoctree", {{},
+                     {{"lookup.offset", "none"}},
+                     {{"lookup.offset", "traced"}},
+                     {{"lookup.direction", "outgoing"}},
+                     {{"lookup.rough_direction", "mirror"}},
+                     {{"octree.interpolation", "nearest"}},
+                     {{"octa.interpolation", "nearest"}},
+                     {{"octree.features", "2"}},
+                     {{"octree.features", "8"}},
+                     {{"disparity.features", "4"}},
+                     {{"disparity.direction", "false"}},
+                     {{"disparity.unit", "world"}},
+                     {{"decoder.output", "squareplus"}},
+                     {{"decoder.position", "world"}},
+                     {{"target.demodulate", "none"}},
+                     {{"target.emission", "inside"}},
+                     {{"loss.normalizer", "symmetric"}},
+                     {{"adam.mode", "dense"}},
+                     {{"lookup.rough_threshold", "1.5"}, {"octree.levels", "4"}},
+                     // The paper's preset.
+                     {{"disparity.direction", "false"},
+                      {"disparity.unit", "world"},
+                      {"decoder.output", "squareplus"},
+                      {"decoder.position", "world"},
+                      {"target.emission", "inside"},
+                      {"target.demodulate", "none"},
+                      {"loss.normalizer", "symmetric"},
+                      {"adam.mode", "dense"}}});
+  add("nr", {{},
+             {{"nr.output", "abs"}},
+             {{"nr.output", "squareplus"}},
+             {{"nr.features", "2"}},
+             {{"nr.features", "4"}},
+             {{"decoder.position", "world"}},
+             {{"target.demodulate", "none"}},
+             {{"target.emission", "inside"}},
+             {{"loss.normalizer", "symmetric"}},
+             {{"adam.mode", "dense"}}});
+  return result;
+}
+
+inline Config config_of(const FieldCase& c) {
+  Config config = preset("cpu");
+  set(config, "field", c.field);
+  const FieldKeys small = {{"octree.levels", "3"},    {"disparity.levels", "3"}, {"disparity.base", "4"},
+                           {"disparity.width", "24"}, {"decoder.width", "32"},   {"decoder.hidden", "2"},
+                           {"nr.levels", "3"},        {"nr.base", "4"},          {"nr.width", "40"},
+                           {"nr.hidden", "2"},        {"nr.log2_table", "10"},   {"disparity.log2_table", "10"},
+                           {"adam.beta1", "0"}};
+  for (const FieldKeys& keys : {small, c.keys}) {
+    for (const auto& [key, value] : keys) set(config, key, value);
+  }
+  return config;
+}
+
+inline std::unique_ptr<RadianceField> field_of(const Config& config) {
+  auto field = make_field(config, box_domain(config.octree_levels));
+  fill_tables(*field);
+  field->set_target_scale(1.7f);
+  return field;
+}
+
+// What Adam's first moments hold, by part: after the first step with adam.beta1 = 0 that is the step's gradient.
+inline FieldReference::Numbers first_moments(RadianceField& field) {
+  FieldReference::Numbers result;
+  for (const Part& part : parts_of(field)) {
+    for (int k = 0; k < FieldReference::kParts; ++k) {
+      const std::string name = FieldReference::kNames[k];
+      if (part.name == name + " m") result[k] = {part.values.begin(), part.values.end()};
+      if (part.name != name + " moments") continue;
+      const std::size_t width = part.width;  // [entry][first, second][feature]
+      for (std::size_t at = 0; at < part.values.size(); at += 2 * width)
+        result[k].insert(result[k].end(), part.values.begin() + at, part.values.begin() + at + width);
+    }
+  }
+  return result;
+}
+
+// Largest difference between two arrays, relative to the root mean square of those numbers of `expected` that are not
+// 0.
+inline double largest_difference(const std::vector<double>& got, const std::vector<double>& expected) {
+  if (got.size() != expected.size()) return HUGE_VAL;
+  double square = 0.0, count = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    square += expected[i] * expected[i];
+    count += expected[i] != 0.0 ? 1.0 : 0.0;
+    const double difference = std::abs(got[i] - expected[i]);
+    if (!(difference <= largest)) largest = difference;
+  }
+  return largest == 0.0 ? 0.0 : largest / std::sqrt(square / count);
+}
+
+}  // namespace octrad::testing

@@ -1,0 +1,25 @@
+// The whole public interface: scenes, training, pictures, models. docs/library.md is its guide. What is not named here
+// is installed too, because these headers need it, but may change without notice.
+#pragma once
+
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/base/surface_point.h"
+#include "octrad/base/threads.h"
+#include "octrad/base/version.h"
+#include "octrad/device/choose.h"
+#include "octrad/device/stream.h"
+#include "octrad/image/image.h"
+#include "octrad/image/io.h"
+#include "octrad/image/metrics.h"
+#include "octrad/image/tonemap.h"
+#include "octrad/model/config.h"
+#include "octrad/model/device_query.h"
+#include "octrad/model/model_file.h"
+#include "octrad/model/radiance_field.h"
+#include "octrad/render/renderer.h"
+#include "octrad/scene/camera.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/scene.h"
+#include "octrad/train/trainer.h"
+#include "octrad/transport/prepared_scene.h"
