@@ -16,7 +16,7 @@
 #include "octrad/geometry/voxelize.h"
 #include "octrad/image/io.h"
 #include "octrad/model/safetensors.h"
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 namespace octrad::cli {
 namespace {

@@ -102,8 +102,6 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   out.write(file);
 }
 
-ModelInfo read_model_info(const std::string& file) { return info_of(TensorReader(file)); }
-
 Model load_model(const std::string& file, bool optimizer) {
   const TensorReader in(file);
   Model model;

@@ -38,9 +38,6 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
 // Throws IoError, or InputError for a file that is no model, broken, or of another format version.
 Model load_model(const std::string& file, bool optimizer = false);
 
-// The header alone.
-ModelInfo read_model_info(const std::string& file);
-
 // Throws InputError when the model was trained on another scene, unless `force`.
 void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
                  const std::string& fingerprint, bool force);

@@ -1,9 +1,9 @@
 // The multi-layer perceptron as a warp runs it: kRows rows go through all layers in registers (mlp_fragment_math.h says
-// how they lie there). Written for any Warp of warp.h. The same program takes gradients from the outputs back to the
-// inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place of ReLU.
+// how they lie there). Written for any Warp of warp_matrix.h. The same program takes gradients from the outputs back to
+// the inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place of ReLU.
 #pragma once
 
-#include "octrad/network/warp.h"
+#include "octrad/network/warp_matrix.h"
 
 namespace octrad {
 

@@ -9,7 +9,7 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/scene/scene.h"
-#include "octrad/shading/bsdf.h"
+#include "octrad/shading/materials.h"
 
 namespace octrad::testing {
 

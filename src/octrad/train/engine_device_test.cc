@@ -10,7 +10,7 @@
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/train/batch.h"
 #include "octrad/train/box_test_helper.h"
-#include "octrad/train/device_engine.h"
+#include "octrad/train/engine_device.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {
