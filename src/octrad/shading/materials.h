@@ -30,7 +30,7 @@ class Materials {
   MaterialsView view_;
 };
 
-// `wo`: unit, world space, away from the surface. Sides are told by the shading normal, as Mitsuba does.
+// `wo`: unit, world space, away from the surface. The side is decided by the shading normal, as in Mitsuba.
 ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo);
 
 }  // namespace octrad

@@ -1,6 +1,8 @@
 // Properties of left-hand-side points.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "octrad/transport/furnace_test_helper.h"
 #include "octrad/transport/lhs_sampler.h"
 
@@ -55,11 +57,14 @@ TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
   // The sphere's outside against the box's inside, by area (samples on the black side of either are drawn again).
   const double share = 4.0 * 3.14159265 * 0.36 / (4.0 * 3.14159265 * 0.36 + 24.0);
   const auto [plain, mean_cosine] = glossy(1.0, false);
-  EXPECT_NEAR(plain, share, 0.025);
-  EXPECT_NEAR(mean_cosine, 2.0 / 3.0, 0.03);  // of a cosine density
+  // 5 standard deviations; a cosine of density 2 c has variance 1 / 18, a uniform one 1 / 12.
+  const auto share_error = [](double p) { return 5.0 * std::sqrt(p * (1.0 - p) / 6000.0); };
+  EXPECT_NEAR(plain, share, share_error(share));
+  EXPECT_NEAR(mean_cosine, 2.0 / 3.0, 5.0 * std::sqrt(1.0 / 18.0 / (6000.0 * plain)));
   const auto [boosted, mean_uniform] = glossy(3.0, true);
-  EXPECT_NEAR(boosted, 3.0 * share / (3.0 * share + 1.0 - share), 0.03);
-  EXPECT_NEAR(mean_uniform, 0.5, 0.03);
+  const double boosted_share = 3.0 * share / (3.0 * share + 1.0 - share);
+  EXPECT_NEAR(boosted, boosted_share, share_error(boosted_share));
+  EXPECT_NEAR(mean_uniform, 0.5, 5.0 * std::sqrt(1.0 / 12.0 / (6000.0 * boosted)));
 }
 
 TEST(LhsSampler, AreaPointsAreUniform) {
