@@ -133,7 +133,8 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
 }
 
 TEST_P(AllFields, EveryRateMovesItsOwnParts) {
-  testing::check_rates(small_config(GetParam()), 3, [](RadianceField& field, const Config&) { train_steps(field, 1); });
+  testing::check_rates(small_config(GetParam()), shell(3),
+                       [](RadianceField& field, const Config&) { train_steps(field, 1); });
 }
 
 // Switches of the method that must train and that must change the result.
