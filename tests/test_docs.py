@@ -96,6 +96,8 @@ class Documents(unittest.TestCase):
 
     def test_files_named_in_documents_and_comments_exist(self):
         for path in DOCUMENTS:
+            if path.name == "CHANGELOG.md":  # names what is gone, too
+                continue
             for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake|templates|examples)/[\w./-]*\w)`", path.read_text()):
                 if not any(word in name for word in HYPOTHETICAL):
                     with self.subTest("%s: %s" % (path.name, name)):

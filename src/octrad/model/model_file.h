@@ -9,8 +9,8 @@
 
 namespace octrad {
 
-// Where a training run stands; with the optimiser's state it is all that continuing needs, because every random number
-// is a function of seed and step.
+// Progress of a training run; with the optimiser's state it is all that resuming needs, because every random number is
+// a function of seed and step.
 struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
@@ -42,7 +42,7 @@ Model load_model(const std::string& file, bool optimizer = false);
 struct ModelFileSize {
   double total = 0.0;
   double features = 0.0;   // of it, what look-ups read: tables of features
-  double optimizer = 0.0;  // of it, what continuing needs: 0 without optimiser
+  double optimizer = 0.0;  // of it, what resuming needs: 0 without optimiser
 };
 ModelFileSize model_file_size(const TensorReader& file);
 // Of a file with optimiser state, before anything is allocated. Without the networks, whose size hardly counts.

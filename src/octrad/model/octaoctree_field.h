@@ -51,8 +51,8 @@ class OctaOctreeField : public RadianceField {
   void make_optimizers();
 
  private:
-  struct Encoded;    // a chunk of queries on its way through the field
-  struct Gradients;  // what a group of queries contributes to one optimiser step
+  struct Encoded;    // intermediate values of a chunk of queries
+  struct Gradients;  // gradients of a group of queries in one step
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first,

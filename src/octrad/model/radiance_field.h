@@ -14,7 +14,7 @@
 
 namespace octrad {
 
-// What a field needs to know of the scene: where surfaces are.
+// What a field needs of the scene: its box and the cells that hold surfaces.
 struct FieldDomain {
   Vec3f origin, size;                              // box of normalised positions, world units
   std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
