@@ -1,15 +1,15 @@
 #include <algorithm>
 #include <bit>
-#include <numeric>
+#include <functional>
 
-#include "app/selftest/entries.h"
-#include "app/selftest/kernels.h"
-#include "app/selftest/rays.h"
+#include "app/selftest/memory_device.h"
 #include "app/selftest/selftest.h"
-#include "octrad/base/rng.h"
+#include "octrad/base/random_inputs.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/device/array.h"
 #include "octrad/device/sort.h"
+#include "octrad/network/checks.h"
+#include "octrad/transport/checks.h"
 
 namespace octrad::selftest {
 namespace {
@@ -17,8 +17,7 @@ namespace {
 constexpr int kRuns = 9;
 constexpr double kEnough = 2.0;  // seconds; slower work runs less often, three times at least
 
-}  // namespace
-
+// Median of several runs after a warm one, by the stream's own clock. `count`: what one run does.
 BenchmarkResult measure(const Context& c, double count, const std::string& unit, const std::function<void()>& work) {
   work();
   c.stream.synchronize();
@@ -40,8 +39,6 @@ BenchmarkResult measure(const Context& c, double count, const std::string& unit,
   r.rate = r.median_ms > 0.0 ? count / (r.median_ms * 1e-3) : 0.0;
   return r;
 }
-
-namespace {
 
 // Largest power of two of items of this size within the bytes wanted and a quarter of what is free.
 std::size_t table_items(const Context& c, std::size_t wanted_bytes, std::size_t item_bytes) {
@@ -72,9 +69,6 @@ BenchmarkResult sector_reads(const Context& c, std::size_t table_bytes) {
   return r;
 }
 
-BenchmarkResult sector_reads_small(const Context& c) { return sector_reads(c, c.items(16 * kMiB, kMiB / 4)); }
-BenchmarkResult sector_reads_large(const Context& c) { return sector_reads(c, c.items(4096 * kMiB, 64 * kMiB)); }
-
 BenchmarkResult gathers(const Context& c) {
   const std::size_t entries = table_items(c, c.items(1024 * kMiB, 32 * kMiB), sizeof(float)),
                     n = c.items(1 << 23, 1 << 17);
@@ -103,31 +97,23 @@ BenchmarkResult scatter(const Context& c, int width) {
   return r;
 }
 
-BenchmarkResult scatter1(const Context& c) { return scatter(c, 1); }
-BenchmarkResult scatter4(const Context& c) { return scatter(c, 4); }
-
-BenchmarkResult closest(const Context& c) {
-  const RayFixture rays(c, c.items(1 << 22, 1 << 16));
-  const DeviceArray<Hit> hits(c.stream, rays.size(), "selftest");
-  BenchmarkResult r = measure(c, static_cast<double>(rays.size()), "rays/s",
-                              [&] { run_closest(c.stream, rays.size(), rays.bvh(), rays.data(), hits.data()); });
-  r.sizes = {{"rays", static_cast<double>(rays.size())}, {"triangles", static_cast<double>(c.scene.triangle_count())}};
-  return r;
-}
-
-BenchmarkResult occlusion(const Context& c) {
-  const RayFixture rays(c, c.items(1 << 22, 1 << 16), true);
-  const DeviceArray<std::uint32_t> blocked(c.stream, rays.size(), "selftest");
-  BenchmarkResult r = measure(c, static_cast<double>(rays.size()), "rays/s",
-                              [&] { run_occluded(c.stream, rays.size(), rays.bvh(), rays.data(), blocked.data()); });
-  r.sizes = {{"rays", static_cast<double>(rays.size())}, {"triangles", static_cast<double>(c.scene.triangle_count())}};
+// Incoherent rays: their nearest hit, or whether there is any.
+BenchmarkResult trace(const Context& c, bool occlusion) {
+  const std::size_t n = c.items(1 << 22, 1 << 16);
+  const RayBatch rays(c.stream, c.soup, incoherent_rays(c.soup, n, occlusion, c.seed));
+  const DeviceArray<Hit> hits(c.stream, n, "selftest");
+  const DeviceArray<std::uint32_t> blocked(c.stream, n, "selftest");
+  BenchmarkResult r = measure(c, static_cast<double>(n), "rays/s", [&] {
+    if (occlusion) rays.occluded(RayBatch::Traversal::warps, blocked.data());
+    else rays.closest(RayBatch::Traversal::warps, hits.data());
+  });
+  r.sizes = {{"rays", static_cast<double>(n)}, {"triangles", static_cast<double>(c.soup.scene().triangle_count())}};
   return r;
 }
 
 BenchmarkResult sort(const Context& c) {
   const std::size_t n = c.items(1 << 22, 1 << 17);
-  std::vector<std::uint32_t> keys(n);
-  for (std::size_t i = 0; i < n; ++i) keys[i] = Rng(c.seed, RngPurpose::test, i).bits();
+  const std::vector<std::uint32_t> keys = testing::random_words(n, c.seed);
   const SortWorkspace workspace(c.stream, n, "selftest");
   const DeviceArray<std::uint32_t> in(c.stream, std::span<const std::uint32_t>(keys), "selftest"),
       keys_out(c.stream, n, "selftest"), values_out(c.stream, n, "selftest");
@@ -149,21 +135,73 @@ BenchmarkResult graph_launches(const Context& c) {
   return r;
 }
 
+// All levels of a query; entries are halves. Their values do not matter, so they stay 0.
+BenchmarkResult look_up(const Context& c, bool sorted) {
+  const int levels = c.large() ? 8 : 5;
+  const std::size_t n = c.items(1 << 21, 1 << 14);
+  const OctaOctree tree = make_octree(c, levels);
+  DeviceArray<Half> table(c.stream, tree.features().size(), "selftest");
+  table.fill(0);
+  const LookupQueries queries = surface_queries(c, n, sorted);
+  const DeviceOctree device(c.stream, tree);
+  const DeviceArray<std::uint32_t> out(c.stream, static_cast<std::size_t>(device.feature_count()) / 2 * n, "selftest");
+  BenchmarkResult r = measure(c, static_cast<double>(n), "queries/s", [&] {
+    device.lookup(c.stream, {nullptr, table.data()}, queries.view, HalfRows{out.data(), n}, 0);
+  });
+  r.sizes = {{"queries", static_cast<double>(n)},
+             {"levels", levels},
+             {"features", tree.options().features},
+             {"table_bytes", static_cast<double>(table.bytes())}};
+  return r;
+}
+
+// The decoder's network forward, or also backward with gradients of the weights and at all inputs: three times the
+// products.
+BenchmarkResult decode(const Context& c, bool training) {
+  const std::size_t n = training ? c.items(1 << 18, 1 << 11) : c.items(1 << 21, 1 << 12);
+  RandomMlp net(c.stream, kDecoder, n, training ? n : 0, c.seed);
+  const std::vector<float> scale{1024.0f, 1.0f / 1024.0f};
+  const DeviceArray<float> s(c.stream, std::span<const float>(scale), "selftest"), out(c.stream, 3 * n, "selftest"),
+      d_in(c.stream, training ? net.inputs.size() : 0, "selftest");
+  DeviceArray<float> d_out(c.stream, 3 * n, "selftest");
+  d_out.fill(0);
+  const double inputs = kDecoder.inputs, width = kDecoder.width, hidden = kDecoder.hidden,
+               products = inputs * width + (hidden - 1.0) * width * width + width * kDecoder.outputs,
+               flops = (training ? 6.0 : 2.0) * products;
+  BenchmarkResult r = measure(c, flops * static_cast<double>(n), "FLOP/s", [&] {
+    const auto count = static_cast<std::uint32_t>(n);
+    const FloatRows to{out.data(), n};
+    if (!training) return net.device.forward(c.stream, net.in(), to, count);
+    net.device.forward_keep(c.stream, net.in(), to, count);
+    net.device.backward(c.stream, net.in(), {d_out.data(), n}, s.data(), {d_in.data(), n}, kDecoder.inputs, count,
+                        false);
+  });
+  r.sizes = {{"rows", static_cast<double>(n)},
+             {"inputs", inputs},
+             {"width", width},
+             {"hidden", hidden},
+             {"flop_a_row", flops},
+             {"rows_a_second", static_cast<double>(n) / (r.median_ms * 1e-3)}};
+  return r;
+}
+
 constexpr Benchmark kBenchmarks[] = {
     {"copy", copy_memory},
-    {"random 32-byte reads, small table", sector_reads_small},
-    {"random 32-byte reads, large table", sector_reads_large},
+    {"random 32-byte reads, small table",
+     [](const Context& c) { return sector_reads(c, c.items(16 * kMiB, kMiB / 4)); }},
+    {"random 32-byte reads, large table",
+     [](const Context& c) { return sector_reads(c, c.items(4096 * kMiB, 64 * kMiB)); }},
     {"divergent gathers", gathers},
-    {"scatter-add, float", scatter1},
-    {"scatter-add, four floats", scatter4},
+    {"scatter-add, float", [](const Context& c) { return scatter(c, 1); }},
+    {"scatter-add, four floats", [](const Context& c) { return scatter(c, 4); }},
     {"sort", sort},
     {"launches in a graph", graph_launches},
-    {"rays, closest hit, incoherent", closest},
-    {"rays, occlusion, incoherent", occlusion},
-    {"feature lookup", benchmark_lookup},
-    {"feature lookup, sorted queries", benchmark_lookup_sorted},
-    {"decoder", benchmark_decoder},
-    {"decoder, forward and backward", benchmark_decoder_training},
+    {"rays, closest hit, incoherent", [](const Context& c) { return trace(c, false); }},
+    {"rays, occlusion, incoherent", [](const Context& c) { return trace(c, true); }},
+    {"feature lookup", [](const Context& c) { return look_up(c, false); }},
+    {"feature lookup, sorted queries", [](const Context& c) { return look_up(c, true); }},
+    {"decoder", [](const Context& c) { return decode(c, false); }},
+    {"decoder, forward and backward", [](const Context& c) { return decode(c, true); }},
 };
 
 }  // namespace

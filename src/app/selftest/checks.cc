@@ -1,24 +1,106 @@
-#include "octrad/device/checks.h"
-#include "app/selftest/entries.h"
+#include <algorithm>
+
 #include "app/selftest/selftest.h"
+#include "octrad/base/rng.h"
+#include "octrad/device/checks.h"
+#include "octrad/geometry/voxelize.h"
 #include "octrad/network/checks.h"
+#include "octrad/render/checks.h"
+#include "octrad/transport/checks.h"
 
 namespace octrad::selftest {
 
+OctaOctree make_octree(const Context& c, int levels) {
+  const Domain domain = scene_domain(c.soup.scene().bounds, true);
+  return OctaOctree({levels, 4}, occupied_cells(c.soup.scene(), domain, levels), domain.origin, domain.size);
+}
+
+LookupQueries surface_queries(const Context& c, std::size_t n, bool sorted) {
+  const Domain domain = scene_domain(c.soup.scene().bounds, true);
+  std::vector<Vec3f> positions(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    Rng rng(c.seed, RngPurpose::test, i);
+    const float pick = rng.uniform();
+    positions[i] = c.soup.surfaces().sample_position(pick, rng.uniform2());
+  }
+  const auto key = [&](Vec3f p) {
+    const Vec3f cell = (p - domain.origin) / domain.size * 32.0f;
+    return morton_key({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)});
+  };
+  if (sorted) std::ranges::stable_sort(positions, {}, key);
+  return LookupQueries(c.stream, positions, 4.0f / length(c.soup.scene().bounds.extent()), c.seed + 2);
+}
+
 namespace {
 
-CheckResult check_lookup(const Context& c, bool halves) {
-  OctaOctree tree = make_octree(c.scene, 5);
-  const LookupQueries queries = surface_queries(c, c.items(1 << 16, 1 << 12), false);
-  return check_octree_lookup(c.stream, tree, queries, halves, c.seed + 1);
-}
+using Traversal = RayBatch::Traversal;
+using Bounce = FirstHitOptions::Bounce;
 
 CheckResult check_hash_grid(const Context& c) {
   HashGrid grid(HashGridOptions{4, 2, 16, 16, 4.0});
-  const LookupQueries queries = surface_queries(c, c.items(1 << 18, 1 << 14), false);
-  return check_hash_grid_lookup(c.stream, grid, c.scene.bounds.lower, c.scene.bounds.extent(), queries, false, c.seed);
+  const auto& bounds = c.soup.scene().bounds;
+  return check_hash_grid_lookup(c.stream, grid, bounds.lower, bounds.extent(),
+                                surface_queries(c, c.items(1 << 18, 1 << 14)), false, c.seed);
 }
 
+CheckResult check_lookup(const Context& c, bool halves) {
+  OctaOctree tree = make_octree(c, 5);
+  return check_octree_lookup(c.stream, tree, surface_queries(c, c.items(1 << 16, 1 << 12)), halves, c.seed + 1);
+}
+
+CheckResult check_hits(const Context& c, Traversal traversal, const Tracer* other = nullptr) {
+  const std::vector<RayQuery> rays = incoherent_rays(c.soup, c.items(1 << 20, 1 << 15), false, c.seed);
+  return check_closest(c.stream, c.soup, rays, traversal, other);
+}
+
+CheckResult check_shadows(const Context& c, Traversal traversal, const Tracer* other = nullptr) {
+  const std::vector<RayQuery> rays = incoherent_rays(c.soup, c.items(1 << 20, 1 << 15), true, c.seed);
+  return check_occluded(c.stream, c.soup, rays, traversal, other);
+}
+
+CheckResult check_lhs(const Context& c) {
+  LhsOptions options;
+  options.walks = 0.6;
+  options.view = 0.2;
+  options.keep_direction = 0.3;
+  options.uniform_glossy = true;
+  options.glossy_boost = 2.0;
+  options.seed = c.seed;
+  return check_left_hand_sides(c.stream, c.open, options, c.items(1 << 15, 1 << 10), c.seed % 1000 * 2, 2);
+}
+
+CheckResult check_rhs(const Context& c) {
+  constexpr RhsCase kCases[] = {
+      {16, false, false, false, true}, {5, true, true, true, true}, {4, false, false, false, false}};
+  return check_right_hand_sides(c.stream, c.open, kCases, c.items(1 << 13, 1 << 8), c.seed);
+}
+
+CameraJob small_picture(const Context& c, int count) {
+  CameraJob job = camera_job(c.open, c.large() ? 256 : 32, c.large() ? 192 : 24, count, c.seed);
+  job.first = 3;
+  return job;
+}
+
+CheckResult check_g_buffer(const Context& c) {
+  std::vector<FirstHitCase> cases;
+  for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
+    FirstHitOptions options;
+    options.follow_delta = bounce != Bounce::none;
+    options.bounce = bounce;
+    options.emission_inside = bounce == Bounce::glossy;
+    options.max_chain = 6;
+    cases.push_back({options, bounce == Bounce::glossy});
+  }
+  return check_first_hits(c.stream, c.open, small_picture(c, 3), cases);
+}
+
+CheckResult check_path_tracer(const Context& c, int wave_bounces) {
+  const CameraJob job = small_picture(c, 4);
+  constexpr PathLimits kLimits{12, 5};
+  return check_paths(c.stream, c.open, {&job, 1}, {&kLimits, 1}, wave_bounces);
+}
+
+// Sizes on a device, and on the host.
 constexpr Check kChecks[] = {
     {"random numbers",
      [](const Context& c) { return check_random_numbers(c.stream, c.items(1 << 20, 1 << 16), c.seed); }},
@@ -33,11 +115,13 @@ constexpr Check kChecks[] = {
      [](const Context& c) { return check_spherical_harmonics(c.stream, c.items(1 << 18, 1 << 14), c.seed); }},
     {"hash grid", check_hash_grid},
     {"Adam", [](const Context& c) { return check_adam_update(c.stream, c.items(1 << 20, 1 << 15), c.seed); }},
-    {"closest hit, Embree", check_closest_embree},
-    {"closest hit, same tree on the CPU", check_closest_cpu},
-    {"closest hit, a thread a ray", check_closest_alone},
-    {"occlusion, Embree", check_occluded},
-    {"occlusion, a thread a ray", check_occluded_alone},
+    {"closest hit, Embree",
+     [](const Context& c) { return check_hits(c, Traversal::warps, make_embree_tracer(c.soup.scene()).get()); }},
+    {"closest hit, same tree on the CPU", [](const Context& c) { return check_hits(c, Traversal::warps); }},
+    {"closest hit, a thread a ray", [](const Context& c) { return check_hits(c, Traversal::threads); }},
+    {"occlusion, Embree",
+     [](const Context& c) { return check_shadows(c, Traversal::warps, make_embree_tracer(c.soup.scene()).get()); }},
+    {"occlusion, a thread a ray", [](const Context& c) { return check_shadows(c, Traversal::threads); }},
     {"feature lookup, floats", [](const Context& c) { return check_lookup(c, false); }},
     {"feature lookup, halves", [](const Context& c) { return check_lookup(c, true); }},
     {"decoder",
@@ -48,13 +132,18 @@ constexpr Check kChecks[] = {
      [](const Context& c) { return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), false, c.seed); }},
     {"optimiser, dense table",
      [](const Context& c) { return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), true, c.seed); }},
-    {"materials and lights", check_shading, true},
-    {"left-hand-side points", check_left_hand_sides},
-    {"right-hand sides", check_right_hand_sides},
-    {"first hits", check_first_hits},
-    {"paths", check_paths},
-    {"paths, a thread each", check_long_paths},
-    {"film", check_film},
+    {"materials and lights",
+     [](const Context& c) { return check_world(c.stream, c.materials, c.items(1 << 18, 1 << 13), c.seed); }},
+    {"left-hand-side points", check_lhs},
+    {"right-hand sides", check_rhs},
+    {"first hits", check_g_buffer},
+    {"paths", [](const Context& c) { return check_path_tracer(c, 16); }},
+    {"paths, a thread each", [](const Context& c) { return check_path_tracer(c, 2); }},  // but the first vertices
+    {"film",
+     [](const Context& c) {
+       const int size = c.large() ? 512 : 48;
+       return check_film(c.stream, size, size, size / 4, c.seed);
+     }},
 };
 
 }  // namespace

@@ -1,9 +1,8 @@
-// What octrad selftest runs: checks of kernels against the CPU's definitions, micro-benchmarks, and whole stages. Three
-// lists, each in its own file; a new entry is a function and a line of the list.
+// What octrad selftest runs: the checks of kernels that the rooms offer (ROOM/checks.h) at the sizes of a device,
+// micro-benchmarks, and whole stages. Three lists, each in its own file; a new entry is a line of the list.
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
@@ -11,35 +10,43 @@
 #include <vector>
 
 #include "octrad/device/check.h"
-#include "octrad/device/stream.h"
+#include "octrad/device/stage_times.h"
+#include "octrad/encoding/checks.h"
+#include "octrad/network/mlp.h"
 #include "octrad/transport/prepared_scene.h"
 
 namespace octrad::selftest {
 
-// What entries work on.
+// What entries work on. The scenes are all the one that the user gave, else built-in ones. The CPU traverses the tree
+// that devices traverse; rays are compared with Embree's by checks of their own.
 struct Context {
   Stream& stream;
   std::uint64_t seed;
-  const Scene& scene;    // geometry; materials and lights only where `loaded` is not null
-  const Tracer& tracer;  // Embree
-  const Bvh8& bvh;
-  const PreparedScene* loaded = nullptr;  // the scene that the user gave
-  bool quick = false;                     // small sizes on a device too
+  bool quick;                      // small sizes on a device too
+  const PreparedScene& soup;       // for rays and look-ups: testing::triangle_soup()
+  const PreparedScene& materials;  // testing::every_material()
+  const PreparedScene& open;       // for estimators: testing::open_room()
+  const PreparedScene& closed;     // for stages: testing::closed_room()
 
+  bool large() const { return stream.on_device() && !quick; }
   // A size for a device, or a small one for the host and for quick runs.
-  std::size_t items(std::size_t device, std::size_t host) const { return stream.on_device() && !quick ? device : host; }
+  std::size_t items(std::size_t device, std::size_t host) const { return large() ? device : host; }
 };
 
 // ---- Checks (checks.cc)
 
-using Errors = CheckErrors;
-
 struct Check {
   const char* name;
   CheckResult (*run)(const Context&);
-  bool needs_scene = false;  // one with materials: Context::loaded
 };
 std::span<const Check> checks();
+
+// An octree of features for the scene of rays, and queries on its surfaces. `sorted`: neighbours in space are
+// neighbours in memory, by cells of a grid of 32^3 in Morton order, as a sort of 15-bit keys would have them.
+OctaOctree make_octree(const Context& context, int levels);
+LookupQueries surface_queries(const Context& context, std::size_t n, bool sorted = false);
+
+inline constexpr MlpShape kDecoder{45, 128, 4, 3};  // the decoder's network
 
 // ---- Micro-benchmarks (benchmarks.cc)
 
@@ -54,16 +61,15 @@ struct BenchmarkResult {
 struct Benchmark {
   const char* name;
   BenchmarkResult (*run)(const Context&);
-  const char* missing = nullptr;  // why there is nothing to run yet; run is null then
 };
 std::span<const Benchmark> benchmarks();
 
-// ---- Stages (stages.cc): a short training and a frame, against the CPU's. On the scene given, else in a room that is
-// built in.
+// ---- Stages (stages.cc): a short training and a frame, against the CPU's.
 
 struct StageResult {
   nlohmann::json report;
   std::string summary;  // one line
+  StageSplit stages;    // of the stream's work, in milliseconds
   bool passed = false;
 };
 
@@ -72,10 +78,5 @@ struct Stage {
   StageResult (*run)(const Context&);
 };
 std::span<const Stage> stages();
-
-// A closed room with a soup of triangles and spheres in it: for checks without a scene file.
-Scene built_in_scene(std::uint64_t seed);
-// Rays between surfaces: uniform points, uniform directions, off the surface as everywhere. t_max: 1e30.
-std::vector<RayQuery> incoherent_rays(const Scene& scene, std::size_t n, std::uint64_t seed);
 
 }  // namespace octrad::selftest

@@ -24,6 +24,14 @@ struct CheckResult {
   std::string text() const;  // "relative error of t: p99.9 1e-07, max 2e-07; at most 1e-06"
 };
 
+// `count` items of a stream's memory.
+template <typename T>
+std::vector<T> fetch(Stream& stream, const T* data, std::size_t count) {
+  std::vector<T> values(count);
+  if (count > 0) stream.download(values.data(), data, count * sizeof(T));
+  return values;
+}
+
 class CheckErrors {
  public:
   // What is not a number counts as infinite.

@@ -14,7 +14,7 @@ namespace {
 
 using testing::pattern, testing::random_points, testing::shell;
 
-class DeviceQuery : public ::testing::TestWithParam<bool> {};
+class DeviceQuery : public testing::StreamTest {};
 
 Config small(const std::string& field) {
   Config config = preset("cpu");
@@ -39,8 +39,6 @@ std::unique_ptr<RadianceField> trained(const Config& config) {
 }
 
 TEST_P(DeviceQuery, SaysWhatTheCpuSays) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   for (const char* name : {"octaoctree", "nr"}) {
     const Config config = small(name);
     const auto field = trained(config);
@@ -74,8 +72,6 @@ TEST_P(DeviceQuery, SaysWhatTheCpuSays) {
 }
 
 TEST_P(DeviceQuery, LittleMemoryMeansTurnsAndThenAnError) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   const Config config = small("nr");
   const auto field = trained(config);
   const auto points = random_points(5000, 6);
@@ -90,7 +86,7 @@ TEST_P(DeviceQuery, LittleMemoryMeansTurnsAndThenAnError) {
   EXPECT_TRUE(ask_on_stream(*another, *field, config, {}, 1000).radiance.empty());
 }
 
-INSTANTIATE_TEST_SUITE_P(All, DeviceQuery, ::testing::Values(false, true), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, DeviceQuery, ::testing::Bool(), testing::stream_name);
 
 }  // namespace
 }  // namespace octrad

@@ -101,11 +101,9 @@ double difference(const Image& a, const Image& b, const char* channel) {
   return sum / (scale + 1e-9);
 }
 
-class RenderOnStream : public ::testing::TestWithParam<bool> {};
+class RenderOnStream : public testing::StreamTest {};
 
 TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   for (const char* filter : {"box", "gaussian", "tent"}) {
     Box box(filter);
     const RenderResult cpu = box.picture("path", 9, nullptr), device = box.picture("path", 9, stream.get());
@@ -129,8 +127,6 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
 
 // Views have a test of their own.
 TEST_P(RenderOnStream, PicturesOfAllIntegratorsAreThoseOfTheCpu) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   for (const std::string& name : integrator_names(box.field.get())) {
     const IntegratorInfo& info = *find_integrator(name).info;
@@ -148,8 +144,6 @@ TEST_P(RenderOnStream, PicturesOfAllIntegratorsAreThoseOfTheCpu) {
 }
 
 TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   for (const std::string& view : integrator_names(box.field.get())) {
     if (find_integrator(view).info->recordable) continue;  // not a view
@@ -177,8 +171,6 @@ TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
 
 // One renderer through other views, sizes and models makes the pictures that new renderers make.
 TEST_P(RenderOnStream, ViewAndModelCanChange) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box, other("gaussian", 2);
   for (Stream* const on : {static_cast<Stream*>(nullptr), stream.get()}) {
     const auto renderer = box.renderer("deferred", 2, on);
@@ -227,8 +219,6 @@ TEST(Renderer, RefusesIntegratorsAndModelsThatDoNotFit) {
 
 // A copy of the scene is made once for a stream, and by whoever asks first.
 TEST_P(RenderOnStream, SceneIsUploadedOnce) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   const std::size_t scene = box.prepared.bytes_to_upload(*stream);
   EXPECT_GT(scene, 0u);
@@ -242,8 +232,6 @@ TEST_P(RenderOnStream, SceneIsUploadedOnce) {
 }
 
 TEST_P(RenderOnStream, FramesAreTimedByStage) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   const FrameTimes times = box.renderer("lhs", 1, stream.get())->time_frames(5, 1);
   EXPECT_GT(times.median, 0.0);
@@ -254,8 +242,6 @@ TEST_P(RenderOnStream, FramesAreTimedByStage) {
 }
 
 TEST_P(RenderOnStream, LittleMemoryMeansSmallJobsAndThenAnError) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
   Box box;
   const std::size_t scene_and_film = 400'000;
   const auto small = box.renderer("path", 16, stream.get(), scene_and_film + 40 * 300),
@@ -264,7 +250,7 @@ TEST_P(RenderOnStream, LittleMemoryMeansSmallJobsAndThenAnError) {
   EXPECT_THROW(box.renderer("path", 16, stream.get(), 1000), MemoryError);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, RenderOnStream, ::testing::Values(false, true), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, RenderOnStream, ::testing::Bool(), testing::stream_name);
 
 }  // namespace
 }  // namespace octrad

@@ -6,7 +6,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
-#include "octrad/shading/test_fixtures.h"
+#include "octrad/scene/sample_scenes.h"
 
 namespace octrad {
 namespace {

@@ -5,8 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/bsdf_math.h"
-#include "octrad/shading/test_fixtures.h"
+#include "octrad/shading/chi_square_test_helper.h"
 
 namespace octrad {
 namespace {

@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "octrad/scene/sample_scenes.h"
+#include "octrad/shading/chi_square_test_helper.h"
 #include "octrad/shading/environment_map.h"
-#include "octrad/shading/test_fixtures.h"
 
 namespace octrad {
 namespace {

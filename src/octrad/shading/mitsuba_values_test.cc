@@ -7,9 +7,9 @@
 #include <iterator>
 #include <string>
 
+#include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/environment_map.h"
 #include "octrad/shading/materials.h"
-#include "octrad/shading/test_fixtures.h"
 
 namespace octrad {
 namespace {

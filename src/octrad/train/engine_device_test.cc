@@ -10,8 +10,8 @@
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/train/batch.h"
 #include "octrad/train/box_test_helper.h"
+#include "octrad/train/checks.h"
 #include "octrad/train/engine_device.h"
-#include "octrad/train/trainer.h"
 
 namespace octrad {
 namespace {
@@ -31,28 +31,10 @@ Config short_run(const std::string& field, int steps) {
   return config;
 }
 
-std::vector<Vec3f> radiance(const RadianceField& field) {
-  std::vector<SurfacePoint> points;
-  for (int i = 0; i < 400; ++i) {
-    SurfacePoint p;
-    const float u = static_cast<float>(i % 20) / 10.0f - 0.95f, v = static_cast<float>(i / 20) / 10.0f - 0.95f;
-    p.x = {u, v, 1.0f};
-    p.n = {0, 0, -1};
-    p.wo = normalize(Vec3f(0.2f, -v, -1.0f));
-    p.albedo = {0.6f, 0.5f, 0.4f};
-    points.push_back(p);
-  }
+std::vector<Vec3f> radiance(const RadianceField& field, std::span<const SurfacePoint> points) {
   std::vector<Vec3f> out(points.size());
   field.radiance(points, out);
   return out;
-}
-
-double mean_relative_difference(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    sum += static_cast<double>(std::abs(luminance(a[i]) - luminance(b[i])) /
-                               (0.5f * (luminance(a[i]) + luminance(b[i])) + 0.01f));
-  return sum / static_cast<double>(a.size());
 }
 
 std::string temporary(const std::string& name) {
@@ -60,18 +42,17 @@ std::string temporary(const std::string& name) {
       .string();
 }
 
-class TrainOnStream : public ::testing::TestWithParam<bool> {};
+class TrainOnStream : public testing::StreamTest {
+ protected:
+  Box box;
+  const std::vector<SurfacePoint> probes_ = surface_probes(box.scene, 400, 1);
+};
 
 TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   for (const char* field : {"octaoctree", "nr"}) {
     const Config config = short_run(field, 60);
-    TrainOptions options;
-    const TrainResult on_cpu = train(box.scene, config, options);
-    options.stream = stream.get();
-    const TrainResult on_stream = train(box.scene, config, options);
+    const TrainingPair pair = train_on_both(*stream, box.scene, config, probes_);
+    const TrainResult &on_stream = pair.on_stream, &on_cpu = pair.on_cpu;
     EXPECT_EQ(on_stream.steps, on_cpu.steps);
     EXPECT_EQ(on_stream.lhs_samples, on_cpu.lhs_samples);
     EXPECT_TRUE(on_cpu.stages.empty());
@@ -86,18 +67,15 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     // The same paths but where rounding sends a ray another way.
     EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries),
                 1e-3 * static_cast<double>(on_cpu.rhs_queries));
-    EXPECT_NEAR(on_stream.loss, on_cpu.loss, 0.05 * on_cpu.loss) << field;
-    EXPECT_LT(mean_relative_difference(radiance(*on_stream.field), radiance(*on_cpu.field)), 0.05) << field;
+    EXPECT_LT(pair.loss_difference, 0.05) << field;
+    EXPECT_LT(pair.difference, 0.05) << field;
     // And it is something: not what an untrained field says.
     const TrainResult untrained = train(box.scene, short_run(field, 1), TrainOptions{});
-    EXPECT_GT(mean_relative_difference(radiance(*untrained.field), radiance(*on_cpu.field)), 0.3) << field;
+    EXPECT_GT(mean_difference(*untrained.field, *on_cpu.field, probes_), 0.3) << field;
   }
 }
 
 TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   TrainOptions options;
   options.stream = stream.get();
   EXPECT_TRUE(train(box.scene, short_run("octaoctree", 32), options).stages.empty());
@@ -105,24 +83,18 @@ TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
 }
 
 TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   TrainOptions options;
   options.stream = stream.get();
   options.deterministic = true;
   const Config config = short_run("octaoctree", 20);
-  const std::vector<Vec3f> a = radiance(*train(box.scene, config, options).field),
-                           b = radiance(*train(box.scene, config, options).field);
+  const std::vector<Vec3f> a = radiance(*train(box.scene, config, options).field, probes_),
+                           b = radiance(*train(box.scene, config, options).field, probes_);
   for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << i;
 }
 
 // However many steps' left-hand-side points are drawn at once, and wherever a run begins, changes its shape or asks for
 // a report.
 TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   Config config = short_run("octaoctree", 24);
   config.train_points = 128;
   config.train_directions = 1;
@@ -146,7 +118,7 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
     }
     EXPECT_EQ(engine->collect().losses.size(), 14u);
     engine->last_batch(last_points[k], last_targets[k]);
-    learnt[k] = radiance(*engine->release_field());
+    learnt[k] = radiance(*engine->release_field(), probes_);
   }
   // The last batch is the last step's.
   const ScheduleState s = schedule(config, 23, 23.0 / 24.0);
@@ -164,9 +136,6 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
 }
 
 TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   const Config config = short_run("octaoctree", 40);
   const TrainResult whole = train(box.scene, config, TrainOptions{});
   for (const bool starts_on_cpu : {true, false}) {
@@ -184,15 +153,12 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
     options.stream = starts_on_cpu ? stream.get() : nullptr;
     const TrainResult result = train(box.scene, model.info.config, options);
     EXPECT_EQ(result.steps, 40);
-    EXPECT_LT(mean_relative_difference(radiance(*result.field), radiance(*whole.field)), 0.05);
+    EXPECT_LT(mean_difference(*result.field, *whole.field, probes_), 0.05);
     std::filesystem::remove(options.output);
   }
 }
 
 TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  Box box;
   TrainOptions options;
   options.stream = stream.get();
   options.max_memory = 1e6;
@@ -211,7 +177,7 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
   EXPECT_LT(estimate, 1.3 * static_cast<double>(stream->peak_bytes()));
 }
 
-INSTANTIATE_TEST_SUITE_P(All, TrainOnStream, ::testing::Values(false, true), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, TrainOnStream, ::testing::Bool(), testing::stream_name);
 
 }  // namespace
 }  // namespace octrad

@@ -7,7 +7,9 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/device/array.h"
-#include "octrad/transport/device_test_helper.h"
+#include "octrad/device/stream_test_helper.h"
+#include "octrad/scene/sample_scenes.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
@@ -39,26 +41,21 @@ struct CastAnswers : Kernel {
   }
 };
 
-class DeviceCasts : public ::testing::TestWithParam<bool> {};
+class DeviceCasts : public testing::StreamTest {};
 
 TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
-  const auto stream = testing::stream_or_skip(GetParam());
-  if (!stream) GTEST_SKIP() << testing::kNoDevice;
-  const testing::DeviceSetup setup(*stream, testing::room());
+  const PreparedScene scene(testing::open_room());
   constexpr std::uint32_t kMost = 40000;
   std::vector<RayQuery> rays(kMost);
   Rng rng(51, RngPurpose::test, 0);
   for (std::uint32_t i = 0; i < kMost; ++i) {
-    const Vec2f u = rng.uniform2();
-    const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
-    rays[i] = {{rng.uniform(), 1.0f + rng.uniform(), rng.uniform()},
-               {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z},
-               i % 3 == 0 ? 2.0f : 1e30f};
+    const Vec3f direction = uniform_direction(rng.uniform2());
+    rays[i] = {{rng.uniform(), 1.0f + rng.uniform(), rng.uniform()}, direction, i % 3 == 0 ? 2.0f : 1e30f};
     if (i % 7 == 0) rays[i].direction = Vec3f(0.0f);   // meets nothing, at once
     if (i / 100 % 5 == 0) rays[i].origin.y += 100.0f;  // whole warps that pass by
   }
   const DeviceArray<RayQuery> device_rays(*stream, std::span<const RayQuery>(rays), "test");
-  const Bvh8View tree = setup.prepared.bvh8().view();
+  const Bvh8View tree = scene.bvh8().view();
   for (const std::uint32_t n : {0u, 1u, 31u, 32u, 33u, 4097u, kMost}) {
     for (const std::uint32_t capacity : {n, kMost}) {
       const std::vector<std::uint32_t> size = {n};
@@ -70,10 +67,10 @@ TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
       launches.fill(0);
       cast(*stream, capacity,
            CastAnswers<false>{
-               {}, setup.world().bvh, device_size.data(), device_rays.data(), closest.data(), launches.data()});
+               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), closest.data(), launches.data()});
       cast(*stream, capacity,
            CastAnswers<true>{
-               {}, setup.world().bvh, device_size.data(), device_rays.data(), any.data(), launches.data()});
+               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), any.data(), launches.data()});
       const std::vector<Answer> hits = closest.download(), blocked = any.download();
       EXPECT_EQ(launches.download()[0], capacity == 0 ? 0u : 2u);
       int found = 0;

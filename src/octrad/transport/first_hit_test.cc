@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "octrad/shading/test_fixtures.h"
+#include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/prepared_scene.h"
 
 namespace octrad {

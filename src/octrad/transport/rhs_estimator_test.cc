@@ -14,8 +14,8 @@ namespace {
 
 using testing::furnace;
 using testing::FurnaceScene;
-using testing::kGrey;
 using testing::kGlow;
+using testing::kGrey;
 
 struct Mean {
   double value = 0.0, error = 0.0;  // standard error

@@ -1,75 +1,15 @@
-// For tests: scenes made in memory, and chi-square goodness of fit of directional samplers.
+// For tests: chi-square goodness of fit of directional samplers.
 #pragma once
 
 #include <cmath>
 #include <functional>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "octrad/base/rng.h"
-#include "octrad/scene/scene.h"
-#include "octrad/shading/materials.h"
+#include "octrad/shading/bsdf_math.h"
 
 namespace octrad::testing {
-
-struct SceneMaker {
-  Scene scene;
-
-  int texture(Vec3f color) {
-    Texture t;
-    t.color0 = color;
-    scene.textures.push_back(t);
-    return static_cast<int>(scene.textures.size()) - 1;
-  }
-  int texture(float value) { return texture(Vec3f(value)); }
-  int material(Material m) {
-    scene.materials.push_back(m);
-    return static_cast<int>(scene.materials.size()) - 1;
-  }
-  int diffuse(Vec3f reflectance, bool two_sided = false) {
-    Material m;
-    m.reflectance = texture(reflectance);
-    m.two_sided = two_sided;
-    return material(m);
-  }
-  int shape(Shape::Kind kind, int geometry, int material_index, Vec3f emission) {
-    Shape s;
-    s.kind = kind;
-    s.geometry = geometry;
-    s.material = material_index;
-    scene.shapes.push_back(s);
-    const int index = static_cast<int>(scene.shapes.size()) - 1;
-    if (max_component(emission) > 0.0f) {
-      AreaLight light;
-      light.shape = index;
-      light.radiance = texture(emission);
-      scene.area_lights.push_back(light);
-      scene.shapes.back().emitter = static_cast<int>(scene.area_lights.size()) - 1;
-    }
-    return index;
-  }
-  // Parallelogram p0, p0 + a, p0 + a + b, p0 + b; normal along a x b.
-  int quad(Vec3f p0, Vec3f a, Vec3f b, int material_index, Vec3f emission = Vec3f(0.0f)) {
-    TriangleMesh m;
-    m.positions = {p0, p0 + a, p0 + a + b, p0 + b};
-    m.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-    m.triangles = {{0, 1, 2}, {0, 2, 3}};
-    for (Vec3f p : m.positions) scene.bounds.extend(p);
-    scene.meshes.push_back(m);
-    return shape(Shape::Kind::mesh, static_cast<int>(scene.meshes.size()) - 1, material_index, emission);
-  }
-  int sphere(Vec3f center, float radius, int material_index, Vec3f emission = Vec3f(0.0f), bool flip = false) {
-    Sphere s;
-    s.center = center;
-    s.radius = radius;
-    s.flip_normals = flip;
-    scene.bounds.extend(center - Vec3f(radius));
-    scene.bounds.extend(center + Vec3f(radius));
-    scene.spheres.push_back(s);
-    return shape(Shape::Kind::sphere, static_cast<int>(scene.spheres.size()) - 1, material_index, emission);
-  }
-};
 
 // Probability that a chi-square variable of `dof` degrees of freedom exceeds x (Wilson & Hilferty 1931).
 inline double chi_square_tail(double x, int dof) {

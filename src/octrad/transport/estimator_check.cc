@@ -1,0 +1,315 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numeric>
+
+#include "octrad/base/threads.h"
+#include "octrad/transport/checks.h"
+#include "octrad/transport/gbuffer_device.h"
+#include "octrad/transport/lhs_device.h"
+#include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/path.h"
+#include "octrad/transport/path_device.h"
+#include "octrad/transport/rhs_device.h"
+#include "octrad/transport/rhs_estimator.h"
+
+namespace octrad {
+namespace {
+
+// 0 only for the same bits.
+double unless_same(Vec3f a, Vec3f b, double error) {
+  return std::memcmp(&a, &b, sizeof(a)) == 0 ? 0.0 : std::max(std::numeric_limits<double>::min(), error);
+}
+double distance(Vec3f a, Vec3f b, float unit = 1.0f) {
+  return unless_same(a, b, static_cast<double>(length(a - b) / unit));
+}
+double distance(float a, float b) { return distance(Vec3f(a, 0.0f, 0.0f), Vec3f(b, 0.0f, 0.0f)); }
+
+float size_of(const PreparedScene& scene) { return std::max(1e-20f, length(scene.scene().bounds.extent())); }
+
+// What a cache might say of a point: smooth in all that it is given.
+struct Cache {
+  float size;
+  Vec3f operator()(const SurfacePoint& p) const {
+    const float d = p.disparity * size;
+    return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y),
+            0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d)};
+  }
+};
+
+// `answer` of the queries in a stream's memory.
+template <typename Answer>
+std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, const std::uint32_t* count,
+                              const Answer& answer) {
+  std::vector<float> numbers = fetch(stream, queries.data, queries.stride * kSurfacePointNumbers);
+  std::vector<Vec3f> answers(fetch(stream, count, 1)[0]);
+  for (std::size_t q = 0; q < answers.size(); ++q)
+    answers[q] = answer(SurfacePointArray{numbers.data(), queries.stride}.load(q));
+  return answers;
+}
+
+void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const Vec3f> radiance,
+                     std::span<const FirstHit> first, float size, EstimateErrors& errors) {
+  std::vector<float> numbers = fetch(stream, found.data, found.stride * kSampleNumbers);
+  const SamplePlanes planes{{numbers.data(), found.stride}};
+  for (std::size_t k = 0; k < radiance.size(); ++k) {
+    errors.add(planes.radiance(k), radiance[k]);
+    errors.add(planes.get3(3, k), first[k].albedo);
+    errors.add(planes.get3(6, k), first[k].normal);
+    errors.add({planes.get(9, k) / size, planes.get(10, k), 0.0f}, {first[k].depth / size, first[k].roughness, 0.0f});
+  }
+}
+
+}  // namespace
+
+void EstimateErrors::add(Vec3f found, Vec3f expected) {
+  constexpr float kSmall = 5e-3f;  // below which errors count as absolute
+  errors_.add(unless_same(found, expected,
+                          static_cast<double>(length(found - expected) / (length(found) + length(expected) + kSmall))));
+  const double a = static_cast<double>(luminance(found)), b = static_cast<double>(luminance(expected));
+  ++items_;
+  sum_ += a - b;
+  square_ += (a - b) * (a - b);
+  size_ += std::fabs(b);
+}
+
+CheckResult EstimateErrors::result(const Stream& stream, std::string what, double tolerance, double allowed_share) {
+  const double chance = 5.0 * std::sqrt(allowed_share / static_cast<double>(std::max<std::size_t>(items_, 1)));
+  CheckResult r = errors_.exact_on_host(stream, std::move(what), tolerance, allowed_share + chance);
+  // Items that went their own way differ at random: their mean by 5 of its standard errors, seldom more.
+  r.require(std::fabs(sum_) <= 5.0 * std::sqrt(square_) + 1e-3 * size_, "their means differ");
+  for (const auto& [found, expected] : counts_) {
+    const double off = std::fabs(static_cast<double>(found) - static_cast<double>(expected));
+    r.require(off <= (stream.on_device() ? 3.0 + 0.01 * static_cast<double>(expected) : 0.0),
+              "counted " + std::to_string(found) + " instead of " + std::to_string(expected));
+  }
+  return r;
+}
+
+CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, const LhsOptions& options, std::size_t n,
+                                  unsigned long long first, int group, int rounds) {
+  const float size = size_of(scene);
+  const TransportContext context = scene.context();
+  const LhsSampler sampler(scene, options);
+  DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
+                n * static_cast<std::size_t>(group), rounds);
+  DeviceArray<unsigned long long> step(stream, 1, "check");
+  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, true); }),
+             take = stream.capture([&] { lhs.take(step.data(), n, group); });
+  CheckErrors errors;
+  const auto steps = static_cast<unsigned long long>(group);
+  for (unsigned long long s = first; s <= first + steps; ++s) {
+    std::vector<ShadingPoint> expected(n);
+    sampler.sample(s, expected);
+    step.upload(std::span<const unsigned long long>(&s, 1));
+    if (s == first || s % steps == 0) stream.replay(*draw);
+    stream.replay(*take);
+    const std::vector<ShadingPoint> found = fetch(stream, lhs.points(), n);
+    std::vector<float> numbers =
+        fetch(stream, lhs.surface_points().data, lhs.surface_points().stride * kSurfacePointNumbers);
+    const SurfacePointArray surface_points{numbers.data(), lhs.surface_points().stride};
+    for (std::size_t i = 0; i < n; ++i) {
+      const ShadingPoint &a = found[i], &b = expected[i];
+      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, true);
+      const auto near = [&](float disparity) { return 1.0f / (1.0f + disparity * size); };
+      errors.add(
+          std::max({distance(p.x, q.x, size), distance(p.wo, q.wo), distance(p.n, q.n), distance(p.albedo, q.albedo),
+                    distance(p.alpha, q.alpha), distance(near(p.disparity), near(q.disparity)),
+                    distance(a.surface.position, b.surface.position, size),
+                    distance(a.surface.geometric_normal, b.surface.geometric_normal), distance(a.wo, b.wo),
+                    distance(a.ns, b.ns), distance(a.s, b.s), distance(a.bsdf.reflectance, b.bsdf.reflectance),
+                    distance(a.bsdf.alpha_u, b.bsdf.alpha_u), distance(a.bsdf.opacity, b.bsdf.opacity),
+                    a.surface.shape == b.surface.shape ? 0.0 : 1.0}));
+    }
+  }
+  // Smooth and curved surfaces on a walk make more of a direction's rounding, vertex by vertex.
+  CheckResult r = errors.exact_on_host(stream, "error of positions, directions, materials", 1e-3, 0.03);
+  r.require(lhs.take_missing() == 0, "points are missing");
+  return r;
+}
+
+CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, std::span<const RhsCase> cases,
+                                   std::size_t n, std::uint64_t seed) {
+  const TransportContext context = scene.context();
+  LhsOptions draw;
+  draw.walks = 0.5;
+  draw.seed = seed;
+  const LhsSampler sampler(scene, draw);
+  const unsigned long long number = seed % 1000;
+  const DeviceArray<unsigned long long> step(stream, std::span(&number, 1), "check");
+  DeviceLhs lhs(stream, scene.world(stream), draw, sampler.views(), sampler.fresh_poses(), n);
+  lhs.run(step.data(), n);
+  // The same points for the CPU: tables that they point to are its own.
+  std::vector<ShadingPoint> points;
+  for (const ShadingPoint& p : fetch(stream, lhs.points(), n)) {
+    points.push_back(context.shade(p.surface, p.wo));
+    points.back().bsdf.opacity = p.bsdf.opacity;
+  }
+  std::vector<unsigned long long> keys;
+  for (std::size_t i = 0; i < n; ++i) keys.push_back(mix64(seed + i));
+  const DeviceArray<unsigned long long> device_keys(stream, std::span<const unsigned long long>(keys), "check");
+  const auto answer = [cache = Cache{size_of(scene)}](const SurfacePoint& p) {
+    const float place = 1000.0f * p.x.x / cache.size;
+    return place - std::floor(place) < 0.01f ? Vec3f(std::nanf("")) : cache(p);
+  };
+  const RadianceQuery query = [&](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+    for (std::size_t i = 0; i < asked.size(); ++i) out[i] = answer(asked[i]);
+  };
+
+  EstimateErrors errors;
+  for (const RhsCase& c : cases) {
+    RhsOptions options;
+    options.directions = c.directions;
+    options.max_chain = 6;
+    options.emission_inside = c.emission_inside;
+    options.traced_disparity = c.traced_disparity;
+    options.seed = seed;
+    options.stream = number;
+    if (c.keys) options.keys = keys;
+    std::vector<Vec3f> expected(n);
+    const RhsStatistics statistics = estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
+    for (std::size_t i = 0; i < n && c.emission_inside; ++i) {
+      if (points[i].surface.emitter >= 0) expected[i] += context.emitted(points[i].surface, points[i].wo);
+    }
+
+    DeviceRhsOptions device_options;
+    device_options.directions = c.directions;
+    device_options.max_chain = options.max_chain;
+    device_options.emission_inside = device_options.own_emission = c.emission_inside;
+    device_options.ask = c.ask;
+    device_options.seed = seed;
+    DeviceRhsPoints device_points;
+    device_points.points = lhs.points();
+    device_points.most = n;
+    device_points.stream = step.data();
+    device_points.keys = c.keys ? device_keys.data() : nullptr;
+    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), c.traced_disparity);
+    const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });
+    DeviceArray<Vec3f> answers(stream, rhs.capacity(), "check");
+    const DeviceArray<Vec3f> targets(stream, n, "check");
+    for (int again = 0; again < 2; ++again) {  // nothing is left over from the first time
+      stream.replay(*trace);
+      const std::vector<Vec3f> values = answers_to(stream, rhs.queries(), rhs.query_count(), answer);
+      answers.upload(values);
+      rhs.reduce(device_points, device_options, answers.data(), targets.data());
+      const std::vector<Vec3f> found = targets.download();
+      for (std::size_t i = 0; i < n; ++i) errors.add(found[i], expected[i]);
+      const TraceCounts counts = rhs.take_counts();
+      errors.add_counts(counts.rays, static_cast<unsigned long long>(statistics.rays));
+      errors.add_counts(counts.queries, static_cast<unsigned long long>(statistics.queries));
+      errors.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
+      errors.add_counts(counts.non_finite, static_cast<unsigned long long>(statistics.non_finite));
+    }
+  }
+  return errors.result(stream, "relative error of right-hand sides", 2e-3, 0.01);
+}
+
+CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const CameraJob& job,
+                             std::span<const FirstHitCase> cases) {
+  const float size = size_of(scene);
+  const TransportContext context = scene.context();
+  const Cache cache{size};
+  const auto right_hand_side = [&](const ShadingPoint& p, unsigned long long key) {
+    return Vec3f(p.surface.position.y / size, p.wo.z, static_cast<float>(key % 1000) * 1e-3f);
+  };
+  EstimateErrors errors;
+  for (const auto& [options, traced] : cases) {
+    std::vector<Vec3f> radiance(job.size());
+    std::vector<FirstHit> first(job.size());
+    std::vector<TraceCounts> of(job.size());
+    std::vector<unsigned char> bounces(job.size());
+    parallel_for(job.size(), [&](std::size_t k) {
+      CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
+      RayEnd end;
+      const FirstHitQuery query = trace_first_hit(context, options, sample, end, first[k]);
+      of[k].rays = static_cast<unsigned long long>(end.rays);
+      radiance[k] = query.known;
+      if (query.next == FirstHitQuery::Next::bounce) {
+        radiance[k] += end.throughput * right_hand_side(end.point, query.key);
+        bounces[k] = 1;
+      } else if (query.next == FirstHitQuery::Next::query) {
+        radiance[k] += end.throughput * cache(field_query_point(context, end.point, traced));
+        of[k].rays += traced ? 1 : 0;
+        of[k].queries = 1;
+      }
+    });
+    TraceCounts expected;
+    for (const TraceCounts& t : of) {
+      expected.rays += t.rays;
+      expected.queries += t.queries;
+    }
+
+    DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
+                         traced);
+    buffer.set(job);
+    const auto run = stream.capture([&] { buffer.run(options); });
+    for (int again = 0; again < 2; ++again) {
+      stream.replay(*run);
+      const std::vector<Vec3f> answers = answers_to(stream, buffer.queries(), buffer.query_count(), cache);
+      std::vector<Vec3f> right(fetch(stream, buffer.bounce_count(), 1)[0]);
+      const auto points = fetch(stream, buffer.bounce_points(), right.size());
+      const auto keys = fetch(stream, buffer.bounce_keys(), right.size());
+      for (std::size_t b = 0; b < right.size(); ++b) right[b] = right_hand_side(points[b], keys[b]);
+      const DeviceArray<Vec3f> device_answers(stream, std::span<const Vec3f>(answers), "check"),
+          device_right(stream, std::span<const Vec3f>(right), "check");
+      buffer.add(device_answers.data(), device_right.data());
+      compare_samples(stream, buffer.samples(), radiance, first, size, errors);
+      const TraceCounts counts = buffer.take_counts();
+      errors.add_counts(counts.rays, expected.rays);
+      errors.add_counts(counts.queries, expected.queries);
+      errors.add_counts(answers.size(), expected.queries);
+      errors.add_counts(right.size(),
+                        static_cast<unsigned long long>(std::accumulate(bounces.begin(), bounces.end(), 0)));
+    }
+  }
+  return errors.result(stream, "relative error of samples", 2e-3, 0.003);
+}
+
+CheckResult check_paths(Stream& stream, const PreparedScene& scene, std::span<const CameraJob> jobs,
+                        std::span<const PathLimits> limits, int wave_bounces) {
+  const TransportContext context = scene.context();
+  std::size_t most = 0;
+  for (const CameraJob& job : jobs) most = std::max<std::size_t>(most, job.size());
+  DevicePathTracer tracer(stream, scene.world(stream), most + 100, wave_bounces);
+  EstimateErrors errors;
+  for (const PathLimits& l : limits) {
+    const auto run = stream.capture([&] { tracer.run(l, most); });
+    for (const CameraJob& job : jobs) {
+      std::vector<PathSample> paths;
+      for (std::uint32_t k = 0; k < job.size(); ++k) {
+        const CameraSample s = job.sample(k);
+        paths.push_back({s.ray, s.rng, {}, {}});
+      }
+      std::vector<PathCounters> counters((paths.size() + 255) / 256);
+      parallel_blocks(paths.size(), 256, [&](std::size_t begin, std::size_t end) {
+        trace_paths(context, l, std::span(paths).subspan(begin, end - begin), counters[begin / 256]);
+      });
+      tracer.set(job);
+      stream.replay(*run);
+      std::vector<Vec3f> radiance;
+      std::vector<FirstHit> first;
+      for (const PathSample& p : paths) {
+        radiance.push_back(p.radiance);
+        first.push_back(p.first);
+      }
+      unsigned long long rays = 0;
+      for (const PathCounters& p : counters) rays += static_cast<unsigned long long>(p.rays);
+      compare_samples(stream, tracer.samples(), radiance, first, size_of(scene), errors);
+      errors.add_counts(tracer.take_rays(), rays);
+    }
+  }
+  return errors.result(stream, "relative error of samples", 2e-3, 0.005);
+}
+
+CameraJob camera_job(const PreparedScene& scene, int width, int height, int count, std::uint64_t seed) {
+  CameraJob job;
+  job.view = scene.scene().cameras.front().view(width, height);
+  job.seed = seed;
+  job.width = width;
+  job.height = height;
+  job.count = count;
+  return job;
+}
+
+}  // namespace octrad
