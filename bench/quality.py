@@ -5,7 +5,7 @@
 
 A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own sensor. References need the roughness layer
 (octrad merge makes them). Prints a table and writes everything, commands included, as JSON. Nothing else should run on
-the machine meanwhile: the budget is wall-clock time.
+the machine meanwhile if the budget is wall-clock time.
 """
 import argparse
 import json
@@ -24,6 +24,7 @@ def main():
     parser.add_argument("--octrad", default="build/octrad")
     parser.add_argument("--fields", default="octaoctree,nr")
     parser.add_argument("--time", default="5m")
+    parser.add_argument("--steps", help="train so many steps instead of --time: what a busy machine does not change")
     parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
     parser.add_argument("--seed", default="0")
     parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures")
@@ -35,10 +36,11 @@ def main():
     folder = args.pictures or tempfile.mkdtemp()
     os.makedirs(folder, exist_ok=True)
     definitions = [word for d in args.D for word in ("-D", d)]
+    budget = ["--steps", args.steps] if args.steps else ["--time", args.time]
     rows = []
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
-        trained = run([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, "--time", args.time, "--seed", args.seed,
+        trained = run([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, *budget, "--seed", args.seed,
                        "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions)
         for view in args.view:
             name, rest = view.split("=", 1)
@@ -61,7 +63,7 @@ def main():
               f"{r['mean_ratio']:>8.4f}{r['rhs_queries_per_s'] / 1e6:>7.2f}")
     if args.output:
         with open(args.output, "w") as out:
-            json.dump({"scene": os.path.basename(os.path.dirname(os.path.abspath(args.scene))), "time": args.time, "keys": args.D, "rows": rows}, out, indent=1)
+            json.dump({"scene": os.path.basename(os.path.dirname(os.path.abspath(args.scene))), "time": None if args.steps else args.time, "keys": args.D, "rows": rows}, out, indent=1)
             out.write("\n")
 
 
