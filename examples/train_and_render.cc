@@ -27,7 +27,7 @@ int main(int argc, char** argv) {
     octrad::RenderBudget budget;
     budget.spp = 16;
     const octrad::RenderResult picture = octrad::render(*renderer, budget);
-    octrad::write_png(argv[3], octrad::tonemap(picture.image, {}));
+    octrad::write_image(argv[3], picture.image);  // PNG by its ending: tone-mapped
     std::printf("\n%lld steps, then %lld queries in %.2f s\n", trained.steps, picture.counts.queries, picture.seconds);
   } catch (const octrad::Error& error) {  // what a user can mend; the message says how
     std::fprintf(stderr, "%s\n", error.what());

@@ -2,7 +2,8 @@
 # Every check of the project, from a bare clone: installs what is missing, builds, tests, and ends with one line
 # "N passed, N failed, N skipped". About 20 minutes on two cores the first time, mostly compiling.
 #   scripts/test.sh              everything
-#   scripts/test.sh --fast       without the sanitizers and the demo
+#   scripts/test.sh --fast       without the sanitizers, clang and the demo
+# The work tree is only read; builds are in build-test, build-sanitize and build-thread.
 # Scenes that are not part of this repository are looked for in $OCTRAD_SHARED, else in ../shared; tests that need them
 # are skipped without them.
 set -uo pipefail
@@ -21,7 +22,12 @@ logs=$(mktemp -d)
 trap 'rm -rf "$logs"' EXIT
 export CLICOLOR=0 GTEST_COLOR=no PYTHONDONTWRITEBYTECODE=1
 
-step() { printf '\n== %s  [%d s]\n' "$*" $((SECONDS - started)); }
+# Wall time, and processor time of what ran so far.
+step() {
+  times >"$logs/times"
+  printf '\n== %s  [%d s, %.0f s of processors]\n' "$*" $((SECONDS - started)) \
+    "$(tail -n 1 "$logs/times" | awk '{ split($1, u, /[ms]/); split($2, k, /[ms]/); print 60 * (u[1] + k[1]) + u[2] + k[2] }')"
+}
 finish() {
   printf '\nTook %d min %d s.\n' $(((SECONDS - started) / 60)) $(((SECONDS - started) % 60))
   echo "$passed passed, $failed failed, $skipped skipped"
@@ -65,13 +71,20 @@ count() {
       sed 's/^/             /'
   fi
 }
-check() {  # check NAME COMMAND...
-  local name=$1 log
-  log=$logs/$(echo "$1" | tr ' /' '__').log
-  shift
-  "$@" >"$log" 2>&1 </dev/null
-  count "$name" "$log" $?
+# add NAME COMMAND...: something for run_added, which runs as many at once as there are processors and counts the results.
+names=() commands=()
+add() { names+=("$1"); shift; commands+=("$(printf '%q ' "$@")"); }
+run_added() {
+  local i
+  for i in "${!names[@]}"; do
+    while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; done
+    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.status") &
+  done
+  wait
+  for i in "${!names[@]}"; do count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"; done
+  names=() commands=()
 }
+check() { add "$@"; run_added; }
 skip() { skipped=$((skipped + 1)); printf '  SKIPPED  %s\n' "$*"; }
 fatal() { failed=$((failed + 1)); printf '  FAILED   %s\n' "$*"; finish; }
 
@@ -84,8 +97,11 @@ done
 [ -n "$python" ] || fatal "no Python with numpy"
 
 step "House rules"
-check "include directions" "$python" tests/check_includes.py
-for script in scripts/*.sh .ci/run; do check "syntax of $script" bash -n "$script"; done
+formatted() { find src -name '*.h' -o -name '*.cc' -o -name '*.cu' | grep -v '_test_data\.h$' | xargs clang-format --dry-run -Werror; }
+add "include directions" "$python" tests/check_includes.py
+for script in scripts/*.sh .ci/run; do add "syntax of $script" bash -n "$script"; done
+if clang-format --version 2>/dev/null | grep -q 'version 14\.'; then add "format" formatted; else skip "format: clang-format 14 is not installed"; fi
+run_added
 
 step "Build: optimised, assertions on, warnings are errors; with CUDA where nvcc is (for one architecture where no GPU is)"
 TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -DOCTRAD_WERROR=ON -DOCTRAD_TESTS=ON >"$logs/build" 2>&1 ||
@@ -93,11 +109,13 @@ TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -
 export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
 
 step "Unit tests"
-for program in build-test/test_*; do [ -x "$program" ] && check "$(basename "$program")" "$program"; done
+for program in build-test/test_*; do [ -x "$program" ] && add "$(basename "$program")" "$program"; done
+run_added
 
-step "Tests across rooms"
-check "command line" "$python" tests/cli/run.py "$OCTRAD"
-for script in tests/test_*.py; do [ -e "$script" ] && check "$script" "$python" "$script"; done
+step "Tests across modules"
+add "command line" "$python" tests/cli/run.py "$OCTRAD"
+for script in tests/test_*.py; do add "$script" "$python" "$script"; done
+run_added
 
 step "Host and device headers under nvcc"
 nvcc=$(command -v nvcc || ls /usr/local/cuda/bin/nvcc 2>/dev/null || true)
@@ -109,21 +127,35 @@ else
   skip "nvcc is not installed"
 fi
 
+# sanitizer FOLDER NAME SANITIZERS PROGRAM...: builds these test programs with sanitizers and runs them.
+sanitizer() {
+  local folder=$1 name=$2 program
+  step "Build with the $name"
+  TARGETS="${*:4}" scripts/build.sh "$folder" -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_CUDA=off -DOCTRAD_SANITIZE="$3" \
+    -DCMAKE_CXX_FLAGS_RELEASE=-O1 >"$logs/$folder" 2>&1 || { tail -n 60 "$logs/$folder"; fatal "the build"; }
+  step "Unit tests with the $name"
+  for program in "${@:4}"; do add "$folder/$program" "$folder/$program"; done
+  run_added
+}
+
 if [ $fast = 0 ]; then
+  step "clang: every source, and every header alone; clang-tidy"
+  add "tests/check_clang.py" "$python" tests/check_clang.py
+  if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
+  run_added
+
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick
 
   step "Rays: own tree against Embree, a million in each shared scene"
   check "rays" env OCTRAD_TEST_RAYS=1000000 build-test/test_geometry --gtest_filter='*Bvh8SharedScenes*'
 
-  step "Build with the address and undefined-behaviour sanitizers"
-  targets=$(cd build-test && ls test_* | tr '\n' ' ')
-  TARGETS=$targets scripts/build.sh build-sanitize -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_CUDA=off -DOCTRAD_SANITIZE=address,undefined \
-    -DCMAKE_CXX_FLAGS_RELEASE="-O1" >"$logs/build-sanitize" 2>&1 || { tail -n 60 "$logs/build-sanitize"; fatal "the sanitizer build"; }
-
-  step "Unit tests under the sanitizers"
-  export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1 OCTRAD_SANITIZED=1
-  for program in build-sanitize/test_*; do [ -x "$program" ] && check "sanitized $(basename "$program")" "$program"; done
+  # Tests that take minutes with sanitizers leave themselves out.
+  export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
+  # shellcheck disable=SC2046
+  sanitizer build-sanitize "address and undefined-behaviour sanitizers" address,undefined $(cd build-test && ls test_*)
+  export TSAN_OPTIONS=halt_on_error=1
+  sanitizer build-thread "thread sanitizer" thread test_train test_render test_transport
 fi
 
 finish

@@ -8,7 +8,7 @@
 namespace octrad {
 namespace {
 
-constexpr int kFeatures = 8;
+constexpr int kFeatures = 8, kWidth = 64, kHidden = 3;
 constexpr std::size_t kChunk = 128;  // points that one call of the decoder takes
 
 double entries(const Config& config) { return 3.0 * config.planes_resolution * config.planes_resolution; }
@@ -21,7 +21,6 @@ constinit const FieldEntry kPlanesField = {
     .name = "planes",
     .title = "three feature planes",
     .own_keys = kOwnKeys,
-    .uses_disparity = false,
     .cell_levels = [](const Config&) { return 0; },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<PlanesField>(config, domain);
@@ -52,8 +51,7 @@ PlanesField::PlanesField(const Config& config, const FieldDomain& domain)
       origin_(domain.origin),
       size_(domain.size),
       planes_(config.planes_resolution, kFeatures),
-      decoder_(config, kFeatures, config.decoder_width, config.decoder_hidden, config.decoder_output, domain.origin,
-               domain.size, 6) {
+      decoder_(config, kFeatures, kWidth, kHidden, Activation::exp, domain.origin, domain.size, 6) {
   Rng rng(static_cast<unsigned long long>(config.seed), RngPurpose::weights, 7);
   for (float& v : planes_.table()) v = 1e-2f * (2.0f * rng.uniform() - 1.0f);
 }
@@ -150,7 +148,7 @@ FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<con
     step.non_finite += g.non_finite;
   }
   step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
-  const auto sparse = adam_->step(planes_.table(), planes, upstream, config_.adam_rate_features * rate_scale);
+  const auto sparse = adam_->step(planes_.table(), planes, upstream, config_.adam_rate_grids * rate_scale);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   return step;
@@ -159,19 +157,19 @@ FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<con
 void PlanesField::save(TensorWriter& out, bool optimizer) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
-  out.add("planes.table", DType::f32, {planes_.entry_count(), kFeatures}, planes_.table().data());
+  out.add("planes.grid.table", DType::f32, {planes_.entry_count(), kFeatures}, planes_.table().data());
   if (optimizer) make_optimizer();
   save_mlp(out, "planes.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (optimizer) save_adam(out, "planes.table", *adam_, planes_.entry_count(), kFeatures);
+  if (optimizer) save_adam(out, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
 }
 
 bool PlanesField::load(const TensorReader& in, bool optimizer) {
-  read_floats(in, "planes.table", {planes_.entry_count(), kFeatures}, planes_.table());
+  read_floats(in, "planes.grid.table", {planes_.entry_count(), kFeatures}, planes_.table());
   load_mlp(in, "planes.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
   if (!optimizer) return true;
-  if (!in.has("optimizer.planes.table.moments")) return false;
+  if (!in.has("optimizer.planes.grid.moments")) return false;
   make_optimizer();
-  load_adam(in, "planes.table", *adam_, planes_.entry_count(), kFeatures);
+  load_adam(in, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
   return true;
 }
 

@@ -29,6 +29,7 @@ double mean(const octrad::Image& image) {
 }  // namespace
 
 int main(int, char** argv) {
+  const auto stream = octrad::make_host_stream();  // outlives the scene, which keeps a copy on it
   const octrad::PreparedScene scene(octrad::load_scene(argv[1]));
   octrad::Config config = octrad::preset("cpu");
   octrad::set(config, "field", argv[2]);
@@ -36,7 +37,6 @@ int main(int, char** argv) {
   const octrad::TrainResult trained = octrad::train(scene, config, {});
   const octrad::Image lhs = picture(scene, "lhs", trained.field.get(), config);
   const octrad::Image occlusion = picture(scene, "occlusion");
-  const auto stream = octrad::make_host_stream();
   const octrad::Image again = picture(scene, "occlusion", nullptr, {}, stream.get());
   int differing = 0;
   for (std::size_t i = 0; i < again.data.size(); ++i)

@@ -11,6 +11,7 @@ import json
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -22,13 +23,16 @@ FLAGS = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-ffp-con
 
 
 def library_flags():
-    """Where the headers of the libraries are, and what they want to be defined."""
-    flags = ["-I%s" % (ROOT / "src")]
+    """Where the headers of the libraries are, and what is defined for them and for single sources; nothing of CUDA."""
+    flags = {("-I%s" % (ROOT / "src"),): None}
     for command in json.loads((BUILD / "compile_commands.json").read_text()):
-        for flag in re.findall(r"(?<=\s)-(?:isystem\s+\S+|DFMT_\w+)", command["command"]):
-            if flag not in flags:
-                flags.append(flag)
-    return [word for flag in flags for word in flag.split()]
+        words = shlex.split(command["command"])
+        for word, following in zip(words, words[1:]):
+            if word == "-isystem" and "cuda" not in following:
+                flags[word, following] = None
+            elif word.startswith("-D") and "CUDA" not in word and word != "-DNDEBUG":
+                flags[(word,)] = None
+    return [word for flag in flags for word in flag]
 
 
 def first_include(path):

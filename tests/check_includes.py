@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """House rules that a program can check (ARCHITECTURE.md). Prints each breach, then "N passed, N failed, N skipped".
 
-- Includes go down only, and each room includes only what it may know.
+- Includes go down only, and each module includes only what it may know.
 - *_math.h headers are host and device code: no heap, containers, exceptions or threads.
 - Headers have #pragma once; sources stay below 800 lines and headers below 400 (tables of test data aside).
 """
@@ -11,7 +11,7 @@ import sys
 
 SOURCE = pathlib.Path(__file__).resolve().parent.parent / "src"
 
-# Room -> rooms it may include, besides itself.
+# Module -> modules it may include, besides itself.
 ALLOWED = {"base": set(), "image": {"base"}, "device": {"base"}}
 ALLOWED["scene"] = ALLOWED["image"] | {"image"}
 ALLOWED["geometry"] = ALLOWED["scene"] | {"scene", "device"}
@@ -35,8 +35,8 @@ def code_of(text):
     return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', "", text, flags=re.S)
 
 
-def room_of(name):
-    """The room of "octrad/ROOM/file.h" or "app/..."; None where the name has no folder."""
+def module_of(name):
+    """The module of "octrad/MODULE/file.h" or "app/..."; None where the name has no folder."""
     if name == "octrad/octrad.h":
         return "octrad.h"
     parts = name.split("/")
@@ -46,16 +46,16 @@ def room_of(name):
 
 
 def breaches(path, text):
-    room = room_of(path.relative_to(SOURCE).as_posix())
-    if room not in ALLOWED:
-        yield "room %s is not in ARCHITECTURE.md" % room
+    module = module_of(path.relative_to(SOURCE).as_posix())
+    if module not in ALLOWED:
+        yield "module %s is not in ARCHITECTURE.md" % module
         return
     for kind, name in INCLUDE.findall(text):
-        target = room_of(name)
+        target = module_of(name)
         if kind == '"' and target not in ALLOWED:
-            yield 'include "%s" names no room (write "octrad/room/file.h")' % name
-        elif target in ALLOWED and target != room and target not in ALLOWED[room]:
-            yield "%s must not include %s (%s)" % (room, target, name)
+            yield 'include "%s" names no module (write "octrad/module/file.h")' % name
+        elif target in ALLOWED and target != module and target not in ALLOWED[module]:
+            yield "%s must not include %s (%s)" % (module, target, name)
         if path.name.endswith("_math.h") and kind == "<" and name in HOST_ONLY:
             yield "a _math.h header must not include <%s>" % name
     if path.name.endswith("_math.h"):

@@ -11,7 +11,8 @@ from support import ROOM, Case, write_hdr, write_pfm
 
 def read_png(path):
     """8-bit RGB PNG whose rows use any filter -> width, height, rows of bytes."""
-    raw = open(path, "rb").read()
+    with open(path, "rb") as file:
+        raw = file.read()
     assert raw[:8] == b"\x89PNG\r\n\x1a\n"
     position, data = 8, b""
     while position < len(raw):
@@ -251,8 +252,12 @@ class Compare(Case):
         write_hdr(wide, 64, 8, lambda x, y: (0.25, 0.25, 0.25))
         white = lambda label: sum(row.count(b"\xff\xff\xff") for row in (self.ok("tonemap", wide, "-o", out, "--labels", label) and read_png(out))[2])
         self.assertGreater(white("label"), white("i"))
+        two = ("tonemap", wide, wide, "-o", out, "--labels")
+        self.assertGreater(self.ok(*two, "one,two") and sum(row.count(b"\xff") for row in read_png(out)[2]),
+                           self.ok(*two, "one,") and sum(row.count(b"\xff") for row in read_png(out)[2]))
         self.assertGreater(white("i"), 0)
         self.fails(1, "--labels", "tonemap", self.ref, self.double, "-o", out, "--labels", "one")
+        self.fails(1, "3 for 2 pictures", "tonemap", self.ref, self.double, "-o", out, "--labels", "one,two,three")
         self.fails(1, "--columns", "tonemap", self.ref, "-o", out, "--columns", "2")
         self.fails(1, "--columns", "tonemap", self.ref, self.ref, "-o", out, "--columns", "0")
         self.fails(3, "none.exr", "tonemap", self.ref, self.path("none.exr"), "-o", out)

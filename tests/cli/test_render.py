@@ -57,6 +57,41 @@ class Render(Case):
         self.assertEqual(json.loads(info["metadata"]["octrad.render"])["integrator"], "path")
         self.assertEqual(json.loads(info["metadata"]["octrad.scene"])["file"], self.scene)
 
+    def test_the_ending_says_what_is_written(self):
+        self.render("--spp", 2)
+        radiance = {c: v["mean"] for c, v in self.channels().items() if c in "RGB"}
+        for name, magic in (("a.hdr", b"#?RADIANCE"), ("a.pfm", b"PF"), ("a.PNG", b"\x89PNG"), ("a.jpg", b"\xff\xd8\xff")):
+            out = self.path(name)
+            self.assertEqual(self.render("--spp", 2, out=out)["output"], out)
+            with open(out, "rb") as file:
+                self.assertEqual(file.read(len(magic)), magic)
+            self.assertEqual(set(self.channels(out)), {"R", "G", "B"})
+        for channel, mean in radiance.items():
+            self.assertAlmostEqual(self.channels(self.path("a.pfm"))[channel]["mean"], mean, places=6)
+            self.assertAlmostEqual(self.channels(self.path("a.hdr"))[channel]["mean"], mean, delta=0.005 * mean)
+        # For the screen: the bytes of tonemap.
+        shown = self.path("b.png")
+        self.ok("tonemap", self.out, "-o", shown)
+        self.assert_same_picture(self.path("a.PNG"), shown)
+        for name in ("a.tif", "a", "exr"):
+            self.fails(1, ".exr, .hdr or .pfm", "render", self.scene, "-o", self.path(name), "--spp", 1)
+            self.assertFalse(os.path.exists(self.path(name)))
+
+    def test_log(self):
+        log = self.path("log.jsonl")
+        self.render("--spp", 2, "--log-json", log)
+        with open(log) as lines:
+            events = [json.loads(line) for line in lines]
+        self.assertEqual([e["event"] for e in events][:2], ["start", "progress"])
+        self.assertEqual(events[-1]["event"], "done")
+        self.assertEqual({k: events[0][k] for k in ("scene", "integrator", "width", "height", "device")},
+                         {"scene": self.scene, "integrator": "path", "width": 32, "height": 24, "device": "cpu"})
+
+    def test_parameters_that_change_nothing_are_told(self):
+        result = self.ok("render", self.scene, "-o", self.out, "--spp", 1, "-q", "-D", "spp=32")
+        self.assertIn("-D spp=32 changes nothing", result.err)
+        self.assertEqual(self.ok("render", self.scene, "-o", self.out, "--spp", 1, "-q", "-D", "wall=0.3").err, "")
+
     def test_size(self):
         for options, size in (((), (32, 24)), (("--width", 16), (16, 12)), (("--height", 48), (64, 48)), (("--width", 10, "--height", 10), (10, 10))):
             report = self.render("--spp", 1, *options)
@@ -161,7 +196,12 @@ class Render(Case):
         self.fails(3, "none.json", *r, "--camera", self.path("none.json"))
         self.fails(3, "does not exist", "render", self.scene, "-o", self.path("none/out.exr"))
         self.fails(3, "none.xml", "render", self.path("none.xml"), "-o", self.out)
-        self.fails(4, "--crop", *r, "--width", "100000", "--max-memory", "1G")
+        self.fails(1, '"few" is not a whole number', *r, "--spp", "few")
+        result = self.fails(4, "--crop", *r, "--width", "100000", "--max-memory", "1G")
+        self.assertIn("the budget is 1.00 GiB", result.err)
+        # Not the picture alone: 32 x 24 pixels are little.
+        result = self.fails(4, "the budget is 10.0 MiB", *r, "--max-memory", "10M")
+        self.assertIn("the program, the scene and the model, in memory already", result.err)
         self.fails(1, "octree.levels", *r, "-D", "octree.levels=3")
         result = self.fails(2, "wal", *r, "-D", "wal=0.1")
         self.assertIn("wall", result.err)
@@ -187,7 +227,18 @@ class Render(Case):
             self.assertEqual(level["bytes"], level["entries"] * 16)
             self.assertLessEqual(level["cells"], level["spatial_resolution"] ** 3)
         self.assertEqual(info["entries"], sum(level["entries"] for level in info["levels"]))
-        self.assertIn("octahedral", self.ok("info", self.scene).out)
+        text = self.ok("info", self.scene).out
+        self.assertIn("octahedral", text)
+        self.assertRegex(text, r"model file about [\d.]+ MiB with what --resume needs, about [\d.]+ MiB with --no-optimizer")
+        self.assertEqual(info["model_file"]["without_optimizer"] > info["bytes"], True)
+        # Another field has no octree to show.
+        other = self.ok("info", self.scene, "-D", "field=nr")
+        self.assertIn("Neural Radiosity", other.out)
+        self.assertNotIn("OctaOctree", other.out)
+        self.assertNotIn("octahedral", other.out)
+        self.assertIn("octree.levels: the field nr does not use it", self.ok("info", self.scene, "-D", "field=nr", "-D", "octree.levels=3").err)
+        self.fails(1, "no octree", "info", self.scene, "-D", "field=nr", "--sampled")
+        self.assertEqual(self.ok("info", self.scene, "-D", "field=nr", "--json").json()["levels"], [])
 
 
 if __name__ == "__main__":

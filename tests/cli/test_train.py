@@ -152,6 +152,13 @@ class Train(Case):
         metadata = self.ok("info", out, "--json").json()["metadata"]
         self.assertEqual(json.loads(metadata["octrad.config"])["octree"]["levels"], 3)
         self.fails(1, "features3", "render", self.scene, "--model", self.model, "--integrator", "features4", "-o", out)
+        r = ("render", self.scene, "--model", self.model, "-o", self.path("refused.exr"), "--integrator")
+        for integrator in ("lhs", "rhs", "deferred", "disparity", "features1"):
+            self.fails(1, "--max-depth", *r, integrator, "--max-depth", 4)
+            self.fails(1, "--rr-depth", *r, integrator, "--rr-depth", 4)
+        self.fails(1, "one sample a pixel", *r, "features1", "--spp", 4)
+        self.fails(1, "one sample a pixel", *r, "features1", "--time", "1s")
+        self.assertFalse(os.path.exists(self.path("refused.exr")))
         self.fails(1, "the model fixes this key", "render", self.scene, "--model", self.model, "-D", "octree.levels=4", "-o", out)
         self.fails(1, 'did you mean "render.delta"', "render", self.scene, "--model", self.model, "-D", "render.detla=trace", "-o", out)
         self.ok("render", self.scene, "--model", self.model, "-D", "render.delta=trace", "-o", out, "--spp", 1)
@@ -225,6 +232,26 @@ class Train(Case):
         self.assertEqual(report["field"], "nr")
         self.render("lhs", self.path("out.exr"), "--spp", 1)
         self.assertEqual(self.ok("info", self.model, "--json").json()["metadata"]["config"]["field"], "nr")
+        r = ("render", self.scene, "--model", self.model, "-o", self.path("view.exr"), "--integrator")
+        self.fails(1, "predicts none", *r, "disparity")
+        self.fails(1, "unknown integrator", *r, "occupancy9")
+        self.assertFalse(os.path.exists(self.path("view.exr")))
+
+    def test_model_sizes_are_announced(self):
+        for keys in (("octree.levels=4", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32")):
+            options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
+            announced = self.ok("info", self.scene, "--json", *options).json()["model_file"]
+            train = ("train", self.scene, "-o", self.model, "--overwrite", "--steps", 2, *options)
+            self.assertIn("with what --resume needs", self.ok(*train).err)
+            info = self.ok("info", self.model, "--json").json()
+            self.assertEqual(info["feature_bytes"], announced["features"])
+            # The networks are not announced: less than 60,000 weights of 4 bytes, and their two moments.
+            self.assertTrue(0 < info["bytes"] - info["optimizer_bytes"] - announced["without_optimizer"] < 240000, (info["bytes"], announced))
+            self.assertTrue(0 < info["bytes"] - announced["with_optimizer"] < 3 * 240000, (info["bytes"], announced))
+            self.assertLess(abs(os.path.getsize(self.model) - info["bytes"]), 20000)
+            self.ok(*train, "--no-optimizer")
+            small = self.ok("info", self.model, "--json").json()
+            self.assertEqual((small["bytes"], small["optimizer_bytes"]), (info["bytes"] - info["optimizer_bytes"], 0))
 
     def test_other_scene_needs_force(self):
         self.train("--steps", 2)

@@ -12,6 +12,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
 #include "octrad/base/threads.h"
+#include "octrad/model/field_registry.h"
 
 namespace octrad::cli {
 namespace {
@@ -102,13 +103,14 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
   verb->add_flag("-q,--quiet", common.quiet, "no progress, only warnings and errors")->group("Common");
   verb->add_flag("-v,--verbose", common.verbose, "more detail, such as every configuration key")->group("Common");
   verb->add_flag("--json", common.json, "print one JSON object on standard output")->group("Common");
-  if (name == "train" || name == "render") {
-    verb->add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
-        ->type_name("FILE")
-        ->group("Common");
-  }
   verb->footer("Example:\n  " + example);
   return verb;
+}
+
+void add_log_option(CLI::App& verb, CommonOptions& common) {
+  verb.add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
+      ->type_name("FILE")
+      ->group("Common");
 }
 
 CLI::Validator in_range(double low, double high) {
@@ -243,6 +245,13 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
     if (!is_config_key(key)) out[key] = value;
   }
   return out;
+}
+
+void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
+  for (const auto& [key, value] : options.config_definitions()) {
+    if (ignores_key(field_entry(config.field), key))
+      log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
+  }
 }
 
 nlohmann::json read_json_file(const std::string& file) {

@@ -15,6 +15,8 @@
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/geometry/voxelize.h"
 #include "octrad/image/io.h"
+#include "octrad/model/field_registry.h"
+#include "octrad/model/model_file.h"
 #include "octrad/model/safetensors.h"
 #include "octrad/network/mlp_kernels.h"
 
@@ -150,24 +152,28 @@ void info_image(const CommonOptions& common, const std::string& file) {
 
 nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); }
 
-// Counts, bounds, lights and the level table of the octree that training would build (Table "levels" of the paper);
-// only the cells are found, nothing is allocated for features.
-void info_scene(const CommonOptions& common, const InfoOptions& options) {
-  const Config config = options.config.resolve();
-  const Scene scene = open_scene(options.file, options.config.scene_definitions());
-  const Domain domain = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
+// The levels of the octree that training would build (Table "levels" of the paper): only the cells are found, nothing
+// is allocated for features.
+struct OctreeLevels {
+  nlohmann::json levels = nlohmann::json::array();
+  std::string table;
+  std::vector<long long> cells;
+  std::int64_t entries = 0;
+};
+
+OctreeLevels octree_levels(const Scene& scene, const Domain& domain, const Config& config, bool count_sampled) {
   const auto conservative = occupied_cells(scene, domain, config.octree_levels);
   std::vector<std::vector<Vec3i>> sampled;
-  if (options.sampled || config.octree_occupancy == OctreeOccupancy::sampled) {
+  if (count_sampled || config.octree_occupancy == OctreeOccupancy::sampled) {
     sampled =
         sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
   }
   const auto& cells = config.octree_occupancy == OctreeOccupancy::sampled ? sampled : conservative;
 
-  nlohmann::json levels = nlohmann::json::array();
-  std::vector<std::vector<std::string>> table = {{"level", "cells/axis", "octahedral", "cells", "entries", "memory"}};
+  OctreeLevels out;
+  std::vector<std::vector<std::string>> table = {{"level", "cells/axis", "octahedral", "cells", "entries", "features"}};
   if (!sampled.empty()) table[0].insert(table[0].end(), {"conservative", "sampled"});
-  std::int64_t total_cells = 0, total_entries = 0;
+  std::int64_t total_cells = 0;
   const auto bytes_of = [&](std::int64_t entries) {
     return entries * config.octree_features * static_cast<std::int64_t>(sizeof(float));
   };
@@ -176,25 +182,42 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
     const auto count = static_cast<std::int64_t>(cells[index].size());
     const std::int64_t entries = octree_entries(config.octree_levels, level, count);
     total_cells += count;
-    total_entries += entries;
-    levels.push_back({{"level", level},
-                      {"spatial_resolution", spatial_resolution(level)},
-                      {"octahedral_resolution", octahedral_resolution(config.octree_levels, level)},
-                      {"cells", count},
-                      {"entries", entries},
-                      {"bytes", bytes_of(entries)},
-                      {"cells_conservative", conservative[index].size()}});
+    out.cells.push_back(count);
+    out.entries += entries;
+    out.levels.push_back({{"level", level},
+                          {"spatial_resolution", spatial_resolution(level)},
+                          {"octahedral_resolution", octahedral_resolution(config.octree_levels, level)},
+                          {"cells", count},
+                          {"entries", entries},
+                          {"bytes", bytes_of(entries)},
+                          {"cells_conservative", conservative[index].size()}});
     table.push_back({std::to_string(level), std::to_string(spatial_resolution(level)),
                      std::to_string(octahedral_resolution(config.octree_levels, level)), format_count(count),
                      format_count(entries), format_bytes(static_cast<double>(bytes_of(entries)))});
     if (!sampled.empty()) {
-      levels.back()["cells_sampled"] = sampled[index].size();
+      out.levels.back()["cells_sampled"] = sampled[index].size();
       table.back().insert(table.back().end(), {format_count(static_cast<long long>(conservative[index].size())),
                                                format_count(static_cast<long long>(sampled[index].size()))});
     }
   }
-  table.push_back({"total", "", "", format_count(total_cells), format_count(total_entries),
-                   format_bytes(static_cast<double>(bytes_of(total_entries)))});
+  table.push_back({"total", "", "", format_count(total_cells), format_count(out.entries),
+                   format_bytes(static_cast<double>(bytes_of(out.entries)))});
+  out.table = format_table(table);
+  return out;
+}
+
+// Counts, bounds, lights, and the size of the cache that training would make.
+void info_scene(const CommonOptions& common, const InfoOptions& options) {
+  const Config config = options.config.resolve();
+  const FieldEntry& field = field_entry(config.field);
+  const bool octree = field.cell_levels(config) > 0;
+  if (options.sampled && !octree)
+    throw UsageError(fmt::format("--sampled: the field {} has no octree whose cells could be counted", field.name));
+  const Scene scene = open_scene(options.file, options.config.scene_definitions());
+  warn_of_ignored_keys(options.config, config);
+  const Domain domain = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
+  const OctreeLevels levels = octree ? octree_levels(scene, domain, config, options.sampled) : OctreeLevels{};
+  const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
   const std::size_t lights = scene.area_lights.size() + scene.environments.size();
   if (common.json) {
@@ -222,10 +245,15 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                 {"domain", {{"origin", vector_json(domain.origin)}, {"size", vector_json(domain.size)}}},
                 {"max_depth", scene.max_depth},
                 {"film", {{"width", scene.film.width}, {"height", scene.film.height}}},
-                {"levels", levels},
-                {"entries", total_entries},
-                {"bytes", bytes_of(total_entries)},
+                {"field", field.name},
+                {"levels", levels.levels},
+                {"entries", levels.entries},
+                {"bytes", levels.entries * config.octree_features * static_cast<std::int64_t>(sizeof(float))},
                 {"features", config.octree_features},
+                {"model_file",
+                 {{"features", size.features},
+                  {"with_optimizer", size.total},
+                  {"without_optimizer", size.total - size.optimizer}}},
                 {"warnings", scene.warnings}});
     return;
   }
@@ -242,11 +270,20 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
     out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),
                        point(c.forward), c.fov_degrees, c.film_width, c.film_height);
   }
-  out += fmt::format("depth      {}\n\nOctaOctree with preset {}, {} levels, {} features, box {}, occupancy {}:\n",
-                     scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), config.preset,
-                     config.octree_levels, config.octree_features, get(config, "octree.box"),
-                     get(config, "octree.occupancy"));
-  print_text(out + format_table(table));
+  out += fmt::format("depth      {}\n\n{} with preset {}",
+                     scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), field.title,
+                     config.preset);
+  if (octree) {
+    out +=
+        fmt::format(", {} levels, {} features, box {}, occupancy {}:\n{}", config.octree_levels, config.octree_features,
+                    get(config, "octree.box"), get(config, "octree.occupancy"), levels.table);
+  } else {
+    out += ":\n";
+  }
+  out +=
+      fmt::format("model file about {} with what --resume needs, about {} with --no-optimizer, of which features {}\n",
+                  format_bytes(size.total), format_bytes(size.total - size.optimizer), format_bytes(size.features));
+  print_text(out);
 }
 
 const char* dtype_name(DType type) {
@@ -281,28 +318,28 @@ void info_model(const CommonOptions& common, const std::string& file) {
   }
   nlohmann::json tensors = nlohmann::json::array();
   std::vector<std::vector<std::string>> table = {{"tensor", "type", "shape", "bytes"}};
-  std::uint64_t bytes = 0, optimizer_bytes = 0;
   for (const std::string& name : reader.names()) {
     const TensorReader::Tensor tensor = reader.get(name);
     std::string shape;
     for (const std::int64_t d : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(d);
-    bytes += tensor.bytes;
-    if (name.rfind("optimizer.", 0) == 0 || name.rfind("state.", 0) == 0) optimizer_bytes += tensor.bytes;
     tensors.push_back(
         {{"name", name}, {"dtype", dtype_name(tensor.type)}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
     table.push_back({name, dtype_name(tensor.type), shape, format_count(static_cast<long long>(tensor.bytes))});
   }
+  const ModelFileSize size = model_file_size(reader);
   if (common.json) {
     nlohmann::json out = {{"file", file},
                           {"metadata", texts},
                           {"tensors", tensors},
-                          {"bytes", bytes},
-                          {"optimizer_bytes", optimizer_bytes}};
+                          {"bytes", static_cast<std::uint64_t>(size.total)},
+                          {"feature_bytes", static_cast<std::uint64_t>(size.features)},
+                          {"optimizer_bytes", static_cast<std::uint64_t>(size.optimizer)}};
     print_json(out);
     return;
   }
-  std::string out = fmt::format("{}: {}, of which {} for resuming\n", file, format_bytes(static_cast<double>(bytes)),
-                                format_bytes(static_cast<double>(optimizer_bytes)));
+  std::string out = fmt::format("{}: {}: features {}, what --resume needs {}, networks and cells {}\n", file,
+                                format_bytes(size.total), format_bytes(size.features), format_bytes(size.optimizer),
+                                format_bytes(size.total - size.features - size.optimizer));
   for (const auto& [key, value] : texts.items()) {
     if (key != "config")
       out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());

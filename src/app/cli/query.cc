@@ -16,7 +16,6 @@
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/device_query.h"
-#include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 
 namespace octrad::cli {
@@ -107,7 +106,7 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   const Model model = load_model(o.model);
   const std::vector<SurfacePoint> points = read_points(o.points);
   RadianceField& field = *model.field;
-  if (model.info.config.lookup_offset == LookupOffset::traced && field_entry(model.info.config.field).uses_disparity)
+  if (model.info.config.lookup_offset == LookupOffset::traced && model.field->uses_disparity())
     log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
 
   const Stopwatch watch;

@@ -114,12 +114,14 @@ double pixels_of(const View& view) {
                              : static_cast<double>(view.width) * view.height;
 }
 
-// The picture's sums are doubles, twice while tiles are merged; then the picture itself, in memory and while it is
-// written.
+// What is in memory already counts. The picture's sums are doubles, twice while tiles are merged; then the picture
+// itself, in memory and while it is written.
 void require_picture_memory(const CommonOptions& common, const View& view) {
   const double bytes = pixels_of(view) * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float));
   require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", view.width, view.height),
-                 {{"picture", static_cast<std::uint64_t>(bytes)}}, "  --width, --height and --crop make it smaller");
+                 {{"picture", static_cast<std::uint64_t>(bytes)},
+                  {"the program, the scene and the model, in memory already", resident_bytes()}},
+                 "--width, --height and --crop make the picture smaller");
 }
 
 RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
@@ -168,6 +170,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   check_options(o, integrator);
   const DeviceChoice device = common.choose_device();
   const std::unique_ptr<Stream> stream = device.make_stream();
+  picture_format(o.output);  // refuses an unknown ending
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
   ConfigOptions definitions;
@@ -250,7 +253,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     result.image.metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
     result.image.metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
   }
-  write_exr(o.output, result.image);
+  write_image(o.output, result.image);
 
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"output", o.output},
@@ -301,7 +304,10 @@ void add_render(Program& program) {
                             "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr",
                             Devices::cuda);
   verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
-  verb->add_option("-o,--output", o->output, "EXR file")->required()->type_name("OUT.exr");
+  verb->add_option("-o,--output", o->output,
+                   "picture; its ending says the format: .exr (with all layers), .hdr, .pfm, .png, .jpg")
+      ->required()
+      ->type_name("OUT.exr");
   verb->add_option("--integrator", o->integrator,
                    "path, or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
                    "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
@@ -309,20 +315,20 @@ void add_render(Program& program) {
   verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
   verb->add_flag("--force", o->force, "use the model although it was trained on another scene");
   verb->add_option("--spp", o->spp, "samples a pixel; default: path 64, rhs and deferred 16, others 4")
-      ->check(unnamed(CLI::Range(1, 1 << 30)))
+      ->check(whole_in_range(1, 1 << 30))
       ->type_name("N");
   verb->add_option("--time", o->time, "stop after this time, such as 30s or 2m (whichever comes first with --spp)")
       ->type_name("T");
   verb->add_option("--frames", o->frames,
                    "also render this many frames and print the median time, its 95th percentile and its parts")
-      ->check(unnamed(CLI::Range(1, 1 << 20)))
+      ->check(whole_in_range(1, 1 << 20))
       ->type_name("N");
   verb->add_option("--max-depth", o->max_depth,
                    "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
-      ->check(unnamed(CLI::Range(-1, 1 << 20)))
+      ->check(whole_in_range(-1, 1 << 20))
       ->type_name("D");
   verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on; default: 5")
-      ->check(unnamed(CLI::Range(1, 1 << 20)))
+      ->check(whole_in_range(1, 1 << 20))
       ->type_name("D");
   verb->add_option("-D", o->definitions, "set a parameter of the scene file, or render.delta=cache|trace")
       ->type_name("KEY=VALUE")
@@ -330,16 +336,16 @@ void add_render(Program& program) {
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   verb->add_option("--width", o->width, "pixels; alone, the height follows the sensor's aspect")
-      ->check(unnamed(CLI::Range(1, 131072)))
+      ->check(whole_in_range(1, 131072))
       ->type_name("W")
       ->group("Camera");
   verb->add_option("--height", o->height, "pixels; alone, the width follows the sensor's aspect")
-      ->check(unnamed(CLI::Range(1, 131072)))
+      ->check(whole_in_range(1, 131072))
       ->type_name("H")
       ->group("Camera");
   verb->add_option("--crop", o->crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
   CLI::Option* sensor = verb->add_option("--sensor", o->sensor, "sensor of the scene, from 0")
-                            ->check(unnamed(CLI::Range(0, 1 << 20)))
+                            ->check(whole_in_range(0, 1 << 20))
                             ->type_name("N")
                             ->group("Camera");
   verb->add_option("--camera", o->camera_file, "JSON file with origin, target, up, fov")
@@ -349,13 +355,14 @@ void add_render(Program& program) {
   verb->add_option("--target", o->target, "to here")->type_name("X,Y,Z")->group("Camera");
   verb->add_option("--up", o->up, "with this direction up; default 0,1,0")->type_name("X,Y,Z")->group("Camera");
   CLI::Option* fov = verb->add_option("--fov", o->fov, "field of view in degrees; default: the first sensor's")
-                         ->check(unnamed(CLI::Range(0.01, 179.0)))
+                         ->check(in_range(0.01, 179.0))
                          ->type_name("DEG")
                          ->group("Camera");
   verb->add_option("--fov-axis", o->fov_axis, "x | y | diagonal | smaller | larger; default x")
       ->type_name("AXIS")
       ->needs(fov)
       ->group("Camera");
+  add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {
     o->sensor_given = sensor->count() > 0;
     program.run = [&program, o] { render_verb(program.common, *o); };

@@ -1,8 +1,8 @@
 // octrad tonemap: from linear pictures to a PNG or JPEG for the screen.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
+#include <sstream>
 
 #include "app/cli/common.h"
 #include "octrad/base/atomic_file.h"
@@ -21,11 +21,24 @@ struct TonemapOptions {
   double exposure = 0.0;
   std::string curve = "none", encoding = "srgb";
   double gamma = 2.2;
-  std::string layer, channel, range;
-  std::vector<std::string> labels;
+  std::string layer, channel, range, labels;
   int columns = 0;
   std::string mapping_option;  // the first of --exposure, --curve, --encoding and --gamma that was given
 };
+
+// The texts between the commas; the files' names without --labels.
+std::vector<std::string> labels_of(const TonemapOptions& o) {
+  std::vector<std::string> labels;
+  if (o.labels.empty()) {
+    for (const std::string& file : o.inputs) labels.push_back(std::filesystem::path(file).stem().string());
+    return labels;
+  }
+  std::istringstream text(o.labels + ",");
+  for (std::string label; std::getline(text, label, ',');) labels.push_back(label);
+  if (labels.size() != o.inputs.size())
+    throw UsageError(fmt::format("--labels: {} for {} pictures", labels.size(), o.inputs.size()));
+  return labels;
+}
 
 ToneMapping mapping_of(const TonemapOptions& o) {
   ToneMapping mapping;
@@ -71,17 +84,12 @@ Image8 displayed(const TonemapOptions& o, const std::string& file) {
 void tonemap_verb(const CommonOptions& common, const TonemapOptions& o) {
   if (!is_display_format(picture_format(o.output)))
     throw UsageError(fmt::format("-o {}: tonemap writes pictures for the screen, .png or .jpg", o.output));
-  if (!o.labels.empty() && o.labels.size() != o.inputs.size())
-    throw UsageError(fmt::format("--labels: {} for {} pictures", o.labels.size(), o.inputs.size()));
+  const std::vector<std::string> labels = labels_of(o);
   require_writable(o.output);
   const bool sheet = o.inputs.size() > 1 || !o.labels.empty();
   if (!sheet && o.columns > 0) throw UsageError("--columns belongs to several pictures");
   std::vector<LabelledImage> pictures;
-  for (const std::string& file : o.inputs) {
-    const std::size_t i = pictures.size();
-    pictures.push_back(
-        {displayed(o, file), o.labels.empty() ? std::filesystem::path(file).stem().string() : o.labels[i]});
-  }
+  for (std::size_t i = 0; i < o.inputs.size(); ++i) pictures.push_back({displayed(o, o.inputs[i]), labels[i]});
   const Image8 out = sheet ? contact_sheet(pictures, o.columns) : std::move(pictures.front().image);
   write_image(o.output, out);
   if (common.json) print_json({{"output", o.output}, {"width", out.width}, {"height", out.height}});
@@ -126,9 +134,6 @@ void add_tonemap(Program& program) {
                    "values shown as black and white: of --channel, default 0,1, or of vectors, default -1,1")
       ->type_name("LO,HI");
   verb->add_option("--labels", options->labels, "names below the pictures; default: the files' names")
-      ->delimiter(',')
-      ->expected(1)
-      ->allow_extra_args(false)
       ->type_name("A,B,...");
   verb->add_option("--columns", options->columns, "of a contact sheet; default: as square as it gets")
       ->check(whole_in_range(1, 1000))

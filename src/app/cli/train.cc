@@ -109,10 +109,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
-  for (const auto& [key, value] : o.config.config_definitions()) {
-    if (ignores_key(field_entry(config.field), key))
-      log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
-  }
+  warn_of_ignored_keys(o.config, config);
 
   std::optional<Model> resumed;
   std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
@@ -235,6 +232,12 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
+  ModelFileSize size;
+  if (std::filesystem::is_regular_file(o.output)) {
+    size = model_file_size(TensorReader(o.output));
+    report["model_bytes"] = static_cast<std::uint64_t>(size.total);
+    report["optimizer_bytes"] = static_cast<std::uint64_t>(size.optimizer);
+  }
   if (log) {
     nlohmann::json done = report;
     done["event"] = "done";
@@ -249,6 +252,9 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
              format_duration(result.seconds), result.loss,
              result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
              format_rate(static_cast<double>(result.rhs_queries) / seconds));
+    if (size.optimizer > 0.0)
+      log_info("{}: {} with what --resume needs, {} with --no-optimizer", o.output, format_bytes(size.total),
+               format_bytes(size.total - size.optimizer));
     if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
   }
 }
@@ -277,6 +283,7 @@ void add_train(Program& program) {
   verb->add_flag("--overwrite", o->overwrite, "replace MODEL.octrad if there is one")->excludes(resume);
   verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
+  add_log_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
 }
 

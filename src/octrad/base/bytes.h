@@ -1,4 +1,4 @@
-// Amounts of memory: as people write them, what the process uses, and what it may use.
+// Amounts of memory: parsing and printing, what the process uses, and what it may use.
 #pragma once
 
 #include <cstdint>
@@ -17,12 +17,12 @@ std::string format_count(long long n);
 // "1.23 M", "845 k", "12.3": a rate or count with at most three digits.
 std::string format_rate(double per_second);
 
-// Resident memory of this process now, and its maximum so far, in bytes (0 where the system does not say).
+// Resident memory of this process now, and its maximum so far, in bytes (0 where unknown).
 std::uint64_t resident_bytes();
 std::uint64_t peak_resident_bytes();
 
-// What this process could still get: the smaller of the system's available memory and what the control group leaves,
-// plus what is resident already. 0 where unknown.
+// Memory that this process could have in all: the smaller of the system's available memory and the control group's
+// limit, plus what is resident already. 0 where unknown.
 std::uint64_t usable_memory();
 
 // One line of an estimate made before anything is allocated, e.g. {"feature tables", 1270000000}.
@@ -31,7 +31,7 @@ struct MemoryPart {
   std::uint64_t bytes = 0;
 };
 // Throws MemoryError when the items together exceed `budget` bytes (0: no limit). The message lists the items, largest
-// first, and ends with `advice` (lines that name the knobs and what each would save).
+// first, and ends with `advice` (which options need less, and how much).
 void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items,
                     const std::string& advice);
 

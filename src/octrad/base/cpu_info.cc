@@ -21,7 +21,7 @@ CpuInfo cpu_info() {
   if (sched_getaffinity(0, sizeof(set), &set) == 0) info.logical_cores = CPU_COUNT(&set);
 #if defined(__x86_64__)
   __builtin_cpu_init();
-  // __builtin_cpu_supports wants literals.
+  // __builtin_cpu_supports takes literals only.
 #define OCTRAD_FEATURE(name) \
   if (__builtin_cpu_supports(name)) info.features.emplace_back(name);
   OCTRAD_FEATURE("sse2")

@@ -1,4 +1,4 @@
-// What this machine's processor offers.
+// Processor model, cores and vector extensions.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Durations as people write them.
+// Parsing and printing of durations.
 #pragma once
 
 #include <string>

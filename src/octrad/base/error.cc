@@ -13,7 +13,7 @@ std::string lower(const std::string& s) {
   return out;
 }
 
-// Edit distance with transpositions of neighbours (optimal string alignment).
+// Edit distance with transpositions of adjacent letters (optimal string alignment).
 int edit_distance(const std::string& a, const std::string& b) {
   const std::size_t n = a.size(), m = b.size();
   std::vector<std::vector<int>> d(n + 1, std::vector<int>(m + 1));

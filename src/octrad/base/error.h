@@ -34,7 +34,7 @@ struct IoError : Error {
 struct MemoryError : Error {
   explicit MemoryError(const std::string& message) : Error(ExitCode::out_of_memory, message) {}
 };
-// A GPU that cannot be used: no driver, too old a driver, lost in the middle.
+// A GPU that cannot be used: no driver, too old a driver, lost while in use.
 struct DeviceError : Error {
   explicit DeviceError(const std::string& message) : Error(ExitCode::device, message) {}
 };

@@ -1,4 +1,4 @@
-// Numbers of 16 bits (IEEE binary16) and rows of them, the same on host and device.
+// 16-bit floats (IEEE binary16) and arrays of them, the same on host and device.
 #pragma once
 
 #include <cstddef>
@@ -77,19 +77,18 @@ OCTRAD_HD inline Vec2f unpack_halves(std::uint32_t word) {
           to_float(Half{static_cast<std::uint16_t>(word >> 16)})};
 }
 
-// Numbers f = 0, 1, .. of items i, two neighbouring numbers in a word: word [f / 2][stride]. What networks are fed
-// with.
+// Feature f of item i, features 2 k and 2 k + 1 in one word: word [f / 2][stride]. The inputs of networks.
 struct HalfRows {
   std::uint32_t* data = nullptr;
   std::size_t stride = 0;  // items
 
-  // f is even: numbers f and f + 1.
+  // f is even: features f and f + 1.
   OCTRAD_HD void store2(int f, std::size_t i, float a, float b) const {
     data[static_cast<std::size_t>(f >> 1) * stride + i] = pack_halves(a, b);
   }
 };
 
-// The same of floats: [f][stride].
+// The same as floats: [f][stride].
 struct FloatRows {
   float* data = nullptr;
   std::size_t stride = 0;

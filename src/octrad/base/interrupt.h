@@ -1,9 +1,10 @@
-// SIGINT and SIGTERM as a flag that long loops look at.
+// SIGINT and SIGTERM as a flag that long loops poll.
 #pragma once
 
 namespace octrad {
 
-// From now on SIGINT and SIGTERM say so and end the process at once with exit code 130: nothing is lost yet.
+// From now on SIGINT and SIGTERM print a message and end the process at once with exit code 130: there is nothing to
+// save yet.
 void install_interrupt_handler();
 
 // Call when there begins to be something to save (again does no harm): from now on the first signal only sets a flag,

@@ -1,4 +1,4 @@
-// Messages for the person at the terminal, on standard error. The one global of the program.
+// Messages for the user, on standard error. The one global of the program.
 #pragma once
 
 #include <fmt/core.h>

@@ -1,5 +1,5 @@
 // Counter-based random numbers: every number is a function of (seed, purpose, index, dimension), never of the
-// thread that draws it. Mixing: splitmix64's finaliser (Steele et al. 2014), twice keyed.
+// thread that draws it. Mixing: splitmix64's finaliser (Steele et al. 2014), applied to two keys.
 #pragma once
 
 #include <cmath>

@@ -12,7 +12,7 @@ namespace octrad {
 
 // Coordinates of point `index` as 32-bit fractions.
 OCTRAD_HD constexpr void sobol3(std::uint32_t index, std::uint32_t fraction[3]) {
-  std::uint32_t a = 1u << 31, b = 1u << 31, c = 1u << 31, c_next = 3u << 30;  // direction numbers of the present digit
+  std::uint32_t a = 1u << 31, b = 1u << 31, c = 1u << 31, c_next = 3u << 30;  // direction numbers of the current digit
   fraction[0] = fraction[1] = fraction[2] = 0;
   for (; index != 0; index >>= 1) {
     if ((index & 1u) != 0) {
@@ -33,7 +33,7 @@ class SobolSet {
  public:
   struct Sample {
     Vec2f u2;  // stratified together
-    float u1;  // for a choice that comes with them: a lobe, a light
+    float u1;  // the third dimension, for a discrete choice: a lobe, a light
   };
 
   OCTRAD_HD explicit SobolSet(Rng& rng) {

@@ -1,4 +1,4 @@
-// What a radiance field is asked about (method section 1): one point of a surface seen from one direction.
+// What a radiance field is queried at (method section 1): one point of a surface seen from one direction.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +13,10 @@ struct SurfacePoint {
   Vec3f wo;                // unit direction towards the viewer
   Vec3f albedo;            // linear RGB, independent of wo
   float alpha = 1.0f;      // roughness: 1 diffuse, 0 perfectly smooth
-  float disparity = 0.0f;  // 1 / distance along the mirror direction, only where `lookup.offset = traced` asks for it
+  float disparity = 0.0f;  // 1 / distance along the mirror direction, only with `lookup.offset = traced`
 };
 
-// Many of them as kernels keep them: one array a number, `stride` items apart, so that neighbouring items are
-// neighbours in memory.
+// Many of them as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.
 inline constexpr int kSurfacePointNumbers = 14;
 
 struct SurfacePointArray {

@@ -12,7 +12,7 @@ inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;
 
 // The smaller and the larger of two numbers, for inner loops: one instruction on host and device. `b` where `a` is NaN;
-// `b` must not be NaN, and of zeros of either sign any may come back, as devices differ in both.
+// `b` must not be NaN. Where both are zero, the sign of the result is unspecified: devices differ.
 template <typename T>
 OCTRAD_HD constexpr T lesser(T a, T b) {
 #if defined(__CUDA_ARCH__)

@@ -1,4 +1,4 @@
-// Which device work runs on: what the user asked for, what the machine has, and why one was taken.
+// Which device work runs on: the user's request, the devices found, the choice and its reason.
 #pragma once
 
 #include <memory>

@@ -16,10 +16,10 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;  // as cudaMalloc
 constexpr std::size_t kMostBytes = std::size_t{1}
-                                   << 40;  // more is refused without asking: sanitizers end the program when asked
+                                   << 40;  // more is refused beforehand: sanitizers end the program on such requests
 
-// A device's memory is not zero: neither is this one where assertions are on. All bits set are NaNs, and counts and
-// numbers of items that lead far away.
+// New device memory is not zero. With assertions on all bits are set here: NaNs as floats, and out of range as counts
+// and indices.
 void poison([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
 #if !defined(NDEBUG)
   std::memset(memory, 0xff, bytes);

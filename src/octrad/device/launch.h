@@ -1,6 +1,6 @@
 // launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads; launch_levels: the same
 // for each of several levels. For files named *_device.cc: they compile as CUDA where octrad is built with it, and as
-// plain C++ otherwise; both know the host stream.
+// plain C++ otherwise; both run on the host stream.
 //
 // A functor is a trivially copyable struct with `OCTRAD_HD void operator()(std::uint32_t i) const`; pointers in it
 // point to memory of the stream. Items that write to the same place use atomic_add or atomic_append below.
@@ -113,8 +113,8 @@ OCTRAD_HD inline T atomic_add(T* at, T value) {
 #endif
 }
 
-// Takes the next place of a list of *count. Lanes of a warp that come here together take theirs with one atomic
-// operation.
+// Appends to a list of *count items: returns the index of the new one. Lanes of a warp that call it together share one
+// atomic operation.
 OCTRAD_HD inline std::uint32_t atomic_append(std::uint32_t* count) {
 #if defined(__CUDA_ARCH__)
   const unsigned lanes = __activemask();

@@ -1,5 +1,5 @@
-// What kernels that work row by row share: rows of feature vectors read at once, sums into rows by several items with a
-// list of the rows that got any, and how many rows a queue holds.
+// Shared by kernels that work row by row: vector loads of rows, atomic sums into rows with a list of the rows touched,
+// and the length of a queue.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace octrad {
 
-// A queue's length as kernels see it: launched for a capacity, they leave out items from *count on. `first`: number in
-// the queue of a launch's item 0. A null count: every item holds something.
+// The length of a queue: kernels are launched for its capacity and skip items from *count on. `first`: position in the
+// queue of the launch's item 0. A null count: every item is valid.
 struct QueueSlice {
   const std::uint32_t* count = nullptr;
   std::uint32_t first = 0;
@@ -92,23 +92,23 @@ OCTRAD_HD inline void atomic_add_row(float* sum, float scale, const float* x) {
 #endif
 }
 
-// Which rows of a table have been given something: a bit each, and their numbers in the order in which they came.
+// Rows of a table that received a contribution: one bit each, and a list of them in the order of arrival.
 struct TouchedRows {
-  std::uint32_t* bits = nullptr;  // [(rows + 31) / 32]; null: nobody wants to know
-  std::uint32_t* list = nullptr;  // room for every row that can be touched; null: the bits are enough
+  std::uint32_t* bits = nullptr;  // [(rows + 31) / 32]; null: not recorded
+  std::uint32_t* list = nullptr;  // capacity for every row that can be touched; null: bits only
   std::uint32_t* count = nullptr;
 
   OCTRAD_HD void touch(std::uint32_t row) const {
     if (bits == nullptr) return;
     const std::uint32_t bit = 1u << (row & 31u);
-    if ((bits[row >> 5] & bit) != 0) return;  // seen late at worst: then atomic_or tells
+    if ((bits[row >> 5] & bit) != 0) return;  // a stale read is harmless: atomic_or decides
     if ((atomic_or(&bits[row >> 5], bit) & bit) == 0 && list != nullptr) list[atomic_append(count)] = row;
   }
 };
 
 // Where contributions `scale * x` to rows of a gradient [rows][C] go. AddNow sums them as they come (their order, hence
-// the last bits, changes from run to run); KeepForSort writes them down under the slot that they were given, so that
-// they can be sorted by row and summed in the order of slots.
+// the last bits, changes from run to run); KeepForSort stores each in its slot, so that they
+// can be sorted by row and summed in the order of slots.
 struct AddNow {
   float* gradient = nullptr;
   TouchedRows touched;

@@ -1,4 +1,4 @@
-// What sort.cc asks of the CUDA toolkit's CUB, which only sort_cub.cu includes: it is slow to compile.
+// The functions of the CUDA toolkit's CUB that sort.cc uses. Only sort_cub.cu includes CUB: it is slow to compile.
 #pragma once
 
 #include <cstddef>

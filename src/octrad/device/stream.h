@@ -1,4 +1,4 @@
-// Where parallel work runs: a CUDA device, or the host standing in for one. Code above this file is written once: it
+// Where parallel work runs: a CUDA device, or the host emulating one. Code above this file is written once: it
 // allocates arrays (device/array.h) from a Stream and launches functors (device/launch.h) on it, in order. The host
 // stream runs the same functors on the CPU, so that every element-wise kernel is tested where there is no GPU.
 #pragma once
@@ -41,13 +41,13 @@ class StreamEvent {
   virtual ~StreamEvent() = default;
 };
 
-// Memory is not initialised (in builds with assertions the host stream sets all of its bits). Threads may take turns in
-// using a stream. Work is done in the order in which it was asked for. Failures throw: MemoryError (naming `what`) for
+// Memory is not initialised (in builds with assertions the host stream sets all of its bits). Threads may use a
+// stream one at a time. Work is done in the order of the calls. Failures throw: MemoryError (naming `what`) for
 // allocations, DeviceError for everything else, at the latest in synchronize().
 class Stream {
  public:
   virtual ~Stream() = default;
-  virtual bool on_device() const = 0;  // false: the host stands in
+  virtual bool on_device() const = 0;  // false: the host stream
   virtual DeviceInfo info() const = 0;
 
   virtual void* allocate(std::size_t bytes, const std::string& what) = 0;
@@ -73,7 +73,7 @@ class Stream {
   virtual std::unique_ptr<LaunchGraph> end_capture() = 0;
 };
 
-// The host as a device; work of a launch is spread over threads.
+// The emulated stream: runs kernels on the CPU, a launch in parallel on its threads.
 std::unique_ptr<Stream> make_host_stream();
 // CUDA device `index`. Throws DeviceError where it cannot be used, or where octrad was built without CUDA.
 std::unique_ptr<Stream> make_cuda_stream(int index);

@@ -26,7 +26,7 @@ OCTRAD_HD constexpr int brick_spread(int a) { return (a & 1) | (a & 2) << 2 | (a
 
 inline constexpr std::uint32_t kNoCell = 0xffffffffu;
 
-// What a cell's coordinates tell of where its number is; those of x, y and z are added.
+// The part of a cell's address that one coordinate gives; those of x, y and z are added.
 struct CellPlace {
   std::uint32_t brick, inner;
   OCTRAD_HD CellPlace operator+(CellPlace b) const { return {brick + b.brick, inner | b.inner}; }
@@ -39,7 +39,7 @@ struct CellIndexView {
   int resolution = 0;                   // cells per axis
   int bricks_per_axis = 0;
 
-  // Of coordinate `a` in [0, resolution) along an axis.
+  // Part of coordinate `a` in [0, resolution) along an axis.
   OCTRAD_HD CellPlace place(int axis, int a) const {
     const int stride = axis == 0 ? 1 : (axis == 1 ? bricks_per_axis : bricks_per_axis * bricks_per_axis);
     return {static_cast<std::uint32_t>((a >> 3) * stride), static_cast<std::uint32_t>(brick_spread(a) << axis)};
@@ -53,7 +53,7 @@ struct CellIndexView {
     const std::uint32_t number = octant.first + (upper ? octant.lower : 0u) + count_bits(mask & (bit - 1u));
     return (mask & bit) != 0 ? number : kNoCell;
   }
-  // The same for any coordinates: outside the grid nothing is.
+  // The same for any coordinates: kNoCell outside the grid.
   OCTRAD_HD std::uint32_t find(int x, int y, int z) const {
     if (x < 0 || y < 0 || z < 0 || x >= resolution || y >= resolution || z >= resolution) return kNoCell;
     return number(place(0, x) + place(1, y) + place(2, z));

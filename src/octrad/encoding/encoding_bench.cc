@@ -1,4 +1,4 @@
-// Speed of look-ups. The scene is made up with about the paper's numbers of cells (bathroom: 2.5 M at level 8).
+// Speed of look-ups, in a synthetic scene with about the paper's numbers of cells (bathroom: 2.5 M at level 8).
 //   bench_encoding --benchmark_filter='lookup/K:8'
 // Counter Mq/s: million queries a second of all threads together. (Benchmark's own items_per_second of several threads
 // is per thread in some versions of the library.) Threads work on different queries of one table; "sorted" takes
@@ -44,7 +44,7 @@ struct Scene {
   std::vector<float> d;
 };
 
-// One scene lives at a time: K = 8 takes 1.2 GB. Made by set-up functions, before the threads start.
+// One scene exists at a time: K = 8 takes 1.2 GB. Made by set-up functions, before the threads start.
 std::unique_ptr<Scene> g_scene;
 int g_levels = 0;
 std::unique_ptr<HashGrid> g_grid;

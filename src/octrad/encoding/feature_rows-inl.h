@@ -1,4 +1,4 @@
-// Feature vectors in registers and their way into feature-major rows, per SIMD target. Included after <hwy/highway.h>
+// Feature vectors in registers and the transpose to feature-major rows, per SIMD target. Included after <hwy/highway.h>
 // by files that foreach_target.h compiles several times; hence the toggled guard.
 #include <cstdint>
 

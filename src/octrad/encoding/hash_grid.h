@@ -21,7 +21,7 @@ struct HashGridOptions {
   double growth = 2.0;
 };
 
-// Vectors that such a grid holds (HashGrid::entry_count() of the same options), without making it.
+// HashGrid::entry_count() of a grid with these options, without making it.
 std::int64_t hash_grid_entries(const HashGridOptions& options);
 
 class HashGrid {

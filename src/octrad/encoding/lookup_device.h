@@ -1,4 +1,4 @@
-// Look-ups of feature tables on a device and the way of their gradients back (method section 4). Launched level by
+// Look-ups of feature tables on a device and the scatter of their gradients (method section 4). Launched level by
 // level: all queries of a level before the next one's, so that a level's part of the table stays in the cache.
 #pragma once
 
@@ -29,7 +29,7 @@ struct DeviceQueries {
   std::size_t w_stride = 0;
   const float* d = nullptr;  // disparities; null: 0
   QueueSlice slice;
-  std::uint32_t n = 0;  // launched for so many
+  std::uint32_t n = 0;  // items of a launch
 
   OCTRAD_HD Vec3f position(std::size_t i) const { return {x[i], x[x_stride + i], x[2 * x_stride + i]}; }
   OCTRAD_HD Vec3f direction(std::size_t i) const { return {w[i], w[w_stride + i], w[2 * w_stride + i]}; }
@@ -49,8 +49,8 @@ class DeviceOctree {
   // Features f = level C + c of query i to rows `first` + f of out (`first` is even).
   void lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, HalfRows out, int first) const;
   void lookup(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, FloatRows out, int first) const;
-  // upstream: gradient at the features [K C][upstream_stride]. d_disparity, unless null: part of each level in the
-  // gradient at d, [K][d_stride].
+  // Adds the gradients of the table to `sink`. upstream: gradient at the features [K C][upstream_stride]. d_disparity,
+  // unless null: receives the contribution of each level to the gradient at d, [K][d_stride].
   void scatter(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, const float* upstream,
                std::size_t upstream_stride, float* d_disparity, std::size_t d_stride, const AddNow& sink) const;
   void scatter(Stream& stream, DeviceFeatures table, const DeviceQueries& queries, const float* upstream,

@@ -18,8 +18,7 @@
 
 namespace octrad {
 
-// Below this L1 norm a vector has no direction; its components come out as next to nothing, which is +z, or -z for z <
-// 0.
+// Vectors of a smaller L1 norm have no direction and are treated as +z, or as -z for z < 0.
 inline constexpr float kMinL1Norm = 1e-37f;
 
 // Projection of a direction of any length, with what its derivative needs.
@@ -80,7 +79,7 @@ struct OctaVertex {
   T i, j;
 };
 
-// What a map's resolution R tells inner loops.
+// Constants of a map of resolution R, for inner loops.
 template <typename T>
 struct OctaMap {
   T half;    // h = R / 2
@@ -105,8 +104,8 @@ OCTRAD_HD inline std::uint32_t octa_vertex_index(OctaVertex<T> a, const OctaMap<
   }
 }
 
-// The stored one of the rim vertices that are the same direction: on a rim row the column is made positive, and the
-// other way round.
+// The canonical one of the rim vertices that are the same direction: on a rim row the column is made positive, on a rim
+// column the row.
 template <typename T>
 OCTRAD_HD inline OctaVertex<T> octa_canonical(OctaVertex<T> a, T half) {
   return {std::abs(a.j) == half ? std::abs(a.i) : a.i, std::abs(a.i) == half ? std::abs(a.j) : a.j};
@@ -141,7 +140,7 @@ OCTRAD_HD inline T octa_cell(T a, T half) {
 }
 
 // In quadrants 2 and 4 a cell's diagonal runs from (i, j) to (i+1, j+1); cells of quadrants 1 and 3 are those mirrored
-// in x: m in place of the distance s from the cell's left side, and its columns a and b changed over.
+// in x: m in place of the distance s from the cell's left side, and the columns a and b swapped.
 template <typename T>
 OCTRAD_HD inline OctaTriangle<T> octa_triangle(Vec2<T> u, const OctaMap<T>& map) {
   const T half = map.half;

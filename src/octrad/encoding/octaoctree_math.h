@@ -24,7 +24,7 @@ struct OctreeLevelView {
   Vec3f cell_size;                // e_l, world units per axis
 };
 
-// Plain pointers into an OctaOctree: what the fast paths and kernels are given.
+// Plain pointers into an OctaOctree, for the fast paths and kernels.
 struct OctaOctreeView {
   const float* table = nullptr;             // [entries][features]
   int levels = 0;                           // K
@@ -60,7 +60,7 @@ struct StencilAxis {
 template <typename T>
 OCTRAD_HD inline StencilAxis<T> stencil_axis(const OctreeLevelView& level, int axis, T p, bool trilinear) {
   const T resolution = static_cast<T>(level.spatial_resolution), g = p * resolution - T(0.5);
-  // A position outside by a cell or more, or not a number, stands two cells below the grid.
+  // A position that is outside by a cell or more, or NaN, is moved to two cells below the grid.
   const bool near = g >= T(-1) && g <= resolution;
   const T base = near ? std::floor(g) : T(-2), f = near ? g - base : T(0);
   const T high = trilinear ? f : (f >= T(0.5) ? T(1) : T(0));

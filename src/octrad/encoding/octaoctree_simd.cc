@@ -1,6 +1,6 @@
 // Level-major blocks in two stages. The address stage works on as many queries as a vector has lanes: stencil, cell
 // numbers (scalar loads), parallax, octahedral triangles; it writes entries and weights and prefetches. One step later
-// the gather stage sums feature vectors, query by query, while the next step's lines are on their way.
+// the gather stage sums feature vectors, query by query, while the next step's cache lines are being fetched.
 #include "octrad/encoding/octaoctree_simd.h"
 
 #include <hwy/cache_control.h>
@@ -32,7 +32,7 @@ struct QueryBlock {
   alignas(64) float d[kBlock + kMaxLanes];
 };
 
-// What the address stage hands to the gather stage for one level and one step.
+// Output of the address stage and input of the gather stage, for one level and one step.
 struct StepTaps {
   alignas(64) std::uint32_t entry[kCorners][3][kMaxLanes];
   alignas(64) float weight[kCorners][3][kMaxLanes];
@@ -84,7 +84,7 @@ HWY_INLINE Axis make_axis(const OctreeLevelView& level, int axis, bool trilinear
   Axis r;
   const VF g = hn::Sub(hn::Mul(p, resolution), hn::Set(f, 0.5f));
   const VF last = hn::Sub(resolution, one);
-  // A position outside the grid or not a number stands two cells below it, where no corner is inside.
+  // A position outside the grid, or NaN, is moved to two cells below it, where no corner is inside.
   const auto inside = hn::And(hn::Ge(g, hn::Neg(one)), hn::Le(g, resolution));
   const VF base = hn::IfThenElse(inside, hn::Floor(g), hn::Set(f, -2.0f));
   const VF fraction = hn::IfThenElseZero(inside, hn::Sub(g, base));
@@ -253,9 +253,9 @@ HWY_NOINLINE int address_stage(const OctaOctreeView& view, const OctreeLevelView
   return lanes - static_cast<int>(hn::CountTrue(f, any));
 }
 
-// Asks for the lines that the gather stage will read. All three vertices: the third is next to one of the others but
-// often in another line, and leaving it out costs a third of the speed on large tables. Asking further ahead gains
-// nothing. (Inlined: the compiler drops calls of a function that does nothing but prefetch.)
+// Prefetches the cache lines that the gather stage will read. All three vertices: the third is next to one of the
+// others but often in another line, and leaving it out costs a third of the speed on large tables. Prefetching further
+// ahead gains nothing. (Inlined: the compiler drops calls of a function that does nothing but prefetch.)
 template <int C>
 HWY_INLINE void prefetch_stage(const float* HWY_RESTRICT table, const StepTaps& taps, int lanes) {
   for (int q = 0; q < lanes; ++q) {
@@ -305,7 +305,7 @@ std::int64_t lookup_features(const OctaOctreeView& view, const Vec3f* x, const V
   for (int begin = 0; begin < n; begin += kBlock) {
     const int count = std::min(kBlock, n - begin), steps = (count + lanes - 1) / lanes;
     load_block(view, x + begin, w + begin, d + begin, count, block);
-    empty -= static_cast<std::int64_t>(steps * lanes - count) * view.levels;  // the padding is not anybody's
+    empty -= static_cast<std::int64_t>(steps * lanes - count) * view.levels;  // the padding does not count
     const int total = steps * view.levels;
     for (int step = 0; step <= total; ++step) {
       if (step < total) {

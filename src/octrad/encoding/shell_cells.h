@@ -1,4 +1,4 @@
-// A made-up scene for tests and benchmarks of this room: the walls of a room and spheres in it, as occupied cells and
+// A synthetic scene for tests and benchmarks of encodings: the walls of a box and spheres in it, as occupied cells and
 // random points on the surfaces. Not part of the library.
 #pragma once
 

@@ -61,7 +61,7 @@ struct Bins {
   }
 };
 
-// Place of a centre among the bins; the same expression for counting and for splitting.
+// Bin of a centre; the same expression for counting and for splitting.
 struct Binning {
   float origin[3], factor[3];
   bool usable[3];
@@ -188,7 +188,7 @@ class Builder {
     }
     if (best.axis < 0) return 0;
     std::size_t i = 0, j = count;
-    for (;;) {  // std::partition, and the bounds of both sides on the way
+    for (;;) {  // std::partition that also computes the bounds of both sides
       while (i < j && binning(r[i], best.axis) < best.bin) left.extend(r[i++]);
       while (i < j && binning(r[j - 1], best.axis) >= best.bin) right.extend(r[--j]);
       if (i >= j) break;

@@ -12,14 +12,14 @@ namespace octrad {
 // Box of a primitive and which one it is.
 struct BvhReference {
   float lower[3];
-  std::int32_t shape;  // -1: to be left out
+  std::int32_t shape;  // -1: left out
   float upper[3];
   std::int32_t primitive;
 };
 
 // An inner node over n references [first, first + n), n >= 2. The left child has `left_count` of them and, if these are
 // more than one, is the next node; the right child, if it has more than one, is the node at `left_count` further on. So
-// a subtree of n references has n - 1 nodes, and its place does not depend on who builds it.
+// a subtree of n references has n - 1 nodes, and its position does not depend on the thread that builds it.
 struct Bvh2Node {
   float lower[3], upper[3];
   std::uint32_t left_count;
@@ -42,8 +42,8 @@ struct Bvh2 {
 // levels. count >= 1.
 Bvh2 build_bvh2(BvhReference* references, std::size_t count, int max_levels);
 
-// Cost of the best way to make one subtree into at most `slots` children out of its own two children: the share of the
-// left child. costs: of the children for 1..7 slots. slots in 2..8.
+// The cheapest split of `slots` children of a wide node between the two children of a subtree: the number for the left
+// one. costs: of the children for 1..7 slots. slots in 2..8.
 struct BvhDistribution {
   float cost;
   int left_slots;

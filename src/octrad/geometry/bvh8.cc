@@ -97,7 +97,7 @@ struct Subtree {
   std::uint32_t node = 0, first = 0, count = 0;
 };
 
-// A wide node while its place is not known: children by slot, and which are leaves.
+// A wide node before its index is known: children by slot, and which are leaves.
 struct WideNode {
   Subtree self;
   Subtree child[8];              // count 0: empty
@@ -175,8 +175,8 @@ class Collapse {
     }
   }
 
-  // Slot s stands for the octant of the node on whose sides bits 0, 1, 2 of s say (x, y, z; 1: the upper side): a ray
-  // then meets its nearer children first when it visits slots in the order of s ^ octant. Greedy.
+  // Slot s is for the child nearest to octant s of the node (bits 0, 1, 2: x, y, z; 1: the upper side), chosen
+  // greedily: a ray that visits slots in the order of s ^ octant then meets nearer children first.
   void place(const Subtree& self, const Subtree* children, int n, WideNode& wide) const {
     float offset[8][3];
     const float *l = lower(self), *u = upper(self);
@@ -255,8 +255,8 @@ void quantise(Bvh8Node& node, const Collapse& collapse, const WideNode& wide) {
 
 // ---- Levels --------------------------------------------------------------------------------------------------------
 
-// Places the nodes level by level: first what a level's nodes need, in parallel, then their places, in order. False,
-// when the tree would have too many levels.
+// Lays out the nodes level by level: first the sizes of a level's nodes, in parallel, then their positions, in order.
+// False when the tree would have too many levels.
 bool place_nodes(const Scene& scene, const std::vector<BvhReference>& references, const Bvh2& tree, Bvh8& bvh) {
   const Collapse collapse(references, tree);
   std::vector<Subtree> level = {{0, 0, static_cast<std::uint32_t>(references.size())}}, next;
@@ -336,7 +336,7 @@ Bvh8 build_bvh8(const Scene& scene, const Bvh8Options& options) {
   Bvh2 tree = build_bvh2(references.data(), references.size(), options.max_levels);
   bool placed = place_nodes(scene, references, tree, bvh);
   if (!placed) {
-    // Rare: a tree so lopsided. Every wide node uses up a level of the binary tree, so this one fits.
+    // Rare: a very unbalanced tree. Every wide node uses up a level of the binary tree, so this one fits.
     tree = build_bvh2(references.data(), references.size(), kBvh8StackSize);
     placed = place_nodes(scene, references, tree, bvh);
   }

@@ -1,4 +1,4 @@
-// Our own acceleration structure, built here and walked by bvh8_math.h on host and device.
+// The builder of the 8-wide bounding volume hierarchy that bvh8_math.h traverses on host and device.
 #pragma once
 
 #include <cstddef>

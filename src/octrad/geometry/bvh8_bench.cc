@@ -1,5 +1,5 @@
-// Our tree beside Embree: time to build, rays a second one at a time. Needs the shared scenes (OCTRAD_SHARED); the
-// scene is OCTRAD_BENCH_SCENE, else kitchen.
+// The 8-wide tree against Embree: time to build, rays a second, one at a time. Needs the shared scenes (OCTRAD_SHARED);
+// the scene is OCTRAD_BENCH_SCENE, else kitchen.
 //   bench_geometry --benchmark_filter=trace
 #include <benchmark/benchmark.h>
 

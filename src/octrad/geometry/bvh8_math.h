@@ -1,7 +1,9 @@
-// An 8-wide tree of boxes with quantised bounds, and how rays walk it: closest hit and occlusion, for host and device.
+// An 8-wide bounding volume hierarchy with quantised bounds and its traversal: closest hit and occlusion, for host and
+// device.
 // After Ylitie, Karras & Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs": boxes
 // on an 8-bit grid of their node, children placed by octant so that no distances are sorted, one stack entry for all
-// siblings that are still to come, primitives tested when enough rays of a warp have some. The builder is in bvh8.h.
+// siblings that are still to be visited, primitives tested when enough lanes of a warp have some. The builder is in
+// bvh8.h.
 //
 // What must hold for a ray to meet every triangle that the exact test accepts: the boxes on the grid contain the
 // children (the builder), and the slabs are widened by more than the rounding of the slab distances and of the triangle
@@ -61,7 +63,7 @@ OCTRAD_HD inline unsigned byte_of(std::uint64_t word, unsigned i) {
   return static_cast<unsigned>(word >> (8 * i)) & 0xffu;
 }
 
-// 1 + b / 2^15 of byte i < 4 of the word: a bit pattern, where a conversion would take longer.
+// 1 + b / 2^15 of byte i < 4 of the word, made of bits: faster than a conversion.
 OCTRAD_HD inline float grid_place(std::uint32_t word, std::uint32_t one, unsigned i) {
 #if defined(__CUDA_ARCH__)
   return __uint_as_float(__byte_perm(word, one, 0x7604u | i << 4));
@@ -112,7 +114,7 @@ OCTRAD_HD constexpr std::uint32_t widen(std::uint32_t mask) {
 
 }  // namespace bvh8_detail
 
-// Slots of the node whose boxes the ray may meet in [0, t_max]: never too few. Bits of empty slots mean nothing.
+// Slots of the node whose boxes the ray may meet in [0, t_max]: never too few. Bits of empty slots are undefined.
 OCTRAD_HD inline unsigned bvh8_slots(const Bvh8Node& node, const Bvh8Ray& ray, const Bvh8Slack& slack, float t_max) {
   using namespace bvh8_detail;
   // Places on the grid are counted from 2^15 steps before its origin (grid_place): `reach` has the rounding of that in
@@ -159,7 +161,8 @@ OCTRAD_HD inline unsigned bvh8_slots(const Bvh8Node& node, const Bvh8Ray& ray, c
 
 namespace bvh8_detail {
 
-// Whether the lanes of the warp that wait are enough to go on with them only; on the host each ray is alone.
+// Whether at least half of the active lanes of the warp are waiting, so that these go on alone; on the host each ray is
+// a warp of its own.
 OCTRAD_HD inline bool enough(bool waiting) {
 #if defined(__CUDA_ARCH__)
   const unsigned here = __activemask();
@@ -171,39 +174,39 @@ OCTRAD_HD inline bool enough(bool waiting) {
 
 }  // namespace bvh8_detail
 
-// A ray on its way through the tree; one that was not begun does not go on. kAny: any hit will do, else the nearest; of
-// hits at the same distance the one of the lowest shape and primitive, so that the result does not depend on the tree.
+// The traversal of one ray; inactive before begin(). kAny: ends at any hit, else finds the nearest; of hits at the same
+// distance the one of the lowest shape and primitive, so that the result does not depend on the tree.
 template <bool kAny>
-class Bvh8Walk {
+class Bvh8Traversal {
  public:
-  // What is left of the children of one node: an entry a level at most. Bits 24..31 of the masks: slots to come, the
-  // first in the ray's order the highest; bits 0..7: slots that are nodes, in order of slot.
+  // Children of one node that are still to be visited: a stack entry, at most one a level. Bits 24..31 of the masks:
+  // slots to visit, the next one the highest; bits 0..7: slots that are nodes, in order of slot.
   struct Group {
     std::uint32_t base, masks;
   };
 
-  // The part in memory, the same one for all calls; all else fits into registers.
+  // The part that lives in memory and must be the same for all calls; the object itself fits into registers.
   struct Memory {
     Bvh8Slack slack;
-    Bvh8Sight sight;
+    Bvh8ShearedRay sheared;
     Group stack[kBvh8StackSize];
   };
 
   // t_min is not negative. False for a ray that meets nothing.
   OCTRAD_HD bool begin(const Bvh8View& bvh, Memory& memory, Vec3f origin, Vec3f direction, float t_min, float t_max) {
-    *this = Bvh8Walk{};
+    *this = Bvh8Traversal{};
     t_min_ = t_min;
     t_max_ = t_max;
     if (bvh.node_count == 0 || !(t_min >= 0.0f && t_min <= t_max)) return false;
-    if (!make_bvh8_ray(origin, direction, ray_, memory.slack, memory.sight)) return false;
+    if (!make_bvh8_ray(origin, direction, ray_, memory.slack, memory.sheared)) return false;
     group_ = {0, 1u << ray_.order | 1u};
     return true;
   }
 
-  // To be tested before the next visit of a node.
+  // Whether there are primitives to test before the next visit of a node.
   OCTRAD_HD bool has_primitives() const { return pending_ != 0; }
   OCTRAD_HD bool has_nodes() const { return group_.masks > kNodesOnly || depth_ > 0; }
-  OCTRAD_HD bool goes_on() const { return has_primitives() || has_nodes(); }
+  OCTRAD_HD bool active() const { return has_primitives() || has_nodes(); }
 
   OCTRAD_HD void visit(const Bvh8View& bvh, Memory& memory) {
     using namespace bvh8_detail;
@@ -217,7 +220,7 @@ class Bvh8Walk {
     }
     check(index < bvh.node_count);
     const Bvh8Node node = load(bvh.nodes + index);
-    const unsigned slots = bvh8_slots(node, ray_, memory.slack.reread(), t_max_), nodes = node.exponents >> 24;
+    const unsigned slots = bvh8_slots(node, ray_, memory.slack.load_local(), t_max_), nodes = node.exponents >> 24;
     group_ = {node.child_base, permute(slots & nodes, ray_.order) << 24 | nodes};
     primitives_ = node.primitives;
     pending_ = widen(slots) & node.primitives;
@@ -231,7 +234,7 @@ class Bvh8Walk {
     const std::uint32_t index = base_ + count_bits(primitives_ & ~above);
     check(index < bvh.primitive_count);
     float t;
-    if (!bvh8_meets(bvh.primitives, index, memory.sight.reread(), t_min_, t_max_, t)) return;
+    if (!bvh8_meets(bvh.primitives, index, memory.sheared.load_local(), t_min_, t_max_, t)) return;
     if (kAny) {
       pending_ = 0;
       depth_ = 0;
@@ -246,7 +249,7 @@ class Bvh8Walk {
 
   OCTRAD_HD bool met() const { return best_ != kNone; }
   OCTRAD_HD Hit hit(const Bvh8View& bvh, const Memory& memory) const {
-    return met() ? bvh8_hit(bvh.primitives, best_, memory.sight.reread(), t_max_) : Hit{};
+    return met() ? bvh8_hit(bvh.primitives, best_, memory.sheared.load_local(), t_max_) : Hit{};
   }
 
  private:
@@ -261,34 +264,35 @@ class Bvh8Walk {
 };
 
 template <bool kAny>
-OCTRAD_HD inline void bvh8_finish(const Bvh8View& bvh, Bvh8Walk<kAny>& walk, typename Bvh8Walk<kAny>::Memory& memory) {
+OCTRAD_HD inline void bvh8_finish(const Bvh8View& bvh, Bvh8Traversal<kAny>& traversal,
+                                  typename Bvh8Traversal<kAny>::Memory& memory) {
   for (;;) {
-    if (!walk.has_primitives()) {
-      if (!walk.has_nodes()) return;
-      walk.visit(bvh, memory);
+    if (!traversal.has_primitives()) {
+      if (!traversal.has_nodes()) return;
+      traversal.visit(bvh, memory);
     }
-    while (bvh8_detail::enough(walk.has_primitives())) {
-      if (walk.has_primitives()) walk.test(bvh, memory);
+    while (bvh8_detail::enough(traversal.has_primitives())) {
+      if (traversal.has_primitives()) traversal.test(bvh, memory);
     }
   }
 }
 
 // The nearest hit between t_min and t_max (bvh8_meets), or one that is not valid.
 OCTRAD_HD inline Hit bvh8_intersect(const Bvh8View& bvh, Vec3f origin, Vec3f direction, float t_min, float t_max) {
-  Bvh8Walk<false> walk;
-  Bvh8Walk<false>::Memory memory;
-  if (!walk.begin(bvh, memory, origin, direction, t_min, t_max)) return {};
-  bvh8_finish(bvh, walk, memory);
-  return walk.hit(bvh, memory);
+  Bvh8Traversal<false> traversal;
+  Bvh8Traversal<false>::Memory memory;
+  if (!traversal.begin(bvh, memory, origin, direction, t_min, t_max)) return {};
+  bvh8_finish(bvh, traversal, memory);
+  return traversal.hit(bvh, memory);
 }
 
 // Whether anything is between t_min and t_max.
 OCTRAD_HD inline bool bvh8_occluded(const Bvh8View& bvh, Vec3f origin, Vec3f direction, float t_min, float t_max) {
-  Bvh8Walk<true> walk;
-  Bvh8Walk<true>::Memory memory;
-  if (!walk.begin(bvh, memory, origin, direction, t_min, t_max)) return false;
-  bvh8_finish(bvh, walk, memory);
-  return walk.met();
+  Bvh8Traversal<true> traversal;
+  Bvh8Traversal<true>::Memory memory;
+  if (!traversal.begin(bvh, memory, origin, direction, t_min, t_max)) return false;
+  bvh8_finish(bvh, traversal, memory);
+  return traversal.met();
 }
 
 }  // namespace octrad

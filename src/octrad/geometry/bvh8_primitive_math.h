@@ -48,7 +48,7 @@ OCTRAD_HD inline double multiply(double a, double b) {
 #endif
 }
 
-// A record in loads of 16 bytes.
+// Loads a record 16 bytes at a time.
 template <typename T>
 OCTRAD_HD inline T load(const T* from) {
 #if defined(__CUDA_ARCH__)
@@ -68,7 +68,8 @@ OCTRAD_HD inline T load(const T* from) {
 // because places on the grid are counted from before its origin) and the shear of the triangle's corners 6.
 inline constexpr float kBvh8Widening = 16.0f / 16777216.0f;
 
-// What is computed once of a ray. All of it does not fit into registers: Bvh8Ray is for them, the others for memory.
+// What is computed once for a ray. Not all of it fits into registers: Bvh8Ray is kept there, the other two in local
+// memory.
 struct Bvh8Ray {
   Vec3f origin;
   Vec3f inverse;   // 1 / direction, of a component that is not 0
@@ -79,7 +80,7 @@ struct alignas(16) Bvh8Slack {
   Vec3f widening;    // of the slabs, relative to the distance along the longest axis
   unsigned longest;  // axis
 #if defined(__CUDA_ARCH__)
-  __device__ Bvh8Slack reread() const {  // as of Bvh8Sight
+  __device__ Bvh8Slack load_local() const {  // see Bvh8ShearedRay
     Bvh8Slack copy;
     asm volatile("ld.local.v4.b32 {%0, %1, %2, %3}, [%4];"
                  : "=f"(copy.widening.x), "=f"(copy.widening.y), "=f"(copy.widening.z), "=r"(copy.longest)
@@ -88,12 +89,12 @@ struct alignas(16) Bvh8Slack {
     return copy;
   }
 #else
-  const Bvh8Slack& reread() const { return *this; }
+  const Bvh8Slack& load_local() const { return *this; }
 #endif
 };
 
-// For primitives, in the order of the ray's own axes: z the longest, the others follow it, so the order is a rotation.
-struct alignas(16) Bvh8Sight {
+// The ray for tests of primitives, with axes permuted: z is the longest component, x and y follow cyclically.
+struct alignas(16) Bvh8ShearedRay {
   Vec3f position;
   unsigned axis_x;
   Vec3f shear;  // Woop's: maps the direction to (0, 0, 1)
@@ -101,10 +102,9 @@ struct alignas(16) Bvh8Sight {
   Vec3f direction;
   unsigned axis_z;
 #if defined(__CUDA_ARCH__)
-  // Read from a thread's own memory, where the compiler would keep all numbers in registers from where they were
-  // written.
-  __device__ Bvh8Sight reread() const {
-    Bvh8Sight copy;
+  // Reads the object from local memory; otherwise the compiler would keep all of it in registers.
+  __device__ Bvh8ShearedRay load_local() const {
+    Bvh8ShearedRay copy;
     const std::size_t at = __cvta_generic_to_local(this);
     asm volatile("ld.local.v4.b32 {%0, %1, %2, %3}, [%4];"
                  : "=f"(copy.position.x), "=f"(copy.position.y), "=f"(copy.position.z), "=r"(copy.axis_x)
@@ -121,9 +121,9 @@ struct alignas(16) Bvh8Sight {
     return copy;
   }
 #else
-  const Bvh8Sight& reread() const { return *this; }
+  const Bvh8ShearedRay& load_local() const { return *this; }
 #endif
-  // Back from the order of the ray's axes
+  // Undoes the permutation of axes.
   OCTRAD_HD Vec3f turned(Vec3f v) const {
     return axis_z == 2 ? v : (axis_z == 1 ? Vec3f{v.y, v.z, v.x} : Vec3f{v.z, v.x, v.y});
   }
@@ -133,7 +133,8 @@ struct alignas(16) Bvh8Sight {
 // too coarse; such a ray meets nothing. The direction need not have unit length; components below 2^-24 of the largest
 // are raised to that for the boxes, and what this moves is part of the slack. Directions so short or long that
 // distances on the grids could overflow or lose digits meet all boxes: slow, but right.
-OCTRAD_HD inline bool make_bvh8_ray(Vec3f origin, Vec3f direction, Bvh8Ray& ray, Bvh8Slack& slack, Bvh8Sight& sight) {
+OCTRAD_HD inline bool make_bvh8_ray(Vec3f origin, Vec3f direction, Bvh8Ray& ray, Bvh8Slack& slack,
+                                    Bvh8ShearedRay& sheared) {
   const Vec3f size{std::fabs(direction.x), std::fabs(direction.y), std::fabs(direction.z)};
   const float largest = max_component(size);
   const Vec3f away{std::fabs(origin.x), std::fabs(origin.y), std::fabs(origin.z)};
@@ -152,14 +153,15 @@ OCTRAD_HD inline bool make_bvh8_ray(Vec3f origin, Vec3f direction, Bvh8Ray& ray,
     if (component < 0.0f) ray.order &= ~(1u << k);
   }
   slack.longest = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
-  sight.axis_z = slack.longest;
-  sight.axis_x = sight.axis_z == 2 ? 0 : sight.axis_z + 1;
-  sight.axis_y = sight.axis_x == 2 ? 0 : sight.axis_x + 1;
-  const int x = static_cast<int>(sight.axis_x), y = static_cast<int>(sight.axis_y), z = static_cast<int>(sight.axis_z);
-  sight.position = {origin[x], origin[y], origin[z]};
+  sheared.axis_z = slack.longest;
+  sheared.axis_x = sheared.axis_z == 2 ? 0 : sheared.axis_z + 1;
+  sheared.axis_y = sheared.axis_x == 2 ? 0 : sheared.axis_x + 1;
+  const int x = static_cast<int>(sheared.axis_x), y = static_cast<int>(sheared.axis_y),
+            z = static_cast<int>(sheared.axis_z);
+  sheared.position = {origin[x], origin[y], origin[z]};
   const Vec3f d{direction[x], direction[y], direction[z]};
-  sight.direction = d;
-  sight.shear = {d.x / d.z, d.y / d.z, 1.0f / d.z};
+  sheared.direction = d;
+  sheared.shear = {d.x / d.z, d.y / d.z, 1.0f / d.z};
   return true;
 }
 
@@ -168,24 +170,24 @@ namespace bvh8_detail {
 // A primitive in the order of the ray's axes.
 struct Rows {
   Bvh8Row x, y, z;
-  OCTRAD_HD Rows(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8Sight& sight) {
+  OCTRAD_HD Rows(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8ShearedRay& sheared) {
     const Bvh8Row* rows = primitives->rows;
-    x = load(rows + (3 * index + sight.axis_x));
-    y = load(rows + (3 * index + sight.axis_y));
-    z = load(rows + (3 * index + sight.axis_z));
+    x = load(rows + (3 * index + sheared.axis_x));
+    y = load(rows + (3 * index + sheared.axis_y));
+    z = load(rows + (3 * index + sheared.axis_z));
   }
 };
 
 // The corners where the ray is the z axis from 0.
 struct Sheared {
   float x[3], y[3], z[3];
-  OCTRAD_HD Sheared(const Rows& rows, const Bvh8Sight& sight) {
+  OCTRAD_HD Sheared(const Rows& rows, const Bvh8ShearedRay& sheared) {
     OCTRAD_UNROLL
     for (int i = 0; i < 3; ++i) {
-      const float along = rows.z.corner[i] - sight.position.z;
-      x[i] = rows.x.corner[i] - sight.position.x - multiply(sight.shear.x, along);
-      y[i] = rows.y.corner[i] - sight.position.y - multiply(sight.shear.y, along);
-      z[i] = multiply(sight.shear.z, along);
+      const float along = rows.z.corner[i] - sheared.position.z;
+      x[i] = rows.x.corner[i] - sheared.position.x - multiply(sheared.shear.x, along);
+      y[i] = rows.y.corner[i] - sheared.position.y - multiply(sheared.shear.y, along);
+      z[i] = multiply(sheared.shear.z, along);
     }
   }
   // Twice the area between the ray and the edge between two corners.
@@ -220,13 +222,13 @@ OCTRAD_HD inline bool inside(const Sheared& s) {
 
 // Distance to the triangle's plane, in double: in float, long and grazed triangles have errors far above rounding, a
 // ray that starts on a surface may meet it again, and which of two near surfaces is met would differ between devices.
-OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8Sight& sight) {
+OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8ShearedRay& sheared) {
   const Vec3d a(Vec3f(rows.x.corner[0], rows.y.corner[0], rows.z.corner[0]));
   const Vec3d b(Vec3f(rows.x.corner[1], rows.y.corner[1], rows.z.corner[1]));
   const Vec3d c(Vec3f(rows.x.corner[2], rows.y.corner[2], rows.z.corner[2]));
   const Vec3d n = cross(b - a, c - a);
-  const double facing = dot(n, Vec3d(sight.direction));
-  if (facing != 0.0) return dot(n, a - Vec3d(sight.position)) / facing;
+  const double facing = dot(n, Vec3d(sheared.direction));
+  if (facing != 0.0) return dot(n, a - Vec3d(sheared.position)) / facing;
   const Areas<double> areas(s);
   const Vec3d z(Vec3f(s.z[0], s.z[1], s.z[2]));
   return dot(Vec3d(areas.u, areas.v, areas.w), z) / areas.sum();
@@ -244,30 +246,32 @@ OCTRAD_HD inline void set_weights(const Areas<T>& areas, Hit& hit) {
 
 // Whether the ray meets the primitive, and where. Both sides; edges and corners belong to the triangle. Distances in
 // (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
-OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8Sight& sight,
+OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8ShearedRay& sheared,
                                  float t_min, float t_max, float& t) {
   using namespace bvh8_detail;
-  const Rows rows(primitives, index, sight);
+  const Rows rows(primitives, index, sheared);
   if (rows.x.id >> 31 != 0) {
     const Bvh8Row* row = primitives[index].rows;
-    const double at = intersect_sphere({row[0].corner[0], row[1].corner[0], row[2].corner[0]}, row[0].corner[1],
-                                       sight.turned(sight.position), sight.turned(sight.direction), t_min, t_max);
+    const double at =
+        intersect_sphere({row[0].corner[0], row[1].corner[0], row[2].corner[0]}, row[0].corner[1],
+                         sheared.turned(sheared.position), sheared.turned(sheared.direction), t_min, t_max);
     t = static_cast<float>(at);
     return at >= 0.0;
   }
-  const Sheared s(rows, sight);
+  const Sheared s(rows, sheared);
   if (!inside(s)) return false;
   // The distances of the corners bound that of the plane (rays nearly inside it).
   const float lower = lesser(s.z[0], lesser(s.z[1], s.z[2])), upper = greater(s.z[0], greater(s.z[1], s.z[2]));
   const float rounding = 4e-7f * greater(std::fabs(lower), std::fabs(upper));
   const float first = lower - rounding, last = upper + rounding;
   if (!(first <= t_max && last > t_min)) return false;
-  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sight)), first), last);
+  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sheared)), first), last);
   return t > t_min && t <= t_max;
 }
 
 // The record of a hit at distance t that bvh8_meets found.
-OCTRAD_HD inline Hit bvh8_hit(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8Sight& sight, float t) {
+OCTRAD_HD inline Hit bvh8_hit(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8ShearedRay& sheared,
+                              float t) {
   using namespace bvh8_detail;
   const Bvh8Primitive& p = primitives[index];
   Hit hit;
@@ -275,7 +279,7 @@ OCTRAD_HD inline Hit bvh8_hit(const Bvh8Primitive* primitives, std::uint32_t ind
   hit.primitive = p.primitive();
   hit.t = t;
   if (p.sphere()) return hit;
-  const Sheared s(Rows(primitives, index, sight), sight);
+  const Sheared s(Rows(primitives, index, sheared), sheared);
   const Areas<float> areas(s);
   if (doubtful(areas)) {
     set_weights(Areas<double>(s), hit);

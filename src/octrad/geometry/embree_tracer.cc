@@ -1,4 +1,4 @@
-// Embree 3.13: the only file that knows it.
+// The Tracer over Embree 3.13; the only file that includes it.
 #include <embree3/rtcore.h>
 #include <fmt/format.h>
 

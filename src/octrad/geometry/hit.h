@@ -1,4 +1,4 @@
-// A ray to cast, and what it met. Plain data, for host and device.
+// A ray to cast, and its hit. Plain data, for host and device.
 #pragma once
 
 #include "octrad/base/vec.h"

@@ -99,7 +99,7 @@ OCTRAD_HD inline void sphere_interaction(const Sphere& sphere, Vec3f point, Surf
   s.geometric_normal = s.shading_normal = sphere.flip_normals ? -outward : outward;
 }
 
-// The ray (origin, direction) matters to spheres only.
+// The ray (origin, direction) is used for spheres only.
 OCTRAD_HD inline SurfaceInteraction interact(const ShapeView& shape, const Hit& hit, Vec3f origin, Vec3f direction) {
   SurfaceInteraction s;
   s.t = hit.t;

@@ -10,8 +10,7 @@ namespace octrad {
 
 // Origin for a ray leaving `position` towards `direction`, pushed off the surface so that it does not meet it again.
 // Mitsuba's rule: (1 + largest coordinate) * 1500 float epsilons along the geometric normal, to the side of
-// `direction`. Also far enough for geometry that is meant to touch: decals and panes modelled closer than that are seen
-// as one.
+// `direction`. Surfaces closer together than that (decals, panes) are skipped as if they were one.
 OCTRAD_HD inline Vec3f offset_origin(Vec3f position, Vec3f geometric_normal, Vec3f direction) {
   constexpr float kEpsilon = 1500.0f / 16777216.0f;
   const float largest = std::fmax(std::fabs(position.x), std::fmax(std::fabs(position.y), std::fabs(position.z)));

@@ -1,4 +1,4 @@
-// Ray casting against a Scene: closest hit and occlusion. Only embree_tracer.cc knows Embree. Rays that leave a surface
+// Ray casting against a Scene: closest hit and occlusion. Only embree_tracer.cc uses Embree. Rays that leave a surface
 // start at offset_origin (geometry/offset_math.h).
 #pragma once
 

@@ -15,7 +15,7 @@
 
 namespace octrad {
 
-// Reads EXR, PNG, JPEG, Radiance HDR or PFM; the content decides, not the name.
+// Reads EXR, PNG, JPEG, Radiance HDR or PFM; the format is recognised by content, not by name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
 // channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.

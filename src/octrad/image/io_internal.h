@@ -1,4 +1,4 @@
-// Shared by the readers and writers of single formats; private to this room.
+// Shared by the readers and writers of single formats; private to this module.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace octrad::image_io {
 
-// Throws InputError when a header asks for more than this program is willing to hold.
+// Throws InputError for a picture that is larger than the limits of read_image() (io.h).
 void check_size(const std::string& file, long long width, long long height, long long channels);
 
 Image read_exr(const std::string& file);

@@ -37,7 +37,8 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   };
   int width = 0, height = 0, channels = 0;
   if (stbi_info_from_memory(bytes.data(), size, &width, &height, &channels) == 0) {
-    // Its reason is that of the last format it tried; loading stops at the first that fits and says more.
+    // stb's info call reports the reason of the last format that it tried; its load call stops at the matching format
+    // and gives a better one.
     stbi_image_free(stbi_load_from_memory(bytes.data(), size, &width, &height, &channels, 0));
     throw fail();
   }
@@ -45,7 +46,7 @@ Image image_io::read_stb(const std::string& file, const std::vector<unsigned cha
   const bool jpeg = bytes[0] == 0xff;
   if (jpeg) {
     // stb fills what is missing at the end with grey and reports success. Neither marker occurs inside coded data, and
-    // a thumbnail with an end of its own comes before the last start of scan.
+    // a thumbnail's own end marker precedes the last start of scan.
     const unsigned char scan[2] = {0xff, 0xda}, end[2] = {0xff, 0xd9};
     const auto last_scan = std::find_end(bytes.begin(), bytes.end(), scan, scan + 2);
     if (std::search(last_scan, bytes.end(), end, end + 2) == bytes.end())

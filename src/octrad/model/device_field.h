@@ -1,4 +1,4 @@
-// A radiance field in the memory of a device: asked and trained there, with the definitions of the field that it was
+// A radiance field in the memory of a device: queried and trained there, with the definitions of the field that it was
 // made from. Weights and optimiser state move between the two in both directions.
 #pragma once
 
@@ -22,9 +22,9 @@ struct StepConstants {
 };
 
 struct DeviceFieldOptions {
-  std::size_t max_points = std::size_t{1} << 20;  // queries in flight; more are answered in turns
+  std::size_t max_points = std::size_t{1} << 20;  // queries in flight; more are split into chunks
   std::size_t max_train_points = 0;               // of a step; 0: no training
-  bool deterministic = false;  // training repeats bit for bit: contributions are sorted instead of added as they come
+  bool deterministic = false;  // training repeats bit for bit: contributions are sorted before they are summed
   bool half_features = true;   // look-ups read tables of halves
 };
 
@@ -51,7 +51,7 @@ class DeviceField {
   // Waits for the steps since the last call.
   virtual DeviceTrainReport collect() = 0;
 
-  // Encoded features, number f of point i at features.data[f * features.stride + i], and predicted disparity (0 for
+  // Encoded features, feature f of point i at features.data[f * features.stride + i], and predicted disparity (0 for
   // fields without). Either may be null.
   virtual void inspect(SurfacePointArray points, std::size_t n, FloatRows features, float* disparity) = 0;
 

@@ -27,7 +27,7 @@ class DeviceFieldBase : public DeviceField {
  public:
   static constexpr std::size_t kTrainChunk = std::size_t{1} << 16;  // rows whose activations are kept at a time
 
-  // Rows that are in flight together when asked, and when trained.
+  // Rows in flight for queries and for training.
   static std::size_t query_rows(const DeviceFieldOptions& options) { return options.max_points; }
   static std::size_t train_rows(const DeviceFieldOptions& options) {
     return std::min(options.max_train_points, kTrainChunk);
@@ -49,7 +49,7 @@ class DeviceFieldBase : public DeviceField {
   float target_scale() const override { return target_scale_; }
 
  protected:
-  // Some rows on their way through the field.
+  // The rows of one chunk.
   struct Chunk {
     SurfacePointArray points;  // its first one is row 0
     QueueSlice slice;
@@ -69,12 +69,12 @@ class DeviceFieldBase : public DeviceField {
   virtual LookupRule rule() const = 0;
 
   DeviceQueries queries(const Chunk& chunk) const;
-  // Brings decoder and counters over.
+  // Copies decoder and counters back.
   void upload_decoder(DecoderHead& head);
   void download_decoder(DecoderHead& head);
-  // Scale and inverse for gradients `values` [n] (finite) on their way through a network of halves.
+  // Loss scale, and its inverse, for gradients `values` [n] (finite) in a backward pass of halves.
   void choose_scale(const float* values, std::uint32_t n, float* scale);
-  // Sums gradients of table rows in the order that the options ask for.
+  // Sums gradients of table rows, in a fixed order where the options say so.
   template <typename Scatter>
   void scatter(DeviceTable& table, const Scatter& scatter, int taps, std::uint32_t n, int levels, const float* upstream,
                std::size_t upstream_stride) {

@@ -1,4 +1,4 @@
-// A model asked about many points on a Stream, in turns that fit into its memory.
+// Queries of a model at many points on a Stream, in chunks that fit into its memory.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ struct FieldAnswers {
   std::vector<Vec3f> radiance;   // [n], linear RGB
 };
 
-// What field.inspect() and field.radiance() say, computed on the stream with tables of floats. `max_memory`: bytes of
+// field.inspect() and field.radiance(), computed on the stream with tables of floats. `max_memory`: bytes of
 // the stream (0: no limit); throws MemoryError where the field does not fit into it.
 FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& config,
                            std::span<const SurfacePoint> points, std::uint64_t max_memory);

@@ -79,7 +79,7 @@ OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
 #if defined(__CUDA_ARCH__)
   if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
 #if __CUDA_ARCH__ >= 800
-  // Lanes that are here together ask once: in the beginning everybody's value is the largest yet.
+  // Active lanes of a warp share one atomic operation: at first every lane has a new maximum.
   const unsigned lanes = __activemask();
   value = __reduce_max_sync(lanes, value);
   if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;

@@ -12,7 +12,7 @@
 #include "octrad/device/array.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/model/device_field_test_helper.h"
-#include "octrad/model/field_test_helper.h"
+#include "octrad/model/field_reference_test_helper.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
 
@@ -21,7 +21,9 @@ namespace {
 
 using testing::as_floats;
 using testing::ask;
+using testing::expect_within;
 using Batch = testing::DeviceBatch;
+using testing::FieldReference;
 using testing::Part;
 using testing::parts_of;
 using testing::pattern;
@@ -58,15 +60,6 @@ std::unique_ptr<RadianceField> trained_field(const Config& config, int steps = 2
   return field;
 }
 
-double share_beyond(const std::vector<float>& got, const std::vector<float>& expected, double tolerance) {
-  double square = 0.0;
-  for (const float e : expected) square += double(e) * e;
-  const double unit = std::sqrt(square / static_cast<double>(expected.size())) + 1e-30;
-  std::size_t beyond = 0;
-  for (std::size_t i = 0; i < got.size(); ++i) beyond += !(std::abs(got[i] - expected[i]) <= tolerance * unit);
-  return static_cast<double>(beyond) / static_cast<double>(got.size());
-}
-
 std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& points) {
   std::vector<Vec3f> out(points.size());
   field.radiance(points, out);
@@ -81,6 +74,10 @@ DeviceFieldOptions training_options(bool deterministic = false) {
   return options;
 }
 
+// Limits on the host stream, and on GPUs. Answers against the definition with halves where a device has them: measured
+// on the host stream {6.3e-8, 1e-5: 1.4 %, 3e-4}. On GPUs, which add in another order, not measured: a first guess.
+const testing::Limits kAnswers[2] = {{2e-7, 1e-5, 0.03, 2e-3}, {1e-4, 3e-3, 0.03, 0.05}};
+
 const StepConstants kConstants{0.05f, 1.0f};
 
 class DeviceFields : public ::testing::TestWithParam<std::tuple<std::string, bool>> {
@@ -91,6 +88,7 @@ class DeviceFields : public ::testing::TestWithParam<std::tuple<std::string, boo
     constants_ = DeviceArray<StepConstants>(*stream_, std::span<const StepConstants>(&kConstants, 1), "constants");
   }
   std::string name() const { return std::get<0>(GetParam()); }
+  bool cuda() const { return std::get<1>(GetParam()); }
   Config config() const { return small_config(name()); }
   void train(DeviceField& field, int first, int steps, std::size_t n = 256) {
     for (int s = first; s < first + steps; ++s) {
@@ -104,7 +102,7 @@ class DeviceFields : public ::testing::TestWithParam<std::tuple<std::string, boo
   DeviceArray<StepConstants> constants_;
 };
 
-TEST_P(DeviceFields, AnswerLikeTheCpu) {
+TEST_P(DeviceFields, AnswerAsTheDefinition) {
   std::vector<Config> configs(1, config());
   if (name() == "octaoctree") {
     configs.resize(4, config());
@@ -125,15 +123,19 @@ TEST_P(DeviceFields, AnswerLikeTheCpu) {
   for (const Config& c : configs) {
     const auto field = trained_field(c);
     field->set_target_scale(1.7f);
-    const std::vector<float> expected = ask(*field, points);
     for (const bool halves : {true, false}) {
+      FieldReference reference(c, *field, {true, halves});
+      std::vector<double> expected;
+      for (const SurfacePoint& p : points) {
+        const Vec3d r = reference.evaluate(p).radiance;
+        expected.insert(expected.end(), {r.x, r.y, r.z});
+      }
       DeviceFieldOptions options;
       options.max_points = 256;  // in turns
       options.half_features = halves;
       const auto device = make_device_field(*stream_, *field, c, options);
       const std::vector<float> got = ask(*stream_, *device, points);
-      EXPECT_LT(share_beyond(got, expected, 3e-3), 0.03) << "halves " << halves;
-      EXPECT_LT(share_beyond(got, expected, 2e-2), 0.003);
+      expect_within(kAnswers[cuda()], got, expected, halves ? "halves" : "floats");
       device->set_target_scale(3.4f);
       const std::vector<float> doubled = ask(*stream_, *device, points);
       for (std::size_t i = 0; i < got.size(); ++i) ASSERT_NEAR(doubled[i], 2.0f * got[i], 1e-6f * std::abs(doubled[i]));
@@ -170,8 +172,13 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
   const auto device = make_device_field(*stream_, *field, config(), options);
   const auto points = random_points(250, 5);
   const auto count = static_cast<std::size_t>(field->feature_count());
-  std::vector<float> expected(points.size() * count), distance(points.size());
-  field->inspect(points, expected, distance);
+  FieldReference reference(config(), *field, {true, false});
+  std::vector<double> expected, distance;
+  for (const SurfacePoint& p : points) {
+    const FieldReference::Query query = reference.evaluate(p);
+    expected.insert(expected.end(), query.features.begin(), query.features.end());
+    distance.push_back(query.disparity);
+  }
   const Batch batch(*stream_, points);
   DeviceArray<float> features(*stream_, points.size() * count, "features"),
       disparity(*stream_, points.size(), "disparity");
@@ -181,64 +188,9 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (std::size_t f = 0; f < count; ++f) turned[i * count + f] = got[f * points.size() + i];
   }
-  EXPECT_LT(share_beyond(turned, expected, 5e-3), 0.01);
-  EXPECT_LT(share_beyond(disparity.download(), distance, 5e-3), 0.01);
-}
-
-// Adam's first step leaves (1 - beta1) times the gradient in its first moments.
-TEST_P(DeviceFields, GradientsAreThoseOfTheCpu) {
-  for (const bool dense : {false, true}) {
-    Config c = config();
-    c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
-    const auto start = trained_field(c);
-    auto cpu = make_field(c, shell(kLevels)), copy = make_field(c, shell(kLevels));
-    // The same weights, no moments: a field made anew that takes the tables and networks of `start`.
-    const auto take = [&](RadianceField& to) {
-      const auto from = make_device_field(*stream_, *start, c, training_options());
-      auto scratch = make_field(c, shell(kLevels));
-      from->download_to(*scratch);
-      if (name() == "octaoctree") {
-        auto &a = dynamic_cast<OctaOctreeField&>(*scratch), &b = dynamic_cast<OctaOctreeField&>(to);
-        std::copy(a.octree().features().begin(), a.octree().features().end(), b.octree().features().begin());
-        std::copy(a.grid().table().begin(), a.grid().table().end(), b.grid().table().begin());
-        std::copy(a.disparity().weights().begin(), a.disparity().weights().end(), b.disparity().weights().begin());
-        std::copy(a.decoder().mlp().weights().begin(), a.decoder().mlp().weights().end(),
-                  b.decoder().mlp().weights().begin());
-        b.disparity().prepare();
-        b.decoder().mlp().prepare();
-      } else {
-        auto &a = dynamic_cast<NrField&>(*scratch), &b = dynamic_cast<NrField&>(to);
-        std::copy(a.grid().table().begin(), a.grid().table().end(), b.grid().table().begin());
-        std::copy(a.decoder().mlp().weights().begin(), a.decoder().mlp().weights().end(),
-                  b.decoder().mlp().weights().begin());
-        b.decoder().mlp().prepare();
-      }
-    };
-    take(*cpu);
-    take(*copy);
-    const auto device = make_device_field(*stream_, *copy, c, training_options());
-    const auto points = random_points(400, 77);
-    const FieldStep step = cpu->train(points, targets_of(points), 0.05, 1.0);
-    const Batch batch(*stream_, points, targets_of(points));
-    device->train(batch.points(), batch.targets.data(), points.size(), constants_.data());
-    const DeviceTrainReport report = device->collect();
-    ASSERT_EQ(report.losses.size(), 1u);
-    EXPECT_NEAR(report.losses[0], step.loss, 3e-3 * step.loss);
-    EXPECT_EQ(report.touched, step.touched);
-    EXPECT_EQ(report.non_finite, 0);
-    device->download_to(*copy);
-    const std::vector<Part> got = parts_of(*copy), expected = parts_of(*cpu);
-    ASSERT_EQ(got.size(), expected.size());
-    for (std::size_t i = 0; i < got.size(); ++i) {
-      const std::string& part = got[i].name;
-      if (part.ends_with("counts") || part.ends_with("steps")) {
-        EXPECT_EQ(got[i].values, expected[i].values) << part;
-      } else if (part.ends_with(" m") || part.ends_with("moments")) {
-        EXPECT_LT(share_beyond(got[i].values, expected[i].values, 0.05), 0.05) << part << (dense ? ", dense" : "");
-        EXPECT_LT(share_beyond(got[i].values, expected[i].values, 0.5), 0.01) << part << (dense ? ", dense" : "");
-      }
-    }
-  }
+  // Of nr measured {1.1e-6, 1e-5: 2.2 %, 2.8e-5}: positions are floats, and its finest cell is 1/256 wide.
+  expect_within({5e-6, 1e-5, 0.06, 2e-4}, turned, expected, "features");
+  expect_within(kAnswers[cuda()], disparity.download(), distance, "disparity");
 }
 
 // adam.rate.* each move their own parts (a rate of 0 leaves parameters as they are).
@@ -264,21 +216,22 @@ TEST_P(DeviceFields, LearnLikeTheCpu) {
   const DeviceTrainReport report = device->collect();
   EXPECT_EQ(report.steps, steps);
   ASSERT_EQ(report.losses.size(), losses.size());
-  for (int s = 0; s < 5; ++s) EXPECT_NEAR(report.losses[s], losses[s], 0.02 * losses[s]) << s;
+  for (int s = 0; s < 5; ++s)  // measured on the host stream: 1.6e-4
+    EXPECT_NEAR(report.losses[s], losses[s], (cuda() ? 0.02 : 1e-3) * losses[s]) << s;
   double mine = 0.0, theirs = 0.0;
   for (int s = steps - 20; s < steps; ++s) {
     mine += report.losses[s];
     theirs += losses[s];
   }
   EXPECT_LT(mine, 0.6 * 20 * losses[0]) << "it learns";
-  EXPECT_NEAR(mine, theirs, 0.15 * theirs);
+  EXPECT_NEAR(mine, theirs, (cuda() ? 0.15 : 3e-3) * theirs);  // measured on the host stream: 3.3e-4
   EXPECT_EQ(device->collect().steps, 0);
 
-  // What was learnt on the device, asked on the CPU.
+  // What was learnt on the device, asked on the CPU: halves against floats. Measured {8.7e-5, 1e-2: 0, 8.7e-4}.
   device->download_to(*start);
   const auto points = random_points(500, 3);
   const std::vector<float> there = ask(*stream_, *device, points), here = ask(*start, points);
-  EXPECT_LT(share_beyond(there, here, 1e-2), 0.02);
+  expect_within({5e-4, 1e-2, cuda() ? 0.02 : 0.0, 1.0}, there, here, "radiance");
 }
 
 TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
@@ -331,7 +284,9 @@ TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
         const auto atomics = make_device_field(*stream_, *again, c, training_options());
         train(*atomics, 0, 4, 500);
         const auto points = random_points(200, 8);
-        EXPECT_LT(share_beyond(ask(*stream_, *atomics, points), ask(*stream_, *device, points), 5e-3), 0.02);
+        // The same sums in another order. Measured on the host stream: no difference.
+        expect_within({1e-3, 5e-3, 0.02, 1.0}, ask(*stream_, *atomics, points), ask(*stream_, *device, points),
+                      "radiance");
       }
     }
   }

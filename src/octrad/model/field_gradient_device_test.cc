@@ -1,5 +1,6 @@
 // What fields on a device answer and the gradient that they hand to their optimiser, against the definition with halves
-// in the places where a device has them. So the limits are those of sums in floats, not of halves.
+// in the places where a device has them. So the limits are those of sums in floats, not of halves: a disparity branch
+// that is 1/1000 off, tried by hand, fails all 17 cases that it takes part in.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -20,58 +21,68 @@ using testing::TrainingBatch;
 
 constexpr std::size_t kPoints = 140;
 
-void report(const char* what, const std::vector<double>& got, const std::vector<double>& expected) {
-  double square = 0.0, count = 0.0;
-  for (double v : expected) square += v * v, count += v != 0.0;
-  if (count == 0) return;
-  std::vector<double> e;
-  for (std::size_t i = 0; i < got.size(); ++i) if (expected[i] != 0.0 || got[i] != 0.0) e.push_back(std::abs(got[i] - expected[i]) / std::sqrt(square / count));
-  std::sort(e.begin(), e.end());
-  const auto q = [&](double x) { return e[std::min(e.size() - 1, static_cast<std::size_t>(x * static_cast<double>(e.size())))]; };
-  std::printf("  %-12s %7zu  50%% %.1e 90%% %.1e 99%% %.1e 99.9%% %.1e max %.1e\n", what, e.size(), q(0.5), q(0.9), q(0.99), q(0.999), e.back());
-}
+// On the host stream sums in floats instead of doubles now and then round an activation to the other half; the rest is
+// exact to 1e-7. Measured there, the largest of all cases: answers {2.9e-8, 1e-5: 3.1 %, 8.7e-4}, gradients {1.3e-5,
+// 1e-3: 0.17 %, 6.8e-3}, loss 2.6e-6. On GPUs, which add in another order, it was not measured: those limits are a
+// first guess.
+const testing::Limits kAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
+const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.005, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
+constexpr double kLoss[2] = {1e-5, 1e-3};
 
 class DeviceFieldDefinition : public ::testing::TestWithParam<std::tuple<FieldCase, bool>> {};
 
-TEST_P(DeviceFieldDefinition, AnswersAndGradients) {
+TEST_P(DeviceFieldDefinition, GivesAnswersAndGradients) {
   const auto& [c, cuda] = GetParam();
   const auto stream = testing::stream_or_skip(cuda);
   if (!stream) GTEST_SKIP() << testing::kNoDevice;
+  const Config config = testing::config_of(c);
   for (const bool halves : {true, false}) {
-    const Config config = testing::config_of(c);
-    const auto field = testing::field_of(config);
+    SCOPED_TRACE(halves ? "tables of halves, sorted sums" : "tables of floats, sums as they come");
+    const auto field = testing::field_of(config), cpu = testing::field_of(config);
     FieldReference reference(config, *field, {true, halves});
     const TrainingBatch batch = reference.batch(kPoints, 5);
     DeviceFieldOptions options;
     options.max_points = options.max_train_points = 256;
-    options.half_features = halves;
-    options.deterministic = halves;
+    options.half_features = options.deterministic = halves;
     const auto device = make_device_field(*stream, *field, config, options);
-    std::printf("%s %d\n", testing::name_of(c).c_str(), halves);
-    const std::vector<float> answers = testing::ask(*stream, *device, batch.points);
-    std::vector<double> want;
+
+    std::vector<double> radiance;
     for (const SurfacePoint& p : batch.points) {
       const Vec3d r = reference.evaluate(p).radiance;
-      for (int k = 0; k < 3; ++k) want.push_back(r[k]);
+      radiance.insert(radiance.end(), {r.x, r.y, r.z});
     }
-    report("radiance", {answers.begin(), answers.end()}, want);
+    expect_within(kAnswers[cuda], testing::ask(*stream, *device, batch.points), radiance, "radiance");
+
     const DeviceBatch there(*stream, batch.points, batch.targets);
     const StepConstants constants{static_cast<float>(batch.epsilon), 1.0f};
     const DeviceArray<StepConstants> step(*stream, std::span<const StepConstants>(&constants, 1), "constants");
     device->train(there.points(), there.targets.data(), there.n, step.data());
-    const DeviceTrainReport report_ = device->collect();
+    const DeviceTrainReport report = device->collect();
+    ASSERT_EQ(report.losses.size(), 1u);
     const double loss = reference.loss(batch, reference.denominators(batch)).value;
-    std::printf("  loss %.1e\n", std::abs(report_.losses[0] - loss) / loss);
+    EXPECT_NEAR(report.losses[0], loss, kLoss[cuda] * loss);
+    EXPECT_EQ(report.non_finite, 0);
     device->download_to(*field);
     const FieldReference::Numbers got = testing::first_moments(*field), expected = reference.gradient(batch);
-    for (int part = 0; part < FieldReference::kParts; ++part) report(FieldReference::kNames[part], got[part], expected[part]);
+    for (int part = 0; part < FieldReference::kParts; ++part)
+      expect_within(kGradients[cuda], got[part], expected[part], FieldReference::kNames[part]);
+
+    // Which entries were touched, and how often, is the same as on the CPU.
+    EXPECT_EQ(report.touched, cpu->train(batch.points, batch.targets, batch.epsilon, 1.0).touched);
+    const std::vector<testing::Part> here = testing::parts_of(*cpu), back = testing::parts_of(*field);
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      if (here[i].name.ends_with(" counts") || here[i].name.ends_with(" steps")) {
+        EXPECT_EQ(back[i].values, here[i].values) << here[i].name;
+      }
+    }
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(All, DeviceFieldDefinition,
                          ::testing::Combine(::testing::ValuesIn(testing::field_cases()), ::testing::Bool()),
                          [](const auto& test) {
-                           return testing::name_of(std::get<0>(test.param)) + (std::get<1>(test.param) ? "_Cuda" : "_Host");
+                           return testing::name_of(std::get<0>(test.param)) +
+                                  (std::get<1>(test.param) ? "_Cuda" : "_Host");
                          });
 
 }  // namespace

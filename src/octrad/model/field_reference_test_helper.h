@@ -118,7 +118,7 @@ class FieldReference {
 
   Numbers parameters;
 
-  // A point on its way through the field.
+  // Intermediate values of one point.
   struct Query {
     Vec3d w, radiance;
     double disparity = 0.0, disparity_linear = 0.0;

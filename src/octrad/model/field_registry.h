@@ -1,5 +1,5 @@
-// What the program must know of a field beside its classes. Each field defines one entry in a file of its own; the list
-// of them is in field_registry.cc. Nothing else depends on which fields there are.
+// Facts of a field besides its classes: names, makers, keys, memory. Each field defines one entry in a file of its own;
+// the list of them is in field_registry.cc. Nothing else depends on which fields there are.
 #pragma once
 
 #include <span>
@@ -13,10 +13,9 @@ namespace octrad {
 
 struct FieldEntry {
   const char* name;   // the value of the key "field", also in model files
-  const char* title;  // for people
+  const char* title;  // in messages
   // Beginnings of the keys that no other field reads.
   std::span<const std::string_view> own_keys;
-  bool uses_disparity;  // look-ups take a disparity; otherwise inspect() gives 0
   // Levels of occupied cells that FieldDomain must have; 0: the field needs none.
   int (*cell_levels)(const Config&);
   std::unique_ptr<RadianceField> (*make)(const Config&, const FieldDomain&);

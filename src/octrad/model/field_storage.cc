@@ -106,12 +106,12 @@ void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& ad
 
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
                       bool training) {
-  const auto add = [&](const char* of, double bytes) {
-    parts.push_back({what + of, static_cast<std::uint64_t>(bytes)});
+  const auto add = [&](std::string_view of, double bytes) {
+    parts.push_back({what + std::string(of), static_cast<std::uint64_t>(bytes)});
   };
-  add(" features", entries * features * 4.0);
+  add(kFeaturesPart, entries * features * 4.0);
   // Floats an entry: two moments, and a step count (dense Adam has the same state).
-  if (training) add(" optimiser state", entries * (features * 8.0 + 2.0));
+  if (training) add(kOptimizerPart, entries * (features * 8.0 + 2.0));
 }
 
 void add_batch_memory(std::vector<MemoryPart>& parts, const Config& config, double taps) {

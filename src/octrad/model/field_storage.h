@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "octrad/base/bytes.h"
@@ -51,7 +52,8 @@ void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid&
 void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
 
-// Memory of a table of features, with its optimiser's state when training.
+// Memory of a table of features, with its optimiser's state when training: two parts, whose names end with these.
+inline constexpr std::string_view kFeaturesPart = " features", kOptimizerPart = " optimiser state";
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
                       bool training);
 // Memory of a batch: shaded points with their targets, `taps` contributions of each to the tables, and gradients.

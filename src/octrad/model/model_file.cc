@@ -8,6 +8,7 @@
 #include "octrad/base/version.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/field_registry.h"
+#include "octrad/model/field_storage.h"
 #include "octrad/model/safetensors.h"
 
 namespace octrad {
@@ -100,6 +101,28 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   out.metadata("state", state.dump());
   field.save(out, optimizer);
   out.write(file);
+}
+
+ModelFileSize model_file_size(const TensorReader& file) {
+  ModelFileSize size;
+  for (const std::string& name : file.names()) {
+    const auto bytes = static_cast<double>(file.get(name).bytes);
+    size.total += bytes;
+    if (name.starts_with("optimizer.")) size.optimizer += bytes;
+    else if (name.ends_with(".features") || name.ends_with(".table")) size.features += bytes;
+  }
+  return size;
+}
+
+ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level) {
+  ModelFileSize size;
+  for (const MemoryPart& part : estimate_memory(config, cells_per_level, true)) {
+    if (part.name.ends_with(kFeaturesPart)) size.features += static_cast<double>(part.bytes);
+    if (part.name.ends_with(kOptimizerPart)) size.optimizer += static_cast<double>(part.bytes);
+  }
+  size.total = size.features + size.optimizer;
+  for (const long long cells : cells_per_level) size.total += static_cast<double>(cells) * sizeof(Vec3i);
+  return size;
 }
 
 ModelInfo read_model_info(const std::string& file) { return info_of(TensorReader(file)); }

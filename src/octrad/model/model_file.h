@@ -9,8 +9,8 @@
 
 namespace octrad {
 
-// Where a training run stands; with the optimiser's state it is all that continuing needs, because every random number
-// is a function of seed and step.
+// Progress of a training run; with the optimiser's state it is all that resuming needs, because every random number is
+// a function of seed and step.
 struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
@@ -37,6 +37,16 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
 
 // Throws IoError, or InputError for a file that is no model, broken, or of another format version.
 Model load_model(const std::string& file, bool optimizer = false);
+
+// Bytes of a file's tensors; the header adds little.
+struct ModelFileSize {
+  double total = 0.0;
+  double features = 0.0;   // of it, what look-ups read: tables of features
+  double optimizer = 0.0;  // of it, what resuming needs: 0 without optimiser
+};
+ModelFileSize model_file_size(const TensorReader& file);
+// Of a file with optimiser state, before anything is allocated. Without the networks, whose size hardly counts.
+ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level);
 
 // The header alone.
 ModelInfo read_model_info(const std::string& file);

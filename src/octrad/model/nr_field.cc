@@ -25,7 +25,6 @@ constinit const FieldEntry kNrField = {
     .name = "nr",
     .title = "Neural Radiosity (a hash grid)",
     .own_keys = kOwnKeys,
-    .uses_disparity = false,
     .cell_levels = [](const Config&) { return 0; },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NrField>(config, domain);

@@ -1,5 +1,5 @@
 // Neural Radiosity (Hadadan et al. 2021) as the paper's authors ran it (method section 9): a hash grid over position
-// and a decoder. The comparison for everything that the OctaOctree claims.
+// and a decoder. The baseline for the OctaOctree.
 #pragma once
 
 #include <memory>

@@ -56,7 +56,6 @@ constinit const FieldEntry kOctaOctreeField = {
     .name = "octaoctree",
     .title = "OctaOctree",
     .own_keys = kOwnKeys,
-    .uses_disparity = true,
     .cell_levels = [](const Config& config) { return config.octree_levels; },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<OctaOctreeField>(config, domain);

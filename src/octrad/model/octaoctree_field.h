@@ -28,7 +28,7 @@ class OctaOctreeField : public RadianceField {
   float target_scale() const override { return decoder_.target_scale(); }
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   int feature_count() const override { return octree_.feature_count(); }
-  bool predicts_disparity() const override { return true; }
+  bool uses_disparity() const override { return true; }
   int levels() const override { return octree_.options().levels; }
   std::vector<long long> cells_per_level() const override;
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
@@ -51,8 +51,8 @@ class OctaOctreeField : public RadianceField {
   void make_optimizers();
 
  private:
-  struct Encoded;    // a chunk of queries on its way through the field
-  struct Gradients;  // what a group of queries contributes to one optimiser step
+  struct Encoded;    // intermediate values of a chunk of queries
+  struct Gradients;  // gradients of a group of queries in one step
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first,

@@ -14,7 +14,7 @@
 
 namespace octrad {
 
-// What a field needs to know of the scene: where surfaces are.
+// What a field needs of the scene: its box and the cells that hold surfaces.
 struct FieldDomain {
   Vec3f origin, size;                              // box of normalised positions, world units
   std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
@@ -47,7 +47,7 @@ class RadianceField {
   virtual Vec3f normalized(Vec3f x) const = 0;
   virtual int feature_count() const = 0;
   virtual int levels() const = 0;
-  virtual bool predicts_disparity() const { return false; }
+  virtual bool uses_disparity() const { return false; }  // look-ups take a disparity; otherwise inspect() gives 0
   // Occupied cells of each level, for estimate_memory() (none for fields without an octree).
   virtual std::vector<long long> cells_per_level() const { return {}; }
   // Encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0 for fields that predict none).

@@ -73,8 +73,8 @@ std::int64_t DenseAdam::step(std::span<float> parameters, std::span<const float>
   return total;
 }
 
-// Contributions are dealt into buckets by entry (a stable counting sort: order within an entry is kept), and every
-// bucket is summed and applied by one task. Neither the pieces nor the buckets depend on the number of threads.
+// Contributions are distributed into buckets by entry (a stable counting sort: order within an entry is kept), and
+// every bucket is summed and applied by one task. Neither the pieces nor the buckets depend on the number of threads.
 struct SparseAdam::Impl {
   Impl(std::int64_t entry_count, int feature_count, const AdamOptions& adam_options)
       : entries(static_cast<std::size_t>(entry_count)),

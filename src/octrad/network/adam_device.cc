@@ -10,7 +10,7 @@
 namespace octrad {
 namespace {
 
-// One more step: its correction and rate.
+// Advances to the next step: its correction and rate.
 struct Advance : Kernel {
   AdamStep* step;
   double beta1, beta2, rate;
@@ -43,7 +43,7 @@ struct DenseStep : Kernel {
   }
 };
 
-// Rows of C floats that are read and written at once.
+// Rows of C floats, accessed with vector loads and stores.
 template <int C>
 struct alignas(C >= 4 ? 16 : 8) Row {
   float v[C];
@@ -133,7 +133,7 @@ struct EveryStep : Kernel {
   }
 };
 
-// Counts the step's entries and makes room for the next one's.
+// Adds the number of the step's entries to the total and empties the list.
 struct EndStep : Kernel {
   std::uint32_t* count;  // null: all of `entries`
   std::uint32_t entries;
@@ -156,7 +156,7 @@ struct ToHalves : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = to_half(in[i]); }
 };
 
-// The first of a run of equal rows sums the run.
+// The item of the first of several equal rows sums all of them.
 template <int C>
 struct SumRun : Kernel {
   const std::uint32_t* rows;  // sorted
@@ -194,7 +194,7 @@ void with_width(int features, F&& f) {
   }
 }
 
-constexpr std::size_t kUploadPart = std::size_t{1} << 24;  // floats that wait on the device to be rounded
+constexpr std::size_t kUploadPart = std::size_t{1} << 24;  // floats uploaded at a time, to be rounded on the device
 
 std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
   return options.training && !options.dense ? std::min(entries, options.touches) : 0;
@@ -250,7 +250,7 @@ std::vector<MemoryPart> DeviceTable::memory(std::size_t entries, int features, c
   if (!options.training) return parts;
   parts.push_back({what + " optimiser state", 2 * floats + entries * sizeof(std::uint16_t)});
   parts.push_back({what + " gradient", floats + list_capacity(entries, options) * sizeof(std::uint32_t) + entries / 8});
-  // Five numbers a contribution, and what the sort needs again.
+  // Five words a contribution, and two more for the sort.
   if (options.sorted)
     parts.push_back({what + " contributions, sorted (--deterministic)", options.slots * 7 * sizeof(std::uint32_t)});
   return parts;

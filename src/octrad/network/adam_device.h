@@ -1,5 +1,5 @@
 // Adam on a device, with the semantics of adam.h: dense for networks; for feature tables touched entries only (with
-// their own step counts) or all. A table keeps float masters and, where asked for, the halves that look-ups read.
+// their own step counts) or all. A table keeps float masters and, by option, the halves that look-ups read.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace octrad {
 
-// What bias correction and the rate come to in the present step; in device memory, advanced by a kernel.
+// Bias correction and rate of the current step; in device memory, advanced by a kernel.
 struct AdamStep {
   std::int64_t count = 0;    // steps done
   float scaled_rate = 0.0f;  // rate of this step times correction.first
@@ -70,15 +70,16 @@ class DeviceTable {
   // Needs `training`, or a table of floats.
   void download(std::span<float> values, SparseAdam* adam) const;
 
-  // Where a step's contributions go: add(), or with options.sorted keep() after begin_sorted().
+  // The sink of a step's contributions: add(), or with options.sorted keep() after begin_sorted().
   AddNow add() const;
   void begin_sorted(Stream& stream);
   KeepForSort keep() const { return {slot_rows_.data(), slot_scales_.data()}; }
-  // Sums what keep() was given by entry, in the order of slots: slot s of `taps` an item adds its scale times the
-  // features of item s / taps = level n + i, upstream[level features + c][i]. Adds to what the step has summed before.
+  // Sums the contributions of keep() by entry, in the order of slots, and adds them to the step's gradient: slot s, one
+  // of `taps` an item, adds its scale times the upstream gradient of item s / taps = level n + i, upstream[level
+  // features + c][i].
   void sum_sorted(Stream& stream, int taps, std::uint32_t n, int levels, const float* upstream,
                   std::size_t upstream_stride);
-  // Applies the gradient and clears it. The counters, in device memory, are added to; touched may be null.
+  // Applies the gradient and clears it. Adds to the counters, which are in device memory; touched may be null.
   void step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite,
             unsigned long long* touched);
 

@@ -19,7 +19,7 @@ OCTRAD_HD inline AdamConstants adam_constants(double beta1, double beta2, double
           static_cast<float>(1.0 - beta2), static_cast<float>(epsilon)};
 }
 
-// What makes up for moments that start at 0, after `count` >= 1 steps: first = 1 / (1 - beta1^count) multiplies the
+// Bias correction of moments that start at 0, after `count` >= 1 steps: first = 1 / (1 - beta1^count) multiplies the
 // mean, second = 1 / sqrt(1 - beta2^count) the root of the squares.
 struct AdamCorrection {
   float first, second;

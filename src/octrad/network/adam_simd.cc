@@ -2,7 +2,7 @@
 // adam_math.h: the results have the same bits everywhere, and memory, not arithmetic, sets the speed.
 #include "octrad/network/adam_kernels.h"
 
-// SSSE3 and AVX-512 "DL" would be the code of their neighbours again.
+// SSSE3 and AVX-512 "DL" would give the same code as the next smaller sets.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 
 #undef HWY_TARGET_INCLUDE

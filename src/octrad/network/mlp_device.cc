@@ -10,11 +10,11 @@ namespace octrad {
 namespace {
 
 constexpr std::uint32_t kMostSplits = 64;  // of a weight gradient's rows
-constexpr int kGroupRows = 32;             // rows of memory come in these
+constexpr int kGroupRows = 32;             // memory is allocated for multiples of this
 
 std::size_t whole(std::size_t n, std::size_t unit) { return (n + unit - 1) / unit * unit; }
 
-// Weights as the kernels take them.
+// Weights in the layout of the kernels.
 struct Pack : Kernel {
   MlpPlan plan;
   const float* weights;
@@ -50,7 +50,7 @@ struct WriteRows {
     rows.data[static_cast<std::size_t>(col) * rows.stride + row] = value * factor;
   }
 };
-// Where a pass writes; it takes the factor from memory once for all of a group's results.
+// Output of a pass; the factor is loaded once for all results of a group.
 struct ScaledRows {
   FloatRows rows;
   const float* scale;  // null: 1
@@ -72,7 +72,8 @@ struct Pass {
   std::uint32_t n;
   QueueSlice slice;
 
-  // The pass of those rows that the queue holds. Passes that keep something for later are of whole batches.
+  // This pass over only the rows that the queue holds. Passes that keep activations or gradients run over whole
+  // batches.
   OCTRAD_HD decltype(auto) limited() const {
     if constexpr (std::is_same_v<Between, ReluBetween<false>>) {
       Pass pass = *this;
@@ -100,7 +101,7 @@ inline constexpr int kPassThreads = P::kWidth >= 8 && P::kForward ? 384 : 256;
 template <typename P>
 inline constexpr int kPassBlocks = P::kWidth >= 8 ? 1 : 2;
 
-// As the compiler knows then, the same for a whole warp.
+// Warp-uniform, and known to be so to the compiler.
 __device__ inline std::uint32_t warp_of_block() { return __shfl_sync(0xffffffffu, threadIdx.x / kWarp, 0); }
 
 template <typename P>
@@ -109,12 +110,13 @@ __global__ void __launch_bounds__(kPassThreads<P>, kPassBlocks<P>) mlp_pass(P la
   const P& pass = launched.limited();
   CudaWarp warp(pass.weights, pass.plan.blocks(), reinterpret_cast<std::uint32_t*>(shared), window);
   const std::uint32_t groups = pass.groups(), warps = blockDim.x / kWarp;
-  if (blockIdx.x >= groups) return;  // a queue that is shorter than what this was launched for
+  if (blockIdx.x >= groups) return;  // the queue is shorter than the launch
   const std::uint32_t warp_number = warp_of_block();
   const bool whole = window == pass.plan.blocks();
   if (whole) warp.need_weights(0, window);
-  // Neighbouring groups go to different multiprocessors, so that few are shared evenly. Where weights come in turns all
-  // warps of a block take part in every round, some with what another one does too.
+  // Consecutive groups go to different multiprocessors, so that a few groups are spread evenly. Where the weights do
+  // not fit into shared memory at once, all warps of a block take part in every round of loading; surplus ones repeat a
+  // group.
   for (std::uint32_t first = blockIdx.x; first < groups; first += gridDim.x * warps) {
     const std::uint32_t group = first + warp_number * gridDim.x;
     if (group < groups || !whole) pass(warp, group < groups ? group : groups - 1);
@@ -125,7 +127,7 @@ template <typename P>
 void launch_on_device(Stream& stream, const DeviceInfo& device, const P& pass) {
   constexpr int kThreads = kPassThreads<P>;
   constexpr int kBlockBytes = kBlockWords * static_cast<int>(sizeof(std::uint32_t));
-  const cudaStream_t handle = cuda_handle(stream);  // makes its device the present one
+  const cudaStream_t handle = cuda_handle(stream);  // makes its device current
   const int shared = static_cast<int>(device.shared_bytes), window = std::min(pass.plan.blocks(), shared / kBlockBytes);
   const std::size_t bytes = static_cast<std::size_t>(window) * kBlockBytes;
   check_cuda(cudaFuncSetAttribute(mlp_pass<P>, cudaFuncAttributeMaxDynamicSharedMemorySize, shared),
@@ -176,7 +178,7 @@ void run_pass(Stream& stream, const DeviceInfo& device, const MlpPlan& plan, con
   }
 }
 
-// Parts of the weights' gradient: part s of all rows to partial [s][parameters].
+// Gradient of the weights, split over the rows: part s goes to partial [s][parameters].
 struct WeightGradient {
   MlpPlan plan;
   KeptBlocks activations, gradients;
@@ -226,7 +228,7 @@ struct WeightGradient {
     const auto first_input = [&](std::uint32_t tile, int t, Word(&x)[4]) {
       load_operand(warp, input, static_cast<std::size_t>(tile) * kTile, t, x);
     };
-    // One loop for each kind of layer: loads without branches between them wait together.
+    // One loop for each kind of layer: without branches between them the latencies of loads overlap.
     if (l == 0) run(kept_gradient, first_input);
     else if (l < plan.hidden) run(kept_gradient, kept_activation);
     else run(d_output, kept_activation);
@@ -278,7 +280,7 @@ std::uint32_t splits_of(std::size_t rows) {
   return static_cast<std::uint32_t>(std::clamp<std::size_t>(rows / kTile / 8, 1, kMostSplits));
 }
 
-// Words that hold the hidden layers of that many rows.
+// Words of memory for the hidden layers of that many rows.
 std::size_t kept_words(const MlpPlan& plan, std::size_t rows) {
   return whole(rows, kGroupRows) / kTile * static_cast<std::size_t>(plan.hidden * plan.width) * kBlockWords;
 }
@@ -356,7 +358,7 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
   const KeptBlocks activations{activations_.data(), plan_.hidden, plan_.width},
       gradients{gradients_.data(), plan_.hidden, plan_.width};
   const ScaledInput d_linear{d_out, shape_.outputs, n, scale};
-  // Only the wanted inputs: the others' blocks are not computed.
+  // Only the blocks of the first d_inputs inputs are computed.
   MlpPlan reverse = reverse_;
   reverse.out = tiles_of(d_inputs);
   run_pass(stream, device_, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients},

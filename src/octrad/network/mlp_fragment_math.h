@@ -1,9 +1,9 @@
-// Where the numbers of a matrix lie in the registers of a warp, for the instruction D = A B + C on 16 x 16 times 16 x 8
-// halves with float sums (PTX ISA, mma.m16n8k16), and how a network's weights are laid out for it. All of it constant
-// expressions, so that a test proves them on the host.
+// Layout of matrices in the registers of a warp, for the instruction D = A B + C on 16 x 16 times 16 x 8
+// halves with float sums (PTX ISA, mma.m16n8k16), and how a network's weights are laid out for it. All of it
+// constant expressions, so that a test checks them on the host.
 //
-// A layer's output comes out of the instruction with rows and columns exactly where the next layer's input is wanted:
-// two neighbouring 16 x 8 results, rounded to halves and paired, are one 16 x 16 operand. So activations never leave
+// The instruction returns a layer's output with rows and columns exactly where the next layer's input must be: two
+// adjacent 16 x 8 results, rounded to halves and paired, are one 16 x 16 operand. So activations never leave
 // registers.
 #pragma once
 
@@ -35,7 +35,7 @@ struct MlpPlan {
   OCTRAD_HD constexpr int layer_in(int l) const { return l == 0 ? in : width; }
   OCTRAD_HD constexpr int layer_out(int l) const { return l == hidden ? out : width; }
   // Blocks of weights, in the order in which the network's layers use them: the first layer input by input, because its
-  // inputs are read from memory one after the other, the others output by output. Always `width` blocks in a piece.
+  // inputs are read from memory one after the other, the others output by output; `width` blocks at a time.
   OCTRAD_HD constexpr int blocks() const { return width * (in + (hidden - 1) * width + out); }
   OCTRAD_HD constexpr int layer_begin(int l) const { return l == 0 ? 0 : width * (in + (l - 1) * width); }
 };

@@ -5,7 +5,7 @@
 
 namespace octrad {
 
-inline constexpr std::size_t kPanel = 16;  // columns of B and C come in panels of 16 floats on every processor
+inline constexpr std::size_t kPanel = 16;  // columns of B and C are stored in panels of 16 floats on every processor
 
 // C[r][c] = post(sum over k < depth, in order, of A(r, k) * B(k, c)) for r < rows and all columns of `panels` panels.
 // Every element is one chain of fused multiply-adds over k (separate multiply and add where the processor has no FMA),

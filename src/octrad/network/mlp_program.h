@@ -1,14 +1,14 @@
-// The multi-layer perceptron as a warp runs it: kRows rows go through all layers in registers (mlp_fragment_math.h says
-// how they lie there). Written for any Warp of warp.h. The same program takes gradients from the outputs back to the
-// inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place of ReLU.
+// The multi-layer perceptron as a program of one warp: a tile of rows goes through all layers in registers (their
+// layout is in mlp_fragment_math.h). Written for any Warp of warp.h. The same program takes gradients from the outputs
+// back to the inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place of ReLU.
 #pragma once
 
 #include "octrad/network/warp.h"
 
 namespace octrad {
 
-// Numbers i of rows as the first layer reads them, zeros beyond `count` numbers and n rows. Scaled and rounded: floats.
-// kBatch: operands that are waited for together where registers allow it.
+// The inputs of the first layer: features of rows, zeros beyond `count` features and n rows; halves, or floats that are
+// scaled and rounded. kBatch: operands whose loads are in flight together where registers allow it.
 struct HalfInput {
   static constexpr int kBatch = 3;
   HalfRows rows;
@@ -34,7 +34,7 @@ struct ScaledInput {
   }
 };
 
-// The 16 x 16 operand at rows row .. row + 15, numbers 16 k_tile ...
+// The 16 x 16 operand at rows row .. row + 15, features 16 k_tile ...
 template <typename Warp, typename Input>
 OCTRAD_HD inline void load_operand(const Warp& warp, const Input& input, std::size_t row, int k_tile,
                                    typename Warp::Word (&a)[4]) {
@@ -47,7 +47,7 @@ OCTRAD_HD inline void load_operand(const Warp& warp, const Input& input, std::si
   }
 }
 
-// Where hidden layer l's block t of the 16 rows numbered tile lies in memory that keeps them.
+// Kept hidden layers in memory: address of block t of hidden layer l, for the 16 rows of a tile.
 struct KeptBlocks {
   std::uint32_t* data = nullptr;
   int hidden = 0, width = 0;
@@ -101,7 +101,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
   using Float = typename Warp::Float;
   const std::uint32_t tile = group * kTall;
   const std::size_t row =
-      static_cast<std::size_t>(tile) * kTile;  // 64 bits: what is added to it becomes part of load instructions
+      static_cast<std::size_t>(tile) * kTile;  // 64 bits: constant offsets become part of the load instructions
   Word h[kTall][kWidth][4];
   {
     Float c[kTall][2 * kWidth][4];
@@ -111,7 +111,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
       for (int j = 0; j < 2 * kWidth; ++j) Warp::clear(c[m][j]);
     }
     constexpr int kBatch =
-        kWidth < 8 ? Input::kBatch : 1;  // where sums leave no registers for more, other warps' work hides the wait
+        kWidth < 8 ? Input::kBatch : 1;  // where the sums leave no registers for more, other warps hide the latency
     for (int first = 0; first < plan.in; first += kBatch) {
       Word a[kBatch][kTall][4];
       OCTRAD_UNROLL
@@ -195,7 +195,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
       Warp::clear(c[m][0]);
       Warp::clear(c[m][1]);
     }
-    const bool right = outputs > t * kTile + 8;  // columns of the right half are wanted
+    const bool right = outputs > t * kTile + 8;  // whether the right half has columns below `outputs`
     warp.need_weights(block, kWidth);
     OCTRAD_UNROLL
     for (int k = 0; k < kWidth; ++k) {
@@ -225,7 +225,7 @@ OCTRAD_HD inline void run_mlp(Warp& warp, const MlpPlan& plan, const Input& inpu
   }
 }
 
-// What a layer's weights W [out][in] are multiplied with and what came back, as rows of 16 x 16 operands.
+// Gradient of a layer's weights W [out][in], from its inputs and the gradients at its outputs, as 16 x 16 operands:
 //   dW(o, i) = sum over rows of gradient(row, o) input(row, i).
 // A warp makes 2 x 4 blocks of one layer from the 16-row tiles tile_begin .. tile_end - 1; load_gradient(tile, t,
 // words) and load_input(tile, t, words) give operand t of a tile; write(o, i, value) takes the result.
@@ -249,7 +249,7 @@ OCTRAD_HD inline void run_weight_gradient(Warp& warp, int out_tiles, int in_tile
     OCTRAD_UNROLL
     for (int o = 0; o < kOut; ++o) {
       Word g[4];
-      load_gradient(tile, o_tile + o < out_tiles ? o_tile + o : o_tile, g);  // what is there twice is not written
+      load_gradient(tile, o_tile + o < out_tiles ? o_tile + o : o_tile, g);  // a duplicate's result is not written
       a[o][0] = Warp::transpose(g[0]);
       a[o][1] = Warp::transpose(g[2]);
       a[o][2] = Warp::transpose(g[1]);

@@ -3,7 +3,7 @@
 // floats (24 FMA per 3 loads and 8 broadcasts), 6 x 2 with 16 registers of 8 floats.
 #include "octrad/network/mlp_kernels.h"
 
-// SSSE3 and AVX-512 "DL" would be the code of their neighbours again.
+// SSSE3 and AVX-512 "DL" would give the same code as the next smaller sets.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 
 #undef HWY_TARGET_INCLUDE

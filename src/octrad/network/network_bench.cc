@@ -1,6 +1,6 @@
 // Rows (queries) a second of the networks of the method, and time a parameter or entry of Adam. The first argument is
 // the number of threads. Items are rows for the networks. The CPU column adds up all threads: on a busy machine,
-// threads times items over it is what a quiet one would do.
+// estimate the rate of an idle one as threads times items over it.
 #include <benchmark/benchmark.h>
 
 #include <hwy/targets.h>

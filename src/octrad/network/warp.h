@@ -1,8 +1,8 @@
-// What the programs of mlp_program.h are written for: a warp, its registers and its matrix instruction. CudaWarp is one
-// lane of the real thing; HostWarp holds all 32 lanes and computes what the instruction does, so that the same
-// program runs in tests on a machine without a GPU, and on the host stream.
+// The warps that the programs of mlp_program.h run on: registers and the matrix instruction. CudaWarp is one lane of a
+// CUDA warp; HostWarp emulates all 32 lanes and the instruction, so that the same program runs on the host stream and
+// in tests on machines without a GPU.
 //
-// Word: two halves a lane. Float: one float a lane. lanes(f) calls f(lane) for the lanes that this object stands for;
+// Word: two halves a lane. Float: one float a lane. lanes(f) calls f(lane) for the lanes that this object holds;
 // at(x, lane) is a lane's own value.
 #pragma once
 
@@ -119,7 +119,7 @@ class CudaWarp {
   using Word = std::uint32_t;
   using Float = float;
   OCTRAD_HD CudaWarp() = default;
-  // shared: room for window_blocks blocks. All threads of the block must run the same program.
+  // shared: memory for window_blocks blocks. All threads of the block must run the same program.
   OCTRAD_HD CudaWarp(const std::uint32_t* weights, int blocks, std::uint32_t* shared, int window_blocks)
       : weights_(weights),
         shared_(shared),
@@ -194,8 +194,7 @@ class CudaWarp {
     return pack_halves(low, high) & h;  // never run
 #endif
   }
-  // Instructions of a whole warp are volatile: the compiler must not move them to where only some lanes want the
-  // result.
+  // Warp-wide instructions are volatile: the compiler must not move them into a branch that only some lanes take.
   OCTRAD_HD static Word transpose(Word a) {
 #if defined(__CUDA_ARCH__)
     Word w;

@@ -1,4 +1,4 @@
-// Integrators that ask a radiance field (method section 8): `lhs`, `rhs`, `deferred`.
+// Integrators that query a radiance field (method section 8): `lhs`, `rhs`, `deferred`.
 #include <vector>
 
 #include "octrad/model/radiance_field.h"

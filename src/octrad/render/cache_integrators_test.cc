@@ -9,43 +9,17 @@
 #include <fstream>
 
 #include "octrad/base/error.h"
+#include "octrad/render/constant_field_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
 namespace {
 
-// A field that answers `value` everywhere and remembers nothing.
-class ConstantField : public RadianceField {
- public:
-  std::string name() const override { return "constant"; }
-  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override {
-    std::fill_n(out.begin(), points.size(), Vec3f(2.0f, 1.0f, 0.5f));
-  }
-  FieldStep train(std::span<const SurfacePoint>, std::span<const Vec3f>, double, double) override { return {}; }
-  void set_target_scale(float) override {}
-  float target_scale() const override { return 1.0f; }
-  Vec3f normalized(Vec3f x) const override { return x * 0.4f + Vec3f(0.5f); }
-  int feature_count() const override { return 8; }
-  bool predicts_disparity() const override { return true; }
-  int levels() const override { return 2; }
-  void inspect(std::span<const SurfacePoint> points, std::span<float> features,
-               std::span<float> disparity) const override {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      for (std::size_t f = 0; f < 8 && !features.empty(); ++f)
-        features[i * 8 + f] = points[i].x.x * static_cast<float>(f) + points[i].x.y;
-      if (!disparity.empty()) disparity[i] = 0.25f;
-    }
-  }
-  void save(TensorWriter&, bool) override {}
-  bool load(const TensorReader&, bool) override { return true; }
-  std::size_t parameter_count() const override { return 0; }
-};
-
 // A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
 struct Box {
   PreparedScene prepared;
-  ConstantField field;
+  testing::ConstantField field{{2.0f, 1.0f, 0.5f}};
   Config config = preset("cpu");
 
   explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {}

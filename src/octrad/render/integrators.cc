@@ -72,7 +72,7 @@ std::span<const IntegratorInfo> integrators() { return kIntegrators; }
 std::vector<std::string> integrator_names(const RadianceField* field) {
   std::vector<std::string> names;
   for (const IntegratorInfo& info : kIntegrators) {
-    if (field && info.needs_disparity && !field->predicts_disparity()) continue;
+    if (field && info.needs_disparity && !field->uses_disparity()) continue;
     if (!info.per_level) names.emplace_back(info.name);
     for (int l = 1; info.per_level && l <= (field ? field->levels() : 1); ++l)
       names.push_back(info.name + std::to_string(l));
@@ -85,7 +85,7 @@ IntegratorChoice find_integrator(const std::string& name, const RadianceField* f
     const std::string family = info.name;
     if (!info.per_level) {
       if (name != family) continue;
-      if (field && info.needs_disparity && !field->predicts_disparity())
+      if (field && info.needs_disparity && !field->uses_disparity())
         throw UsageError("integrator " + name + ": a model of the field " + field->name() + " predicts none");
       return {&info, 0};
     }

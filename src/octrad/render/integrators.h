@@ -1,4 +1,4 @@
-// Makers of the integrators, for the list in integrators.cc. Each stands in the file that its comment names.
+// Makers of the integrators, for the list in integrators.cc. Each is in the file that its comment names.
 #pragma once
 
 #include "octrad/render/integrator.h"
@@ -18,7 +18,7 @@ std::unique_ptr<DeviceIntegrator> make_device_path_integrator(const IntegratorIn
                                                               std::size_t capacity);
 std::size_t device_path_integrator_bytes(const IntegratorInput& input, std::size_t capacity);
 
-// cache_integrators.cc, cache_integrators_device.cc: a field is asked at the first hit, or where one bounce from it
+// cache_integrators.cc, cache_integrators_device.cc: a field is queried at the first hit, or where one bounce from it
 // ends.
 std::unique_ptr<Integrator> make_cache_integrator(const IntegratorInput& input, FirstHitOptions::Bounce bounce);
 std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorInput& input, Stream& stream,

@@ -1,4 +1,4 @@
-// Turns a Description into a Scene. Internal to the room; see load.h.
+// Turns a Description into a Scene. Internal to the module; see load.h.
 #pragma once
 
 #include <map>

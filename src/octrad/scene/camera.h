@@ -34,7 +34,8 @@ Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::
 // Throws IoError, or InputError naming the file and the camera.
 std::vector<Camera> read_cameras(const std::string& json_file);
 
-// Size of a picture: the film's, or with one of width and height given (> 0) the other by its aspect ratio.
+// Size of a picture: the film's; where only one of width and height is given (> 0), the other follows from the film's
+// aspect ratio.
 Vec2i picture_size(int film_width, int film_height, int width, int height);
 
 // "x", "y", "diagonal", "smaller" or "larger".

@@ -1,5 +1,4 @@
-// A camera and a picture's size turned into what its rays need, and the samples of a picture: plain data for host and
-// device.
+// Camera rays of a picture of a given size, and the samples of a picture: plain data for host and device.
 #pragma once
 
 #include <cmath>
@@ -31,7 +30,7 @@ OCTRAD_HD inline Ray camera_ray(const CameraView& view, Vec2f pixel) {
 // One primary ray, from the near to the far clipping plane, with the random stream of its pixel and sample.
 struct CameraSample {
   Ray ray;
-  Rng rng;         // what comes after the position
+  Rng rng;         // generator of the sample, after the position was drawn from it
   Vec2f position;  // on the film, pixels
 };
 

@@ -12,8 +12,8 @@
 namespace octrad {
 namespace {
 
-// Bounds on what one scene may expand to, so that files that include each other fail with a message and not with the
-// machine's memory.
+// Limits on the expansion of one scene, so that files that include each other end with a message and do not exhaust
+// memory.
 constexpr int kMaxIncludes = 1000;
 constexpr int kMaxIncludeDepth = 16;
 constexpr int kMaxElementDepth = 64;
@@ -78,7 +78,7 @@ class Reader {
   }
 
   static Location locate(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node) {
-    // pugixml gives the offset of the name; the bracket stands before it.
+    // pugixml gives the offset of the name, one behind the bracket.
     const std::ptrdiff_t offset = node.offset_debug();
     return {source, static_cast<std::size_t>(offset > 0 ? offset - 1 : 0)};
   }
@@ -120,7 +120,8 @@ class Reader {
     for (const pugi::xml_attribute attribute : node.attributes()) {
       if (element->find(attribute.name()))
         fail(where, std::string("attribute \"") + attribute.name() + "\" is given twice");
-      element->attributes.emplace_back(attribute.name(), substitute(attribute.value(), where));
+      element->attributes.emplace_back(attribute.name(),
+                                       substitute(attribute.value(), where, has_effect(*element, parent, node)));
     }
     if (element->tag == "default") {
       check_attributes(*element, {"name", "value"});
@@ -147,6 +148,13 @@ class Reader {
       read_children(source, node, *element, depth + 1);
       parent.children.push_back(std::move(element));
     }
+  }
+
+  // Whether parameters inside the element can change a picture: those of samplers and most of integrators do not
+  // (load.cc).
+  static bool has_effect(const Element& element, const Element& parent, const pugi::xml_node& node) {
+    if (element.tag == "sampler" || parent.tag == "sampler" || element.tag == "integrator") return false;
+    return parent.tag != "integrator" || std::string_view(node.attribute("name").value()) == "max_depth";
   }
 
   static void check_attributes(const Element& element, const std::vector<std::string>& required) {
@@ -178,7 +186,7 @@ class Reader {
   }
 
   // Replaces $name by the parameter's value. Values are not substituted again.
-  std::string substitute(const std::string& text, const Location& where) {
+  std::string substitute(const std::string& text, const Location& where, bool effect) {
     if (text.find('$') == std::string::npos) return text;
     std::string result;
     for (std::size_t i = 0; i < text.size();) {
@@ -197,7 +205,7 @@ class Reader {
                         (name.empty() ? "..." : name) + "\" value=\"...\"/> before its use or with -D " +
                         (name.empty() ? "..." : name) + "=value");
       }
-      used_.insert(name);
+      (effect ? used_ : used_without_effect_).insert(name);
       result += found->second;
       if (result.size() > kMaxValueLength)
         fail(where,
@@ -209,7 +217,14 @@ class Reader {
 
   void check_definitions() const {
     for (const auto& [name, value] : definitions_) {
-      if (declared_.count(name) || used_.count(name)) continue;
+      if (used_.count(name)) continue;
+      if (declared_.count(name) || used_without_effect_.count(name)) {
+        description_.warnings.push_back("-D " + name + "=" + value + " changes nothing: the scene file " +
+                                        (used_without_effect_.count(name)
+                                             ? "uses it for its sampler or integrator, which the command line chooses"
+                                             : "does not use this parameter"));
+        continue;
+      }
       const std::vector<std::string> known(declared_.begin(), declared_.end());
       throw InputError("-D " + name + "=" + value + ": " + description_.root->location.file->name() +
                        " has no parameter \"" + name + "\"" + did_you_mean(name, known) +
@@ -246,7 +261,7 @@ class Reader {
   Description& description_;
   std::map<std::string, std::string> parameters_;
   const std::map<std::string, std::string>& definitions_;
-  std::set<std::string> declared_, used_;
+  std::set<std::string> declared_, used_, used_without_effect_;
   std::vector<std::unique_ptr<Element>> aliases_;
   std::vector<std::string> including_;
   int includes_ = 0;

@@ -1,5 +1,5 @@
 // A Mitsuba 3 XML file as a tree: <default>s substituted, <include>s spliced in, <alias>es and ids collected. Nothing
-// is interpreted yet; every element and attribute knows where it stands.
+// is interpreted yet; every element and attribute keeps its line and column.
 #pragma once
 
 #include <map>
@@ -27,6 +27,7 @@ struct Description {
   std::unique_ptr<Element> root;              // the <scene>
   std::map<std::string, const Element*> ids;  // every element with an id, aliases included
   std::vector<std::string> search_paths;      // folder of the scene file first, then its <path>s
+  std::vector<std::string> warnings;          // of definitions that change nothing
   // Full name of an existing file, or an error at `where` that lists what was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };

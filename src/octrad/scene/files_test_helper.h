@@ -1,4 +1,4 @@
-// Files for tests of this room: a folder that goes away, and the shared scenes.
+// Files for tests: a temporary folder that is removed at the end, and the shared scenes.
 #pragma once
 
 #include <unistd.h>

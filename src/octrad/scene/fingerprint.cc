@@ -11,7 +11,8 @@
 namespace octrad {
 namespace {
 
-// One word into the state. For a fixed state this is a bijection of the word and the other way round, so that two
+// Mixes one word into the state. For a fixed state this is a bijection of the word, and for a fixed word one of the
+// state, so that two
 // inputs that differ in one word never collide in a lane.
 std::uint64_t absorb(std::uint64_t state, std::uint64_t word) {
   return ((state << 27 | state >> 37) ^ mix64(word + 0x9e3779b97f4a7c15ull)) * 0xe7037ed1a0b428dbull + 1;

@@ -1,4 +1,4 @@
-// A hash of what a scene looks like, to tell whether a model belongs to it.
+// A hash of a scene's content, to check whether a model belongs to it.
 #pragma once
 
 #include <cstddef>

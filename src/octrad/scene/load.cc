@@ -74,7 +74,7 @@ void SceneBuilder::add_integrator(const Element& element) {
   if (params.get_bool("hide_emitters", false)) {
     scene_.warnings.push_back(element.location.text() + ": hide_emitters is not supported; emitters are shown");
   }
-  params.ignore_rest();  // how to render is said on the command line
+  params.ignore_rest();  // the integrator is chosen on the command line
 }
 
 void SceneBuilder::add_sensor(const Element& element) {
@@ -246,7 +246,7 @@ void SceneBuilder::load_files() {
   });
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;
-    // Say also who asked for the file.
+    // Name also the object that refers to the file.
     const Location& where = i < bitmaps_.size() ? bitmaps_[i].where : mesh_jobs_[i - bitmaps_.size()].where;
     try {
       std::rethrow_exception(errors[i]);
@@ -265,6 +265,7 @@ Scene load_scene(const std::string& file, const LoadOptions& options) {
   const Description description = read_description(file, options.definitions);
   Scene scene = SceneBuilder(description).build();
   scene.file = file;
+  scene.warnings.insert(scene.warnings.begin(), description.warnings.begin(), description.warnings.end());
   return scene;
 }
 

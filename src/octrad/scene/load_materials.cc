@@ -13,7 +13,7 @@ const std::vector<std::string> kModels = {OCTRAD_BSDF_LIST(OCTRAD_NAME)};
 #undef OCTRAD_NAME
 const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap"};
 
-// The one or more bsdfs that a wrapper holds.
+// The bsdfs nested in a wrapper, at least one.
 std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
   const std::vector<const Element*> found = params.nested("bsdf");
   if (found.empty()) fail(params.location(), params.what() + " needs a nested <bsdf>");
@@ -82,7 +82,7 @@ Material SceneBuilder::flatten(const Element& element) {
     }
     m.bump_scale = scale;
     if (m.back >= 0) {
-      // The back is shared by whoever refers to it: bump a copy.
+      // Other materials may refer to the same back: apply the bump map to a copy.
       Material back = scene_.materials[static_cast<std::size_t>(m.back)];
       if (back.bump >= 0) fail(element.location, "a bumpmap inside a bumpmap is not supported");
       back.bump = m.bump;

@@ -1,4 +1,4 @@
-// What scene files may say, and how the loader answers when they say something else.
+// What scene files may contain, and the errors for everything else.
 #include "octrad/scene/load.h"
 
 #include <gtest/gtest.h>
@@ -125,6 +125,19 @@ TEST_F(LoadTest, Parameters) {
                 scene_text(R"(<bsdf type="diffuse"><float name="reflectance" value="$x"/></bsdf>)" + kSensor + kSphere),
                 options),
             "no error");
+  // What changes nothing is told.
+  options.definitions = {{"spp", "3"}, {"idle", "1"}, {"depth", "2"}, {"kind", "direct"}};
+  const Scene warned =
+      load(R"(<default name="spp" value="1"/><default name="idle" value="1"/><default name="depth" value="1"/>
+    <default name="kind" value="path"/><integrator type="$kind"><integer name="max_depth" value="$depth"/></integrator>
+    <sensor type="perspective"><sampler type="independent"><integer name="sample_count" value="$spp"/></sampler></sensor>)",
+           options);
+  ASSERT_EQ(warned.warnings.size(), 3u);
+  EXPECT_NE(warned.warnings[0].find("-D idle=1 changes nothing: the scene file does not use"), std::string::npos);
+  EXPECT_NE(warned.warnings[1].find("-D kind=direct changes nothing: the scene file uses it for its"),
+            std::string::npos);
+  EXPECT_NE(warned.warnings[2].find("-D spp=3 changes nothing: the scene file uses it for its"), std::string::npos);
+  EXPECT_EQ(warned.max_depth, 2);
   refuses(R"(<default name="a b" value="1"/>)", "2:1", {"letters, digits and underscores"});
   refuses(R"(<default name="a"/>)", "2:1", {"needs the attribute \"value\""});
 }

@@ -1,5 +1,5 @@
 // Parameters of a surface's scattering. Wrappers (twosided, mask, bumpmap) are flattened into fields; nested bsdfs
-// keep one scattering model a record. The models themselves live in shading/bsdf/.
+// keep one scattering model a record. The models themselves are in shading/bsdf/.
 #pragma once
 
 #include <string>

@@ -1,4 +1,5 @@
-// Triangle meshes on their way into a Scene: readers of mesh files, placement in the world, vertex normals.
+// Triangle meshes before they become part of a Scene: readers of mesh files, transformation to world space, vertex
+// normals.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// Typed access to the parameters of one object of a scene file. Whatever is left over at the end is an error, so that
-// no parameter is ignored silently.
+// Typed access to the parameters of one object of a scene file. Parameters that were not read are an error, so that
+// none is ignored silently.
 #pragma once
 
 #include <optional>
@@ -24,7 +24,7 @@ class Params {
   const Element& element() const { return element_; }
   const Location& location() const { return element_.location; }
   const std::string& type() const { return type_; }
-  // How messages call the object: bsdf "diffuse".
+  // The object's name in messages: bsdf "diffuse".
   std::string what() const { return element_.tag + " \"" + type_ + "\""; }
 
   // Scalar parameters; the default where absent. float_in checks lower <= value <= upper.
@@ -50,7 +50,7 @@ class Params {
 
   Location where(const std::string& name) const;  // of the parameter, else of the object
 
-  // Throws on the first parameter or object that nobody asked for.
+  // Throws on the first parameter or object that was not read.
   void finish();
 
  private:

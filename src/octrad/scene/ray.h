@@ -1,4 +1,4 @@
-// A ray on its way into the scene. Plain data, for host and device.
+// A primary ray. Plain data, for host and device.
 #pragma once
 
 #include "octrad/base/vec.h"

@@ -1,4 +1,4 @@
-// Where something stands in an input file, and errors that say so.
+// Locations in an input file (line, column), and errors that name them.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace octrad {
 
-// A text file in memory that can tell line and column of a byte offset.
+// A text file in memory, with line and column of a byte offset.
 class SourceFile {
  public:
   SourceFile(std::string name, std::string text);

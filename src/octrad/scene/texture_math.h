@@ -10,7 +10,7 @@
 
 namespace octrad {
 
-// A texture without its pixels.
+// Parameters of a texture; its pixels are in TextureView.
 struct TextureSettings {
   enum class Kind { constant, bitmap, checkerboard };
   enum class Filter { nearest, bilinear };
@@ -24,7 +24,7 @@ struct TextureSettings {
   int width = 0, height = 0;
 };
 
-// Texels as indices into a palette of numbers (shading/compact_texture.h).
+// Texels as indices into a palette of values (shading/compact_texture.h).
 inline constexpr int kPaletteSize = 256;
 struct TexelIndices {
   std::uint8_t r, g, b, unused;

@@ -16,7 +16,7 @@ namespace octrad {
 Vec3f evaluate(const Bsdf& bsdf, Vec3f wo, Vec3f wi);
 // Solid-angle density with which sample() draws wi, delta lobes excluded.
 float pdf(const Bsdf& bsdf, Vec3f wo, Vec3f wi);
-// Both of the above in one go.
+// Both of the above, sharing work.
 BsdfValue evaluate_pdf(const Bsdf& bsdf, Vec3f wo, Vec3f wi);
 // Draws wi. `u_lobe` picks the lobe, `u` the direction; all uniform in [0, 1). Invalid samples carry no light.
 BsdfSample sample(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u);
@@ -48,7 +48,7 @@ class Materials {
   MaterialsView view_;
 };
 
-// `wo`: unit, world space, away from the surface. Sides are told by the shading normal, as Mitsuba does.
+// `wo`: unit, world space, away from the surface. The side is decided by the shading normal, as in Mitsuba.
 ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo);
 
 }  // namespace octrad

@@ -52,7 +52,7 @@ OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, V
     u_lobe /= b.opacity;
     if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
   }
-  BsdfSample s = sample_model(b, wo, u_lobe, u);  // called in one place: kernels hold all models once
+  BsdfSample s = sample_model(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
   s.pdf *= b.opacity;
   if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
   return s;

@@ -1,7 +1,7 @@
 // A scattering model evaluated at one point, and what sampling it returns: plain data for host and device.
 //
-// Directions are in the local shading frame (normal +z) and point away from the surface. `wo` is where the viewer or
-// the previous vertex is; `wi` is where light is looked for, and what sampling draws.
+// Directions are in the local shading frame (normal +z) and point away from the surface. `wo` points to the viewer
+// or the previous vertex; `wi` points to where light comes from, and is what sampling draws.
 #pragma once
 
 #include "octrad/base/vec.h"
@@ -26,8 +26,9 @@ struct Bsdf {
   Vec3f reflectance{0, 0, 0}, specular_reflectance{1, 1, 1}, specular_transmittance{1, 1, 1};
   Vec3f conductor_eta{0, 0, 0}, conductor_k{1, 1, 1};
   Vec3f base_normal{0, 0, 1};  // normal before bump mapping, in the local frame
-  // Dielectric coats over a diffuse base (plastic, roughplastic): share of light that the boundary throws back inside,
-  // averaged over directions, and for the rough one its transmittance from outside, kTransmittanceResolution values.
+  // Dielectric coats over a diffuse base (plastic, roughplastic): share of light that the boundary reflects back
+  // inside, averaged over directions, and for the rough one its transmittance from outside, kTransmittanceResolution
+  // values.
   float internal_reflectance = 0.0f;
   const float* external_transmittance = nullptr;
 };

@@ -6,7 +6,7 @@
 namespace octrad {
 namespace {
 
-// Numbers of a picture -> index below 256, by open addressing.
+// Values of a picture -> index below 256, by open addressing.
 class Palette {
  public:
   Palette() : keys_(kSize, 0), index_(kSize, -1) {}

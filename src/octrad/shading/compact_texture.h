@@ -12,8 +12,8 @@ namespace octrad {
 
 class CompactTexture {
  public:
-  // nullptr where it would not pay or not be exact: constants, checkerboards, small pictures, mirrored wrapping, and
-  // pictures that hold more than 256 different numbers (all made from files of 8 bits fit).
+  // nullptr where it would not be faster or not exact: constants, checkerboards, small pictures, mirrored wrapping, and
+  // pictures of more than 256 different values (all 8-bit files have fewer).
   static std::unique_ptr<CompactTexture> make(const Texture& texture);
 
   CompactTexture() = default;

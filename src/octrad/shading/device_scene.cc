@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::size_t kAlignment = 64;  // of TexelTile, the strictest
 constexpr std::size_t kAbsent = std::numeric_limits<std::size_t>::max();
-constexpr std::size_t kStaging = std::size_t{1} << 20;  // bytes that go up together
+constexpr std::size_t kStaging = std::size_t{1} << 20;  // bytes of one upload
 
-// Places of arrays in one block of memory.
+// Offsets of arrays in one block of memory.
 struct Layout {
   struct Piece {
     const void* from;
@@ -22,7 +22,7 @@ struct Layout {
   std::vector<Piece> pieces;
   std::size_t size = 0;
 
-  // For a table that is known later: the index of its piece.
+  // Reserves space for a table that is filled in later; returns the index of its piece.
   template <typename T>
   std::size_t reserve(std::size_t count) {
     static_assert(std::is_trivially_copyable_v<T> && alignof(T) <= kAlignment);
@@ -43,7 +43,7 @@ struct Layout {
   }
 };
 
-// Every array of a scene and its place.
+// Every array of a scene and its offset.
 struct Plan {
   struct Mesh {
     std::size_t positions, normals, uvs, triangles;
@@ -177,7 +177,7 @@ std::vector<LightRecord> place_lights(const LightsView& lights, const std::vecto
   return records;
 }
 
-// Pieces in order of their places; small ones go together.
+// Uploads the pieces in order of their offsets, small ones together.
 void upload(Stream& stream, const Layout& layout, unsigned char* base) {
   std::vector<unsigned char> staging;
   std::size_t start = 0;

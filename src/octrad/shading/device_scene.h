@@ -11,13 +11,13 @@
 
 namespace octrad {
 
-// What is uploaded; all made from the same scene. Nothing of it is needed once DeviceScene stands.
+// What is uploaded; all made from the same scene. Not needed any more once DeviceScene is constructed.
 struct SceneTables {
   const Scene& scene;
   const Materials& materials;
   const Lights& lights;
   const Bvh8& bvh;
-  const SurfaceSampler* surfaces = nullptr;  // without one, points of surfaces cannot be drawn
+  const SurfaceSampler* surfaces = nullptr;  // null: sample_surface() cannot be used
 };
 
 class DeviceScene {

@@ -1,5 +1,6 @@
-// What kernels see of a scene: everything that tracing light asks for, over plain pointers. Trivially copyable; made by
-// DeviceScene (shading/device_scene.h). The functions are those that Tracer, Materials, Lights and SurfaceSampler call.
+// The `World` of kernels: everything that light transport needs of a scene, over plain pointers. Trivially copyable;
+// made by DeviceScene (shading/device_scene.h). The functions are those that Tracer, Materials, Lights and
+// SurfaceSampler call.
 #pragma once
 
 #include "octrad/geometry/bvh8_math.h"

@@ -13,7 +13,7 @@ struct MeshTables {
   std::vector<float> cdf;
 };
 
-// Fills `tables`, and of `l` what a mesh light needs.
+// Fills `tables`, and the members of `l` for mesh lights.
 void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) {
   double area = 0.0;
   std::vector<double> cdf;

@@ -71,7 +71,7 @@ OCTRAD_HD inline Vec3f bumped_normal(const TextureView& texture, float scale, co
   return dot(surface.geometric_normal, m) < 0.0f ? -m : m;
 }
 
-// `wo`: unit, world space, away from the surface. Sides are told by the shading normal, as Mitsuba does.
+// `wo`: unit, world space, away from the surface. The side is decided by the shading normal, as in Mitsuba.
 OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const SurfaceInteraction& surface, Vec3f wo) {
   ShadingPoint p;
   p.surface = surface;

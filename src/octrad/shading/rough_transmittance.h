@@ -1,4 +1,4 @@
-// Light that gets through a rough dielectric boundary, integrated over all directions: tables for roughplastic.
+// Transmittance of a rough dielectric boundary, integrated over all directions: tables for roughplastic.
 #pragma once
 
 #include <array>

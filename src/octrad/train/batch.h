@@ -1,4 +1,4 @@
-// One training batch: left-hand-side points and what the rendering equation says leaves them (method section 7).
+// One training batch: left-hand-side points and their targets by the rendering equation (method section 7).
 #pragma once
 
 #include <vector>
@@ -19,7 +19,7 @@ class BatchSource {
         config_(config),
         sampler_(scene, lhs_options(config), cameras) {}
 
-  // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, asking `query`
+  // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, querying `query`
   // where the bounce ends. Replaces points() and targets().
   RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
   const LhsSampler& sampler() const { return sampler_; }

@@ -1,4 +1,4 @@
-// The training engine on a Stream: a CUDA device, or the host standing in for one.
+// The training engine on a Stream: a CUDA device, or the host emulating one.
 #pragma once
 
 #include <memory>

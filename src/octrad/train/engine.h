@@ -16,7 +16,7 @@ struct StepReport {
   std::vector<double> losses;  // of the steps, in order
   long long rhs_queries = 0;
   long long non_finite = 0;  // gradients dropped
-  long long dropped = 0;     // right-hand-side contributions dropped; they cost light, not stability
+  long long dropped = 0;     // right-hand-side contributions dropped, which darkens targets
 };
 
 class TrainEngine {
@@ -24,7 +24,7 @@ class TrainEngine {
   virtual ~TrainEngine() = default;
   // Takes step number `step`; may return before it is done.
   virtual void step(long long step, const ScheduleState& s) = 0;
-  // How many steps to ask for before collect(), so that the device is never idle.
+  // How many steps to launch before collect(), so that the device is never idle.
   virtual int steps_between_reports() const = 0;
   // Waits for the steps since the last call.
   virtual StepReport collect() = 0;

@@ -142,18 +142,18 @@ class DeviceEngine : public TrainEngine {
   StageSplit stages() const override { return times_.means(); }
 
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
-    if (asked_.stride() == 0) {
-      asked_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
-      told_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
+    if (query_points_.stride() == 0) {
+      query_points_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
+      responses_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
     }
-    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * asked_.stride());
-    const SurfacePointArray host{planes.data(), asked_.stride()};
+    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * query_points_.stride());
+    const SurfacePointArray host{planes.data(), query_points_.stride()};
     for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
       const std::size_t n = std::min(kQueryChunk, points.size() - begin);
       for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
-      stream_.upload(asked_.points().data, planes.data(), planes.size() * sizeof(float));
-      device_field_->radiance(asked_.points(), nullptr, n, told_.data());
-      told_.download(out.subspan(begin, n));
+      stream_.upload(query_points_.points().data, planes.data(), planes.size() * sizeof(float));
+      device_field_->radiance(query_points_.points(), nullptr, n, responses_.data());
+      responses_.download(out.subspan(begin, n));
     }
   }
 
@@ -243,8 +243,8 @@ class DeviceEngine : public TrainEngine {
   std::pair<std::size_t, long long> drawn_;  // points a step and number of the group that lhs_ holds
   Graphs<std::size_t> draws_;                // by points of a step
   Graphs<std::pair<int, int>> graphs_;       // by points and directions
-  PlaneArray asked_;
-  DeviceArray<Vec3f> told_;
+  PlaneArray query_points_;
+  DeviceArray<Vec3f> responses_;
 };
 
 }  // namespace

@@ -33,7 +33,7 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
   return counts;
 }
 
-// What training allocates before anything is: on the device where there is one.
+// Estimate of what training will allocate: on the device where there is one.
 using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
 
 MemoryEstimate memory_estimate(const TrainOptions& options) {
@@ -121,7 +121,7 @@ class Run {
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
   long long non_finite_ = 0;             // gradients dropped
-  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped; they cost light, not stability
+  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped, which darkens targets
 };
 
 void Run::checkpoint(bool optimizer) {
@@ -177,13 +177,13 @@ TrainResult Run::go() {
   start_ = Clock::now();
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
-  // A GPU answers in no time, and learns fast.
+  // A GPU is quick to query and to train: validate often.
   const double between_validations =
       options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
   double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
          next_validation = std::min(5.0, between_validations);
   double mape = -1.0;
-  int waiting = 0;  // steps asked for and not yet reported
+  int waiting = 0;  // steps launched and not yet collected
   while (fraction() < 1.0) {
     if (options_.interrupted && options_.interrupted()) {
       result.interrupted = true;

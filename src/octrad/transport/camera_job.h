@@ -1,5 +1,5 @@
-// Which camera samples a device takes: kept in device memory, so that a recorded graph can be given another view or the
-// next samples. And what is found for them.
+// Which camera samples a device takes: kept in device memory, so that a recorded graph can be replayed with another
+// view or the next samples. And their results.
 #pragma once
 
 #include "octrad/scene/camera_math.h"

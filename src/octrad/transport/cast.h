@@ -1,15 +1,15 @@
 // cast(stream, n, functor): rays through the tree of a scene, for files named *_device.cc. As launch (device/launch.h),
 // but lanes of a warp that are done take new rays before the others are, so that short rays do not wait for the longest
 // one. Aila & Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs", without a queue that warps share.
-// The host walks warps too, lane by lane.
+// The host emulates warps, lane by lane.
 //
 // A functor is a Kernel with
 //   static constexpr bool kAny;                    // any hit will do (occlusion), else the nearest
 //   Bvh8View bvh() const;
 //   std::uint32_t size() const;                    // rays: a number in the stream's memory, at most n
-//   void count() const;                            // called once, for whatever counts rays
+//   void count() const;                            // called once a launch, to count rays
 //   RayQuery ray(std::uint32_t i) const;
-//   void met(std::uint32_t i, const Hit&) const;   // kAny: void met(std::uint32_t i, bool) const
+//   void met(std::uint32_t i, const Hit&) const;   // takes the result; kAny: void met(std::uint32_t i, bool) const
 #pragma once
 
 #include <algorithm>
@@ -28,56 +28,57 @@ inline constexpr std::uint32_t kWarps = 4096;  // about as many as large GPUs ho
 inline constexpr std::uint32_t kRefill = 8;    // lanes that are done before new rays are taken
 
 template <typename F>
-OCTRAD_HD inline void report(const F& f, const Bvh8Walk<F::kAny>& walk,
-                             const typename Bvh8Walk<F::kAny>::Memory& memory, std::uint32_t item) {
+OCTRAD_HD inline void report(const F& f, const Bvh8Traversal<F::kAny>& traversal,
+                             const typename Bvh8Traversal<F::kAny>::Memory& memory, std::uint32_t item) {
   if constexpr (F::kAny) {
-    f.met(item, walk.met());
+    f.met(item, traversal.met());
   } else {
-    f.met(item, walk.hit(f.bvh(), memory));
+    f.met(item, traversal.hit(f.bvh(), memory));
   }
 }
 
-// Rays [next, last) through one warp. each(body): body(lane, walk, memory, item) for every lane; vote(test): the lanes
-// for whose walk it holds.
+// Traces rays [next, last) with one warp. each(body): body(lane, traversal, memory, item) for every lane; vote(test):
+// mask of the lanes for whose traversal the test holds.
 OCTRAD_HD_OR_HOST
 template <typename F, typename Warp>
 OCTRAD_HD inline void cast_share(const F& f, Warp& warp, std::uint32_t next, std::uint32_t last) {
-  using Walk = Bvh8Walk<F::kAny>;
-  using Memory = typename Walk::Memory;
+  using Traversal = Bvh8Traversal<F::kAny>;
+  using Memory = typename Traversal::Memory;
   const Bvh8View bvh = f.bvh();
   for (;;) {
-    unsigned active = warp.vote([](const Walk& walk) { return walk.goes_on(); });
+    unsigned active = warp.vote([](const Traversal& traversal) { return traversal.active(); });
     const std::uint32_t free = kWarp - count_bits(active), left = last - next;
     if (active == 0 || (left > 0 && free >= kRefill)) {
-      warp.each([&](std::uint32_t lane, Walk& walk, Memory& memory, std::uint32_t& item) {
-        if (walk.goes_on()) return;
-        if (item != kNone) report(f, walk, memory, item);
+      warp.each([&](std::uint32_t lane, Traversal& traversal, Memory& memory, std::uint32_t& item) {
+        if (traversal.active()) return;
+        if (item != kNone) report(f, traversal, memory, item);
         const std::uint32_t place = next + count_bits(~active & ((1u << lane) - 1u));
         item = kNone;
         if (place >= last) return;
         item = place;
         const RayQuery ray = f.ray(place);
-        walk.begin(bvh, memory, ray.origin, ray.direction, 0.0f, ray.t_max);
+        traversal.begin(bvh, memory, ray.origin, ray.direction, 0.0f, ray.t_max);
       });
       if (left == 0) return;
       next += left < free ? left : free;
-      active = warp.vote([](const Walk& walk) { return walk.goes_on(); });
+      active = warp.vote([](const Traversal& traversal) { return traversal.active(); });
     }
-    warp.each([&](std::uint32_t, Walk& walk, Memory& memory, std::uint32_t&) {
-      if (walk.has_nodes() && !walk.has_primitives()) walk.visit(bvh, memory);
+    warp.each([&](std::uint32_t, Traversal& traversal, Memory& memory, std::uint32_t&) {
+      if (traversal.has_nodes() && !traversal.has_primitives()) traversal.visit(bvh, memory);
     });
-    // Primitives are tested when half of the lanes have some. While it is fewer, another one can visit a node.
+    // Primitives are tested when at least half of the active lanes have some; until then other lanes visit nodes.
     for (;;) {
-      const std::uint32_t waiting = count_bits(warp.vote([](const Walk& walk) { return walk.has_primitives(); }));
+      const std::uint32_t waiting =
+          count_bits(warp.vote([](const Traversal& traversal) { return traversal.has_primitives(); }));
       if (waiting == 0 || 2 * waiting < count_bits(active)) break;
-      warp.each([&](std::uint32_t, Walk& walk, Memory& memory, std::uint32_t&) {
-        if (walk.has_primitives()) walk.test(bvh, memory);
+      warp.each([&](std::uint32_t, Traversal& traversal, Memory& memory, std::uint32_t&) {
+        if (traversal.has_primitives()) traversal.test(bvh, memory);
       });
     }
   }
 }
 
-// What one of `warps` takes of `size` rays: whole warps of neighbours.
+// The consecutive rays of one of `warps` warps, a multiple of 32 of the `size` rays.
 struct Share {
   std::uint32_t first, last;
 };
@@ -88,43 +89,43 @@ OCTRAD_HD inline Share share_of(std::uint32_t warp, std::uint32_t warps, std::ui
           last < size ? static_cast<std::uint32_t>(last) : size};
 }
 
-// What cast_share() calls a warp: 32 rays side by side on the host, one lane's on a device.
+// The Warp of cast_share(): all 32 lanes on the host, one lane on a device.
 template <bool kAny>
-struct HostRays {
-  Bvh8Walk<kAny> walks[kWarp];
-  typename Bvh8Walk<kAny>::Memory memory[kWarp];
+struct EmulatedWarp {
+  Bvh8Traversal<kAny> traversals[kWarp];
+  typename Bvh8Traversal<kAny>::Memory memory[kWarp];
   std::uint32_t items[kWarp];
-  HostRays() { std::fill_n(items, kWarp, kNone); }
+  EmulatedWarp() { std::fill_n(items, kWarp, kNone); }
   template <typename Test>
   unsigned vote(Test test) const {
     unsigned lanes = 0;
-    for (std::uint32_t lane = 0; lane < kWarp; ++lane) lanes |= (test(walks[lane]) ? 1u : 0u) << lane;
+    for (std::uint32_t lane = 0; lane < kWarp; ++lane) lanes |= (test(traversals[lane]) ? 1u : 0u) << lane;
     return lanes;
   }
   template <typename Body>
   void each(Body body) {
-    for (std::uint32_t lane = 0; lane < kWarp; ++lane) body(lane, walks[lane], memory[lane], items[lane]);
+    for (std::uint32_t lane = 0; lane < kWarp; ++lane) body(lane, traversals[lane], memory[lane], items[lane]);
   }
 };
 
 #if defined(__CUDACC__)
 template <bool kAny>
-struct DeviceRays {
-  typename Bvh8Walk<kAny>::Memory* memory;
-  Bvh8Walk<kAny> walk{};
+struct WarpLane {
+  typename Bvh8Traversal<kAny>::Memory* memory;
+  Bvh8Traversal<kAny> traversal{};
   std::uint32_t item = kNone;
   template <typename Test>
   __device__ unsigned vote(Test test) const {
-    return __ballot_sync(0xffffffffu, test(walk));
+    return __ballot_sync(0xffffffffu, test(traversal));
   }
   template <typename Body>
   __device__ void each(Body body) {
-    body(threadIdx.x % kWarp, walk, *memory, item);
+    body(threadIdx.x % kWarp, traversal, *memory, item);
   }
 };
 
 // Threads on a multiprocessor: as many as fit with 64 registers each (72 where the assembler would spill otherwise),
-// because the loads of the walk take long.
+// to hide the latency of the traversal's loads.
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 1200
 inline constexpr unsigned kResident = 896;
 #else
@@ -137,8 +138,8 @@ __global__ void __launch_bounds__(F::kBlock, kResident / F::kBlock) cast_kernel(
   if (blockIdx.x == 0 && threadIdx.x == 0) f.count();
   const Share share = share_of(warp, warps, f.size());
   if (share.first == share.last) return;
-  typename Bvh8Walk<F::kAny>::Memory memory;
-  DeviceRays<F::kAny> lanes{&memory};
+  typename Bvh8Traversal<F::kAny>::Memory memory;
+  WarpLane<F::kAny> lanes{&memory};
   cast_share(f, lanes, share.first, share.last);
 }
 #endif
@@ -147,7 +148,7 @@ __global__ void __launch_bounds__(F::kBlock, kResident / F::kBlock) cast_kernel(
 
 template <typename F>
 void cast(Stream& stream, std::size_t n, const F& functor) {
-  using cast_detail::HostRays, cast_detail::Share, cast_detail::cast_share, cast_detail::kWarp, cast_detail::kWarps,
+  using cast_detail::EmulatedWarp, cast_detail::Share, cast_detail::cast_share, cast_detail::kWarp, cast_detail::kWarps,
       cast_detail::share_of;
   static_assert(std::is_trivially_copyable_v<F> && !std::is_polymorphic_v<F>);
   static_assert(sizeof(F) <= kMostArguments && alignof(F) <= 16);
@@ -173,7 +174,7 @@ void cast(Stream& stream, std::size_t n, const F& functor) {
           if (i == 0) functor.count();
           const Share share = share_of(static_cast<std::uint32_t>(i), warps, functor.size());
           if (share.first == share.last) continue;
-          HostRays<F::kAny> lanes;
+          EmulatedWarp<F::kAny> lanes;
           cast_share(functor, lanes, share.first, share.last);
         }
       },

@@ -1,5 +1,5 @@
-// What every estimator needs to trace light on the CPU: the scene, something that casts rays, its materials and lights.
-// It is the `World` of the templates in transport/*_math.h.
+// What light transport on the CPU needs: the scene, its tracer, materials and lights. The `World` of the templates in
+// transport/*_math.h.
 #pragma once
 
 #include "octrad/geometry/tracer.h"

@@ -1,4 +1,4 @@
-// What a camera sample asks of a radiance field (docs/method.md section 8), for host and device. The path integrators, the
+// What a camera sample asks of a radiance field (method section 8), for host and device. The path integrators, the
 // G-buffer kernels and validation all decide it here.
 #pragma once
 
@@ -51,7 +51,8 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
   return first_hit_query(options, end, sample.rng);
 }
 
-// The point as it is given to a field; `traced`: with SurfacePoint::disparity, at the cost of one ray (lookup.offset = traced).
+// The point as it is given to a field; `traced`: with SurfacePoint::disparity, at the cost of one ray (lookup.offset =
+// traced).
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading, bool traced) {

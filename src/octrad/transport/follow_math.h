@@ -1,4 +1,5 @@
-// Where rays end, for host and device: `World` casts rays, shades and knows the lights (TransportContext, DeviceWorld).
+// Where rays end, for host and device: `World` casts rays, shades hits and samples lights (TransportContext,
+// DeviceWorld).
 #pragma once
 
 #include "octrad/base/rng.h"
@@ -17,7 +18,7 @@ OCTRAD_HD inline Vec3f viewed_normal(const ShadingPoint& point) {
   return dot(point.ns, point.wo) < 0.0f ? -point.ns : point.ns;
 }
 
-// The point as a radiance field sees it: normal on the side of the viewer (method section 1).
+// The point as a query of a radiance field: normal on the side of the viewer (method section 1).
 OCTRAD_HD inline SurfacePoint surface_point(const ShadingPoint& shading) {
   SurfacePoint point;
   point.x = shading.surface.position;
@@ -43,7 +44,7 @@ struct RayEnd {
   bool surface = false;           // ended on a surface that scatters; otherwise it escaped or was absorbed
   bool escaped = false;           // left the scene
   ShadingPoint point;             // the surface, opacity already decided
-  Vec3f throughput{1, 1, 1};      // of the delta surfaces on the way
+  Vec3f throughput{1, 1, 1};      // of the delta surfaces passed
   Vec3f emitted{0, 0, 0};         // emission met after the first segment, times throughput
   Vec3f first_emitted{0, 0, 0};   // emission met at the end of the first segment (surface or environment)
   Vec3f passed_emitted{0, 0, 0};  // the part of both that was met before `point`, times throughput
@@ -53,11 +54,11 @@ struct RayEnd {
   int rays = 0;
 };
 
-// A ray on its way.
+// One segment of a ray that passes surfaces.
 struct Segment {
   Vec3f origin, direction;
   float t_max = kRayInfinity;
-  int passed = 0;  // surfaces that it came through
+  int passed = 0;  // surfaces passed before
 };
 
 // The first segment of a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is
@@ -76,9 +77,9 @@ OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
   return passes;
 }
 
-// Takes the ray that started at `position` over what its segment hit. True where it goes on, as the new `segment`; else
-// `end` is complete. `first`, if given, becomes the first surface that no mask let the ray pass, also where the ray
-// goes on (a mirror) or is absorbed.
+// Handles the hit of a segment of the ray that started at `position`. True where the ray goes on, as the new `segment`;
+// else `end` is complete. `first`, if given, becomes the first surface that no mask let the ray pass, also where the
+// ray goes on (a mirror) or is absorbed.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& hit, Rng& rng, bool follow_delta,
@@ -138,7 +139,7 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   return true;
 }
 
-// The rest of the way, where the present segment's hit is known already.
+// The rest of the ray, where the hit of the current segment is known already.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit hit, Rng& rng, bool follow_delta,

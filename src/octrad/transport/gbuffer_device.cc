@@ -173,17 +173,17 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   if (traced_) launch(*stream_, n, Disparity{{}, world_, memory});
 }
 
-void DeviceGBuffer::add(const Vec3f* answers, const Vec3f* right_hand_sides, std::size_t samples) {
+void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
-  if (answers) {
+  if (responses) {
     launch(*stream_, n,
            Add{{},
                {samples_.planes()},
                query_weight_.planes(),
                query_owner_.data(),
                sizes + kQueries,
-               answers,
+               responses,
                &counts_.data()->queries});
   }
   if (right_hand_sides) {

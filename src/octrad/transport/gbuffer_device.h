@@ -1,6 +1,6 @@
 // What the samples of a picture see first, on a Stream: queries for a radiance field, and where asked for points to
-// estimate the right-hand side at; afterwards the answers are added up (render/cache_integrators.cc does the same on the
-// CPU).
+// estimate the right-hand side at; afterwards the responses are added up (render/cache_integrators.cc does the same on
+// the CPU).
 #pragma once
 
 #include "octrad/base/surface_point.h"
@@ -32,9 +32,9 @@ class DeviceGBuffer {
   const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }  // random streams
   const std::uint32_t* bounce_count() const { return sizes_.data() + kBounces; }
 
-  // Adds the field's answers to the queries, and the right-hand sides of the bounce points (null: none), to the
+  // Adds the field's responses to the queries, and the right-hand sides of the bounce points (null: none), to the
   // samples. `samples` as for run().
-  void add(const Vec3f* answers, const Vec3f* right_hand_sides, std::size_t samples = 0);
+  void add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples = 0);
   // Emission known without the field, then complete radiance; attributes of the first hit.
   SamplePlanes samples() const { return {samples_.planes()}; }
 

@@ -12,13 +12,13 @@
 namespace octrad {
 namespace lhs_kernels {
 
-// LhsDraw but for its Rng: the way's origin 0..2, direction 3..5, free ray 6..11; and its small numbers in one
-// (`progress`): 2 bits each for aim and legs, 8 for tries, 8 for the vertex, 12 for what was passed.
+// LhsDraw without its Rng: origin 0..2 and direction 3..5 of the walk, pose 6..11; its integers packed into one word
+// (`progress`): 2 bits each for kind and legs, 8 for tries, 8 for the vertex, 12 for masks passed.
 inline constexpr int kDrawNumbers = 12;
 inline constexpr int kMostWalk = 255;
 static_assert(kLhsTries <= 255);
 
-// Items that need a ray come from the front, others from the back.
+// Items that need a ray are queued from the front, others from the back.
 struct Queue {
   std::uint32_t* items;
   std::uint32_t* counts;  // of both
@@ -31,41 +31,41 @@ struct Queue {
   OCTRAD_HD bool has(std::uint32_t q) const { return has_ray(q) || q >= size - counts[1]; }
 };
 
-// Where everything is.
+// State of all items.
 struct Memory {
-  FloatPlanes ways;
+  FloatPlanes walks;
   Rng* generators;
   std::uint32_t* progress;
   Hit* hits;             // by place in the queue
-  ShadingPoint* points;  // what was found; without a shape where nothing was
+  ShadingPoint* points;  // results; shape -1 where none was found
   SurfacePointArray surface_points;
 
   OCTRAD_HD LhsDraw load(std::uint32_t item) const {
     LhsDraw draw(generators[item]);
     const std::uint32_t p = progress[item];
-    draw.aim = static_cast<LhsAim>(p & 3u);
+    draw.kind = static_cast<LhsKind>(p & 3u);
     draw.legs = p >> 2 & 3u;
     draw.tries = p >> 4 & 0xffu;
     draw.vertex = p >> 12 & 0xffu;
     draw.passed = p >> 20;
-    if (draw.aim == LhsAim::area) return draw;
-    draw.way.origin = ways.get3(0, item);
-    draw.way.direction = ways.get3(3, item);
-    if (draw.aim != LhsAim::free_ray || draw.vertex == 0) return draw;
-    draw.way.free_origin = ways.get3(6, item);
-    draw.way.free_direction = ways.get3(9, item);
+    if (draw.kind == LhsKind::area) return draw;
+    draw.walk.origin = walks.get3(0, item);
+    draw.walk.direction = walks.get3(3, item);
+    if (draw.kind != LhsKind::pose || draw.vertex == 0) return draw;
+    draw.walk.pose_origin = walks.get3(6, item);
+    draw.walk.pose_direction = walks.get3(9, item);
     return draw;
   }
   OCTRAD_HD void store(std::uint32_t item, const LhsDraw& draw) const {
     generators[item] = draw.rng;
-    const auto aim = static_cast<std::uint32_t>(draw.aim);
-    progress[item] = aim | draw.legs << 2 | draw.tries << 4 | draw.vertex << 12 | draw.passed << 20;
-    if (draw.aim == LhsAim::area) return;
-    ways.set3(0, item, draw.way.origin);
-    ways.set3(3, item, draw.way.direction);
-    if (draw.aim != LhsAim::free_ray || draw.vertex == 0) return;
-    ways.set3(6, item, draw.way.free_origin);
-    ways.set3(9, item, draw.way.free_direction);
+    const auto kind = static_cast<std::uint32_t>(draw.kind);
+    progress[item] = kind | draw.legs << 2 | draw.tries << 4 | draw.vertex << 12 | draw.passed << 20;
+    if (draw.kind == LhsKind::area) return;
+    walks.set3(0, item, draw.walk.origin);
+    walks.set3(3, item, draw.walk.direction);
+    if (draw.kind != LhsKind::pose || draw.vertex == 0) return;
+    walks.set3(6, item, draw.walk.pose_origin);
+    walks.set3(9, item, draw.walk.pose_direction);
   }
   OCTRAD_HD void finish(std::uint32_t item, bool found, const ShadingPoint& point) const {
     points[item] = found ? point : ShadingPoint{};
@@ -84,7 +84,7 @@ struct Start : Kernel {
   OCTRAD_HD void operator()(std::uint32_t item) const {
     const std::uint32_t slice = item / points;
     LhsDraw draw(options, *step - *step % steps + slice, item - slice * points);
-    queue.push(lhs_try(poses, draw), item);
+    queue.push(lhs_start_try(poses, draw), item);
     memory.store(item, draw);
   }
 };
@@ -99,7 +99,7 @@ struct Extend : Kernel {
   OCTRAD_HD void count() const {}
   OCTRAD_HD RayQuery ray(std::uint32_t q) const {
     const std::uint32_t item = queue.items[q];
-    return {memory.ways.get3(0, item), memory.ways.get3(3, item), kRayInfinity};
+    return {memory.walks.get3(0, item), memory.walks.get3(3, item), kRayInfinity};
   }
   OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
@@ -118,7 +118,7 @@ struct Arrive : Kernel {
     if (queue.has_ray(q)) hit = memory.hits[q];
     LhsDraw draw = memory.load(item);
     ShadingPoint point;
-    const LhsNext next = lhs_arrive(world, options, poses, hit, draw, point);
+    const LhsNext next = lhs_advance(world, options, poses, hit, draw, point);
     if (next == LhsNext::ray || next == LhsNext::no_ray) {
       memory.store(item, draw);
       next_queue.push(next, item);
@@ -128,8 +128,8 @@ struct Arrive : Kernel {
   }
 };
 
-// Draws on, each thread alone, what the rounds have left over. Where that is little, only some lanes of a warp take an
-// item, so that less waits for the slowest of 32.
+// Finishes the items that the rounds have left, one thread an item. Where there are few, only some lanes of a warp take
+// one, to reduce divergence.
 struct Finish : Kernel {
   static constexpr unsigned kMinBlocks = 2;
   static constexpr std::uint32_t kThreads = 1u << 15;  // about what a large GPU runs at once of this kernel
@@ -164,7 +164,7 @@ struct Disparity : Kernel {
   }
 };
 
-// One step's points out of the group's.
+// Copies the points of one step out of those of the group.
 struct Take : Kernel {
   const unsigned long long* step;
   std::uint32_t points, steps;
@@ -177,8 +177,7 @@ struct Take : Kernel {
     const std::size_t begin = static_cast<std::size_t>(*step % steps) * points;
     if (drawn[begin + i].surface.shape < 0) atomic_add(missing, 1ull);
     taken_surface_points.store(i, drawn_surface_points.load(begin + i));
-    // Word by word, so that neighbouring threads copy neighbouring words. Told of no alignment, devices would copy
-    // bytes.
+    // Word by word, so that accesses coalesce. Without the alignment the compiler would copy bytes.
     using Word = unsigned long long;
     static_assert(sizeof(ShadingPoint) % sizeof(Word) == 0 && alignof(ShadingPoint) % alignof(Word) == 0);
     const char* from = static_cast<const char*>(__builtin_assume_aligned(drawn + begin, alignof(Word)));
@@ -213,7 +212,7 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
       progress_(stream, most_ahead_, "left-hand-side points"),
       generators_(stream, most_ahead_, "random numbers of points"),
       hits_(stream, most_ahead_, "hits of left-hand-side points"),
-      ways_(stream, kDrawNumbers, most_ahead_, "left-hand-side points"),
+      walks_(stream, kDrawNumbers, most_ahead_, "left-hand-side points"),
       drawn_(stream, most_ahead_, "left-hand-side points"),
       points_(stream, most, "left-hand-side points"),
       drawn_surface_points_(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points"),
@@ -224,7 +223,7 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
                      " vertices: a device draws walks of up to " + std::to_string(kMostWalk));
   }
   missing_.fill(0);
-  drawn_.fill(0);  // points are taken by whole words, what lies between their members included
+  drawn_.fill(0);  // points are copied as whole words, padding included
 }
 
 std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead) {
@@ -238,8 +237,8 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, b
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
-  const Memory memory{ways_.planes(), generators_.data(), progress_.data(),
-                      hits_.data(),   drawn_.data(),      drawn_surface_points_.points()};
+  const Memory memory{walks_.planes(), generators_.data(), progress_.data(),
+                      hits_.data(),    drawn_.data(),      drawn_surface_points_.points()};
   const auto queue = [&](int round) {
     return Queue{queues_[round % 2].data(), sizes_.data() + 2 * round, static_cast<std::uint32_t>(items)};
   };

@@ -10,22 +10,22 @@
 
 namespace octrad {
 
-// Draws the points that LhsSampler draws. They depend on nothing that is learnt: those of several steps are drawn side
-// by side, since a few of many points take far longer than the rest. Steps form groups for that: of `steps` steps,
+// Draws the points that LhsSampler draws. They do not depend on the field: those of several steps are drawn together,
+// since a few of many points take far longer than the rest. Steps form groups for that: of `steps` steps,
 // group g is steps g * steps, ..., (g + 1) * steps - 1.
 class DeviceLhs {
  public:
   // `views`, `fresh_poses`: of a LhsSampler. For up to `most` points a step, and `most_ahead` (or `most`, if that is
-  // more) of all steps of a group. `rounds`: rays that all points are given in lockstep, before the few that need more
-  // get them each in a thread of its own; below 0: 12, or 32 where rough points are rejected, so that a few per cent
-  // are left in the usual scenes. Throws UsageError without a view, or for walks of more than 255 vertices.
+  // more) of all steps of a group. `rounds`: rays that are traced for all points as a wavefront, before the few points
+  // that need more are finished by one thread each; below 0: 12, or 32 where rough points are rejected, so that a few
+  // per cent are left in the usual scenes. Throws UsageError without a view, or for walks of more than 255 vertices.
   DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options, std::span<const CameraView> views,
             bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
 
   // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `traced_disparity`: fills
   // SurfacePoint::disparity. Can be recorded, as can the others.
   void draw(const unsigned long long* step, std::size_t n, int steps, bool traced_disparity = false);
-  // Makes those of step *step the present points. Its group must have been drawn with the same n and steps.
+  // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
   void take(const unsigned long long* step, std::size_t n, int steps);
   // Both for a step alone.
   void run(const unsigned long long* step, std::size_t n, bool traced_disparity = false) {
@@ -35,8 +35,7 @@ class DeviceLhs {
   const ShadingPoint* points() const { return points_.data(); }
   SurfacePointArray surface_points() const { return surface_points_.points(); }
 
-  // How many points taken since the last call could not be drawn (no_lhs_point()): what is in their places is of no
-  // use.
+  // Number of points taken since the last call that could not be drawn (no_lhs_point()); their values are invalid.
   unsigned long long take_missing();
   static std::size_t bytes(std::size_t most, std::size_t most_ahead);
 
@@ -54,7 +53,7 @@ class DeviceLhs {
   DeviceArray<std::uint32_t> sizes_, queues_[2], progress_;
   DeviceArray<Rng> generators_;
   DeviceArray<Hit> hits_;
-  PlaneArray ways_;
+  PlaneArray walks_;
   DeviceArray<ShadingPoint> drawn_, points_;
   PlaneArray drawn_surface_points_, surface_points_;
 };

@@ -46,106 +46,107 @@ OCTRAD_HD inline Ray random_ray(const CameraView& camera, Rng& rng) {
   return camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)});
 }
 
-// A way through the free space: a short random walk from a camera, on one leg of which a free ray starts.
-struct FreeWay {
+// A short random walk through free space from a camera; a pose (origin and direction of a ray) lies on its last leg.
+struct PoseWalk {
   Vec3f origin, direction;  // of the leg
-  Vec3f free_origin, free_direction;
+  Vec3f pose_origin, pose_direction;
 };
 
-// A leg has ended on a surface: a free ray from part of the way along it in a uniform direction, and the next leg
+// A leg has ended on a surface: draws a pose at a random place on the leg, in a uniform direction, and the next leg
 // unless this was the `last`.
-OCTRAD_HD inline void free_leg(const SurfaceInteraction& surface, float t, bool last, Rng& rng, FreeWay& way) {
-  way.free_origin = way.origin + way.direction * (t * (0.02f + 0.96f * rng.uniform()));
-  way.free_direction = uniform_direction(rng.uniform2());
+OCTRAD_HD inline void extend_pose_walk(const SurfaceInteraction& surface, float t, bool last, Rng& rng,
+                                       PoseWalk& walk) {
+  walk.pose_origin = walk.origin + walk.direction * (t * (0.02f + 0.96f * rng.uniform()));
+  walk.pose_direction = uniform_direction(rng.uniform2());
   const Vec2f u = rng.uniform2();
   if (last) return;
   const Vec3f n =
-      dot(surface.geometric_normal, way.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
-  way.origin = offset_origin(surface.position, surface.geometric_normal, n);
-  way.direction = cosine_direction(n, u);
+      dot(surface.geometric_normal, walk.direction) > 0.0f ? -surface.geometric_normal : surface.geometric_normal;
+  walk.origin = offset_origin(surface.position, surface.geometric_normal, n);
+  walk.direction = cosine_direction(n, u);
 }
 
-OCTRAD_HD inline std::uint32_t free_legs(Rng& rng) { return 1 + rng.below(3); }
+OCTRAD_HD inline std::uint32_t pose_walk_legs(Rng& rng) { return 1 + rng.below(3); }
 
 // A ray from a point of the free space that the camera can reach (nothing inside closed objects can be reached so).
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool free_ray(const World& world, const CameraView& camera, Rng& rng, Ray& ray) {
+OCTRAD_HD inline bool pose_ray(const World& world, const CameraView& camera, Rng& rng, Ray& ray) {
   const Ray first = random_ray(camera, rng);
-  FreeWay way{first.origin, first.direction, {}, {}};
-  const std::uint32_t legs = free_legs(rng);
+  PoseWalk walk{first.origin, first.direction, {}, {}};
+  const std::uint32_t legs = pose_walk_legs(rng);
   for (std::uint32_t leg = 0; leg < legs; ++leg) {
-    const Hit hit = world.intersect(way.origin, way.direction, 0.0f, kRayInfinity);
+    const Hit hit = world.intersect(walk.origin, walk.direction, 0.0f, kRayInfinity);
     if (!hit.valid()) return leg > 0;
-    free_leg(world.interact(hit, way.origin, way.direction), hit.t, leg + 1 == legs, rng, way);
-    ray.origin = way.free_origin;
-    ray.direction = way.free_direction;
+    extend_pose_walk(world.interact(hit, walk.origin, walk.direction), hit.t, leg + 1 == legs, rng, walk);
+    ray.origin = walk.pose_origin;
+    ray.direction = walk.pose_direction;
   }
   return true;
 }
 
-// What a point that is being drawn needs next.
+// Result of one step of drawing a point: a ray must be traced, or none is needed to go on; a point was found, or not.
 enum class LhsNext { ray, no_ray, found, missing };
 
-// What it is after: a free ray to walk from, a vertex of the walk, what the first camera sees, any surface.
-enum class LhsAim : std::uint32_t { free_ray, walk, view, area };
+// What its rays are for: finding a pose, walking from a pose, the view of the first camera, or none (uniform by area).
+enum class LhsKind : std::uint32_t { pose, walk, view, area };
 
-// A point that is being drawn, between two rays, so that many can be drawn side by side: lhs_try() begins, lhs_arrive()
-// goes on.
+// The state of drawing one point, between two rays, so that many points can be drawn as a wavefront: lhs_start_try(),
+// then lhs_advance() until it is done.
 struct LhsDraw {
   Rng rng;
-  FreeWay way;  // origin and direction are those of the ray to trace, whatever the aim
-  LhsAim aim = LhsAim::area;
+  PoseWalk walk;  // origin and direction are those of the ray to trace, whatever the kind
+  LhsKind kind = LhsKind::area;
   std::uint32_t tries = 0;
-  std::uint32_t vertex = 0;  // of the walk, or leg of the free way
-  std::uint32_t legs = 0;    // of the free way
+  std::uint32_t vertex = 0;  // of the walk, or leg of the pose walk
+  std::uint32_t legs = 0;    // of the pose walk
   std::uint32_t passed = 0;  // masks since the last vertex
 
   // Point `i` of step `step`.
   OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i)
       : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
-    const double kind = rng.uniform();
-    if (kind < options.view) aim = LhsAim::view;
-    else if (kind < options.view + options.walks) aim = LhsAim::walk;
+    const double choice = rng.uniform();
+    if (choice < options.view) kind = LhsKind::view;
+    else if (choice < options.view + options.walks) kind = LhsKind::walk;
   }
   OCTRAD_HD explicit LhsDraw(const Rng& generator) : rng(generator) {}
 };
 
-// A new try.
-OCTRAD_HD inline LhsNext lhs_try(const LhsPoses& poses, LhsDraw& draw) {
-  const bool view = draw.aim == LhsAim::view;
-  if (draw.aim == LhsAim::area || (!view && draw.tries >= kLhsTries / 2)) {
-    draw.aim = LhsAim::area;
+// Begins a try.
+OCTRAD_HD inline LhsNext lhs_start_try(const LhsPoses& poses, LhsDraw& draw) {
+  const bool view = draw.kind == LhsKind::view;
+  if (draw.kind == LhsKind::area || (!view && draw.tries >= kLhsTries / 2)) {
+    draw.kind = LhsKind::area;
     return LhsNext::no_ray;
   }
   const Ray ray = random_ray(poses.poses[view || poses.fresh ? 0 : draw.rng.below(poses.count)], draw.rng);
-  draw.way.origin = ray.origin;
-  draw.way.direction = ray.direction;
-  if (!view) draw.aim = poses.fresh ? LhsAim::free_ray : LhsAim::walk;
-  if (!view && poses.fresh) draw.legs = free_legs(draw.rng);
+  draw.walk.origin = ray.origin;
+  draw.walk.direction = ray.direction;
+  if (!view) draw.kind = poses.fresh ? LhsKind::pose : LhsKind::walk;
+  if (!view && poses.fresh) draw.legs = pose_walk_legs(draw.rng);
   draw.vertex = draw.passed = 0;
   return LhsNext::ray;
 }
 
-// The rest of what lhs_arrive() does where it has come to a surface, on a walk, from the first camera or by chance.
+// Shades the surface at the end of a ray or the one that was drawn by area, and decides what comes next; the second
+// half of lhs_advance().
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options, const SurfaceInteraction& surface,
-                                  LhsDraw& draw, ShadingPoint& point) {
+OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options, const SurfaceInteraction& surface,
+                                   LhsDraw& draw, ShadingPoint& point) {
   const auto longest = static_cast<std::uint32_t>(options.max_walk);
-  FreeWay& way = draw.way;
-  Vec3f wo = -way.direction;
+  PoseWalk& walk = draw.walk;
+  Vec3f wo = -walk.direction;
   Vec3f n;  // the side to look at from a fresh direction
   Vec2f u;
-  // What shading is for: the end of the ray, a point seen from a fresh direction, the same from one that suits glossy
-  // points.
+  // Direction that the surface is shaded from: along the ray, fresh, or fresh with the density for glossy points.
   enum { end, fresh, glossy } look = end;
-  if (draw.aim == LhsAim::area) {
+  if (draw.kind == LhsKind::area) {
     const float side = draw.rng.uniform() < 0.5f ? -1.0f : 1.0f;  // one-sided backs turn out black and are drawn again
     n = surface.geometric_normal * side;
     look = fresh;
   }
-  for (;;) {  // a loop, so that kernels hold shading once
+  for (;;) {  // a loop, so that kernels contain the code of shading once
     if (look == fresh) {
       u = draw.rng.uniform2();
       wo = cosine_direction(n, u);
@@ -163,11 +164,11 @@ OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options,
       continue;
     }
     if (passes_mask(point, draw.rng)) {
-      way.origin = offset_origin(surface.position, surface.geometric_normal, way.direction);
+      walk.origin = offset_origin(surface.position, surface.geometric_normal, walk.direction);
       return ++draw.passed <= longest ? LhsNext::ray : LhsNext::missing;
     }
     if (point.black) return LhsNext::missing;
-    if (draw.aim == LhsAim::view) return LhsNext::found;
+    if (draw.kind == LhsKind::view) return LhsNext::found;
     if (draw.vertex >= longest) return LhsNext::missing;
     if (draw.rng.uniform() < options.stop_probability) {
       if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
@@ -178,8 +179,8 @@ OCTRAD_HD inline LhsNext lhs_look(const World& world, const LhsOptions& options,
     const float u_lobe = draw.rng.uniform();
     const BsdfSample scattered = sample_bsdf(point.bsdf, point.to_local(point.wo), u_lobe, draw.rng.uniform2());
     if (!scattered.valid) return LhsNext::missing;
-    way.direction = normalize(point.to_world(scattered.wi));
-    way.origin = offset_origin(surface.position, surface.geometric_normal, way.direction);
+    walk.direction = normalize(point.to_world(scattered.wi));
+    walk.origin = offset_origin(surface.position, surface.geometric_normal, walk.direction);
     ++draw.vertex;
     draw.passed = 0;
     return LhsNext::ray;
@@ -193,27 +194,27 @@ OCTRAD_HD inline SurfaceInteraction area_surface(const World& world, Rng& rng) {
   return world.sample_surface(u_pick, rng.uniform2());
 }
 
-// Goes on where lhs_try() or lhs_arrive() answered `ray`, with what that ray hit, or `no_ray`. `point` is of use where
-// the answer is `found`. `missing`: there was nothing in kLhsTries tries.
+// The next step after lhs_start_try() or lhs_advance() returned `ray` (`hit`: of that ray) or `no_ray`. `point` is set
+// where the result is `found`. `missing`: kLhsTries tries have failed.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& options, const LhsPoses& poses,
-                                    const Hit& hit, LhsDraw& draw, ShadingPoint& point) {
-  FreeWay& way = draw.way;
-  const bool area = draw.aim == LhsAim::area, leg = draw.aim == LhsAim::free_ray;
+OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& options, const LhsPoses& poses,
+                                     const Hit& hit, LhsDraw& draw, ShadingPoint& point) {
+  PoseWalk& walk = draw.walk;
+  const bool area = draw.kind == LhsKind::area, leg = draw.kind == LhsKind::pose;
   LhsNext next = LhsNext::missing;
   if (area || hit.valid()) {
     const SurfaceInteraction surface =
-        area ? area_surface(world, draw.rng) : world.interact(hit, way.origin, way.direction);
-    if (leg) free_leg(surface, hit.t, ++draw.vertex == draw.legs, draw.rng, way);
-    else next = lhs_look(world, options, surface, draw, point);
+        area ? area_surface(world, draw.rng) : world.interact(hit, walk.origin, walk.direction);
+    if (leg) extend_pose_walk(surface, hit.t, ++draw.vertex == draw.legs, draw.rng, walk);
+    else next = lhs_shade(world, options, surface, draw, point);
   }
   if (leg && draw.vertex > 0) {
     next = LhsNext::ray;
     if (!hit.valid() || draw.vertex == draw.legs) {
-      way.origin = way.free_origin;  // the way ends after its last leg, or where it leaves the scene
-      way.direction = way.free_direction;
-      draw.aim = LhsAim::walk;
+      walk.origin = walk.pose_origin;  // the pose walk ends after its last leg, or where it leaves the scene
+      walk.direction = walk.pose_direction;
+      draw.kind = LhsKind::walk;
       draw.vertex = 0;
     }
   }
@@ -223,18 +224,18 @@ OCTRAD_HD inline LhsNext lhs_arrive(const World& world, const LhsOptions& option
       roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }
-  return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_try(poses, draw) : next;
+  return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_start_try(poses, draw) : next;
 }
 
-// Draws on to the end: true where that is a point.
+// All remaining steps. Whether a point was found.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, const LhsPoses& poses, LhsNext next,
                                  LhsDraw& draw, ShadingPoint& point) {
   while (next == LhsNext::ray || next == LhsNext::no_ray) {
     Hit hit;
-    if (next == LhsNext::ray) hit = world.intersect(draw.way.origin, draw.way.direction, 0.0f, kRayInfinity);
-    next = lhs_arrive(world, options, poses, hit, draw, point);
+    if (next == LhsNext::ray) hit = world.intersect(draw.walk.origin, draw.walk.direction, 0.0f, kRayInfinity);
+    next = lhs_advance(world, options, poses, hit, draw, point);
   }
   return next == LhsNext::found;
 }
@@ -245,7 +246,7 @@ template <typename World>
 OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses,
                                 unsigned long long step, unsigned long long i, ShadingPoint& point) {
   LhsDraw draw(options, step, i);
-  const LhsNext next = lhs_try(poses, draw);
+  const LhsNext next = lhs_start_try(poses, draw);
   return lhs_finish(world, options, poses, next, draw, point);
 }
 

@@ -9,7 +9,7 @@
 namespace octrad {
 namespace {
 
-// The CPU's world with a way to draw surfaces.
+// The World of the CPU, with sampling of surfaces by area.
 struct SampledWorld : TransportContext {
   const SurfaceSampler& surfaces;
   SurfaceInteraction sample_surface(float u_pick, Vec2f u) const { return surfaces.sample(u_pick, u); }
@@ -32,7 +32,7 @@ LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, co
   for (int i = 0; i < 8 * options.poses && static_cast<int>(poses_.size()) < options.poses && cameras.empty(); ++i) {
     Rng rng(options.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
     Ray ray;
-    if (!free_ray(context_, view(poses_.front()), rng, ray)) continue;
+    if (!pose_ray(context_, view(poses_.front()), rng, ray)) continue;
     const Vec3f up = std::abs(ray.direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0);
     poses_.push_back(look_at(ray.origin, ray.origin + ray.direction, up, 90.0f, Camera::FovAxis::x));
   }

@@ -20,7 +20,7 @@ class LhsSampler {
   void sample(unsigned long long step, std::span<ShadingPoint> points) const;
 
   const std::vector<Camera>& poses() const { return poses_; }
-  // The same as lhs_point() takes them, and whether every walk starts from a pose of its own instead.
+  // The poses as lhs_point() takes them, and whether every walk starts from a fresh pose instead.
   std::span<const CameraView> views() const { return views_; }
   bool fresh_poses() const { return fresh_poses_; }
 

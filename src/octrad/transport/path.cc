@@ -7,8 +7,8 @@
 namespace octrad {
 namespace {
 
-// Paths that walk together: enough to hide memory latency and to fill packets of rays, few enough that their state
-// stays in the near caches.
+// Paths that are advanced together: enough to hide memory latency and to fill packets of rays, few enough that their
+// state stays in the near caches.
 constexpr std::size_t kGroup = 128;
 
 struct Walker {
@@ -19,7 +19,7 @@ struct Walker {
   SurfaceInteraction surface;
 };
 
-// A shadow ray's contribution that waits for its turn.
+// The contribution of a shadow ray that is not traced yet.
 struct Pending {
   PathSample* out;
   Vec3f contribution;

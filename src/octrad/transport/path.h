@@ -25,9 +25,9 @@ struct PathSample {
 // reached with f contributes f L / (p_l + p_b) from both. Transparent masks block shadow rays and count as a bounce, as
 // in Mitsuba's `path`.
 //
-// Each result depends on its own ray and random numbers; many at once are faster, because the paths take their steps in
-// turn, rays are cast in packets and memory is fetched for one path while others compute. Packets may round a hit's
-// position differently than single rays do: the same bits need the same paths in the same order.
+// Each result depends on its own ray and random numbers; many at once are faster, because paths are advanced
+// together: rays are cast in packets, and memory is prefetched for one path while others compute. Packets may round a
+// hit's position differently than single rays do: the same bits need the same paths in the same order.
 void trace_paths(const TransportContext& context, const PathLimits& limits, std::span<PathSample> paths,
                  PathCounters& counters);
 

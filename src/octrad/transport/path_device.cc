@@ -1,5 +1,5 @@
-// Kernels and driver of DevicePathTracer. A path is known by the number of its sample; queues
-// hold such numbers.
+// Kernels and driver of DevicePathTracer. A path is identified by the index of its sample; queues
+// hold such indices.
 #include "octrad/transport/path_device.h"
 
 #include <algorithm>
@@ -42,7 +42,7 @@ struct StatePlanes : FloatPlanes {
   }
 };
 
-// Where everything is.
+// State of all paths.
 struct Memory {
   const CameraJob* job;
   TraceCounts* counts;
@@ -168,7 +168,7 @@ struct Connect : Kernel {
   }
 };
 
-// Keeps a connection for the thread itself.
+// Keeps the connection in registers.
 struct KeepConnection {
   Connection* connection;
   bool* any;
@@ -179,7 +179,7 @@ struct KeepConnection {
   }
 };
 
-// All that is left of paths that outlived the bounces with kernels of their own.
+// The rest of the paths that are longer than the bounces of the wavefront.
 struct Finish : Kernel {
   static constexpr unsigned kMinBlocks = 3;
   DeviceWorld world;

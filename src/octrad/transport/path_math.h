@@ -22,7 +22,7 @@ struct PathState {
   Vec3f throughput{1, 1, 1};
   float eta = 1.0f;            // product of relative indices: radiance shrinks by 1 / eta^2 inside glass and comes back
   float previous_pdf = 1.0f;   // of the direction that led here
-  bool previous_delta = true;  // no next-event estimation could have found what this ray finds
+  bool previous_delta = true;  // next-event estimation could not have found what this ray hits
   int depth = 0;
   float passed = 0.0f;  // distance of masked surfaces already passed, for the first hit's depth
 };
@@ -40,13 +40,13 @@ OCTRAD_HD inline LightNumbers draw_light_numbers(Rng& rng) {
   return numbers;
 }
 
-// A shadow ray, and what arrives along it if nothing is in its way.
+// A shadow ray, and its contribution if it is unoccluded.
 struct Connection {
   RayQuery ray;
   Vec3f contribution;
 };
 
-// What a path that left the scene brings back.
+// Contribution of a path that left the scene.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline Vec3f path_escape(const World& world, const PathState& path) {

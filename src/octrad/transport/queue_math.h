@@ -1,4 +1,4 @@
-// Storage of wavefront kernels: numbers of many items in planes, so that neighbouring threads read neighbouring memory.
+// Storage of wavefront kernels: structures of arrays ("planes"), so that accesses of a warp coalesce.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace octrad {
 
-// Several floats an item, one array each, so that neighbouring items are neighbours in memory.
+// Several floats an item, one array each.
 struct FloatPlanes {
   float* data = nullptr;  // [numbers][stride]
   std::size_t stride = 0;
@@ -41,7 +41,7 @@ struct RayPlanes : FloatPlanes {
   }
 };
 
-// What drivers count in device memory.
+// Counters in device memory.
 struct TraceCounts {
   unsigned long long rays = 0, queries = 0, non_finite = 0;
 };

@@ -10,9 +10,9 @@
 namespace octrad {
 namespace rhs_kernels {
 
-// What is kept of each slot: light that arrives by emitter sampling 0..2, emission on the bounce's way 3..5, the
-// bounce's weight, then that times the way's throughput 6..8, density of the bounce 9 (negative for a delta lobe), the
-// emission that the answer holds 10..12.
+// State of a slot: contribution of emitter sampling 0..2, emission met by the BSDF ray 3..5, weight of the BSDF sample,
+// later times the chain's throughput 6..8, its density 9 (negative for a delta lobe), emission included in the response
+// 10..12.
 inline constexpr int kSlotNumbers = 13;
 
 struct Memory {
@@ -95,7 +95,7 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
-// The bounce of `slot` is over.
+// The BSDF ray of `slot` has ended.
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
                              const RayEnd& end) {
   const Vec3f weight = memory.slots.get3(6, slot);
@@ -162,7 +162,7 @@ struct Reduce : Kernel {
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
-  const Vec3f* answers;
+  const Vec3f* responses;
   Vec3f* targets;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (i == 0 && options.ask) memory.counts->queries += *memory.query_count;
@@ -183,7 +183,7 @@ struct Reduce : Kernel {
       const std::uint32_t q = memory.query_of[slot];
       if (q == kNoQuery) continue;
       const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
-      const Vec3f contribution = answer_contribution(memory.slots.get3(6, slot), answers[q], counted);
+      const Vec3f contribution = cache_contribution(memory.slots.get3(6, slot), responses[q], counted);
       if (is_finite(contribution)) target += contribution * share;
       else ++dropped;
     }
@@ -252,11 +252,11 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   if (traced_ && options.ask) launch(*stream_, n, Disparity{{}, world_, memory});
 }
 
-void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* answers,
+void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,
                        Vec3f* targets) {
   check_slots(points.most, options.directions, capacity_);
   const Memory memory = this->memory();
-  launch(*stream_, points.most, Reduce{{}, world_, memory, points, options, answers, targets});
+  launch(*stream_, points.most, Reduce{{}, world_, memory, points, options, responses, targets});
 }
 
 TraceCounts DeviceRhs::take_counts() { return octrad::take_counts(counts_); }

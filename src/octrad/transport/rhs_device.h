@@ -14,7 +14,7 @@ struct Memory;
 struct DeviceRhsOptions {
   int directions = 16;           // M
   int max_chain = 16;            // delta surfaces passed by a BSDF ray
-  bool emission_inside = false;  // answers about emitters hold their emission: it is taken off again
+  bool emission_inside = false;  // responses for emitters include their emission, which is subtracted
   bool own_emission = false;     // add the points' own emission to the targets
   bool ask = true;               // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
@@ -29,8 +29,8 @@ struct DeviceRhsPoints {
   const unsigned long long* keys = nullptr;    // random stream of each point; null: its place in the batch
 };
 
-// Two parts with the cache's answers in between: trace() fills queries(), reduce() sums up each point's targets in the
-// order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
+// Two parts with the queries of the cache between them: trace() fills queries(), reduce() sums up each point's targets
+// in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 class DeviceRhs {
  public:
   // For up to `slots` points times directions. `traced_disparity`: fill SurfacePoint::disparity of the queries.
@@ -39,8 +39,8 @@ class DeviceRhs {
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const { return queries_.points(); }
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }  // at most capacity()
-  // answers[q] for query q; may be null where nothing was asked. Needs the points and options of the last trace().
-  void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* answers, Vec3f* targets);
+  // responses[q] for query q; may be null where there are no queries. Needs the points and options of the last trace().
+  void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses, Vec3f* targets);
 
   std::size_t capacity() const { return capacity_; }
   // Since the last call.

@@ -12,11 +12,11 @@ namespace {
 
 constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kernels, small enough for the L2 cache
 
-// A cache query that waits for its answer: which target it belongs to and the factor it comes with.
+// A cache query without its response yet: its target and weight.
 struct Pending {
   std::size_t target;
   Vec3f weight;
-  Vec3f counted;  // what the answer holds and was added already
+  Vec3f counted;  // the part of the response that was added already
 };
 
 // Points [begin, end): traced first, then all their cache queries at once.
@@ -24,10 +24,10 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
                              const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets,
                              std::size_t begin, std::size_t end_point) {
   RhsStatistics statistics;
-  thread_local std::vector<SurfacePoint> asked;
+  thread_local std::vector<SurfacePoint> queried;
   thread_local std::vector<Pending> pending;
-  thread_local std::vector<Vec3f> answers;
-  asked.clear();
+  thread_local std::vector<Vec3f> responses;
+  queried.clear();
   pending.clear();
   const float share = 1.0f / static_cast<float>(options.directions);
   const auto add = [&](std::size_t i, Vec3f contribution) {
@@ -61,18 +61,18 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
-      asked.push_back(field_query_point(context, end.point, options.traced_disparity));
+      queried.push_back(field_query_point(context, end.point, options.traced_disparity));
       statistics.rays += options.traced_disparity;
       pending.push_back({i, bounce.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
     }
   }
-  if (!asked.empty()) {
-    answers.resize(asked.size());
-    query(asked, answers);
-    for (std::size_t q = 0; q < asked.size(); ++q) {
-      add(pending[q].target, answer_contribution(pending[q].weight, answers[q], pending[q].counted));
+  if (!queried.empty()) {
+    responses.resize(queried.size());
+    query(queried, responses);
+    for (std::size_t q = 0; q < queried.size(); ++q) {
+      add(pending[q].target, cache_contribution(pending[q].weight, responses[q], pending[q].counted));
     }
-    statistics.queries += static_cast<long long>(asked.size());
+    statistics.queries += static_cast<long long>(queried.size());
   }
   return statistics;
 }

@@ -1,5 +1,5 @@
-// The right-hand side of the rendering equation at given points: one bounce by Monte Carlo, a radiance cache asked
-// where the bounce ends (method section 7, paper equation 3).
+// The right-hand side of the rendering equation at given points: one bounce by Monte Carlo, a radiance cache
+// queried where the bounce ends (method section 7, paper equation 3).
 #pragma once
 
 #include <functional>
@@ -9,8 +9,8 @@
 
 namespace octrad {
 
-// Predicted radiance of surface points, without their own emission unless RhsOptions::emission_inside says so: what
-// transport knows of a radiance field.
+// Predicted radiance of surface points, with their own emission only where RhsOptions::emission_inside is set. All that
+// transport needs of a radiance field.
 using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::span<Vec3f>)>;
 
 struct RhsOptions {
@@ -18,7 +18,7 @@ struct RhsOptions {
   int max_chain = 16;   // delta surfaces passed by a BSDF ray
   bool emission_inside =
       false;  // predictions of emitters hold their emission (target.emission = inside): it is taken off again
-  bool traced_disparity = false;  // fill SurfacePoint::disparity of the asked points (lookup.offset = traced)
+  bool traced_disparity = false;  // fill SurfacePoint::disparity of the queries (lookup.offset = traced)
   unsigned long long seed = 0;
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch

@@ -12,14 +12,15 @@ OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long s
   return Rng(seed, RngPurpose::rhs, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ key);
 }
 
-// Of the way that direction `m` of the point takes through masks and over mirrors and glass: every direction its own,
-// so that all can be followed at once.
+// Random numbers of the chain of direction `m` (masks, mirrors and glass that the ray passes): a generator for each
+// direction, so that all can be followed in parallel.
 OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
                                          std::uint32_t m) {
   return Rng(seed, RngPurpose::chain, mix64(mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ key) + m);
 }
 
-// Direct light by emitter sampling, balance heuristic against BSDF sampling: what arrives if the shadow ray is free.
+// Direct light by emitter sampling, balance heuristic against BSDF sampling: the contribution if the shadow ray is
+// unoccluded.
 struct EmitterSample {
   bool valid = false;
   RayQuery ray;
@@ -42,7 +43,7 @@ OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingP
   return sample;
 }
 
-// The BSDF's own choice of a direction.
+// A direction drawn from the BSDF.
 struct BounceSample {
   bool valid = false;
   bool delta = false;
@@ -63,19 +64,19 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
   return sample;
 }
 
-// Emission on the bounce's way. What is met first competes with emitter sampling; a delta lobe or a surface passed on
-// the way rules that out.
+// Emission met by the BSDF ray. At the end of the first segment it is weighted against emitter sampling (MIS); not
+// after a delta lobe, nor behind a surface that the ray passed, where emitter sampling cannot find it.
 OCTRAD_HD inline Vec3f bounce_emission(Vec3f weight, float pdf, bool delta, const RayEnd& end) {
   const float mis = delta ? 1.0f : pdf / (pdf + end.first_light_pdf);
   return weight * (end.first_emitted * mis + end.emitted);
 }
 
-// What the cache says of the bounce's end. A lamp's prediction may be emission and reflected light (`counted`: the
-// emission, 0 otherwise); the emission was counted under MIS. The clamp keeps out negative light; what it cuts off is a
-// small bright bias where the prediction of a lamp is noisy.
-OCTRAD_HD inline Vec3f answer_contribution(Vec3f weight, Vec3f answer, Vec3f counted) {
-  if (max_component(counted) > 0.0f) answer = max(answer - counted, Vec3f(0.0f));
-  return weight * answer;
+// Contribution of the cache at the end of the BSDF ray. The prediction for an emitter may include its emission
+// (`counted`; 0 otherwise), which was added under MIS already. The clamp keeps out negative light, at the price of a
+// small bright bias where the prediction for an emitter is noisy.
+OCTRAD_HD inline Vec3f cache_contribution(Vec3f weight, Vec3f response, Vec3f counted) {
+  if (max_component(counted) > 0.0f) response = max(response - counted, Vec3f(0.0f));
+  return weight * response;
 }
 
 }  // namespace octrad

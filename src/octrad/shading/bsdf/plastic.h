@@ -14,7 +14,7 @@ OCTRAD_HD inline Vec3f base_reflectance(const Bsdf& b) {
   return b.reflectance / (Vec3f(1.0f) - r);
 }
 
-// Share of samples that the specular lobe gets where both lobes carry the same light.
+// Probability of sampling the specular lobe where both lobes carry the same power.
 OCTRAD_HD inline float specular_share(const Bsdf& b) {
   const float s = b.specular_reflectance.x + b.specular_reflectance.y + b.specular_reflectance.z;
   const float d = b.reflectance.x + b.reflectance.y + b.reflectance.z;

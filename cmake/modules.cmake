@@ -1,5 +1,5 @@
-# octrad_room(NAME USES lib...): src/octrad/NAME/*.cc becomes the static library NAME (target octrad_NAME) and
-# src/octrad/NAME/*_test.cc the program test_NAME. Lower rooms are named by their short name.
+# octrad_module(NAME USES lib...): src/octrad/NAME/*.cc becomes the static library NAME (target octrad_NAME) and
+# src/octrad/NAME/*_test.cc the program test_NAME. Lower modules are named by their short name.
 function(octrad_libraries out)
   set(result)
   foreach(lib ${ARGN})
@@ -12,8 +12,8 @@ function(octrad_libraries out)
   set(${out} ${result} PARENT_SCOPE)
 endfunction()
 
-function(octrad_room name)
-  cmake_parse_arguments(ROOM "" "" "USES" ${ARGN})
+function(octrad_module name)
+  cmake_parse_arguments(MODULE "" "" "USES" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS src/octrad/${name}/*.cc src/octrad/${name}/*/*.cc)
   if(OCTRAD_CUDA_FOUND)
     file(GLOB kernels CONFIGURE_DEPENDS src/octrad/${name}/*.cu)
@@ -23,7 +23,7 @@ function(octrad_room name)
   set(tests ${sources})
   list(FILTER sources EXCLUDE REGEX "_(test|bench)\\.cc$")
   list(FILTER tests INCLUDE REGEX "_test\\.cc$")
-  octrad_libraries(libs ${ROOM_USES})
+  octrad_libraries(libs ${MODULE_USES})
   add_library(octrad_${name} STATIC ${sources})
   octrad_flags(octrad_${name})
   target_include_directories(octrad_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src)
