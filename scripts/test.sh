@@ -154,7 +154,7 @@ if [ $fast = 0 ]; then
   export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
   # shellcheck disable=SC2046
   sanitizer build-sanitize "address and undefined-behaviour sanitizers" address,undefined $(cd build-test && ls test_*)
-  export TSAN_OPTIONS=halt_on_error=1
+  export TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
   sanitizer build-thread "thread sanitizer" thread test_train test_render test_transport
 fi
 

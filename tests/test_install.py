@@ -123,6 +123,15 @@ class Install(unittest.TestCase):
                 "cmake_minimum_required(VERSION 3.25)\nproject(wanted LANGUAGES CXX)\nfind_package(octrad %s CONFIG REQUIRED)\n" % asked)
             run("cmake", "-G", "Ninja", "-S", wanted, "-B", wanted / "build", "-DCMAKE_PREFIX_PATH=%s" % self.prefix, expect=expect)
 
+    def test_presets(self):
+        presets = json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
+        known = (ROOT / "CMakeLists.txt").read_text() + (ROOT / "cmake" / "cuda.cmake").read_text()
+        listed = run("cmake", "--list-presets", cwd=ROOT)
+        for preset in presets:
+            self.assertIn('"%s"' % preset["name"], listed)
+            for option in preset["cacheVariables"]:
+                self.assertTrue(option.startswith("CMAKE_") or option in known, "%s is no option" % option)
+
     @unittest.skipUnless(shutil.which("pkg-config"), "no pkg-config")
     def test_pkg_config(self):
         where = next(self.prefix.rglob("octrad.pc")).parent
