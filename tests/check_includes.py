@@ -29,7 +29,7 @@ ALLOWED["app"] = set(ALLOWED["octrad.h"])
 INSIDE = {
     "app/cli": ({"app/selftest"}, set()),
     "app/selftest": (set(), {"app/cli"}),
-    "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/microfacet.h", "shading/warp.h"}, {"shading/bsdf_math.h"}),
+    "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]', re.M)
