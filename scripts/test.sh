@@ -155,7 +155,7 @@ if [ $fast = 0 ]; then
   # shellcheck disable=SC2046
   sanitizer build-sanitize "address and undefined-behaviour sanitizers" address,undefined $(cd build-test && ls test_*)
   # Large scenes run the same code as small ones, for minutes.
-  export GTEST_FILTER='-*SharedScenes*:*LosslessObjects*' TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
+  export GTEST_FILTER='-*Shared*:*LosslessObjects*' TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
   sanitizer build-thread "thread sanitizer" thread test_train test_render test_transport
 fi
 
