@@ -6,7 +6,7 @@ install(TARGETS octrad_library EXPORT octradTargets)
 install(DIRECTORY src/octrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
         PATTERN "*_test_helper.h" EXCLUDE PATTERN "*_test_data.h" EXCLUDE PATTERN "check*.h" EXCLUDE
         PATTERN "random_inputs.h" EXCLUDE PATTERN "sample_scenes.h" EXCLUDE PATTERN "shell_cells.h" EXCLUDE
-        PATTERN "*-inl.h" EXCLUDE PATTERN "each_target.h" EXCLUDE)  # the last two: inside of SIMD sources
+        PATTERN "*-inl.h" EXCLUDE)  # the last: inside of SIMD sources
 install(EXPORT octradTargets NAMESPACE octrad:: DESTINATION ${package})
 
 configure_package_config_file(cmake/octradConfig.cmake.in octradConfig.cmake INSTALL_DESTINATION ${package}

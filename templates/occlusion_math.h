@@ -3,7 +3,7 @@
 #pragma once
 
 #include "octrad/base/frame.h"
-#include "octrad/shading/warp.h"
+#include "octrad/shading/square_maps.h"
 #include "octrad/transport/first_hit_math.h"
 
 namespace octrad {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """House rules that a program can check (ARCHITECTURE.md). Prints each breach, then "N passed, N failed, N skipped".
 
-- Includes go down only, and each module includes only what it may know.
+- Includes go down only, and each module includes only what it may know; folders inside a module too. No circles of files.
 - *_math.h headers are host and device code: no heap, containers, exceptions or threads.
 - Headers have #pragma once; sources stay below 800 lines and headers below 400 (tables of test data aside).
 """
@@ -25,6 +25,13 @@ ALLOWED["render"] = set(ALLOWED["train"])
 ALLOWED["octrad.h"] = ALLOWED["train"] | {"train", "render"}  # the umbrella header, for users of the library alone
 ALLOWED["app"] = set(ALLOWED["octrad.h"])
 
+# Folder inside a module -> (what of the module it may include besides itself, what of the module may include it).
+INSIDE = {
+    "app/cli": ({"app/selftest"}, set()),
+    "app/selftest": (set(), {"app/cli"}),
+    "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
+}
+
 INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]', re.M)
 HOST_ONLY = {"vector", "string", "map", "unordered_map", "memory", "functional", "stdexcept", "iostream", "fstream", "thread",
              "mutex", "span", "optional"}
@@ -45,17 +52,60 @@ def module_of(name):
     return parts[0] if len(parts) > 1 else None
 
 
+def unit_of(name):
+    """"app/cli" of "app/cli/main.cc", "shading/bsdf" of "octrad/shading/bsdf/diffuse.h", "shading/fresnel.h" of a file at the top
+    of its module."""
+    parts = name.removeprefix("octrad/").split("/")
+    return "/".join(parts[:-1] if len(parts) > 2 else parts)
+
+
+def inside(name, target):
+    """What is wrong when a file includes another one of its module, or None."""
+    unit, other = unit_of(name), unit_of(target)
+    if unit == other:
+        return None
+    if unit in INSIDE and other not in INSIDE[unit][0]:
+        return "%s must not include %s" % (unit, target)
+    if other in INSIDE and unit not in INSIDE[other][1]:
+        return "%s is not for %s" % (target, unit)
+    return None
+
+
+def circles(includes):
+    """Circles of files that include each other, each once, from {file: files that it includes}."""
+    state, found = {}, []
+
+    def visit(name, way):
+        state[name] = "open"
+        for target in sorted(includes.get(name, ())):
+            if state.get(target) == "open":
+                found.append(way[way.index(target):] + [target])
+            elif target not in state:
+                visit(target, way + [target])
+        state[name] = "done"
+
+    for name in sorted(includes):
+        if name not in state:
+            visit(name, [name])
+    return found
+
+
 def breaches(path, text):
-    module = module_of(path.relative_to(SOURCE).as_posix())
+    own = path.relative_to(SOURCE).as_posix()
+    module = module_of(own)
     if module not in ALLOWED:
         yield "module %s is not in ARCHITECTURE.md" % module
         return
+    if unit_of(own).count("/") and "." not in unit_of(own) and unit_of(own) not in INSIDE:
+        yield "folder %s has no rule in INSIDE" % unit_of(own)
     for kind, name in INCLUDE.findall(text):
         target = module_of(name)
         if kind == '"' and target not in ALLOWED:
             yield 'include "%s" names no module (write "octrad/module/file.h")' % name
         elif target in ALLOWED and target != module and target not in ALLOWED[module]:
             yield "%s must not include %s (%s)" % (module, target, name)
+        elif kind == '"' and target == module and inside(own, name):
+            yield inside(own, name)
         if path.name.endswith("_math.h") and kind == "<" and name in HOST_ONLY:
             yield "a _math.h header must not include <%s>" % name
     if path.name.endswith("_math.h"):
@@ -72,13 +122,30 @@ def breaches(path, text):
         yield "%d lines; split sources above 800" % lines
 
 
+def self_test():
+    """The rules themselves, on breaches that are known."""
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == [["b", "c", "b"]]
+    assert not circles({"a": {"b", "c"}, "b": {"c"}})
+    assert inside("app/selftest/checks.cc", "app/cli/common.h") and not inside("app/cli/selftest.cc", "app/selftest/selftest.h")
+    assert inside("octrad/shading/lights.cc", "octrad/shading/bsdf/plastic.h")
+    assert inside("octrad/shading/bsdf/plastic.h", "octrad/shading/lights.h")
+    assert not inside("octrad/shading/bsdf/roughplastic.h", "octrad/shading/bsdf/plastic.h")
+
+
 def main():
+    self_test()
     failed = passed = 0
+    includes = {}
     for path in sorted(p for p in SOURCE.rglob("*") if p.suffix in (".h", ".cc", ".cu")):
-        found = list(breaches(path, path.read_text()))
+        text = path.read_text()
+        includes[path.relative_to(SOURCE).as_posix()] = {name for kind, name in INCLUDE.findall(text) if kind == '"'}
+        found = list(breaches(path, text))
         for breach in found:
             print("%s: %s" % (path.relative_to(SOURCE.parent), breach))
         failed, passed = failed + bool(found), passed + (not found)
+    for circle in circles(includes):
+        print("a circle of includes: %s" % " -> ".join(circle))
+        failed += 1
     if passed + failed == 0:
         print("no sources found under %s" % SOURCE)
         failed = 1

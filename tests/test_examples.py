@@ -69,7 +69,8 @@ class Examples(unittest.TestCase):
         cls.store = tempfile.mkdtemp()
         box = str(ROOT / "scenes" / "cornell-box" / "scene.xml")
         for words in (["train", box, "-o", "model.octrad", "--steps", "5", *TINY_MODEL],
-                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "--height", "18", "-o", "picture.exr"]):
+                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "--height", "18", "-o", "picture.exr"],
+                      ["render", box, "--integrator", "path", "--spp", "2", "--width", "32", "--height", "18", "--seed", "1", "-o", "other.exr"]):
             done = octrad(*words, cwd=cls.store)
             if done.returncode != 0:
                 raise AssertionError("octrad %s: %s" % (shlex.join(words), done.stderr))
@@ -87,6 +88,9 @@ class Examples(unittest.TestCase):
         for previous, word in zip(words, words[1:]):
             path = folder / word
             if word.startswith("-") or "=" in word or path.exists():
+                continue
+            if words[0] == "merge" and previous not in ("-o", "--output"):  # pictures of different seeds
+                shutil.copy(pathlib.Path(self.store) / ("picture.exr" if previous == "merge" else "other.exr"), path)
                 continue
             if previous in ("-o", "--output", "--errors", "--log-json"):
                 path.parent.mkdir(parents=True, exist_ok=True)

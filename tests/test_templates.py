@@ -19,7 +19,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 STEP = re.compile(r"[Cc]opy `(?P<source>templates/[^`]+)` to `(?P<folder>[^`]+/)`"
                   r"|[Ii]n `(?P<file>[^`]+)`, (?P<how>above|below|instead of) `(?P<anchor>[^`]+)`:\n\n(?P<block>(?:    .*\n|\n(?=    ))+)")
-TESTS = ("bsdf_test.cc", "planes_test.cc", "model_test.cc")  # those that follow the lists, or came with a template
+TESTS = ("bsdf_test.cc", "planes_test.cc", "field_test.cc")  # those that follow the lists, or came with a template
 
 PARENT = """cmake_minimum_required(VERSION 3.25)
 project(templates LANGUAGES CXX)

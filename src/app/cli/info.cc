@@ -18,7 +18,7 @@
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 #include "octrad/model/safetensors.h"
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 namespace octrad::cli {
 namespace {

@@ -47,6 +47,7 @@ Camera choose_camera(const Scene& scene, const RenderVerbOptions& o) {
     throw UsageError("--sensor, --camera and --origin/--target exclude each other");
   Camera camera;
   if (!o.camera_file.empty()) {
+    if (o.fov > 0.0) throw UsageError(fmt::format("--fov: {} says the field of view", o.camera_file));
     const std::vector<Camera> cameras = read_cameras(o.camera_file);
     if (cameras.size() != 1)
       throw InputError(fmt::format("{}: holds {} cameras where one is needed", o.camera_file, cameras.size()));
@@ -312,8 +313,8 @@ void add_render(Program& program) {
                    "path, or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
                    "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
       ->type_name("NAME");
-  verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
-  verb->add_flag("--force", o->force, "use the model although it was trained on another scene");
+  CLI::Option* model = verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
+  verb->add_flag("--force", o->force, "use the model although it was trained on another scene")->needs(model);
   verb->add_option("--spp", o->spp, "samples a pixel; default: path 64, rhs and deferred 16, others 4")
       ->check(whole_in_range(1, 1 << 30))
       ->type_name("N");

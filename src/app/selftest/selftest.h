@@ -1,4 +1,4 @@
-// What octrad selftest runs: the checks of kernels that the rooms offer (ROOM/checks.h) at the sizes of a device,
+// What octrad selftest runs: the checks of kernels that the modules offer (MODULE/checks.h) at the sizes of a device,
 // micro-benchmarks, and whole stages. Three lists, each in its own file; a new entry is a line of the list.
 #pragma once
 

@@ -166,10 +166,4 @@ std::string read_text_file(const std::string& file) {
   return text;
 }
 
-void write_text_file(const std::string& file, const std::string& text) {
-  AtomicFile out(file);
-  out.write(text);
-  out.commit();
-}
-
 }  // namespace octrad

@@ -50,7 +50,4 @@ void require_writable(const std::string& file);
 
 // Whole content of a file. Throws IoError.
 std::string read_text_file(const std::string& file);
-// Replaces `file` by `text`, atomically.
-void write_text_file(const std::string& file, const std::string& text);
-
 }  // namespace octrad

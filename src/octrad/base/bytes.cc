@@ -1,7 +1,6 @@
 #include "octrad/base/bytes.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -107,12 +106,6 @@ std::uint64_t resident_bytes() {
   std::uint64_t total = 0, resident = 0;
   in >> total >> resident;
   return in ? resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE)) : 0;
-}
-
-std::uint64_t peak_resident_bytes() {
-  rusage usage{};
-  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
 std::uint64_t usable_memory() {

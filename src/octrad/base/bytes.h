@@ -17,9 +17,8 @@ std::string format_count(long long n);
 // "1.23 M", "845 k", "12.3": a rate or count with at most three digits.
 std::string format_rate(double per_second);
 
-// Resident memory of this process now, and its maximum so far, in bytes (0 where unknown).
+// Resident memory of this process in bytes (0 where unknown).
 std::uint64_t resident_bytes();
-std::uint64_t peak_resident_bytes();
 
 // Memory that this process could have in all: the smaller of the system's available memory and the control group's
 // limit, plus what is resident already. 0 where unknown.

@@ -8,10 +8,7 @@
 
 namespace octrad {
 namespace {
-std::atomic<int> g_signal{0};
-static_assert(std::atomic<int>::is_always_lock_free, "used in a signal handler");
-
-std::atomic<bool> g_deferred{false};
+std::atomic<bool> g_interrupted{false}, g_deferred{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "used in a signal handler");
 
 template <std::size_t N>
@@ -21,9 +18,9 @@ template <std::size_t N>
   _exit(130);
 }
 
-void on_signal(int signal) {
+void on_signal(int) {
   if (!g_deferred.load()) end_at_once("\noctrad: interrupted before there was anything to save\n");
-  if (g_signal.exchange(signal) != 0)
+  if (g_interrupted.exchange(true))
     end_at_once("\noctrad: stopped at once by a second signal; nothing more was saved\n");
 }
 }  // namespace
@@ -40,8 +37,6 @@ void install_interrupt_handler() {
 
 void defer_interrupts() { g_deferred.store(true); }
 
-bool interrupted() { return g_signal.load(std::memory_order_relaxed) != 0; }
-int interrupt_signal() { return g_signal.load(std::memory_order_relaxed); }
-void set_interrupted(int signal) { g_signal.store(signal); }
+bool interrupted() { return g_interrupted.load(std::memory_order_relaxed); }
 
 }  // namespace octrad

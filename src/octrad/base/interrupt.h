@@ -13,9 +13,5 @@ void defer_interrupts();
 
 // Whether a signal has arrived. Cheap and thread-safe.
 bool interrupted();
-// The signal's number, 0 if none came.
-int interrupt_signal();
-// For tests: as if a signal had arrived (or none).
-void set_interrupted(int signal);
 
 }  // namespace octrad

@@ -60,7 +60,7 @@ OCTRAD_HD constexpr Vec2<T> operator*(T s, Vec2<T> a) {
 template <typename T>
 struct Vec3 {
   T x{}, y{}, z{};
-  OCTRAD_HD constexpr Vec3() = default;
+  constexpr Vec3() = default;
   OCTRAD_HD constexpr Vec3(T x_, T y_, T z_) : x(x_), y(y_), z(z_) {}
   OCTRAD_HD constexpr explicit Vec3(T s) : x(s), y(s), z(s) {}
   template <typename U>

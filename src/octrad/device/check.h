@@ -1,5 +1,5 @@
-// How a kernel is compared with the CPU's definition: errors of many items, judged by a tolerance. Each room that has
-// kernels offers its comparisons in ROOM/checks.h; unit tests and `octrad selftest` run the same ones.
+// How a kernel is compared with the CPU's definition: errors of many items, judged by a tolerance. Each module that has
+// kernels offers its comparisons in MODULE/checks.h; unit tests and `octrad selftest` run the same ones.
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// This room's kernels, and what is drawn on a device, against the CPU.
+// This module's kernels, and what is drawn on a device, against the CPU.
 #pragma once
 
 #include <cstdint>

@@ -77,7 +77,6 @@ class CellIndex {
   // cell; `what` names the level in the message.
   CellIndex(const std::vector<Vec3i>& cells, int resolution, const char* what);
   CellIndexView view() const { return {top_.data(), octants_.data(), resolution_, bricks_per_axis_}; }
-  std::size_t bytes() const { return top_.size() * sizeof(std::uint32_t) + octants_.size() * sizeof(CellOctant); }
 
  private:
   int resolution_, bricks_per_axis_;

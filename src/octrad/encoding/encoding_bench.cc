@@ -13,7 +13,7 @@
 #include "octrad/encoding/cell_index.h"
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/encoding/octaoctree.h"
-#include "octrad/encoding/shell_cells.h"
+#include "octrad/encoding/shell_cells_test_helper.h"
 
 namespace octrad {
 namespace {

@@ -11,7 +11,7 @@
 #include "octrad/base/random_inputs.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/encoding/checks.h"
-#include "octrad/encoding/shell_cells.h"
+#include "octrad/encoding/shell_cells_test_helper.h"
 
 namespace octrad {
 namespace {
@@ -80,7 +80,8 @@ TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
                       expected[entry * 4 + c] += double(weight) * upstream[(l * 4 + c) * b.n + i];
                   });
     }
-    tree.lookup_reference(Vec3d(b.position(i)), Vec3d(b.direction(i)), b.d[i], value.data(), slope.data());
+    lookup_query(tree.view(), Vec3d(b.position(i)), Vec3d(b.direction(i)), static_cast<double>(b.d[i]), value.data(),
+                 slope.data());
     for (std::size_t f = 0; f < rows; ++f) by_disparity[i] += slope[f] * upstream[f * b.n + i];
   }
 

@@ -50,17 +50,6 @@ OCTRAD_HD inline OctaProjection<T> octa_project(Vec3<T> v) {
   return r;
 }
 
-// Direction (unit length) of a point of the square; the inverse of octa_project.
-template <typename T>
-OCTRAD_HD inline Vec3<T> octa_unproject(Vec2<T> u) {
-  Vec3<T> v{u.x, u.y, T(1) - std::abs(u.x) - std::abs(u.y)};
-  if (v.z < T(0)) {
-    v.x = (T(1) - std::abs(u.y)) * octa_sign(u.x);
-    v.y = (T(1) - std::abs(u.x)) * octa_sign(u.y);
-  }
-  return normalize(v);
-}
-
 // du/dt when the projected vector moves with velocity `delta` (v = v0 + t delta), away from the edges of the
 // octahedron.
 template <typename T>

@@ -7,10 +7,20 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/encoding/octahedral_math.h"
-#include "octrad/encoding/shell_cells.h"
+#include "octrad/encoding/shell_cells_test_helper.h"
 
 namespace octrad {
 namespace {
+
+// Direction (unit length) of a point of the square; the inverse of octa_project.
+Vec3d octa_unproject(Vec2<double> u) {
+  Vec3d v{u.x, u.y, 1.0 - std::abs(u.x) - std::abs(u.y)};
+  if (v.z < 0.0) {
+    v.x = (1.0 - std::abs(u.y)) * octa_sign(u.x);
+    v.y = (1.0 - std::abs(u.x)) * octa_sign(u.y);
+  }
+  return normalize(v);
+}
 
 using testing::ShellScene;
 

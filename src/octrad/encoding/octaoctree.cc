@@ -101,12 +101,6 @@ std::span<float> OctaOctree::features() { return impl_->table.span(); }
 std::span<const float> OctaOctree::features() const { return std::as_const(impl_->table).span(); }
 const OctaOctreeView& OctaOctree::view() const { return impl_->view; }
 
-std::size_t OctaOctree::index_bytes() const {
-  std::size_t bytes = 0;
-  for (const CellIndex& index : impl_->index) bytes += index.bytes();
-  return bytes;
-}
-
 void OctaOctree::canonicalize_rims() {
   const Impl& m = *impl_;
   const auto features = static_cast<std::size_t>(m.options.features);
@@ -141,10 +135,6 @@ std::int64_t OctaOctree::lookup(const Vec3f* x, const Vec3f* w, const float* d, 
 std::int64_t OctaOctree::lookup_record(const Vec3f* x, const Vec3f* w, const float* d, int n, float* out, int stride,
                                        Record& record) const {
   return octaoctree_lookup_record(impl_->view, x, w, d, n, out, stride, record);
-}
-
-void OctaOctree::lookup_reference(Vec3d x, Vec3d w, double d, double* features, double* derivative) const {
-  lookup_query(impl_->view, x, w, d, features, derivative);
 }
 
 }  // namespace octrad

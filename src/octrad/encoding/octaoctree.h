@@ -57,7 +57,6 @@ class OctaOctree {
   // Entries on the rim of a map that name the same direction share the value of one of them; look-ups read, and taps
   // name, only that one. This copies it to the others: call it before the table is saved.
   void canonicalize_rims();
-  std::size_t index_bytes() const;     // memory of the cell index
   const OctaOctreeView& view() const;  // plain pointers, valid while the octree lives
 
   // Features of a batch, on the calling thread. x world positions, w lookup directions (unit), d disparities in 1/world
@@ -77,9 +76,6 @@ class OctaOctree {
   };
   std::int64_t lookup_record(const Vec3f* x, const Vec3f* w, const float* d, int n, float* out, int stride,
                              Record& record) const;
-
-  // Scalar double-precision definition for tests (octaoctree_math.h instantiated with double on the same table).
-  void lookup_reference(Vec3d x, Vec3d w, double d, double* features, double* derivative) const;
 
  private:
   struct Impl;

@@ -9,10 +9,10 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
-#include "octrad/encoding/each_target.h"
+#include "octrad/encoding/each_target_test_helper.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/encoding/octaoctree_math.h"
-#include "octrad/encoding/shell_cells.h"
+#include "octrad/encoding/shell_cells_test_helper.h"
 
 namespace octrad {
 namespace {
@@ -223,7 +223,8 @@ TEST(OctaOctree, DefinitionMatchesAnIndependentEvaluation) {
     for (int i = 0; i < q.size(); ++i) {
       double coverage;
       const std::vector<double> expected = independent_query(f.tree, Vec3d(q.x[i]), Vec3d(q.w[i]), q.d[i], &coverage);
-      f.tree.lookup_reference(Vec3d(q.x[i]), Vec3d(q.w[i]), q.d[i], value.data(), slope.data());
+      lookup_query(f.tree.view(), Vec3d(q.x[i]), Vec3d(q.w[i]), static_cast<double>(q.d[i]), value.data(),
+                   slope.data());
       for (std::size_t k = 0; k < value.size(); ++k)
         EXPECT_NEAR(value[k], expected[k], 1e-9 / std::max(coverage, 1e-6)) << i << ' ' << k;
     }
@@ -267,9 +268,9 @@ TEST(OctaOctree, DerivativeMatchesDifferencesInDouble) {
   for (int i = 0; i < q.size(); ++i) {
     const Vec3d x(q.x[i]), w(q.w[i]);
     const double d = q.d[i], e = 1e-6;
-    f.tree.lookup_reference(x, w, d, value.data(), slope.data());
-    f.tree.lookup_reference(x, w, d - e, lower.data(), scratch.data());
-    f.tree.lookup_reference(x, w, d + e, upper.data(), scratch.data());
+    lookup_query(f.tree.view(), x, w, d, value.data(), slope.data());
+    lookup_query(f.tree.view(), x, w, d - e, lower.data(), scratch.data());
+    lookup_query(f.tree.view(), x, w, d + e, upper.data(), scratch.data());
     for (int k = 0; k < count; ++k) {
       ++compared;
       const double numeric = (upper[k] - lower[k]) / (2 * e);
@@ -296,7 +297,7 @@ void check_against_definition(OctaOctreeOptions options, int n, int stride) {
   int bad = 0, bad_slope = 0, compared = 0;
   std::int64_t expected_empty = 0;
   for (int i = 0; i < n; ++i) {
-    f.tree.lookup_reference(Vec3d(q.x[i]), Vec3d(q.w[i]), q.d[i], value.data(), slope.data());
+    lookup_query(f.tree.view(), Vec3d(q.x[i]), Vec3d(q.w[i]), static_cast<double>(q.d[i]), value.data(), slope.data());
     const Vec3d p = normalize_position(f.tree.view(), Vec3d(q.x[i]));
     for (int l = 0; l < options.levels; ++l) {
       const OctreeLevelView& level = f.tree.view().level[l];

@@ -59,10 +59,6 @@ OCTRAD_HD inline void check([[maybe_unused]] bool holds) {
 #endif
 }
 
-OCTRAD_HD inline unsigned byte_of(std::uint64_t word, unsigned i) {
-  return static_cast<unsigned>(word >> (8 * i)) & 0xffu;
-}
-
 // 1 + b / 2^15 of byte i < 4 of the word, made of bits: faster than a conversion.
 OCTRAD_HD inline float grid_place(std::uint32_t word, std::uint32_t one, unsigned i) {
 #if defined(__CUDA_ARCH__)

@@ -384,8 +384,8 @@ struct Structure {
       Vec3d l, u;
       for (int k = 0; k < 3; ++k) {
         const double scale = bvh8_grid_scale(node.exponents >> (8 * k) & 255u);
-        l[k] = static_cast<double>(node.origin[k]) + scale * bvh8_detail::byte_of(node.bounds[k][0], s);
-        u[k] = static_cast<double>(node.origin[k]) + scale * bvh8_detail::byte_of(node.bounds[k][1], s);
+        l[k] = static_cast<double>(node.origin[k]) + scale * static_cast<double>(node.bounds[k][0] >> (8 * s) & 0xffu);
+        u[k] = static_cast<double>(node.origin[k]) + scale * static_cast<double>(node.bounds[k][1] >> (8 * s) & 0xffu);
       }
       // What is below must be in all boxes above it.
       const Vec3d inner_lower = max(l, lower), inner_upper = min(u, upper);

@@ -9,9 +9,9 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <csignal>
 #include <half.h>
 #include <unistd.h>
+#include <csignal>
 
 #include <cmath>
 #include <filesystem>

@@ -4,7 +4,7 @@
 #include "octrad/base/bits.h"
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
-#include "octrad/model/device_field_base.h"
+#include "octrad/model/field_base_device.h"
 
 namespace octrad {
 namespace {

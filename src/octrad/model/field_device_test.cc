@@ -24,11 +24,10 @@ using testing::ask;
 using testing::expect_within;
 using Batch = testing::DeviceBatch;
 using testing::FieldReference;
-using testing::Part;
-using testing::parts_of;
 using testing::pattern;
 using testing::random_points;
 using testing::shell;
+using testing::tensors_of;
 
 constexpr int kLevels = 3;
 
@@ -195,7 +194,7 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
 
 // adam.rate.* each move their own parts (a rate of 0 leaves parameters as they are).
 TEST_P(DeviceFields, EveryRateMovesItsOwnParts) {
-  testing::check_rates(config(), kLevels, [&](RadianceField& field, const Config& c) {
+  testing::check_rates(config(), shell(kLevels), [&](RadianceField& field, const Config& c) {
     const auto device = make_device_field(*stream_, field, c, training_options());
     train(*device, 0, 1);
     device->download_to(field);
@@ -243,8 +242,8 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
     const auto device = make_device_field(*stream_, *field, c, training_options());
     const auto other = make_field(c, shell(kLevels));
     device->download_to(*other);
-    const std::vector<Part> got = parts_of(*other), expected = parts_of(*field);
-    for (std::size_t i = 0; i < got.size(); ++i) EXPECT_EQ(got[i].values, expected[i].values) << got[i].name;
+    const auto got = tensors_of(*other);
+    for (const auto& [name, tensor] : tensors_of(*field)) EXPECT_EQ(got.at(name).values, tensor.values) << name;
     EXPECT_EQ(other->target_scale(), 0.7f);
     // A run goes on on the CPU as if it had never left.
     const auto points = random_points(300, 8);
@@ -269,15 +268,15 @@ TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
   for (const bool dense : {false, true}) {
     Config c = config();
     c.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
-    std::vector<Part> first;
+    std::map<std::string, testing::SavedTensor> first;
     for (int run = 0; run < 2; ++run) {
       const auto field = make_field(c, shell(kLevels));
       const auto device = make_device_field(*stream_, *field, c, training_options(true));
       train(*device, 0, 4, 500);
       device->download_to(*field);
-      const std::vector<Part> parts = parts_of(*field);
-      if (run == 0) first = parts;
-      for (std::size_t i = 0; i < parts.size(); ++i) EXPECT_EQ(parts[i].values, first[i].values) << parts[i].name;
+      const auto tensors = tensors_of(*field);
+      if (run == 0) first = tensors;
+      for (const auto& [name, tensor] : tensors) EXPECT_EQ(tensor.values, first.at(name).values) << name;
       // The same as adding in any order, but for rounding.
       if (run == 0) {
         const auto again = make_field(c, shell(kLevels));
@@ -312,8 +311,8 @@ TEST_P(DeviceFields, BadNumbersDoNotSpread) {
   device->train(batch.points(), batch.targets.data(), points.size(), constants_.data());
   EXPECT_EQ(device->collect().non_finite, 6 * 3 + 2);
   device->download_to(*field);
-  for (const Part& part : parts_of(*field)) {
-    for (const float v : part.values) ASSERT_TRUE(std::isfinite(v)) << part.name;
+  for (const auto& [name, tensor] : tensors_of(*field)) {
+    for (const double v : tensor.values) ASSERT_TRUE(std::isfinite(v)) << name;
   }
   const std::vector<float> answers = ask(*stream_, *device, points);
   for (std::size_t i = 0; i < points.size(); ++i) {

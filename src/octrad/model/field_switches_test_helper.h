@@ -100,16 +100,20 @@ inline std::unique_ptr<RadianceField> field_of(const Config& config) {
 
 // What Adam's first moments hold, by part: after the first step with adam.beta1 = 0 that is the step's gradient.
 inline FieldReference::Numbers first_moments(RadianceField& field) {
+  const bool octree = field.name() == "octaoctree";
+  const char* names[FieldReference::kParts] = {"octree.moments", "disparity.mlp.m",
+                                               octree ? "disparity.grid.moments" : "nr.grid.moments",
+                                               octree ? "decoder.mlp.m" : "nr.mlp.m"};
   FieldReference::Numbers result;
-  for (const Part& part : parts_of(field)) {
-    for (int k = 0; k < FieldReference::kParts; ++k) {
-      const std::string name = FieldReference::kNames[k];
-      if (part.name == name + " m") result[k] = {part.values.begin(), part.values.end()};
-      if (part.name != name + " moments") continue;
-      const std::size_t width = part.width;  // [entry][first, second][feature]
-      for (std::size_t at = 0; at < part.values.size(); at += 2 * width)
-        result[k].insert(result[k].end(), part.values.begin() + at, part.values.begin() + at + width);
-    }
+  const auto tensors = tensors_of(field);
+  for (int part = 0; part < FieldReference::kParts; ++part) {
+    const auto found = tensors.find(std::string("optimizer.") + names[part]);
+    if (found == tensors.end()) continue;  // a part that the field has not
+    const SavedTensor& t = found->second;
+    const bool table = t.shape.size() == 3;  // [entry][first, second][feature]
+    const auto width = table ? static_cast<std::size_t>(t.shape[2]) : t.values.size();
+    for (std::size_t at = 0; at < t.values.size(); at += (table ? 2 : 1) * width)
+      result[part].insert(result[part].end(), t.values.data() + at, t.values.data() + at + width);
   }
   return result;
 }

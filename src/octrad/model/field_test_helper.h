@@ -3,16 +3,24 @@
 
 #include <gtest/gtest.h>
 
+#include <stdlib.h>
+#include <unistd.h>
+
 #include <cmath>
+#include <filesystem>
+#include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
 #include "octrad/model/radiance_field.h"
+#include "octrad/model/safetensors.h"
 
 namespace octrad::testing {
 
@@ -63,41 +71,51 @@ inline Vec3f pattern(const SurfacePoint& p) {
   return {v, 0.5f * v, 0.25f * v};
 }
 
-// Every number of a field that training changes, by name.
-struct Part {
-  std::string name;
-  std::vector<float> values;
-  std::size_t width = 1;  // of a table's entry
-};
-inline std::vector<Part> parts_of(RadianceField& field) {
-  std::vector<Part> parts;
-  const auto add = [&](const std::string& name, auto span) { parts.push_back({name, {span.begin(), span.end()}, 1}); };
-  const auto table = [&](const std::string& name, std::span<const float> values, SparseAdam& adam) {
-    add(name, values);
-    add(name + " moments", adam.moments());
-    parts.back().width = adam.moments().size() / adam.counts().size() / 2;
-    add(name + " counts", adam.counts());
-    parts.push_back({name + " steps", {static_cast<float>(adam.global_count())}, 1});
-  };
-  const auto network = [&](const std::string& name, Mlp& mlp, DenseAdam& adam) {
-    add(name, mlp.weights());
-    add(name + " m", adam.m());
-    add(name + " v", adam.v());
-    parts.push_back({name + " steps", {static_cast<float>(adam.count())}, 1});
-  };
-  if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
-    octree->make_optimizers();
-    table("octree", octree->octree().features(), *octree->octree_adam());
-    table("grid", octree->grid().table(), *octree->grid_adam());
-    network("disparity", octree->disparity(), octree->disparity_adam());
-    network("decoder", octree->decoder().mlp(), octree->decoder().adam());
-  } else {
-    auto& nr = dynamic_cast<NrField&>(field);
-    nr.make_optimizer();
-    table("grid", nr.grid().table(), *nr.grid_adam());
-    network("decoder", nr.decoder().mlp(), nr.decoder().adam());
+// A field as a model file holds it, with the optimiser's state.
+class SavedField {
+ public:
+  explicit SavedField(RadianceField& field) {
+    std::string name = (std::filesystem::temp_directory_path() / "octrad_field_XXXXXX").string();
+    const int descriptor = ::mkstemp(name.data());
+    if (descriptor < 0) throw IoError("no temporary file " + name);
+    ::close(descriptor);
+    TensorWriter out;
+    field.save(out, true);
+    out.write(name);
+    reader_ = std::make_unique<TensorReader>(name);
+    std::filesystem::remove(name);
   }
-  return parts;
+  const TensorReader& reader() const { return *reader_; }
+
+ private:
+  std::unique_ptr<TensorReader> reader_;
+};
+
+// Every tensor of a field with its optimiser's state, by name. So tests reach what training changes in any field.
+struct SavedTensor {
+  std::vector<std::int64_t> shape;
+  std::vector<double> values;
+};
+inline std::map<std::string, SavedTensor> tensors_of(RadianceField& field) {
+  const SavedField saved(field);
+  std::map<std::string, SavedTensor> result;
+  for (const std::string& name : saved.reader().names()) {
+    const TensorReader::Tensor tensor = saved.reader().get(name);
+    SavedTensor& to = result[name];
+    to.shape = tensor.shape;
+    const auto copy = [&](auto number) {
+      const auto* from = static_cast<const decltype(number)*>(tensor.data);
+      for (std::int64_t i = 0; i < tensor.count; ++i) to.values.push_back(static_cast<double>(from[i]));
+    };
+    switch (tensor.type) {
+      case DType::f32: copy(float{}); break;
+      case DType::u16: copy(std::uint16_t{}); break;
+      case DType::i32: copy(std::int32_t{}); break;
+      case DType::i64: copy(std::int64_t{}); break;
+      default: ADD_FAILURE() << name << " has a type that fields do not save";
+    }
+  }
+  return result;
 }
 
 // Feature tables with values in +-0.5, as after a long training: new ones are 0 or next to it, which hides gradients.
@@ -114,24 +132,36 @@ inline void fill_tables(RadianceField& field, unsigned long long stream = 0) {
   }
 }
 
-// Trains new fields for one step (train_one_step(field, config)) with one of adam.rate.* at a time above 0: only the
-// parts that it is the rate of move.
+// Trains a field that has learnt a little for one more step (train_one_step(field, config)) with one of adam.rate.* at
+// a time above 0: each tensor moves with one of them, hash grids with adam.rate.grids and networks with
+// adam.rate.networks.
 template <typename TrainOneStep>
-void check_rates(Config config, int levels, const TrainOneStep& train_one_step) {
-  for (const std::string rate : {"features", "networks", "grids"}) {
-    for (const std::string other : {"features", "networks", "grids"})
-      set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
-    const auto field = make_field(config, shell(levels));
-    fill_tables(*field);
-    const std::vector<Part> before = parts_of(*field);
+void check_rates(Config config, const FieldDomain& domain, const TrainOneStep& train_one_step) {
+  const std::vector<std::string> rates{"features", "networks", "grids"};
+  const auto start = make_field(config, domain);
+  for (int step = 0; step < 3; ++step) train_one_step(*start, config);
+  const SavedField saved(*start);
+  std::map<std::string, std::vector<std::string>> moved;  // by tensor: with which rates
+  for (const std::string& rate : rates) {
+    for (const std::string& other : rates) set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
+    const auto field = make_field(config, domain);
+    field->load(saved.reader(), true);
+    const auto before = tensors_of(*field);
     train_one_step(*field, config);
-    const std::vector<Part> after = parts_of(*field);
-    for (std::size_t i = 0; i < before.size(); ++i) {
-      const std::string& part = before[i].name;
-      if (part.find(' ') != std::string::npos) continue;  // the optimiser's state
-      const std::string its = part == "octree" ? "features" : part == "grid" ? "grids" : "networks";
-      EXPECT_EQ(before[i].values != after[i].values, its == rate) << part << " with adam.rate." << rate << " alone";
+    for (const auto& [name, tensor] : tensors_of(*field)) {
+      if (name.starts_with("optimizer.")) continue;
+      if (tensor.values != before.at(name).values) moved[name].push_back(rate);
     }
+  }
+  for (const std::string& name : saved.reader().names()) {
+    if (!name.ends_with(".weight") && !name.ends_with(".table") && !name.ends_with(".features")) continue;
+    ASSERT_EQ(moved.count(name), 1u) << name << " does not learn";
+  }
+  for (const auto& [name, with] : moved) {
+    const bool grid = name.find("grid") != std::string::npos, network = name.find("mlp") != std::string::npos;
+    EXPECT_EQ(with.size(), 1u) << name;
+    EXPECT_EQ(with[0] == "grids", grid) << name << " moves with adam.rate." << with[0];
+    EXPECT_EQ(with[0] == "networks", network) << name << " moves with adam.rate." << with[0];
   }
 }
 

@@ -125,8 +125,6 @@ ModelFileSize estimate_model_file_size(const Config& config, const std::vector<l
   return size;
 }
 
-ModelInfo read_model_info(const std::string& file) { return info_of(TensorReader(file)); }
-
 Model load_model(const std::string& file, bool optimizer) {
   const TensorReader in(file);
   Model model;

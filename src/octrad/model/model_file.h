@@ -48,9 +48,6 @@ ModelFileSize model_file_size(const TensorReader& file);
 // Of a file with optimiser state, before anything is allocated. Without the networks, whose size hardly counts.
 ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level);
 
-// The header alone.
-ModelInfo read_model_info(const std::string& file);
-
 // Throws InputError when the model was trained on another scene, unless `force`.
 void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
                  const std::string& fingerprint, bool force);

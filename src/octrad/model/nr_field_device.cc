@@ -1,6 +1,6 @@
 // Neural Radiosity on a device (method section 9).
 #include "octrad/base/error.h"
-#include "octrad/model/device_field_base.h"
+#include "octrad/model/field_base_device.h"
 #include "octrad/model/nr_field.h"
 
 namespace octrad {

@@ -2,7 +2,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
-#include "octrad/model/device_field_base.h"
+#include "octrad/model/field_base_device.h"
 #include "octrad/model/octaoctree_field.h"
 
 namespace octrad {

@@ -82,14 +82,6 @@ void TensorWriter::add(const std::string& name, DType type, std::vector<std::int
   entries_.push_back({name, type, std::move(shape), data, nullptr});
 }
 
-void TensorWriter::add_copy(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data) {
-  const std::size_t bytes = product(shape) * size_of(type);
-  const char* begin = static_cast<const char*>(data);
-  auto owned = std::make_shared<std::vector<char>>(begin, begin + bytes);
-  const void* copy = owned->data();
-  entries_.push_back({name, type, std::move(shape), copy, std::move(owned)});
-}
-
 void TensorWriter::write(const std::string& file) const {
   // Widest types first: every tensor is then aligned to its own type in the file and in a mapping of it.
   std::vector<const Entry*> order;

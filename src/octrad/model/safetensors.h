@@ -19,8 +19,6 @@ class TensorWriter {
  public:
   void metadata(const std::string& key, const std::string& value);
   void add(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
-  // Copies, for small or temporary tensors.
-  void add_copy(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data);
   // Writes a new file, syncs and renames: the old file survives any failure. Throws IoError.
   void write(const std::string& file) const;
 

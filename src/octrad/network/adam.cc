@@ -10,7 +10,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
-#include "octrad/network/adam_kernels.h"
+#include "octrad/network/adam_simd.h"
 
 namespace octrad {
 namespace {

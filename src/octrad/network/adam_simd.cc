@@ -1,6 +1,6 @@
 // Inner loops of Adam for every instruction set. Multiplications and additions stay separate and in the order of
 // adam_math.h: the results have the same bits everywhere, and memory, not arithmetic, sets the speed.
-#include "octrad/network/adam_kernels.h"
+#include "octrad/network/adam_simd.h"
 
 // SSSE3 and AVX-512 "DL" would give the same code as the next smaller sets.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)

@@ -12,7 +12,7 @@
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/network/adam_math.h"
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 namespace octrad {
 namespace {

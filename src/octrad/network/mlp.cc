@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "octrad/base/rng.h"
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 // Inside, activations of a tile are query-major [query][feature]: then the output of every product below (forward,
 // gradient of activations, gradient of weights) is written as the next one reads it, without a transpose. Only the

@@ -37,7 +37,6 @@ struct MlpPlan {
   // Blocks of weights, in the order in which the network's layers use them: the first layer input by input, because its
   // inputs are read from memory one after the other, the others output by output; `width` blocks at a time.
   OCTRAD_HD constexpr int blocks() const { return width * (in + (hidden - 1) * width + out); }
-  OCTRAD_HD constexpr int layer_begin(int l) const { return l == 0 ? 0 : width * (in + (l - 1) * width); }
 };
 
 // Which weights a block holds: rows k = 16 k_tile .. of the operand B(k, n), columns n = 16 n_tile ...

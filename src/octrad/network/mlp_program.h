@@ -1,9 +1,10 @@
 // The multi-layer perceptron as a program of one warp: a tile of rows goes through all layers in registers (their
-// layout is in mlp_fragment_math.h). Written for any Warp of warp.h. The same program takes gradients from the outputs
-// back to the inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place of ReLU.
+// layout is in mlp_fragment_math.h). Written for any Warp of warp_matrix.h. The same program takes gradients from the
+// outputs back to the inputs: the layers in reverse order with transposed weights, and the derivative of ReLU in place
+// of ReLU.
 #pragma once
 
-#include "octrad/network/warp.h"
+#include "octrad/network/warp_matrix.h"
 
 namespace octrad {
 

@@ -1,7 +1,7 @@
 // The matrix product of the multi-layer perceptron for every instruction set (Highway's dynamic dispatch: this file is
 // compiled once per target). The inner block keeps rows x vectors sums in registers: 8 x 3 with 32 registers of 16
 // floats (24 FMA per 3 loads and 8 broadcasts), 6 x 2 with 16 registers of 8 floats.
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 // SSSE3 and AVX-512 "DL" would give the same code as the next smaller sets.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)

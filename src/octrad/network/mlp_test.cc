@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "octrad/base/rng.h"
-#include "octrad/network/mlp_kernels.h"
 #include "octrad/network/mlp_reference_test_helper.h"
+#include "octrad/network/mlp_simd.h"
 
 namespace octrad {
 namespace {

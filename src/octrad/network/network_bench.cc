@@ -11,7 +11,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/network/adam.h"
 #include "octrad/network/mlp.h"
-#include "octrad/network/mlp_kernels.h"
+#include "octrad/network/mlp_simd.h"
 
 namespace octrad {
 namespace {

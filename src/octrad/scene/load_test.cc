@@ -36,7 +36,8 @@ class LoadTest : public ::testing::Test {
   }
   Vec3f color(const std::string& element) const {
     const Scene scene = load(element);
-    return evaluate(scene.textures.at(static_cast<std::size_t>(scene.materials.at(1).reflectance)), {0, 0});
+    return evaluate_texture(
+        texture_view(scene.textures.at(static_cast<std::size_t>(scene.materials.at(1).reflectance))), {0, 0});
   }
   // Positions of a mesh with the corners (1,0,0), (0,1,0), (0,0,1) after a transform.
   std::vector<Vec3f> transformed(const std::string& operations) const {
@@ -96,7 +97,9 @@ TEST_F(LoadTest, Defaults) {
   EXPECT_EQ(scene.film.filter_radius, 2.0f);
   EXPECT_EQ(scene.max_depth, -1);
   EXPECT_EQ(scene.shapes[0].material, 0);
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials[0].reflectance)], {0, 0}), Vec3f(0.5f));
+  EXPECT_EQ(
+      evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials[0].reflectance)]), {0, 0}),
+      Vec3f(0.5f));
   EXPECT_EQ(scene.bounds.lower, Vec3f(-1, -1, -1));
   EXPECT_EQ(scene.bounds.upper, Vec3f(1, 1, 1));
   EXPECT_EQ(scene.fingerprint.size(), 16u);
@@ -111,8 +114,9 @@ TEST_F(LoadTest, Parameters) {
   LoadOptions options;
   options.definitions = {{"r", "0.5"}};
   const Scene scene = load(body, options);
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)], {0, 0}),
-            Vec3f(0.5f, 0.5f, 1.0f));
+  EXPECT_EQ(
+      evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)]), {0, 0}),
+      Vec3f(0.5f, 0.5f, 1.0f));
 
   refuses(R"(<default name="spp" value="1"/><bsdf type="diffuse"><float name="reflectance" value="$sp"/></bsdf>)",
           "2:53", {"undefined parameter $sp", "did you mean \"spp\"", "-D sp=value"});
@@ -153,9 +157,9 @@ TEST_F(LoadTest, IncludesAliasesAndPaths) {
       R"(<default name="r" value="0.3"/><include filename="part.xml"/><include filename="one.xml"/><alias id="inner" as="outer"/><path value="sub"/>
     <shape type="sphere"><ref id="outer"/></shape><shape type="sphere"><ref id="single"/></shape><shape type="obj"><string name="filename" value="q.obj"/></shape>)");
   EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].id, "inner");
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(
-                         scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)],
-                     {0, 0}),
+  EXPECT_EQ(evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(
+                                 scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)]),
+                             {0, 0}),
             Vec3f(0.3f));
   EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[1].material)].type, BsdfType::conductor);
 
@@ -384,10 +388,15 @@ TEST_F(LoadTest, Wrappers) {
   EXPECT_EQ(scene.materials.at(static_cast<std::size_t>(m.back)).type, BsdfType::plastic);
   // A mask without opacity is half transparent; a colour counts by its luminance.
   scene = load(R"(<bsdf type="mask"><bsdf type="diffuse"/></bsdf>)");
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)], {0, 0}).x, 0.5f);
+  EXPECT_EQ(
+      evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)]), {0, 0})
+          .x,
+      0.5f);
   scene = load(R"(<bsdf type="mask"><rgb name="opacity" value="1 0 0"/><bsdf type="diffuse"/></bsdf>)");
-  EXPECT_NEAR(evaluate(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)], {0, 0}).x, 0.2126f,
-              1e-3f);
+  EXPECT_NEAR(
+      evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)]), {0, 0})
+          .x,
+      0.2126f, 1e-3f);
 
   refuses(R"(<bsdf type="twosided"/>)", "2:1", {"needs a nested <bsdf>"});
   refuses(R"(<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>)", "2:23", {"lets light through"});
@@ -454,15 +463,17 @@ TEST_F(LoadTest, Emitters) {
   ASSERT_EQ(scene.area_lights.size(), 2u);
   EXPECT_EQ(scene.shapes[0].emitter, 0);
   EXPECT_EQ(scene.area_lights[1].shape, 1);
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)], {0, 0}),
-            Vec3f(3, 20, 100));
-  EXPECT_LT(length(evaluate(scene.textures[static_cast<std::size_t>(scene.area_lights[1].radiance)], {0, 0}) -
+  EXPECT_EQ(
+      evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)]), {0, 0}),
+      Vec3f(3, 20, 100));
+  EXPECT_LT(length(evaluate_texture(
+                       texture_view(scene.textures[static_cast<std::size_t>(scene.area_lights[1].radiance)]), {0, 0}) -
                    Vec3f(3.61438f, 2.84487f, 2.72675f)),
             2e-5f);  // Mitsuba's
   // A light without a bsdf is black.
-  EXPECT_EQ(evaluate(scene.textures[static_cast<std::size_t>(
-                         scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)],
-                     {0, 0}),
+  EXPECT_EQ(evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(
+                                 scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)]),
+                             {0, 0}),
             Vec3f(0.0f));
   ASSERT_EQ(scene.environments.size(), 1u);
   EXPECT_EQ(scene.environments[0].pixels, (std::vector<Vec3f>{Vec3f(2.0f)}));

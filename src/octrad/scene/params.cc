@@ -357,7 +357,7 @@ std::string Params::required_string(const std::string& name) {
 
 std::string Params::choice(const std::string& name, const std::string& fallback,
                            const std::vector<std::string>& choices) {
-  const std::string value = lower_case(get_string(name, fallback));
+  std::string value = lower_case(get_string(name, fallback));
   if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
     fail(where(name), "parameter \"" + name + "\" of " + what() + " cannot be \"" + value + "\"" +
                           did_you_mean(value, choices) + "; supported: " + join(choices));

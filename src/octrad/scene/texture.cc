@@ -9,7 +9,4 @@ TextureView texture_view(const Texture& texture) {
   return view;
 }
 
-Vec3f evaluate(const Texture& texture, Vec2f uv) { return evaluate_texture(texture_view(texture), uv); }
-Vec2f gradient(const Texture& texture, Vec2f uv) { return texture_gradient(texture_view(texture), uv); }
-
 }  // namespace octrad

@@ -15,9 +15,4 @@ struct Texture : TextureSettings {
 // Holds as long as the pixels stay where they are.
 TextureView texture_view(const Texture& texture);
 
-// Linear RGB at surface coordinates `uv`. Scalar textures are read from .x (a grey file) or by luminance at load time.
-Vec3f evaluate(const Texture& texture, Vec2f uv);
-// Derivatives of the first channel with respect to u and v (for bump maps), in texture space after to_uv.
-Vec2f gradient(const Texture& texture, Vec2f uv);
-
 }  // namespace octrad

@@ -169,13 +169,14 @@ class TextureTest : public ::testing::Test {
     const Scene scene = load(texture);
     const Material& m = scene.materials[1];
     for (const Sample& s : samples) {
-      const Vec3f color = evaluate(scene.textures[static_cast<std::size_t>(m.specular_reflectance)], s.uv);
+      const Vec3f color =
+          evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(m.specular_reflectance)]), s.uv);
       EXPECT_LT(length(color - s.color), 2e-5f)
           << s.uv.x << " " << s.uv.y << ": " << color.x << " " << color.y << " " << color.z;
       if (!scalar) continue;
       const Texture& t = scene.textures[static_cast<std::size_t>(m.alpha_u)];
-      EXPECT_NEAR(evaluate(t, s.uv).x, s.scalar, 2e-5f);
-      const Vec2f g = gradient(t, s.uv);
+      EXPECT_NEAR(evaluate_texture(texture_view(t), s.uv).x, s.scalar, 2e-5f);
+      const Vec2f g = texture_gradient(texture_view(t), s.uv);
       EXPECT_NEAR(g.x, s.gradient.x, 3e-5f) << s.uv.x << " " << s.uv.y;
       EXPECT_NEAR(g.y, s.gradient.y, 3e-5f) << s.uv.x << " " << s.uv.y;
     }
@@ -223,9 +224,17 @@ TEST_F(TextureTest, GradientIsTheDerivativeOfTheValue) {
   const Texture& t = scene.textures[static_cast<std::size_t>(scene.materials[1].alpha_u)];
   const float h = 1e-3f;
   for (const Vec2f uv : {Vec2f{0.11f, 0.23f}, Vec2f{0.61f, 0.3f}, Vec2f{-0.4f, 1.7f}}) {
-    const Vec2f g = gradient(t, uv);
-    EXPECT_NEAR(g.x, (evaluate(t, {uv.x + h, uv.y}).x - evaluate(t, {uv.x - h, uv.y}).x) / (2 * h), 2e-3f);
-    EXPECT_NEAR(g.y, (evaluate(t, {uv.x, uv.y + h}).x - evaluate(t, {uv.x, uv.y - h}).x) / (2 * h), 2e-3f);
+    const Vec2f g = texture_gradient(texture_view(t), uv);
+    EXPECT_NEAR(g.x,
+                (evaluate_texture(texture_view(t), {uv.x + h, uv.y}).x -
+                 evaluate_texture(texture_view(t), {uv.x - h, uv.y}).x) /
+                    (2 * h),
+                2e-3f);
+    EXPECT_NEAR(g.y,
+                (evaluate_texture(texture_view(t), {uv.x, uv.y + h}).x -
+                 evaluate_texture(texture_view(t), {uv.x, uv.y - h}).x) /
+                    (2 * h),
+                2e-3f);
   }
 }
 
@@ -236,7 +245,7 @@ TEST_F(TextureTest, WildCoordinatesStayInside) {
   for (const Vec3f& pixel : t.pixels) lowest = min(lowest, pixel), highest = max(highest, pixel);
   for (const float x : {1e20f, -1e20f, INFINITY, NAN, 3e8f}) {
     for (const Vec2f uv : {Vec2f{x, x}, Vec2f{x, 0.3f}, Vec2f{0.3f, x}}) {
-      const Vec3f v = evaluate(t, uv);
+      const Vec3f v = evaluate_texture(texture_view(t), uv);
       EXPECT_EQ(min(v, lowest), lowest) << x;
       EXPECT_EQ(max(v, highest), highest) << x;
     }

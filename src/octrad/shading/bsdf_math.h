@@ -15,6 +15,7 @@ namespace octrad {
 // Bump mapping must not open directions that the surface before bumping hides (as Mitsuba's `bumpmap`).
 OCTRAD_HD inline bool bump_hides(const Bsdf& b, Vec3f wi) { return b.bumped && dot(b.base_normal, wi) * wi.z <= 0.0f; }
 
+// Zero below the surface for one-sided models.
 OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
   if (bump_hides(b, wi)) return {};
   BsdfValue v;
@@ -39,6 +40,7 @@ OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, 
   return {};
 }
 
+// Draws wi. `u_lobe` picks the lobe, `u` the direction; all uniform in [0, 1). Invalid samples carry no light.
 OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   if (u_lobe >= b.opacity) {
     BsdfSample s;
@@ -58,6 +60,7 @@ OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, V
   return s;
 }
 
+// Whether the model has only delta (or null) lobes: smooth conductor, dielectric, thin dielectric.
 OCTRAD_HD inline bool is_delta_bsdf(const Bsdf& b) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model, transmits) \
@@ -68,6 +71,7 @@ OCTRAD_HD inline bool is_delta_bsdf(const Bsdf& b) {
   return false;
 }
 
+// What a radiance field is told of the surface: view-independent albedo, and roughness (1 for diffuse, 0 for smooth).
 OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model, transmits) \

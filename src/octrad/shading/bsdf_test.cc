@@ -1,4 +1,4 @@
-#include "octrad/shading/bsdf.h"
+#include "octrad/shading/materials.h"
 
 #include <gtest/gtest.h>
 
@@ -84,16 +84,16 @@ TEST(Bsdf, SamplesFollowTheirDensity) {
   std::uint64_t seed = 1;
   for (const Named& entry : zoo().entries) {
     const Bsdf b = zoo().materials->at(entry.material, {0, 0});
-    if (is_delta(b)) continue;
+    if (is_delta_bsdf(b)) continue;
     for (const Vec3f wo : kViews) {
       const auto result = testing::chi_square(
           [&](Rng& rng, Vec3f& w) {
             const float u_lobe = rng.uniform();
-            const BsdfSample s = sample(b, wo, u_lobe, rng.uniform2());
+            const BsdfSample s = sample_bsdf(b, wo, u_lobe, rng.uniform2());
             w = s.wi;
             return s.valid && !s.delta;
           },
-          [&](Vec3f w) { return static_cast<double>(pdf(b, wo, w)); }, 100000, ++seed);
+          [&](Vec3f w) { return static_cast<double>(evaluate_bsdf(b, wo, w).pdf); }, 100000, ++seed);
       EXPECT_GT(result.p_value, kSignificance) << entry.name << " wo.z " << wo.z << ": " << result.text;
       // What is missing of 1 is what delta lobes and samples under the surface take.
       EXPECT_NEAR(result.integral, result.share, 0.008) << entry.name << " wo.z " << wo.z;
@@ -109,20 +109,20 @@ TEST(Bsdf, WeightsAreValueOverDensity) {
     for (int i = 0; i < 2000; ++i) {
       const Vec3f wo = kViews[static_cast<std::size_t>(i) % kViews.size()];
       const float u_lobe = rng.uniform();
-      const BsdfSample s = sample(b, wo, u_lobe, rng.uniform2());
+      const BsdfSample s = sample_bsdf(b, wo, u_lobe, rng.uniform2());
       if (!s.valid) continue;
       EXPECT_NEAR(length(s.wi), 1.0f, 1e-4f) << entry.name;
       EXPECT_GT(s.pdf, 0.0f) << entry.name;
       if (s.delta) continue;
       ++smooth;
-      const BsdfValue v = evaluate_pdf(b, wo, s.wi);
+      const BsdfValue v = evaluate_bsdf(b, wo, s.wi);
       EXPECT_NEAR(v.pdf, s.pdf, 2e-3f * s.pdf) << entry.name;
-      EXPECT_EQ(v.pdf, pdf(b, wo, s.wi));
-      EXPECT_EQ(v.value, evaluate(b, wo, s.wi));
+      EXPECT_EQ(v.pdf, evaluate_bsdf(b, wo, s.wi).pdf);
+      EXPECT_EQ(v.value, evaluate_bsdf(b, wo, s.wi).value);
       for (int c = 0; c < 3; ++c)
         EXPECT_NEAR(s.weight[c] * s.pdf, v.value[c], 3e-3f * v.value[c] + 1e-6f) << entry.name;
     }
-    EXPECT_EQ(smooth > 0, !is_delta(b)) << entry.name;
+    EXPECT_EQ(smooth > 0, !is_delta_bsdf(b)) << entry.name;
   }
 }
 
@@ -131,7 +131,7 @@ TEST(Bsdf, ReciprocalAndBounded) {
     const Bsdf b = zoo().materials->at(entry.material, {0, 0});
     for (const Vec3f a : kViews) {
       for (const Vec3f c : kViews) {
-        const Vec3f forward = evaluate(b, a, c) / c.z, backward = evaluate(b, c, a) / a.z;
+        const Vec3f forward = evaluate_bsdf(b, a, c).value / c.z, backward = evaluate_bsdf(b, c, a).value / a.z;
         for (int i = 0; i < 3; ++i) EXPECT_NEAR(forward[i], backward[i], 2e-4f * forward[i] + 1e-6f) << entry.name;
       }
     }
@@ -143,7 +143,7 @@ TEST(Bsdf, ReciprocalAndBounded) {
       constexpr int kSamples = 20000;
       for (int i = 0; i < kSamples; ++i) {
         const float u_lobe = rng.uniform();
-        const BsdfSample s = sample(b, wo, u_lobe, rng.uniform2());
+        const BsdfSample s = sample_bsdf(b, wo, u_lobe, rng.uniform2());
         if (s.valid) sum += Vec3d(s.weight * (s.eta * s.eta));
       }
       for (int c = 0; c < 3; ++c) {
@@ -159,9 +159,9 @@ TEST(Bsdf, NothingFromBelowOneSidedModels) {
     const Bsdf b = zoo().materials->at(entry.material, {0, 0});
     if (transmits(b.type) || b.opacity < 1.0f) continue;
     const Vec3f below{0.3f, 0.2f, -std::sqrt(1.0f - 0.13f)};
-    EXPECT_FALSE(sample(b, below, 0.3f, {0.2f, 0.6f}).valid) << entry.name;
-    EXPECT_EQ(max_component(evaluate(b, kViews[0], below)), 0.0f);
-    EXPECT_EQ(max_component(evaluate(b, below, kViews[0])), 0.0f);
+    EXPECT_FALSE(sample_bsdf(b, below, 0.3f, {0.2f, 0.6f}).valid) << entry.name;
+    EXPECT_EQ(max_component(evaluate_bsdf(b, kViews[0], below).value), 0.0f);
+    EXPECT_EQ(max_component(evaluate_bsdf(b, below, kViews[0]).value), 0.0f);
   }
 }
 
@@ -169,17 +169,17 @@ TEST(Bsdf, FirstHitAttributes) {
   const Vec3f diffuse(0.9f, 0.5f, 0.1f), specular(1.0f);
   for (const Named& entry : zoo().entries) {
     const Bsdf b = zoo().materials->at(entry.material, {0, 0});
-    EXPECT_TRUE(albedo(b) == diffuse || albedo(b) == specular) << entry.name;
-    EXPECT_GE(roughness(b), 0.0f) << entry.name;
-    EXPECT_LE(roughness(b), 1.0f) << entry.name;
-    EXPECT_FALSE(is_delta(b) && roughness(b) > 0.0f) << entry.name;
+    EXPECT_TRUE(albedo_bsdf(b) == diffuse || albedo_bsdf(b) == specular) << entry.name;
+    EXPECT_GE(roughness_bsdf(b), 0.0f) << entry.name;
+    EXPECT_LE(roughness_bsdf(b), 1.0f) << entry.name;
+    EXPECT_FALSE(is_delta_bsdf(b) && roughness_bsdf(b) > 0.0f) << entry.name;
     const bool metal_or_glass =
         b.type == BsdfType::conductor || b.type == BsdfType::roughconductor || transmits(b.type);
-    EXPECT_EQ(albedo(b), metal_or_glass ? specular : diffuse) << entry.name;
+    EXPECT_EQ(albedo_bsdf(b), metal_or_glass ? specular : diffuse) << entry.name;
     switch (b.type) {
-      case BsdfType::diffuse: EXPECT_EQ(roughness(b), 1.0f); break;
-      case BsdfType::roughplastic: EXPECT_EQ(roughness(b), b.alpha_u); break;
-      case BsdfType::roughconductor: EXPECT_FLOAT_EQ(roughness(b), std::sqrt(b.alpha_u * b.alpha_v)); break;
+      case BsdfType::diffuse: EXPECT_EQ(roughness_bsdf(b), 1.0f); break;
+      case BsdfType::roughplastic: EXPECT_EQ(roughness_bsdf(b), b.alpha_u); break;
+      case BsdfType::roughconductor: EXPECT_FLOAT_EQ(roughness_bsdf(b), std::sqrt(b.alpha_u * b.alpha_v)); break;
       default: break;
     }
   }
@@ -189,12 +189,12 @@ TEST(Bsdf, MaskPassesItsShareStraight) {
   const int index = zoo().entries.back().material;
   const Bsdf b = zoo().materials->at(index, {0, 0});
   ASSERT_FLOAT_EQ(b.opacity, 0.3f);
-  const BsdfSample through = sample(b, kViews[1], 0.31f, {0.5f, 0.5f});
+  const BsdfSample through = sample_bsdf(b, kViews[1], 0.31f, {0.5f, 0.5f});
   EXPECT_TRUE(through.valid && through.null && through.delta);
   EXPECT_EQ(through.wi, -kViews[1]);
   EXPECT_FLOAT_EQ(through.pdf, 0.7f);
   EXPECT_EQ(through.weight, Vec3f(1.0f));
-  EXPECT_FALSE(sample(b, kViews[1], 0.29f, {0.5f, 0.5f}).null);
+  EXPECT_FALSE(sample_bsdf(b, kViews[1], 0.29f, {0.5f, 0.5f}).null);
 }
 
 // Total internal reflection and the index matched boundary.
@@ -203,11 +203,11 @@ TEST(Bsdf, DielectricLimits) {
   b.type = BsdfType::dielectric;
   b.eta = 1.5f;
   const Vec3f grazing_inside = normalize(Vec3f(1.0f, 0.0f, -0.5f));
-  const BsdfSample reflected = sample(b, grazing_inside, 0.999f, {0.5f, 0.5f});
+  const BsdfSample reflected = sample_bsdf(b, grazing_inside, 0.999f, {0.5f, 0.5f});
   EXPECT_FALSE(reflected.transmission);
   EXPECT_FLOAT_EQ(reflected.pdf, 1.0f);
   b.eta = 1.0f;
-  const BsdfSample straight = sample(b, grazing_inside, 0.001f, {0.5f, 0.5f});
+  const BsdfSample straight = sample_bsdf(b, grazing_inside, 0.001f, {0.5f, 0.5f});
   EXPECT_TRUE(straight.transmission);
   EXPECT_NEAR(dot(straight.wi, -grazing_inside), 1.0f, 1e-6f);
 }

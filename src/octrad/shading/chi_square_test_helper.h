@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "octrad/base/rng.h"
-#include "octrad/shading/bsdf.h"
+#include "octrad/shading/materials.h"
 
 namespace octrad::testing {
 

@@ -20,12 +20,9 @@ class CompactTexture {
   CompactTexture(const CompactTexture&) = delete;
   CompactTexture& operator=(const CompactTexture&) = delete;
 
-  // The same bits as octrad::evaluate(texture, uv).
-  Vec3f evaluate(Vec2f uv) const { return evaluate_texture(view_, uv); }
   // Starts loading what evaluate_texture(view, uv) will read, of a view with tiles.
   static void prefetch(const TextureView& view, Vec2f uv);
   const TextureView& view() const { return view_; }
-  std::size_t tile_count() const { return tiles_.size(); }
 
  private:
   float palette_[kPaletteSize] = {};

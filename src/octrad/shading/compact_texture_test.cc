@@ -34,12 +34,12 @@ TEST(CompactTexture, SameBitsAsTheTexture) {
       Rng rng(2, RngPurpose::test, 0);
       for (int i = 0; i < 5000; ++i) {
         const Vec2f uv = rng.uniform2() * 6.0f - Vec2f{3.0f, 3.0f};
-        ASSERT_EQ(compact->evaluate(uv), evaluate(t, uv)) << uv.x << " " << uv.y;
+        ASSERT_EQ(evaluate_texture(compact->view(), uv), evaluate_texture(texture_view(t), uv)) << uv.x << " " << uv.y;
         CompactTexture::prefetch(compact->view(), uv);
       }
       for (const Vec2f uv :
            {Vec2f{0, 0}, Vec2f{1, 1}, Vec2f{-1, 2}, Vec2f{1e20f, 0.5f}, Vec2f{NAN, 0.5f}, Vec2f{INFINITY, -INFINITY}}) {
-        const Vec3f a = compact->evaluate(uv), b = evaluate(t, uv);
+        const Vec3f a = evaluate_texture(compact->view(), uv), b = evaluate_texture(texture_view(t), uv);
         for (int c = 0; c < 3; ++c) EXPECT_TRUE(a[c] == b[c] || (std::isnan(a[c]) && std::isnan(b[c]))) << uv.x;
       }
     }

@@ -5,9 +5,9 @@
 #include "octrad/geometry/bvh8.h"
 #include "octrad/geometry/surface_sampling.h"
 #include "octrad/scene/scene.h"
-#include "octrad/shading/bsdf.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/shading/lights.h"
+#include "octrad/shading/materials.h"
 
 namespace octrad {
 

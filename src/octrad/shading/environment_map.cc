@@ -42,8 +42,6 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
   double total = 0.0;
   for (const double r : row_weights) total += r;
   if (total > 0.0) view_.inv_integral = static_cast<float>(static_cast<double>((h - 1) * w) / total);
-  // The mean over the sphere: integral of weight over (u, v), times 2 pi^2, over 4 pi.
-  mean_ = static_cast<float>(total / static_cast<double>((h - 1) * w) * 3.14159265358979323846 / 2.0);
 }
 
 void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* out) {

@@ -30,8 +30,6 @@ class EnvironmentMap {
   // Start loading what sample(u) will read: first the table entry, then (once that is there) the pixels.
   void prefetch_table(Vec2f u) const;
   void prefetch_pixels(Vec2f u) const;
-  // Mean radiance luminance over the sphere.
-  float mean_luminance() const { return mean_; }
   // The tables as environment_math.h reads them.
   const EnvironmentView& view() const { return view_; }
 
@@ -41,7 +39,6 @@ class EnvironmentMap {
   std::vector<float> sines_;
   std::vector<AliasEntry> rows_, cells_;
   EnvironmentView view_;
-  float mean_ = 0.0f;
 };
 
 }  // namespace octrad

@@ -9,7 +9,7 @@
 #include "octrad/scene/texture_math.h"
 #include "octrad/shading/environment_math.h"
 #include "octrad/shading/light_sample.h"
-#include "octrad/shading/warp.h"
+#include "octrad/shading/square_maps.h"
 
 namespace octrad {
 

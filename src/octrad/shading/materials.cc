@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "octrad/base/threads.h"
-#include "octrad/shading/bsdf.h"
 #include "octrad/shading/compact_texture.h"
 #include "octrad/shading/fresnel.h"
+#include "octrad/shading/materials.h"
 #include "octrad/shading/rough_transmittance.h"
 
 namespace octrad {

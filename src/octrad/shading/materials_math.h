@@ -1,5 +1,5 @@
 // From a point of a surface to a shaded hit: parameters looked up in textures, sides, bump mapping. For host and
-// device, over the tables that Materials makes (shading/bsdf.h).
+// device, over the tables that Materials makes (shading/materials.h).
 #pragma once
 
 #include <cmath>

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "octrad/scene/sample_scenes.h"
-#include "octrad/shading/bsdf.h"
 #include "octrad/shading/environment_map.h"
+#include "octrad/shading/materials.h"
 
 namespace octrad {
 namespace {
@@ -51,18 +51,19 @@ void expect_close(float ours, float theirs, float relative, const std::string& w
 TEST(MitsubaValues, Evaluations) {
   for (const MitsubaEvaluation& e : kMitsubaEvaluations) {
     const Bsdf b = mitsuba_materials().at(e.material, {0, 0});
-    const Vec3f v = evaluate(b, e.wo, e.wi);
+    const Vec3f v = evaluate_bsdf(b, e.wo, e.wi).value;
     const std::string what = "material " + std::to_string(e.material) + " wo.z " + std::to_string(e.wo.z) + " wi.z " +
                              std::to_string(e.wi.z);
     for (int c = 0; c < 3; ++c) expect_close(v[c], e.value[c], b.type == BsdfType::roughplastic ? 2e-3f : 1e-4f, what);
     // Rough plastics share samples by their transmittance, where the rest of the quadrature shows.
-    expect_close(pdf(b, e.wo, e.wi), e.pdf, b.type == BsdfType::roughplastic ? 6e-3f : 1e-4f, "pdf " + what);
+    expect_close(evaluate_bsdf(b, e.wo, e.wi).pdf, e.pdf, b.type == BsdfType::roughplastic ? 6e-3f : 1e-4f,
+                 "pdf " + what);
   }
 }
 
 TEST(MitsubaValues, DeltaLobes) {
   for (const MitsubaSample& e : kMitsubaSamples) {
-    const BsdfSample s = sample(mitsuba_materials().at(e.material, {0, 0}), e.wo, e.u_lobe, {0.3f, 0.7f});
+    const BsdfSample s = sample_bsdf(mitsuba_materials().at(e.material, {0, 0}), e.wo, e.u_lobe, {0.3f, 0.7f});
     ASSERT_TRUE(s.valid && s.delta) << e.material;
     const std::string what = "material " + std::to_string(e.material) + " wo.z " + std::to_string(e.wo.z);
     for (int c = 0; c < 3; ++c) {

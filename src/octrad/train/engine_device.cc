@@ -11,7 +11,7 @@
 #include "octrad/device/array.h"
 #include "octrad/device/launch.h"
 #include "octrad/model/device_field.h"
-#include "octrad/train/device_engine.h"
+#include "octrad/train/engine_device.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/rhs_device.h"
@@ -92,7 +92,7 @@ class DeviceEngine : public TrainEngine {
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
-        answers_(stream, most_slots(config), "answers of the cache"),
+        responses_(stream, most_slots(config), "responses of the cache"),
         targets_(stream, most_points(config), "targets") {
     rhs_options_.max_chain = config.train_max_chain;
     rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
@@ -110,8 +110,8 @@ class DeviceEngine : public TrainEngine {
     stale_ = true;
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
-    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(graphs_, shape) &&
-        is_recorded(draws_, last_points_)) {
+    if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(step_graphs_, shape) &&
+        is_recorded(draw_graphs_, last_points_)) {
       next_timed_ = step + kStepsBetweenTimes;
       times_.settle();
       times_.begin();
@@ -121,7 +121,7 @@ class DeviceEngine : public TrainEngine {
       return;
     }
     draw_group(step);
-    run_or_replay(graphs_, shape, [&] { run(s, no_mark); });
+    run_or_replay(step_graphs_, shape, [&] { run(s, no_mark); });
   }
 
   int steps_between_reports() const override { return kStepsBetweenReports; }
@@ -144,7 +144,7 @@ class DeviceEngine : public TrainEngine {
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     if (query_points_.stride() == 0) {
       query_points_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
-      responses_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
+      query_radiance_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
     }
     std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * query_points_.stride());
     const SurfacePointArray host{planes.data(), query_points_.stride()};
@@ -152,8 +152,8 @@ class DeviceEngine : public TrainEngine {
       const std::size_t n = std::min(kQueryChunk, points.size() - begin);
       for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
       stream_.upload(query_points_.points().data, planes.data(), planes.size() * sizeof(float));
-      device_field_->radiance(query_points_.points(), nullptr, n, responses_.data());
-      responses_.download(out.subspan(begin, n));
+      device_field_->radiance(query_points_.points(), nullptr, n, query_radiance_.data());
+      query_radiance_.download(out.subspan(begin, n));
     }
   }
 
@@ -204,7 +204,7 @@ class DeviceEngine : public TrainEngine {
     const int steps = group_steps(last_points_, options_);
     const std::pair<std::size_t, long long> group{last_points_, step / steps};
     if (group == drawn_) return;
-    run_or_replay(draws_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
+    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
     drawn_ = group;
   }
 
@@ -217,9 +217,9 @@ class DeviceEngine : public TrainEngine {
     rhs_.trace(points, rhs_options_);
     mark("right-hand rays");
     device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions),
-                            answers_.data());
+                            responses_.data());
     mark("field");
-    rhs_.reduce(points, rhs_options_, answers_.data(), targets_.data());
+    rhs_.reduce(points, rhs_options_, responses_.data(), targets_.data());
     mark("targets");
     device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
     mark("gradient step");
@@ -238,13 +238,13 @@ class DeviceEngine : public TrainEngine {
   std::unique_ptr<DeviceField> device_field_;
   bool stale_ = false;  // field_ lacks what the device learnt since
   DeviceArray<StepInput> input_;
-  DeviceArray<Vec3f> answers_, targets_;
+  DeviceArray<Vec3f> responses_, targets_;
   std::size_t last_points_ = 0;
   std::pair<std::size_t, long long> drawn_;  // points a step and number of the group that lhs_ holds
-  Graphs<std::size_t> draws_;                // by points of a step
-  Graphs<std::pair<int, int>> graphs_;       // by points and directions
+  Graphs<std::size_t> draw_graphs_;          // by points of a step
+  Graphs<std::pair<int, int>> step_graphs_;  // by points and directions
   PlaneArray query_points_;
-  DeviceArray<Vec3f> responses_;
+  DeviceArray<Vec3f> query_radiance_;
 };
 
 }  // namespace

@@ -11,7 +11,8 @@
 #include "octrad/train/batch.h"
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
-#include "octrad/train/device_engine.h"
+#include "octrad/train/engine_device.h"
+#include "octrad/train/trainer.h"
 
 namespace octrad {
 namespace {

@@ -12,7 +12,7 @@
 #include "octrad/base/error.h"
 #include "octrad/geometry/voxelize.h"
 #include "octrad/model/field_registry.h"
-#include "octrad/train/device_engine.h"
+#include "octrad/train/engine_device.h"
 #include "octrad/train/validation.h"
 
 namespace octrad {

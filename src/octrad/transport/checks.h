@@ -69,7 +69,7 @@ CheckResult check_occluded(Stream& stream, const PreparedScene& scene, std::span
 // and samples of all of them, number by number.
 CheckResult check_world(Stream& stream, const PreparedScene& scene, std::size_t n, std::uint64_t seed);
 
-// Points of the steps from `first` to the first one of the next group of `group` steps (LhsOn::draw).
+// Points of the steps from `first` to the first one of the next group of `group` steps (DeviceLhs::draw).
 CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, const LhsOptions& options, std::size_t n,
                                   unsigned long long first, int group, int rounds = -1);
 

@@ -4,8 +4,8 @@
 
 #include "octrad/geometry/tracer.h"
 #include "octrad/scene/scene.h"
-#include "octrad/shading/bsdf.h"
 #include "octrad/shading/lights.h"
+#include "octrad/shading/materials.h"
 #include "octrad/transport/follow_math.h"
 
 namespace octrad {

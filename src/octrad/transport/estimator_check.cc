@@ -214,7 +214,9 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     return Vec3f(p.surface.position.y / size, p.wo.z, static_cast<float>(key % 1000) * 1e-3f);
   };
   EstimateErrors errors;
-  for (const auto& [options, traced] : cases) {
+  for (const FirstHitCase& one : cases) {
+    const FirstHitOptions& options = one.options;
+    const bool traced = one.traced_disparity;
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "octrad/shading/bsdf_types.h"
-#include "octrad/shading/warp.h"
+#include "octrad/shading/square_maps.h"
 
 namespace octrad {
 

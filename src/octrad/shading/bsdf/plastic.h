@@ -4,7 +4,7 @@
 
 #include "octrad/shading/bsdf_types.h"
 #include "octrad/shading/fresnel.h"
-#include "octrad/shading/warp.h"
+#include "octrad/shading/square_maps.h"
 
 namespace octrad {
 

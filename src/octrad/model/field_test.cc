@@ -153,32 +153,9 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
   EXPECT_LT(radiance, 1e-3);  // 1.8e-4
 }
 
-TEST_P(AllFields, EveryRateThatTheFieldHasTrains) {
-  const auto points = random_points(64, 5);
-  const std::string file = temporary("rates.octrad");
-  const auto trained = make_field(small_config(GetParam()), shell(3));
-  train_steps(*trained, 20);
-  for (const std::string rate : {"features", "networks", "grids", "none"}) {
-    Config config = small_config(GetParam());
-    for (const std::string other : {"features", "networks", "grids"})
-      set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
-    ModelInfo info;
-    info.config = config;
-    save_model(file, *trained, info, false);
-    const auto field = load_model(file).field;
-    const std::vector<Vec3f> before = evaluate(*field, points);
-    train_steps(*field, 1);
-    const bool trains = rate != "none" && !ignores_key(field_entry(GetParam()), "adam.rate." + rate);
-    EXPECT_EQ(evaluate(*field, points) != before, trains) << rate;
-  }
-  std::filesystem::remove(file);
-}
-
-TEST(Fields, EveryRateMovesItsOwnParts) {
-  for (const char* name : {"octaoctree", "nr"}) {
-    SCOPED_TRACE(name);
-    testing::check_rates(small_config(name), 3, [](RadianceField& field, const Config&) { train_steps(field, 1); });
-  }
+TEST_P(AllFields, EveryRateMovesItsOwnParts) {
+  testing::check_rates(small_config(GetParam()), shell(3),
+                       [](RadianceField& field, const Config&) { train_steps(field, 1); });
 }
 
 // Switches of the method that must train and that must change the result.
@@ -218,45 +195,6 @@ TEST(OctaOctreeField, EverySwitchTrainsAndMatters) {
   }
 }
 
-TEST(ModelFile, RefusesBrokenFiles) {
-  const std::string file = temporary("broken.octrad");
-  EXPECT_THROW(load_model(file), IoError);
-  std::ofstream(file) << "no model";
-  EXPECT_THROW(load_model(file), InputError);
-  TensorWriter other;
-  other.metadata("format", "something else");
-  other.write(file);
-  EXPECT_THROW(load_model(file), InputError);
-
-  // A sound model, but with cells outside the grid, or with a tensor missing.
-  const auto field = make_field(small_config("octaoctree"), shell(3));
-  ModelInfo info;
-  info.config = small_config("octaoctree");
-  save_model(file, *field, info, false);
-  const TensorReader in(file);
-  for (const std::string broken :
-       {"octree.level2.cells", "decoder.mlp.1.weight", "octree.origin", "disparity.grid.table"}) {
-    TensorWriter out;
-    for (const auto& [key, value] : in.metadata()) out.metadata(key, value);
-    const std::vector<std::int32_t> outside(static_cast<std::size_t>(in.get("octree.level2.cells").count), 1000);
-    for (const std::string& name : in.names()) {
-      const auto t = in.get(name);
-      if (name != broken) out.add(name, t.type, t.shape, t.data);
-      else if (name == "octree.level2.cells") out.add_copy(name, t.type, t.shape, outside.data());
-    }
-    const std::string copy = temporary("broken2.octrad");
-    out.write(copy);
-    try {
-      load_model(copy);
-      ADD_FAILURE() << broken << " was accepted";
-    } catch (const InputError& e) {
-      EXPECT_NE(std::string(e.what()).find(broken), std::string::npos) << e.what();
-    }
-    std::filesystem::remove(copy);
-  }
-  std::filesystem::remove(file);
-}
-
 // Every key that the field is said to ignore is set to another value; training must not notice.
 TEST_P(AllFields, KeysOfOtherFieldsChangeNothing) {
   const Config config = small_config(GetParam());
@@ -281,30 +219,6 @@ TEST_P(AllFields, KeysOfOtherFieldsChangeNothing) {
       EXPECT_NE(get(changed, key.key), key.value) << key.key;
       EXPECT_TRUE(trained(changed) == expected) << key.key;
     }
-  }
-}
-
-TEST(Registry, OwnKeysAreKeys) {
-  for (const FieldEntry* field : field_entries()) {
-    for (const std::string_view begin : field->own_keys) {
-      const std::vector<ConfigKey> keys = describe(Config{});
-      EXPECT_TRUE(std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.key.rfind(begin, 0) == 0; }))
-          << field->name << ": " << begin;
-    }
-  }
-  EXPECT_TRUE(ignores_key(field_entry("nr"), "octree.levels"));
-  EXPECT_FALSE(ignores_key(field_entry("octaoctree"), "octree.levels"));
-  EXPECT_FALSE(ignores_key(field_entry("nr"), "train.points"));
-}
-
-TEST(Registry, UnknownFieldIsRefusedWithASuggestion) {
-  Config config;
-  config.field = "octaoctre";
-  try {
-    make_field(config, shell(1));
-    FAIL();
-  } catch (const UsageError& e) {
-    EXPECT_NE(std::string(e.what()).find("octaoctree"), std::string::npos);
   }
 }
 

@@ -1,4 +1,4 @@
-// The training loop: schedule, resuming, interruption, memory, failure. What it learns is tested in learning_test.cc.
+// The training loop: resuming, interruption, memory, failure. What it learns is tested in learning_test.cc.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -42,49 +42,6 @@ void expect_same_tensors(const std::string& a, const std::string& b) {
     ASSERT_EQ(x.bytes, y.bytes) << name;
     EXPECT_EQ(std::memcmp(x.data, y.data, x.bytes), 0) << name << " differs";
   }
-}
-
-TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
-  Config config = preset("paper");
-  const ScheduleState first = schedule(config, 0, 0.0), last = schedule(config, 19999, 0.99);
-  EXPECT_EQ(first.points, 65536);
-  EXPECT_EQ(first.directions, 32);
-  EXPECT_DOUBLE_EQ(first.epsilon, 0.1);
-  EXPECT_DOUBLE_EQ(first.rate_scale, 1.0);
-  EXPECT_EQ(last.points, 8192);
-  EXPECT_EQ(last.directions, 256);
-  EXPECT_NEAR(last.epsilon, 0.0125, 1e-12);
-  EXPECT_DOUBLE_EQ(last.rate_scale, 1.0);
-  config = preset("cpu");
-  EXPECT_LT(schedule(config, 0, 0.0).rate_scale, 0.02);
-  EXPECT_NEAR(schedule(config, 100000, 1.0).rate_scale, 0.02, 1e-9);
-}
-
-TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {
-  EXPECT_EQ(smoothed_loss(-1.0, 3.0, 0), 3.0);
-  double smoothed = -1.0;
-  for (int i = 0; i < 50; ++i) smoothed = smoothed_loss(smoothed, i, i);
-  EXPECT_NEAR(smoothed, 24.5, 1e-9);  // of the first 50 steps, all
-  // A loss that falls from 1 to 0 at some step has left the mean to 1 / e a tenth later.
-  for (const long long step : {1000LL, 4000LL, 100000LL}) {
-    double after = 1.0;
-    const long long window = std::min(500LL, step / 10);
-    for (long long i = 0; i < window; ++i) after = smoothed_loss(after, 0.0, step + i);
-    EXPECT_NEAR(after, std::exp(-1.0), 0.03) << step;
-  }
-}
-
-TEST(Schedule, SpentBudget) {
-  Config config = preset("cpu");
-  TrainingState state;
-  state.step = 30;
-  state.seconds = 60.0;
-  config.train_seconds = 240.0;
-  EXPECT_DOUBLE_EQ(spent_budget(config, state), 0.25);
-  config.train_steps = 60;
-  EXPECT_DOUBLE_EQ(spent_budget(config, state), 0.5);
-  config.train_steps = 20;
-  EXPECT_EQ(spent_budget(config, state), 1.0);
 }
 
 TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {

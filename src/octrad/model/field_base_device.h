@@ -27,13 +27,12 @@ class DeviceFieldBase : public DeviceField {
  public:
   static constexpr std::size_t kTrainChunk = std::size_t{1} << 16;  // rows whose activations are kept at a time
 
-  // Rows in flight for queries and for training.
-  static std::size_t query_rows(const DeviceFieldOptions& options) { return options.max_points; }
+  // Rows in flight for training, and at most.
   static std::size_t train_rows(const DeviceFieldOptions& options) {
     return std::min(options.max_train_points, kTrainChunk);
   }
   static std::size_t rows(const DeviceFieldOptions& options) {
-    return std::max(query_rows(options), train_rows(options));
+    return std::max(options.max_points, train_rows(options));
   }
   static std::vector<MemoryPart> decoder_memory(const MlpShape& shape, const DeviceFieldOptions& options);
   static DeviceTableOptions table_options(const Config& config, const DeviceFieldOptions& options, int levels,

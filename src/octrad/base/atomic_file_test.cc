@@ -1,0 +1,126 @@
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+
+namespace octrad {
+namespace {
+
+void write_text_file(const std::string& file, const std::string& text) {
+  AtomicFile out(file);
+  out.write(text);
+  out.commit();
+}
+
+class AtomicFiles : public ::testing::Test {
+ protected:
+  AtomicFiles() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "octrad-file-XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+  }
+  ~AtomicFiles() override { std::filesystem::remove_all(folder_); }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::filesystem::path folder_;
+};
+
+TEST_F(AtomicFiles, AtomicFileReplacesOrLeaves) {
+  write_text_file(path("a"), "old");
+  {
+    AtomicFile out(path("a"));
+    out.write(std::string("half"));
+  }  // no commit
+  EXPECT_EQ(read_text_file(path("a")), "old");
+  write_text_file(path("a"), "new");
+  EXPECT_EQ(read_text_file(path("a")), "new");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
+}
+
+TEST_F(AtomicFiles, AtomicFilesOfTwoWritersNeverMix) {
+  write_text_file(path("a.tmp"), "somebody's own");
+  {
+    AtomicFile one(path("a")), two(path("a"));
+    one.write(std::string(100, '1'));
+    two.write(std::string(50, '2'));
+    one.write(std::string(100, '1'));
+    two.commit();
+    EXPECT_EQ(read_text_file(path("a")), std::string(50, '2'));
+    one.commit();
+  }
+  EXPECT_EQ(read_text_file(path("a")), std::string(200, '1'));
+  EXPECT_EQ(read_text_file(path("a.tmp")), "somebody's own");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 2);
+}
+
+TEST_F(AtomicFiles, OneWriterHoldsTheLock) {
+  {
+    const WriterLock first(path("a"));
+    const pid_t child = fork();
+    if (child == 0) {
+      int code = 1;
+      try {
+        const WriterLock second(path("a"));
+      } catch (const IoError& error) {
+        code = std::string(error.what()).find("another process") != std::string::npos ? 0 : 2;
+      }
+      _exit(code);
+    }
+    int status = -1;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+  }
+  const WriterLock again(path("a"));
+  EXPECT_NO_THROW(WriterLock("/dev/null"));
+}
+
+TEST_F(AtomicFiles, AtomicFileFollowsLinks) {
+  write_text_file(path("target"), "old");
+  std::filesystem::create_symlink(path("target"), path("link"));
+  write_text_file(path("link"), "new");
+  EXPECT_TRUE(std::filesystem::is_symlink(path("link")));
+  EXPECT_EQ(read_text_file(path("target")), "new");
+}
+
+TEST_F(AtomicFiles, AtomicFileNamesWhatIsWrong) {
+  EXPECT_THROW(AtomicFile(path("none/x")), IoError);
+  EXPECT_THROW(AtomicFile(folder_.string()), IoError);
+  EXPECT_THROW(AtomicFile(""), IoError);
+  EXPECT_THROW(read_text_file(path("none")), IoError);
+  EXPECT_THROW(read_text_file(folder_.string()), IoError);
+  write_text_file(path("file"), "");
+  EXPECT_THROW(require_writable(path("file/x")), IoError);
+  try {
+    require_writable(path("none/x"));
+  } catch (const IoError& error) {
+    EXPECT_NE(std::string(error.what()).find("none does not exist"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(AtomicFiles, AtomicFileReportsAFullDisk) {
+  // /dev/full takes nothing; it is written directly because it is no regular file.
+  AtomicFile full("/dev/full");
+  EXPECT_THROW(full.write(std::string("x")), IoError);
+  // A size limit on a regular file: the old content must survive.
+  write_text_file(path("a"), "old");
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = 100;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  EXPECT_THROW(write_text_file(path("a"), std::string(1000, 'x')), IoError);
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
+}
+
+}  // namespace
+}  // namespace octrad

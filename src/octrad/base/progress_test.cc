@@ -1,0 +1,61 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/base/progress.h"
+
+namespace octrad {
+namespace {
+
+TEST(JsonLines, CanBeFollowedAndAppended) {
+  std::string pattern = (std::filesystem::temp_directory_path() / "octrad-log-XXXXXX").string();
+  const std::filesystem::path folder = mkdtemp(pattern.data());
+  const auto path = [&](const std::string& name) { return (folder / name).string(); };
+  {
+    JsonLines log(path("log"));
+    std::vector<std::thread> threads;
+    for (int t = 0; t < 4; ++t) {
+      threads.emplace_back([&log, t] {
+        for (int i = 0; i < 50; ++i) log.write({{"thread", t}, {"i", i}, {"loss", std::nan("")}});
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  }
+  {
+    JsonLines more(path("log"), true);
+    more.write({{"last", true}});
+  }
+  std::ifstream in(path("log"));
+  int lines = 0;
+  for (std::string line; std::getline(in, line); ++lines) EXPECT_TRUE(nlohmann::json::accept(line)) << line;
+  EXPECT_EQ(lines, 201);
+  EXPECT_THROW(JsonLines(path("none/log")), IoError);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Progress, EstimatesFromWhereItStarted) {
+  set_log_level(LogLevel::normal);
+  Progress progress("test");
+  EXPECT_LT(progress.remaining(0.5), 0.0) << "nothing known before the first update";
+  testing::internal::CaptureStderr();
+  progress.update(0.5, "resumed");
+  std::this_thread::sleep_for(std::chrono::milliseconds(40));
+  const double left = progress.remaining(0.75);  // half of what was left took 40 ms
+  EXPECT_GT(left, 0.02);
+  EXPECT_LT(left, 2.0);
+  progress.update(0.75, "forced", true);
+  progress.finish();
+  const std::string text = testing::internal::GetCapturedStderr();
+  EXPECT_NE(text.find("test"), std::string::npos) << text;
+  EXPECT_NE(text.find("forced"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,58 @@
+#include "octrad/model/model_file.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/model/field_test_helper.h"
+
+namespace octrad {
+namespace {
+
+TEST(ModelFile, RefusesBrokenFiles) {
+  const std::filesystem::path folder = std::filesystem::temp_directory_path();
+  const std::string name_of_run = "octrad_" + std::to_string(::getpid());
+  const std::string file = (folder / (name_of_run + "_broken.octrad")).string();
+  EXPECT_THROW(load_model(file), IoError);
+  std::ofstream(file) << "no model";
+  EXPECT_THROW(load_model(file), InputError);
+  TensorWriter other;
+  other.metadata("format", "something else");
+  other.write(file);
+  EXPECT_THROW(load_model(file), InputError);
+
+  // A sound model, but with cells outside the grid, or with a tensor missing.
+  ModelInfo info;
+  info.config.octree_levels = 3;
+  info.config.disparity_log2_table = 10;
+  const auto field = make_field(info.config, testing::shell(3));
+  save_model(file, *field, info, false);
+  const TensorReader in(file);
+  for (const std::string broken :
+       {"octree.level2.cells", "decoder.mlp.1.weight", "octree.origin", "disparity.grid.table"}) {
+    TensorWriter out;
+    for (const auto& [key, value] : in.metadata()) out.metadata(key, value);
+    const std::vector<std::int32_t> outside(static_cast<std::size_t>(in.get("octree.level2.cells").count), 1000);
+    for (const std::string& name : in.names()) {
+      const auto t = in.get(name);
+      if (name != broken) out.add(name, t.type, t.shape, t.data);
+      else if (name == "octree.level2.cells") out.add(name, t.type, t.shape, outside.data());
+    }
+    const std::string copy = (folder / (name_of_run + "_copy.octrad")).string();
+    out.write(copy);
+    try {
+      load_model(copy);
+      ADD_FAILURE() << broken << " was accepted";
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find(broken), std::string::npos) << e.what();
+    }
+    std::filesystem::remove(copy);
+  }
+  std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace octrad

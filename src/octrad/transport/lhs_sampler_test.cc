@@ -1,0 +1,87 @@
+// Properties of left-hand-side points.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "octrad/transport/furnace_test_helper.h"
+#include "octrad/transport/lhs_sampler.h"
+
+namespace octrad {
+namespace {
+
+using testing::furnace;
+using testing::FurnaceScene;
+using testing::kGrey;
+
+TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
+  const FurnaceScene setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/></shape>)"));
+  for (const double keep : {0.0, 1.0}) {
+    LhsOptions options;
+    options.keep_direction = keep;
+    options.poses = keep > 0.0 ? 16 : 0;
+    const LhsSampler sampler(setup.prepared, options);
+    EXPECT_EQ(sampler.poses().size(), keep > 0.0 ? 16u : 1u);
+    std::vector<ShadingPoint> points(1000), again(1000);
+    sampler.sample(7, points);
+    sampler.sample(7, again);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const SurfacePoint p = surface_point(points[i]);
+      EXPECT_FALSE(points[i].black);
+      EXPECT_GE(dot(p.n, p.wo), 0.0f);
+      EXPECT_NEAR(length(p.wo), 1.0f, 1e-4f);
+      EXPECT_LE(max_component(max(p.x, -p.x)), 1.0f + 1e-4f);
+      EXPECT_TRUE(p.x == again[i].surface.position);
+    }
+  }
+}
+
+TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
+  const FurnaceScene setup(furnace(
+      kGrey, "",
+      R"(<shape type="sphere"><float name="radius" value="0.6"/><bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>)"));
+  const auto glossy = [&](double boost, bool uniform) {
+    LhsOptions options;
+    options.walks = 0.0;
+    options.glossy_boost = boost;
+    options.uniform_glossy = uniform;
+    std::vector<ShadingPoint> points(6000);
+    LhsSampler(setup.prepared, options).sample(1, points);
+    double count = 0.0, cosine = 0.0;
+    for (const ShadingPoint& p : points) {
+      if (roughness_bsdf(p.bsdf) >= 0.5f) continue;
+      count += 1.0;
+      cosine += static_cast<double>(dot(p.ns, p.wo));
+    }
+    return std::pair{count / 6000.0, cosine / count};
+  };
+  // The sphere's outside against the box's inside, by area (samples on the black side of either are drawn again).
+  const double share = 4.0 * 3.14159265 * 0.36 / (4.0 * 3.14159265 * 0.36 + 24.0);
+  const auto [plain, mean_cosine] = glossy(1.0, false);
+  // 5 standard deviations; a cosine of density 2 c has variance 1 / 18, a uniform one 1 / 12.
+  const auto share_error = [](double p) { return 5.0 * std::sqrt(p * (1.0 - p) / 6000.0); };
+  EXPECT_NEAR(plain, share, share_error(share));
+  EXPECT_NEAR(mean_cosine, 2.0 / 3.0, 5.0 * std::sqrt(1.0 / 18.0 / (6000.0 * plain)));
+  const auto [boosted, mean_uniform] = glossy(3.0, true);
+  const double boosted_share = 3.0 * share / (3.0 * share + 1.0 - share);
+  EXPECT_NEAR(boosted, boosted_share, share_error(boosted_share));
+  EXPECT_NEAR(mean_uniform, 0.5, 5.0 * std::sqrt(1.0 / 12.0 / (6000.0 * boosted)));
+}
+
+TEST(LhsSampler, AreaPointsAreUniform) {
+  const FurnaceScene setup(furnace(kGrey, ""));
+  LhsOptions options;
+  options.walks = 0.0;
+  std::vector<ShadingPoint> points(12000);
+  LhsSampler(setup.prepared, options).sample(0, points);
+  int faces[6] = {};
+  for (const ShadingPoint& p : points) {
+    for (int a = 0; a < 3; ++a) {
+      if (p.surface.position[a] > 0.9999f) ++faces[2 * a];
+      if (p.surface.position[a] < -0.9999f) ++faces[2 * a + 1];
+    }
+  }
+  for (const int f : faces) EXPECT_NEAR(f, 2000, 5 * 41);  // 5 standard deviations
+}
+
+}  // namespace
+}  // namespace octrad

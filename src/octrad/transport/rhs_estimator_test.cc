@@ -1,0 +1,161 @@
+// The right-hand-side estimator against furnaces whose answer is known.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/threads.h"
+#include "octrad/transport/furnace_test_helper.h"
+#include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/rhs_estimator.h"
+
+namespace octrad {
+namespace {
+
+using testing::furnace;
+using testing::FurnaceScene;
+using testing::kGlow;
+using testing::kGrey;
+
+struct Mean {
+  double value = 0.0, error = 0.0;  // standard error
+};
+
+// Of the red channel.
+Mean mean(const std::vector<Vec3f>& values) {
+  const auto n = static_cast<double>(values.size());
+  double sum = 0.0, squares = 0.0;
+  for (const Vec3f& v : values) {
+    sum += static_cast<double>(v.x);
+    squares += static_cast<double>(v.x) * static_cast<double>(v.x);
+  }
+  return {sum / n, std::sqrt(std::max(0.0, squares / n - sum / n * sum / n) / n)};
+}
+
+// Within 4 standard errors, and what float arithmetic loses.
+void expect_mean(const std::vector<Vec3f>& values, double expected) {
+  const Mean found = mean(values);
+  EXPECT_LT(found.error, 0.01 * expected) << "too noisy to see anything";
+  EXPECT_NEAR(found.value, expected, 4.0 * found.error + 1e-5 * expected);
+}
+
+std::vector<ShadingPoint> area_points(const FurnaceScene& setup, std::size_t n) {
+  LhsOptions options;
+  options.walks = 0.0;
+  std::vector<ShadingPoint> points(n);
+  LhsSampler(setup.prepared, options).sample(0, points);
+  return points;
+}
+
+TEST(RhsEstimator, ConstantCacheInAGreyBoxIsReflectedExactly) {
+  const FurnaceScene setup(furnace(kGrey, ""));
+  const auto points = area_points(setup, 64);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  const auto statistics = estimate_rhs(
+      setup.context, points, options,
+      [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+        for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(2.0f, 4.0f, 6.0f);
+      },
+      targets);
+  EXPECT_EQ(statistics.queries, 64 * 16);
+  for (const Vec3f& t : targets) {
+    EXPECT_NEAR(t.x, 1.0f, 1e-4f);
+    EXPECT_NEAR(t.z, 3.0f, 1e-4f);
+  }
+}
+
+TEST(RhsEstimator, GlowingBoxGivesAlbedoTimesEmission) {
+  const FurnaceScene setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  options.directions = 64;
+  estimate_rhs(setup.context, points, options, nullptr, targets);
+  expect_mean(targets, 0.5);  // emitter and BSDF sampling together count every direction once
+}
+
+TEST(RhsEstimator, LampsReflectToo) {
+  // Every wall emits 1 and, says the cache, reflects 2: 0.5 (1 + 2) arrives whether the cache's answer holds the
+  // emission or not.
+  const FurnaceScene setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  for (const bool inside : {false, true}) {
+    RhsOptions options;
+    options.directions = 64;
+    options.emission_inside = inside;
+    const auto cache = [inside](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+      for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(inside ? 3.0f : 2.0f);
+    };
+    estimate_rhs(setup.context, points, options, cache, targets);
+    SCOPED_TRACE(inside);
+    expect_mean(targets, 1.5);
+  }
+  // An untrained cache, which knows nothing of the emission, takes away no light that was sampled.
+  RhsOptions options;
+  options.directions = 64;
+  options.emission_inside = true;
+  estimate_rhs(
+      setup.context, points, options,
+      [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+        std::fill_n(out.begin(), asked.size(), Vec3f(0.0f));
+      },
+      targets);
+  expect_mean(targets, 0.5);
+}
+
+TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
+  const FurnaceScene setup(furnace(
+      R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/></bsdf>)",
+      kGlow));
+  const auto points = area_points(setup, 512);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  options.directions = 32;
+  estimate_rhs(setup.context, points, options, nullptr, targets);
+  const Mean found = mean(targets);  // single scattering loses a little
+  EXPECT_GT(found.value, 0.9);
+  EXPECT_LT(found.value, 1.0 + 4.0 * found.error);
+}
+
+TEST(RhsEstimator, MirrorChainsReachTheCacheBehindThem) {
+  // A small perfect mirror sphere in the box: its own target is what the chain finds, here the constant cache.
+  const FurnaceScene setup(furnace(
+      kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/><point name="center" x="0.4" y="0" z="0"/>
+    <bsdf type="conductor"><string name="material" value="none"/></bsdf></shape>)"));
+  const auto points = area_points(setup, 2048);
+  std::vector<Vec3f> targets(points.size());
+  RhsOptions options;
+  estimate_rhs(
+      setup.context, points, options,
+      [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+        for (std::size_t i = 0; i < asked.size(); ++i) {
+          EXPECT_FLOAT_EQ(asked[i].alpha, 1.0f);  // only the grey box is asked: chains pass the mirror
+          out[i] = Vec3f(1.0f);
+        }
+      },
+      targets);
+  int mirrors = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool mirror = is_delta_bsdf(points[i].bsdf);
+    mirrors += mirror;
+    EXPECT_NEAR(targets[i].y, mirror ? 1.0f : 0.5f, 1e-3f);
+  }
+  EXPECT_GT(mirrors, 20);
+}
+
+TEST(RhsEstimator, SameBitsAtAnyThreadCount) {
+  const FurnaceScene setup(furnace(kGrey, kGlow));
+  const auto points = area_points(setup, 256);
+  std::vector<Vec3f> one(points.size()), two(points.size());
+  set_thread_count(1);
+  estimate_rhs(setup.context, points, {}, nullptr, one);
+  set_thread_count(3);
+  estimate_rhs(setup.context, points, {}, nullptr, two);
+  set_thread_count(0);
+  EXPECT_TRUE(one == two);
+}
+
+}  // namespace
+}  // namespace octrad
