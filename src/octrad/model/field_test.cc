@@ -54,6 +54,18 @@ std::vector<Vec3f> evaluate(const RadianceField& field, std::span<const SurfaceP
   return out;
 }
 
+// Mean of |a - b| over that of b.
+double mean_difference(std::span<const Vec3f> a, std::span<const Vec3f> b) {
+  double sum = 0.0, size = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      sum += std::abs(static_cast<double>(a[i][c]) - static_cast<double>(b[i][c]));
+      size += std::abs(static_cast<double>(b[i][c]));
+    }
+  }
+  return sum / size;
+}
+
 class AllFields : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Registry, AllFields, ::testing::ValuesIn(field_names()),
                          [](const auto& field) { return field.param; });
@@ -122,15 +134,23 @@ TEST_P(AllFields, TrainingDoesNotDependOnWhereTheBatchIsEvaluated) {
 }
 
 TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
-  const auto field = make_field(small_config(GetParam()), shell(3));
+  const auto field = make_field(small_config(GetParam()), shell(3)),
+             clean = make_field(small_config(GetParam()), shell(3));
   const auto points = random_points(128, 4);
   std::vector<Vec3f> targets(points.size(), Vec3f(1.0f));
+  const FieldStep all = clean->train(points, targets, 0.1, 1.0);
   targets[5].x = std::nanf("");
   targets[9] = Vec3f(INFINITY);
   const FieldStep step = field->train(points, targets, 0.1, 1.0);
+  EXPECT_EQ(all.non_finite, 0);
   EXPECT_EQ(step.non_finite, 4);
-  EXPECT_TRUE(std::isfinite(step.loss));
-  for (const Vec3f& v : evaluate(*field, points)) EXPECT_TRUE(is_finite(v));
+  // Without 4 of 384 terms.
+  const double loss = std::abs(step.loss - all.loss) / all.loss,
+               radiance = mean_difference(evaluate(*field, points), evaluate(*clean, points));
+  RecordProperty("loss", std::to_string(loss));
+  RecordProperty("radiance", std::to_string(radiance));
+  EXPECT_LT(loss, 1e-4);      // 2.4e-5
+  EXPECT_LT(radiance, 1e-3);  // 1.8e-4
 }
 
 TEST_P(AllFields, EveryRateMovesItsOwnParts) {
@@ -154,16 +174,24 @@ TEST(OctaOctreeField, EverySwitchTrainsAndMatters) {
                                                                      {"loss.normalizer", "symmetric"},
                                                                      {"target.demodulate", "none"},
                                                                      {"decoder.position", "world"}};
+  constexpr int kSteps = 25;
   const auto points = random_points(128, 5);
   const auto base = make_field(small_config("octaoctree"), shell(3));
-  train_steps(*base, 5);
+  train_steps(*base, kSteps);
   const auto expected = evaluate(*base, points);
+  std::vector<std::pair<std::string, std::vector<Vec3f>>> seen;
   for (const auto& [key, value] : switches) {
     Config config = small_config("octaoctree");
     set(config, key, value);
     const auto field = make_field(config, shell(3));
-    EXPECT_TRUE(std::isfinite(train_steps(*field, 5))) << key << "=" << value;
-    EXPECT_FALSE(evaluate(*field, points) == expected) << key << "=" << value << " changes nothing";
+    const double first = train_steps(*field, 1), learnt = train_steps(*field, kSteps - 1, 1) / first,
+                 changed = mean_difference(evaluate(*field, points), expected);
+    RecordProperty(key + "." + value, std::to_string(learnt) + " " + std::to_string(changed));
+    EXPECT_LT(learnt, 0.8) << key << "=" << value;  // 0.71 for directions without reflection, 0.54 and less for others
+    EXPECT_GT(changed, 5e-4) << key << "=" << value << " changes nothing";  // 1.1e-3 and more
+    for (const auto& [other, picture] : seen)
+      EXPECT_GT(mean_difference(evaluate(*field, points), picture), 1e-5) << key << "=" << value << " is " << other;
+    seen.emplace_back(key + "=" + value, evaluate(*field, points));
   }
 }
 

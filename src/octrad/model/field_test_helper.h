@@ -59,6 +59,7 @@ inline std::vector<SurfacePoint> random_points(std::size_t n, unsigned long long
     if (dot(p.wo, p.n) < 0.0f) p.wo = -p.wo;
     p.albedo = Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 0.8f + Vec3f(0.1f);
     p.alpha = i % 2 ? 0.05f : 1.0f;
+    p.disparity = 2.0f * rng.uniform();
   }
   return points;
 }
