@@ -129,6 +129,22 @@ OCTRAD_HD inline std::uint32_t atomic_append(std::uint32_t* count) {
 #endif
 }
 
+// Loads and stores of words that other items load or store in the same launch. On a GPU they are plain ones.
+OCTRAD_HD inline std::uint32_t relaxed_load(const std::uint32_t* at) {
+#if defined(__CUDA_ARCH__)
+  return *at;
+#else
+  return __atomic_load_n(at, __ATOMIC_RELAXED);
+#endif
+}
+OCTRAD_HD inline void relaxed_store(std::uint32_t* at, std::uint32_t value) {
+#if defined(__CUDA_ARCH__)
+  *at = value;
+#else
+  __atomic_store_n(at, value, __ATOMIC_RELAXED);
+#endif
+}
+
 OCTRAD_HD inline std::uint32_t atomic_or(std::uint32_t* at, std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)
   return atomicOr(at, bits);

@@ -101,7 +101,7 @@ struct TouchedRows {
   OCTRAD_HD void touch(std::uint32_t row) const {
     if (bits == nullptr) return;
     const std::uint32_t bit = 1u << (row & 31u);
-    if ((bits[row >> 5] & bit) != 0) return;  // a stale read is harmless: atomic_or decides
+    if ((relaxed_load(&bits[row >> 5]) & bit) != 0) return;  // a stale read is harmless: atomic_or decides
     if ((atomic_or(&bits[row >> 5], bit) & bit) == 0 && list != nullptr) list[atomic_append(count)] = row;
   }
 };

@@ -118,7 +118,7 @@ struct TouchedStep : Kernel {
     arrays.update(entry, rate * *rate_scale * correction.first, correction.second);
     // Stores last: no load waits for them.
     counts[entry] = static_cast<std::uint16_t>(now);
-    touched.bits[entry >> 5] = 0;  // every bit that is set there belongs to an entry of the list
+    relaxed_store(&touched.bits[entry >> 5], 0);  // every bit that is set there belongs to an entry of the list
   }
 };
 
