@@ -1,20 +1,29 @@
 #!/usr/bin/env python3
 """SSIM, FLIP, LPIPS and the errors by two references of `octrad compare`, against numpy in double precision, against numbers of
 the authors' own packages, and against these packages themselves where they are installed. Usage: OCTRAD=path/to/octrad test_metrics.py"""
+import collections
+import io
 import json
 import os
 import pathlib
+import pickle
 import struct
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
+import unittest.mock
+import zipfile
 import zlib
 
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = os.environ.get("OCTRAD", str(ROOT / "build" / "octrad"))
+sys.path.insert(0, str(ROOT / "scripts"))
+import convert_lpips  # noqa: E402
+
 SHARED = pathlib.Path(os.environ.get("OCTRAD_SHARED", ROOT.parent / "shared")) / "lpips"
 os.environ.pop("OCTRAD_LPIPS_WEIGHTS", None)
 
@@ -204,24 +213,10 @@ def enlarged(small, height, width):
     return along(along(small, height).T, width).T
 
 
-def shapes(net):
-    """The tensors of a network and their shapes."""
-    convolution = lambda name, inputs, outputs, kernel: {name + ".weight": (outputs, inputs, kernel, kernel), name + ".bias": (outputs,)}
-    all_shapes = {}
-    if net == "alex":
-        for number, inputs, outputs, kernel in ((0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)):
-            all_shapes.update(convolution("features.%d" % number, inputs, outputs, kernel))
-        taps = (64, 192, 384, 256, 256)
-    else:
-        all_shapes.update(convolution("features.0", 3, 64, 3))
-        for number, inputs, squeeze, expand in ((3, 64, 16, 64), (4, 128, 16, 64), (6, 128, 32, 128), (7, 256, 32, 128), (9, 256, 48, 192),
-                                                (10, 384, 48, 192), (11, 384, 64, 256), (12, 512, 64, 256)):
-            name = "features.%d." % number
-            all_shapes.update(convolution(name + "squeeze", inputs, squeeze, 1))
-            all_shapes.update(convolution(name + "expand1x1", squeeze, expand, 1))
-            all_shapes.update(convolution(name + "expand3x3", squeeze, expand, 3))
-        taps = (64, 128, 256, 384, 384, 512, 512)
-    return dict(all_shapes, **{"lin%d.model.1.weight" % i: (1, c, 1, 1) for i, c in enumerate(taps)})
+def all_shapes(net):
+    """The tensors of a network and its linear part, and their shapes."""
+    network, linear = convert_lpips.shapes(net)
+    return dict(network, **linear)
 
 
 class Lpips(Case):
@@ -229,7 +224,7 @@ class Lpips(Case):
         """Random ones that keep the size of what goes through them."""
         random = np.random.default_rng(5)
         tensors = {}
-        for name, shape in shapes(net).items():
+        for name, shape in all_shapes(net).items():
             if name.startswith("lin"):
                 tensors[name] = random.uniform(0, 1, shape).astype(np.float32)
             elif name.endswith("bias"):
@@ -328,6 +323,93 @@ class Lpips(Case):
             self.assertEqual(self.compare(small, small)["lpips"], 0)
         finally:
             del os.environ["OCTRAD_LPIPS_WEIGHTS"]
+
+
+class Converter(Case):
+    """scripts/convert_lpips.py on files as torch.save() writes them, in both of its formats."""
+
+    def save(self, path, tensors, archive):
+        torch, utils = types.ModuleType("torch"), types.ModuleType("torch._utils")
+        torch.FloatStorage = type("FloatStorage", (), {"__module__": "torch"})
+        utils._rebuild_tensor_v2 = type("_rebuild_tensor_v2", (), {"__module__": "torch._utils"})
+        storages = []
+
+        class Storage(bytes):
+            pass
+
+        class Tensor:
+            def __init__(self, values):
+                self.values = values
+
+            def __reduce__(self):
+                storages.append(Storage(b"\0" * 8 + self.values.astype("<f4").tobytes()))  # not at the storage's beginning
+                stride = tuple(s // 8 for s in np.empty(self.values.shape).strides)
+                return utils._rebuild_tensor_v2, (storages[-1], 2, self.values.shape, stride, False, collections.OrderedDict())
+
+        class Pickler(pickle.Pickler):
+            def persistent_id(self, value):
+                if isinstance(value, Storage):
+                    key = str(next(i for i, s in enumerate(storages) if s is value))
+                    return ("storage", torch.FloatStorage, key, "cpu", len(value) // 4) + (() if archive else (None,))
+                return None
+
+        out = io.BytesIO()
+        with unittest.mock.patch.dict(sys.modules, {"torch": torch, "torch._utils": utils}):
+            if not archive:
+                for head in (0x1950a86a20f9469cfc6c, 1001, {"little_endian": True}):
+                    pickle.dump(head, out, 2)
+            Pickler(out, 2).dump(collections.OrderedDict((name, Tensor(values)) for name, values in tensors.items()))
+        if archive:
+            with zipfile.ZipFile(path, "w") as file:
+                file.writestr("model/data.pkl", out.getvalue())
+                for i, storage in enumerate(storages):
+                    file.writestr("model/data/%d" % i, storage)
+        else:
+            pickle.dump([str(i) for i in range(len(storages))], out, 2)
+            for storage in storages:
+                out.write(struct.pack("<q", len(storage) // 4) + storage)
+            pathlib.Path(path).write_bytes(out.getvalue())
+
+    def convert(self, *arguments):
+        return subprocess.run([sys.executable, ROOT / "scripts" / "convert_lpips.py", *map(str, arguments)], capture_output=True, text=True)
+
+    def test_both_formats(self):
+        random = np.random.default_rng(3)
+        tensors = {name: random.normal(0, 0.1, shape).astype(np.float32) for name, shape in all_shapes("squeeze").items()}
+        network, linear, wheel = (self.folder / name for name in ("network.pth", "linear.pth", "lpips.whl"))
+        is_linear = lambda name: name.startswith("lin")
+        self.save(linear, {n: v for n, v in tensors.items() if is_linear(n)}, False)
+        with zipfile.ZipFile(wheel, "w") as file:
+            file.write(linear, "lpips/weights/v0.1/squeeze.pth")
+        for archive, source in ((True, linear), (False, wheel)):
+            self.save(network, dict({n: v for n, v in tensors.items() if not is_linear(n)}, **{"classifier.1.weight": np.ones((10, 5))}), archive)
+            done = self.convert("--net", "squeeze", "--network", network, "--linear", source, "-o", self.folder / "made")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            made = read_safetensors(self.folder / "made" / "lpips_squeeze_v0.1.safetensors")
+            self.assertEqual(set(made), set(tensors))
+            for name, values in tensors.items():
+                np.testing.assert_array_equal(made[name], values)
+            self.assertGreater(self.compare(*self.files("dim"), "--lpips-weights", self.folder / "made", "--lpips-net", "squeeze")["lpips"], 0)
+        for arguments, why in ((("--network", network, "--linear", linear), "not [64, 3, 11, 11]"),  # of AlexNet by default
+                               (("--net", "squeeze", "--network", linear, "--linear", linear), "features.0.weight"),
+                               (("--net", "squeeze", "--network", self.folder / "none.pth", "--linear", linear), "No such file"),
+                               (("--net", "squeeze", "--network", PROGRAM, "--linear", linear), "cannot be read")):
+            done = self.convert(*arguments, "-o", self.folder / "bad")
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(why, done.stderr)
+            self.assertNotIn("Traceback", done.stderr)
+        self.assertFalse((self.folder / "bad").exists())
+
+    def test_nothing_is_executed(self):
+        class Command:
+            def __reduce__(self):
+                return os.mkdir, (str(folder),)
+        folder, bad = self.folder / "executed", self.folder / "bad.pth"
+        with zipfile.ZipFile(bad, "w") as file:
+            file.writestr("model/data.pkl", pickle.dumps({"features.0.weight": Command()}, 2))
+        done = self.convert("--network", bad, "--linear", bad, "-o", self.folder)
+        self.assertIn("mkdir", done.stderr)
+        self.assertFalse(folder.exists())
 
 
 if __name__ == "__main__":
