@@ -254,6 +254,8 @@ class Compare(Case):
         write_pfm(plain, 32, 24, lambda x, y: (1, 2, 4))
         self.fails(1, "two pictures", "merge", a, "-o", out)
         self.fails(2, "same seed", "merge", a, b, a, "-o", out)
+        self.ok("tonemap", a, "-o", self.path("a.png"))
+        self.fails(2, "linear radiance", "merge", self.path("a.png") + ":2", b, "-o", out)
         self.fails(2, "same seed", "merge", plain + ":2", plain + ":2", "-o", out)
         self.fails(2, "plain.pfm:SPP", "merge", a, plain, "-o", out)
         self.fails(1, "FILE:SPP", "merge", a, plain + ":0", "-o", out)
