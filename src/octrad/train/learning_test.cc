@@ -86,7 +86,8 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   config.decoder_width = 64;
   config.decoder_hidden = 2;
 
-  constexpr double kStated = 0.135;  // measured: .119 whole, .153 without the interpolation of cells, .175 to .196 others
+  // Measured: .119 whole, .153 without the interpolation of cells, .175 to .196 without the other parts.
+  constexpr double kStated = 0.135;
   const double whole = learned_error(scene, config);
   RecordProperty("error", std::to_string(whole));
   EXPECT_LT(whole, kStated);
