@@ -117,10 +117,12 @@ class Compare(Case):
             for key in ("mape", "mse", "flip", "mean_ratio", "pixels"):
                 self.assertEqual(float(row[key]), image[key])
             self.assertEqual((row["lpips"], row["ssim"]), ("", ""))
+        self.assertEqual(rows[0]["psnr"], "inf")
         with open(latex) as file:
             text = file.read()
         self.assertIn("a\\_\\&,", text)
         self.assertIn("\\textbf{0}", text)
+        self.assertIn("\\textbf{$\\infty$}", text)
         self.assertEqual(text.count("\\\\"), 3)
         for option in ("--csv", "--latex", "--html"):
             self.fails(3, "none", "compare", self.ref, self.same, option, self.path("none/t"))

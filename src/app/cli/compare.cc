@@ -268,11 +268,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   for (const report::MetricColumn& column : report::metric_columns()) table[0].push_back(column.title);
   const auto add_row = [&](const std::string& name, const nlohmann::json& values) {
     table.push_back({name});
-    for (const report::MetricColumn& column : report::metric_columns()) {
-      const nlohmann::json value = values.value(column.key, nlohmann::json());
-      const bool equal = column.key == std::string("psnr") && values.value("mse", nlohmann::json()) == 0.0;
-      table.back().push_back(equal ? "inf" : report::number_text(value));
-    }
+    for (const report::MetricColumn& column : report::metric_columns())
+      table.back().push_back(report::cell_text(values, column.key));
   };
   std::vector<std::vector<std::string>> rough_table = {
       {"image", "roughness", "MAPE", "relMSE", "mean ratio", "pixels"}};
@@ -331,8 +328,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
             {name,
              fmt::format("{:g} ... {}", bin["from"].get<double>(),
                          bin["below"].is_null() ? "1" : fmt::format("{:g}", bin["below"].get<double>())),
-             report::number_text(bin["mape"]), report::number_text(bin["relmse"]),
-             report::number_text(bin["mean_ratio"]), report::number_text(bin["pixels"])});
+             report::cell_text(bin, "mape"), report::cell_text(bin, "relmse"), report::cell_text(bin, "mean_ratio"),
+             report::cell_text(bin, "pixels")});
       }
     }
     add_row(name, entry);
