@@ -135,7 +135,7 @@ class Compare(Case):
             for t in range(4):
                 write_pfm(self.path("%s/frame%03d.pfm" % (folder, t)), 4, 4, lambda x, y: (value(t),) * 3)
         ref, wrong, flicker = map(self.path, frames)
-        self.write("ref/notes.md", "not a frame")
+        self.write("ref/notes.csv", "not a frame")
         still, moving = self.ok("compare", ref, wrong, flicker, "--temporal", "--json").json()["images"]
         self.assertEqual((still["temporal"], still["frames"]), (0, 4))
         self.assertAlmostEqual(moving["temporal"], 0.0625, places=6)

@@ -416,13 +416,14 @@ void add_compare(Program& program) {
       verb->add_flag("--zscores", options->scores,
                      "also write how many standard errors blocks of 8 x 8 pixels are off (needs --reference-b)");
   scores->needs(errors);
-  CLI::Option* temporal =
-      verb->add_flag("--temporal", options->temporal,
-                     "REF and IMG are folders of frames: the error of the change from frame to frame");
-  for (const char* other : {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux",
-                            "--csv", "--latex", "--html", "--errors"})
-    temporal->excludes(verb->get_option(other));
-  verb->callback([&program, options, aux, below, above, by_roughness] {
+  verb->add_flag("--temporal", options->temporal,
+                 "REF and IMG are folders of frames: the error of the change from frame to frame");
+  verb->callback([&program, verb, options, aux, below, above, by_roughness] {
+    for (const char* other : {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux",
+                              "--csv", "--latex", "--html", "--errors"}) {
+      if (options->temporal && verb->get_option(other)->count() > 0)
+        throw UsageError(fmt::format("--temporal measures sequences of frames, where {} has no meaning", other));
+    }
     if (aux->count() > 0 && below->count() + above->count() + by_roughness->count() == 0 && !program.common.json)
       throw UsageError("--aux belongs to --alpha-below, --alpha-above, --by-roughness and --json");
     if (options->scores && options->reference_b.empty())
