@@ -333,7 +333,11 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
       }
     }
     add_row(name, entry);
-    if (!options.html.empty()) pictures.push_back({name, extract_rgb(image), ""});
+    if (!options.html.empty()) {
+      pictures.push_back(
+          {name, extract_rgb(image),
+           fmt::format("MAPE {}, FLIP {}", report::cell_text(entry, "mape"), report::cell_text(entry, "flip"))});
+    }
     images.push_back(std::move(entry));
   }
   if (!options.csv.empty()) write_file(options.csv, report::csv_table(images));
