@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "app/cli/common.h"
+#include "app/cli/denoise_options.h"
 #include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -38,6 +39,8 @@ struct RenderVerbOptions {
   std::string camera_file;
   std::vector<std::string> definitions;
   int frames = 0;
+  bool denoise = false;
+  DenoiserOptions denoiser;
 };
 
 // --camera, --origin ..., or a sensor of the scene. Film size: the camera's own where it has one.
@@ -163,16 +166,45 @@ void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator)
         fmt::format("--integrator {} takes one sample a pixel: --spp and --time are of no use", o.integrator));
   if (integrator.one_sample && o.frames > 0)
     throw UsageError(fmt::format("--integrator {} makes one picture: --frames cannot time it", o.integrator));
+  if (!o.denoise && !o.denoiser.given().empty())
+    throw UsageError(fmt::format("{} is of use only with --denoise", o.denoiser.given()));
+}
+
+// The picture through the denoiser, if there is one. When that fails the picture is saved as it is.
+void denoise_or_save(Denoiser* denoiser, const std::string& file, Image& image) {
+  if (denoiser == nullptr) return;
+  try {
+    denoise(*denoiser, image, file);
+  } catch (const Error&) {
+    write_image(file, image);
+    log_warning(fmt::format("{} is saved with its noise", file));
+    throw;
+  }
+}
+
+// Adds the denoiser to the times of frames.
+void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& name, int count, FrameTimes& times) {
+  std::vector<double> ms;
+  for (int f = -1; f < count; ++f) {  // the first warms up
+    Image copy = image;
+    denoiser.run(copy, name);
+    if (f >= 0) ms.push_back(1e3 * denoiser.seconds());
+  }
+  times.median += percentile(ms, 0.5);
+  times.p95 += percentile(ms, 0.95);
+  times.stages.emplace_back("denoising", percentile(ms, 0.5));
 }
 
 void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
   const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
+  o.denoise = o.denoise || integrator.denoised;
   check_options(o, integrator);
   const DeviceChoice device = common.choose_device();
   const std::unique_ptr<Stream> stream = device.make_stream();
   picture_format(o.output);  // refuses an unknown ending
   require_writable(o.output);
+  const std::unique_ptr<Denoiser> denoiser = o.denoise ? o.denoiser.make(device.cuda) : nullptr;
   const std::unique_ptr<JsonLines> log = common.open_log();
   ConfigOptions definitions;
   definitions.definitions = o.definitions;
@@ -189,8 +221,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
     config = model_config(model->info, definitions);
   } else if (!definitions.config_definitions().empty()) {
-    throw UsageError(fmt::format("-D {}: --integrator path has no configuration keys",
-                                 definitions.config_definitions().front().first));
+    throw UsageError(fmt::format("-D {}: --integrator {} has no configuration keys",
+                                 definitions.config_definitions().front().first, o.integrator));
   }
 
   const View view = choose_view(scene, o);
@@ -254,6 +286,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     result.image.metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
     result.image.metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
   }
+  if (frames && denoiser) time_denoiser(*denoiser, result.image, o.output, o.frames, *frames);
+  denoise_or_save(denoiser.get(), o.output, result.image);
   write_image(o.output, result.image);
 
   const double seconds = std::max(result.seconds, 1e-9);
@@ -269,6 +303,7 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
                            {"non_finite", result.counts.non_finite},
                            {"interrupted", result.interrupted}};
   report["device"] = device.name;
+  if (denoiser) report["denoise_seconds"] = denoiser->seconds();
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (frames) {
     report["frames"] = {{"count", o.frames},
@@ -287,11 +322,12 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     if (frames)
       log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95,
                format_stages(frames->stages));
-    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height,
+    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}{}", o.output, result.image.width, result.image.height,
              result.spp, format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
              result.counts.queries > 0
                  ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds))
                  : "",
+             denoiser ? fmt::format(", denoised in {}", format_duration(denoiser->seconds())) : "",
              result.interrupted ? "; interrupted, what was done is saved" : "");
   }
 }
@@ -309,9 +345,10 @@ void add_render(Program& program) {
                    "picture; its ending says the format: .exr (with all layers), .hdr, .pfm, .png, .jpg")
       ->required()
       ->type_name("OUT.exr");
-  verb->add_option("--integrator", o->integrator,
-                   "path, or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
-                   "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
+  verb->add_option(
+          "--integrator", o->integrator,
+          "path, denoised (few paths, then --denoise), or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
+          "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
       ->type_name("NAME");
   CLI::Option* model = verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
   verb->add_flag("--force", o->force, "use the model although it was trained on another scene")->needs(model);
@@ -363,6 +400,8 @@ void add_render(Program& program) {
       ->type_name("AXIS")
       ->needs(fov)
       ->group("Camera");
+  verb->add_flag("--denoise", o->denoise, "remove the noise with Intel Open Image Denoise")->group("Denoiser");
+  o->denoiser.add_to(*verb, "denoise-", "Denoiser");
   add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {
     o->sensor_given = sensor->count() > 0;
