@@ -80,8 +80,8 @@ class Resume(Case):
                 self.render("--spp", done + 3, out=self.whole)
                 self.assertEqual(self.render("--spp", done + 3, "--resume")["resumed_spp"], done)
                 self.assert_same_bits()
-                os.remove(self.out + ".state")
-                os.remove(self.path("log"))
+                for file in (self.out, self.out + ".state", self.path("log")):
+                    os.remove(file)
 
     def test_after_kills_at_any_time(self):
         spp = 3000
