@@ -40,6 +40,9 @@ Part read_part(const std::string& word) {
       throw UsageError(fmt::format("{}: expected FILE:SPP with 1 to 1,000,000,000 samples a pixel", word));
   }
   part.image = read_image(part.file);
+  if (part.image.metadata.count("octrad.denoise") > 0)
+    throw InputError(
+        fmt::format("{} was denoised: its error is not that of independent samples, which a mean reduces", part.file));
   if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);
   if (part.spp <= 0)
     throw InputError(fmt::format("{0} does not say how many samples a pixel it has: write {0}:SPP", part.file));
