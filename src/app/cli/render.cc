@@ -169,8 +169,6 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
   if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
   const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
   check_options(o, integrator);
-  const DeviceChoice device = common.choose_device();
-  const std::unique_ptr<Stream> stream = device.make_stream();
   picture_format(o.output);  // refuses an unknown ending
   require_writable(o.output);
   const std::unique_ptr<JsonLines> log = common.open_log();
@@ -182,6 +180,8 @@ void render_verb(const CommonOptions& common, RenderVerbOptions o) {
     model = load_model(o.model);
     find_integrator(o.integrator, model->field.get());
   }
+  const DeviceChoice device = model ? common.choose_device(model->info.config.field) : common.choose_device();
+  const std::unique_ptr<Stream> stream = device.make_stream();
   const PreparedScene prepared(open_scene(o.scene, definitions.scene_definitions()));
   const Scene& scene = prepared.scene();
   Config config;
