@@ -41,6 +41,9 @@ Part read_part(const std::string& word) {
       throw UsageError(fmt::format("{}: expected FILE:SPP with 1 to 1,000,000,000 samples a pixel", word));
   }
   part.image = read_image(part.file);
+  if (part.image.metadata.count("octrad.denoise") > 0)
+    throw InputError(
+        fmt::format("{} was denoised: its error is not that of independent samples, which a mean reduces", part.file));
   if (is_display_referred(part.image))
     throw InputError(part.file + ": holds what a screen shows; merge needs linear radiance (EXR, HDR, PFM)");
   if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);

@@ -108,8 +108,6 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const WriterLock lock(o.output);
   if (!o.resume && !o.overwrite && std::filesystem::is_regular_file(o.output))
     throw UsageError(fmt::format("{} exists: --resume continues it, --overwrite replaces it", o.output));
-  const DeviceChoice device = common.choose_device();
-  const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
   warn_of_ignored_keys(o.config, config);
@@ -130,6 +128,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     }
   }
 
+  const DeviceChoice device = common.choose_device(config.field);
+  const std::unique_ptr<Stream> stream = device.make_stream();
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
   const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));
