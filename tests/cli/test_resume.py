@@ -126,6 +126,7 @@ class Resume(Case):
     def test_options_that_need_each_other(self):
         r = ("render", self.scene, "-o", self.out)
         self.fails(1, "only with --resume", *r, "--save-every", "1m")
+        self.fails(1, "/dev/null is not a file", "render", self.scene, "-o", "/dev/null", "--resume")
         self.fails(1, "duration", *r, "--resume", "--save-every", "soon")
         self.fails(1, "--resume", *r, "--integrator", "lhs", "--model", "x.octrad", "--resume")
 

@@ -58,6 +58,8 @@ class Continuation {
         file_(session.o.output + ".state"),
         identity_(identity_of(session, view)) {
     if (!session.o.resume) return;
+    if (std::filesystem::exists(session.o.output) && !std::filesystem::is_regular_file(session.o.output))
+      throw UsageError(fmt::format("--resume: {} is not a file that a state could lie beside", session.o.output));
     lock_.emplace(file_);
     if (std::filesystem::exists(file_)) {
       from_ = read_film_state(file_, identity_);
@@ -91,7 +93,7 @@ class Continuation {
   // After the picture was written. An interrupted one can be continued even without --resume.
   void finish(const RenderResult& result) {
     if (!session_.o.resume && result.interrupted && result.spp > 0 && !session_.integrator.needs_model &&
-        !std::filesystem::exists(file_)) {
+        std::filesystem::is_regular_file(session_.o.output) && !std::filesystem::exists(file_)) {
       Renderer& renderer = *session_.renderer;
       save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
     }
