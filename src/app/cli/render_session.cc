@@ -107,11 +107,11 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
     : common(common_options),
       o(checked(std::move(options))),
       integrator(*find_integrator(o.integrator).info),
-      device(common.choose_device()),
+      model(open_model(o)),
+      device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
       stream(device.make_stream()),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
       log(common.open_log()),
-      model(open_model(o)),
       prepared(open_scene(o.scene, definitions_of(o).scene_definitions())),
       progress_(o.integrator) {
   const ConfigOptions definitions = definitions_of(o);

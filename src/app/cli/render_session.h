@@ -40,11 +40,11 @@ struct RenderSession {
   const CommonOptions& common;
   const RenderVerbOptions o;  // with what follows from others filled in
   const IntegratorInfo& integrator;
+  std::optional<Model> model;
   const DeviceChoice device;
   const std::unique_ptr<Stream> stream;  // null: the CPU
   const std::unique_ptr<Denoiser> denoiser;
   const std::unique_ptr<JsonLines> log;
-  std::optional<Model> model;
   const PreparedScene prepared;
   Config config;  // of the model
   RenderSettings settings;
