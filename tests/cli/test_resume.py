@@ -2,6 +2,7 @@
 import json
 import os
 import random
+import resource
 import signal
 import unittest
 
@@ -104,6 +105,17 @@ class Resume(Case):
             process.communicate(timeout=60)
         self.assertGreater(kills, 1, "the runs were over before they were killed; make them longer")
         self.assertGreater(self.render("--spp", spp, "--resume")["resumed_spp"], 0)
+        self.assert_same_bits()
+
+    def test_a_disk_that_fills_keeps_the_picture(self):
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (55000, limit[1]))  # room for the picture, not for the 73,728 bytes of sums
+        try:
+            result = self.fails(3, "cannot write " + self.out + ".state", "render", self.scene, "-o", self.out, "--spp", 4, "--resume")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        self.assertIn("4 spp", result.err)
+        self.render("--spp", 4, out=self.whole)
         self.assert_same_bits()
 
     def test_other_settings_are_refused(self):

@@ -97,6 +97,10 @@ class Continuation {
       Renderer& renderer = *session_.renderer;
       save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
     }
+  }
+
+  // Throws IoError where the last state could not be saved.
+  void check() const {
     if (!failure_.empty()) throw IoError(failure_);
   }
 
@@ -107,8 +111,8 @@ class Continuation {
       write_film_state(file_, state, identity_);
       failure_.clear();
     } catch (const Error& error) {
+      if (failure_.empty()) log_warning(error.what());
       failure_ = error.what();
-      log_warning(failure_);
     }
   }
 
@@ -181,6 +185,7 @@ void render_picture(RenderSession& s) {
                 : !replaces                ? "; interrupted, and kept for --resume: the file has more samples"
                 : s.integrator.needs_model ? "; interrupted, what was done is saved"
                                            : "; interrupted, what was done is saved, and --resume goes on");
+  continuation.check();
 }
 
 void render_verb(const CommonOptions& common, const RenderVerbOptions& o) {
