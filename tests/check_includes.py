@@ -27,8 +27,9 @@ ALLOWED["app"] = set(ALLOWED["octrad.h"])
 
 # Folder inside a module -> (what of the module it may include besides itself, what of the module may include it).
 INSIDE = {
-    "app/cli": ({"app/selftest"}, set()),
+    "app/cli": ({"app/selftest", "app/paper"}, set()),
     "app/selftest": (set(), {"app/cli"}),
+    "app/paper": (set(), {"app/cli"}),
     "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
 }
 
