@@ -26,6 +26,7 @@ enum class RngPurpose : std::uint64_t {
   poses = 7,      // generated camera poses
   validation = 8,
   chain = 9,  // right-hand-side rays through masks and over mirrors and glass
+  lobe = 10,  // rays drawn from the BSDF of left-hand-side points
   test = 100,
 };
 
