@@ -35,9 +35,10 @@ constexpr std::array kMethods = {
 constexpr std::array kEquals = {std::pair{"seconds", Equal::seconds}, std::pair{"steps", Equal::steps},
                                 std::pair{"bytes", Equal::bytes}};
 
-const std::vector<std::string> kKeys = {"title", "about", "scenes",        "views",   "methods", "switches",
-                                        "seeds", "equal", "preset",        "keys",    "time",    "steps",
-                                        "spp",   "width", "reference_spp", "learned", "path_spp"};
+const std::vector<std::string> kKeys = {
+    "title",        "about", "scenes", "views", "methods", "switches",      "seeds",   "equal",    "preset",
+    "keys",         "time",  "steps",  "spp",   "width",   "reference_spp", "learned", "path_spp", "temporal_frames",
+    "temporal_spp", "paths"};
 
 // Reads members of one JSON object; messages say "FILE: KEY: ...".
 class Reader {
@@ -114,10 +115,7 @@ std::map<std::string, std::string> read_keys(const Reader& reader, const std::st
       Config config = preset(preset_name);
       set(config, key, config_text(value));
     } catch (const Error& error) {
-      // Keys of a field that this program does not have: its cells will say so.
-      const std::string group = key.substr(0, key.find('.'));
-      const Method* method = find_method(group);
-      if (!method || method->field != group || key == group) reader.fail(where, error.what());
+      reader.fail(where, error.what());
     }
     out[key] = config_text(value);
   }
@@ -255,6 +253,17 @@ Matrix parse_matrix(const std::string& text, const std::string& file) {
   reader.number("width", 16, 16384, m.width);
   reader.number("reference_spp", 2, 1 << 30, m.reference_spp);
   reader.flag("learned", m.learned);
+  reader.number("temporal_frames", 2, 10000, m.temporal_frames);
+  reader.number("temporal_spp", 1, 1 << 24, m.temporal_spp);
+  if (const auto* paths = reader.find("paths")) {
+    if (!paths->is_object()) reader.fail("paths", "expected an object: name of the scene to a camera path");
+    for (const auto& [scene, path] : paths->items()) {
+      m.paths[scene] =
+          path.is_string()
+              ? read_json_file((std::filesystem::path(file).parent_path() / path.get<std::string>()).string())
+              : path;
+    }
+  }
   for (const auto& v : reader.list("path_spp")) m.path_spp.push_back(reader.whole<int>(v, "path_spp", 1, 1 << 24));
   if (const auto* spp = reader.find("spp")) {
     if (!spp->is_object()) reader.fail("spp", "expected an object: method to samples a pixel");

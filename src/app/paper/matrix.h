@@ -48,14 +48,17 @@ struct Matrix {
   std::vector<long long> seeds;
   std::vector<Equal> equal;
   std::string preset = "cpu";
-  std::map<std::string, std::string> keys;  // of all trainings
-  double seconds = 300.0;                   // of a training
-  long long steps = 20000;                  // of a training, where steps are equal
-  std::map<std::string, int> spp;           // by method
-  int width = 256;                          // of the pictures, in pixels
-  int reference_spp = 8192;                 // both halves together
-  bool learned = false;                     // also pictures of features and disparity
-  std::vector<int> path_spp;                // convergence: also path tracing with these samples a pixel
+  std::map<std::string, std::string> keys;      // of all trainings
+  double seconds = 300.0;                       // of a training
+  long long steps = 20000;                      // of a training, where steps are equal
+  std::map<std::string, int> spp;               // by method
+  int width = 256;                              // of the pictures, in pixels
+  int reference_spp = 8192;                     // both halves together
+  bool learned = false;                         // also pictures of features and disparity
+  std::vector<int> path_spp;                    // convergence: also path tracing with these samples a pixel
+  int temporal_frames = 0;                      // frames of a camera path to measure flicker with; 0: none
+  int temporal_spp = 256;                       // of the reference's frames
+  std::map<std::string, nlohmann::json> paths;  // camera paths by scene; others move a little to the side
 };
 
 // Of the built-in matrices' names (configs/paper/NAME.json) and files. Throws IoError, or InputError that names what is

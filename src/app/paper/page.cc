@@ -10,9 +10,13 @@
 #include "app/paper/pictures.h"
 #include "app/paper/plot.h"
 #include "app/paper/report.h"
+#include "app/report/image_page.h"
 #include "octrad/base/duration.h"
 
 namespace octrad::paper {
+
+using report::html_text;
+
 namespace {
 
 using nlohmann::json;
@@ -36,22 +40,23 @@ std::string switch_in(const json& cell, const std::string& matrix) {
 
 std::string head_text(const Plan& plan, const json& results) {
   const json& machine = results["machine"];
-  std::string out = fmt::format("<p>{}; {} ({} cores, {} threads used), device {}.</p>\n", html(results["program"]),
-                                html(machine.value("cpu", "?")), machine.value("cores", 0), machine.value("threads", 0),
-                                html(machine["auto"].value("device", "cpu")));
+  std::string out =
+      fmt::format("<p>{}; {} ({} cores, {} threads used), device {}.</p>\n", html_text(results["program"]),
+                  html_text(machine.value("cpu", "?")), machine.value("cores", 0), machine.value("threads", 0),
+                  html_text(machine["auto"].value("device", "cpu")));
   if (results["budget"].is_string()) {
     out += fmt::format(
         "<p class=\"scaled\"><b>Scaled down</b> to a budget of {} for everything: training time, and steps times batch, by {:.3g}; batches by {:.3g}; "
         "widths of pictures by {:.3g}, samples of references by {:.3g}; for all methods alike. Full-size figures differ.</p>\n",
-        html(results["budget"]), plan.scale.factor, plan.scale.batch(), std::pow(plan.scale.factor, 0.25),
+        html_text(results["budget"]), plan.scale.factor, plan.scale.batch(), std::pow(plan.scale.factor, 0.25),
         std::sqrt(plan.scale.factor));
   }
   out += "<ul>";
   for (const json& m : results["matrices"]) {
     out += fmt::format(
         "<li><a href=\"#{0}\">{1}</a> ({0}): preset {2}, {3} or {4} steps a training (full size), pictures {5} pixels wide, references of {6} samples a pixel, seeds {7}.</li>\n",
-        html(m["name"]), html(m["title"]), html(m["preset"]), format_duration(m["time"]), m["steps"].get<long long>(),
-        m["width_used"].get<int>(), m["reference_spp_used"].get<int>(), m["seeds"].dump());
+        html_text(m["name"]), html_text(m["title"]), html_text(m["preset"]), format_duration(m["time"]),
+        m["steps"].get<long long>(), m["width_used"].get<int>(), m["reference_spp_used"].get<int>(), m["seeds"].dump());
   }
   std::map<std::string, int> counts;
   for (const json& cell : results["cells"]) ++counts[cell["status"].get<std::string>()];
@@ -74,7 +79,7 @@ std::string missing(const json& results) {
   for (const auto& [message, cells] : why) {
     std::string list;
     for (const std::string& cell : cells) list += (list.empty() ? "" : ", ") + cell;
-    out += fmt::format("<li>{} ({})</li>\n", html(message), html(list));
+    out += fmt::format("<li>{} ({})</li>\n", html_text(message), html_text(list));
   }
   return out + "</ul>\n";
 }
@@ -127,7 +132,7 @@ std::string convergence_plots(const json& results, const Matrix& m) {
     if (svg.empty()) continue;
     out += fmt::format(
         "<figure class=\"plotted\">{}<figcaption>{}: error against time, first view; pixels of the reference that training compares with.{}</figcaption></figure>\n",
-        svg, html(scene), command_details(commands));
+        svg, html_text(scene), command_details(commands));
   }
   return out.empty() ? "" : fmt::format("<h3>Error against seconds</h3>\n<div class=\"plots\">{}</div>\n", out);
 }
@@ -155,45 +160,102 @@ std::string cost_plots(const json& results, const Matrix& m) {
     }
     out += fmt::format(
         "<figure class=\"plotted\">{}<figcaption>{}: error against the time of a frame, a mark for each view and seed; the commands are those of the table's rows.</figcaption></figure>\n",
-        log_log_plot(series, method_names(), "ms a frame", "MAPE"), html(scene));
+        log_log_plot(series, method_names(), "ms a frame", "MAPE"), html_text(scene));
   }
   return out.empty() ? ""
                      : fmt::format("<h3>Error against the time of a frame</h3>\n<div class=\"plots\">{}</div>\n", out);
 }
 
-std::string picture_figures(const Store& store, const Plan& plan, const json& results, const Matrix& m) {
+// How much the frames of a camera path flicker.
+std::string flicker(const json& results, const Matrix& m) {
+  if (m.temporal_frames == 0) return "";
   std::string out;
+  std::map<std::string, Table> tables;
+  std::map<std::string, std::vector<std::string>> commands;
+  for (const json& cell : results["cells"]) {
+    if (!cell["temporal"].is_number() || !in_matrix(cell, m.name, equal_name(m.equal.front()))) continue;
+    Table& t = tables[cell["scene"]];
+    t.columns = {
+        {"", "mean |ΔI − ΔR|", -1, false}, {"", "as displayed", -1, false}, {"", "MAPE of a picture", -1, false}};
+    const std::string sw = switch_in(cell, m.name);
+    t.rows.push_back({sw.empty() ? method_title(cell["method"]) : sw,
+                      cell_anchor(cell),
+                      {cell["temporal"], cell["temporal_displayed"], cell["mape"]}});
+    for (const auto& [key, command] : cell["commands"]["temporal"].items()) {
+      std::vector<std::string>& list = commands[cell["scene"]];
+      if (std::find(list.begin(), list.end(), command) == list.end()) list.push_back(command);
+    }
+  }
+  for (const auto& [scene, table] : tables)
+    out += fmt::format("<h4>{}</h4>\n{}{}", html_text(scene), table_html(table), command_details(commands[scene]));
+  if (out.empty()) return "";
+  return fmt::format(
+             "<h3>Flicker</h3>\n<p>Mean absolute difference of the changes from frame to frame to those of the reference, over {} frames of a moving camera.</p>\n",
+             m.temporal_frames) +
+         out;
+}
+
+// The views of a matrix: name, heading, and the pictures.
+struct ViewFigure {
+  std::string name, heading;
+  double pixels = 0.0;
+  int side = 0;
+  std::vector<ViewPicture> pictures;
+};
+
+std::vector<ViewFigure> view_figures(const Plan& plan, const json& results, const Matrix& m) {
+  std::vector<ViewFigure> figures;
   const std::string equal = equal_name(m.equal.front());
   for (const Reference& reference : plan.references) {
     const std::string scene = plan.scenes[reference.scene].name;
-    std::vector<ViewPicture> pictures = {{"reference", fmt::format("path tracing, {} spp", 2 * reference.half_spp),
-                                          "reference-" + scene + "-" + reference.view.name, reference.picture()}};
+    ViewFigure figure_of{m.name + "-" + scene + "-" + reference.view.name,
+                         scene + ", " + reference.view.name,
+                         0.0,
+                         std::max(reference.view.width, reference.view.height),
+                         {}};
+    figure_of.pictures.push_back({"reference", fmt::format("path tracing, {} spp", 2 * reference.half_spp),
+                                  fmt::format("reference-{}-{}", scene, reference.view.name), reference.picture()});
     for (const json& cell : results["cells"]) {
       if (cell["status"] != "done" || cell["scene"] != scene || cell["reference"] != reference.picture() ||
           cell["seed"] != m.seeds.front() || !in_matrix(cell, m.name, equal))
         continue;
       const std::string sw = switch_in(cell, m.name);
-      pictures.push_back({sw.empty() ? method_title(cell["method"]) : sw,
-                          fmt::format("MAPE {}, glossy {}, LPIPS {}, {} ms", figure(cell["mape"]),
-                                      figure(cell["mape_glossy"]), figure(cell["lpips"]), figure(cell["frame_ms"])),
-                          cell_anchor(cell), cell["picture"]});
+      figure_of.pictures.push_back(
+          {sw.empty() ? method_title(cell["method"]) : sw,
+           fmt::format("MAPE {}, glossy {}, LPIPS {}, {} ms", figure(cell["mape"]), figure(cell["mape_glossy"]),
+                       figure(cell["lpips"]), figure(cell["frame_ms"])),
+           cell_anchor(cell), cell["picture"]});
     }
-    if (pictures.size() < 2) continue;
-    out += fmt::format("<h4>{}, {}</h4>\n{}", html(scene), html(reference.view.name),
-                       view_figure(store, fmt::format("{}-{}-{}", m.name, scene, reference.view.name), pictures));
+    figure_of.pixels = static_cast<double>(reference.view.width) * reference.view.height *
+                       static_cast<double>(figure_of.pictures.size());
+    if (figure_of.pictures.size() > 1) figures.push_back(std::move(figure_of));
   }
-  return out.empty()
-             ? ""
-             : "<h3>Pictures</h3>\n<p class=\"note screen\">Click a picture to flip through all of its view: arrow keys or digits flip, the wheel zooms, dragging moves; zoom and place stay while "
-               "flipping. Escape closes.</p>\n" +
-                   out;
+  return figures;
+}
+
+// Viewers take 8 bytes a pixel: pictures are made smaller by a whole factor where those of a report are more than 36
+// MB.
+int viewer_factor(const Plan& plan, const json& results) {
+  double pixels = 0.0;
+  for (const Matrix& m : plan.matrices) {
+    for (const ViewFigure& f : view_figures(plan, results, m)) pixels += f.pixels;
+  }
+  return std::max(1, static_cast<int>(std::ceil(std::sqrt(8.0 * pixels / 36e6))));
+}
+
+std::string picture_figures(const Store& store, const Plan& plan, const json& results, const Matrix& m, int factor) {
+  std::string out;
+  for (const ViewFigure& f : view_figures(plan, results, m))
+    out += fmt::format("<h4>{}</h4>\n{}", html_text(f.heading),
+                       view_figure(store, f.name, f.pictures, factor > 1 ? f.side / factor : 0));
+  return out.empty() ? "" : "<h3>Pictures</h3>\n" + out;
 }
 
 std::string learned(const Store& store, const json& results) {
   std::string out;
   for (const json& one : results["learned"]) {
     const std::string scene = one["scene"];
-    out += fmt::format("<h3>{}</h3>\n", html(scene));
+    out += fmt::format("<h3>{}</h3>\n", html_text(scene));
     std::vector<ViewPicture> disparity, features;
     std::vector<std::string> disparity_commands, feature_commands;
     for (const json& p : one["pictures"]) {
@@ -246,8 +308,8 @@ std::string references(const json& results) {
     for (const char* key : {"a", "b", "merge"}) {
       if (made.contains(key)) commands.push_back(made[key]);
     }
-    anchors += fmt::format("<div id=\"{}\"><b>{}, {}</b>{}</div>\n", html(anchor), html(r["scene"]), html(r["view"]),
-                           command_list(commands));
+    anchors += fmt::format("<div id=\"{}\"><b>{}, {}</b>{}</div>\n", html_text(anchor), html_text(r["scene"]),
+                           html_text(r["view"]), command_list(commands));
   }
   return "<h2 id=\"references\">References</h2>\n<p>Path traced without a bound on depth, in two halves with different seeds; their difference tells the reference's own error, below which nothing can be "
          "measured.</p>\n" +
@@ -268,8 +330,8 @@ std::string all_commands(const json& results) {
     }
     const std::string sw = cell["switch"];
     out += fmt::format("<div{}><b>{}, {}, {}{}, seed {}</b>{}</div>\n", first ? " id=\"" + anchor + "\"" : "",
-                       html(cell["scene"]), html(cell["view"]), html(cell["method"]), sw.empty() ? "" : " " + html(sw),
-                       cell["seed"].get<long long>(), command_list(commands));
+                       html_text(cell["scene"]), html_text(cell["view"]), html_text(cell["method"]),
+                       sw.empty() ? "" : " " + html_text(sw), cell["seed"].get<long long>(), command_list(commands));
   }
   return out;
 }
@@ -278,7 +340,7 @@ std::string all_commands(const json& results) {
 
 std::string command_list(const std::vector<std::string>& commands) {
   std::string out;
-  for (const std::string& command : commands) out += "<code>" + html(command) + "</code>\n";
+  for (const std::string& command : commands) out += "<code>" + html_text(command) + "</code>\n";
   return out.empty() ? "" : "<pre>" + out + "</pre>";
 }
 
@@ -294,16 +356,20 @@ void write_report(const Store& store, const Plan& plan, const json& results) {
   for (const Table& t : tables) store.write_text("tables/" + t.name + ".tex", table_latex(t));
 
   std::string page = fmt::format(
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n<title>octrad paper</title>\n<style>{}</style></head>\n<body>\n<h1>octrad paper</h1>\n",
-      kPageStyle);
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n"
+      "<title>octrad paper</title>\n{}<style>{}</style></head>\n<body>\n<h1>octrad paper</h1>\n",
+      report::viewer_head(), kPageStyle);
   page += head_text(plan, results);
+  const int factor = viewer_factor(plan, results);
   for (const Matrix& m : plan.matrices) {
-    page += fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", html(m.name), html(m.title), html(m.about));
+    page +=
+        fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", html_text(m.name), html_text(m.title), html_text(m.about));
     for (const Table& t : tables) {
       if (t.name.rfind(m.name + "-", 0) != 0) continue;
-      page += fmt::format("<h3>{}</h3>\n{}", html(t.title), table_html(t));
+      page += fmt::format("<h3>{}</h3>\n{}", html_text(t.title), table_html(t));
     }
-    page += cost_plots(results, m) + convergence_plots(results, m) + picture_figures(store, plan, results, m);
+    page += cost_plots(results, m) + convergence_plots(results, m) + flicker(results, m) +
+            picture_figures(store, plan, results, m, factor);
   }
   page += learned(store, results) + missing(results) + references(results) + all_commands(results);
   page += fmt::format("<script>{}</script>\n</body></html>\n", kPageScript);

@@ -1,4 +1,4 @@
-// Style and script of the report's page.
+// Style and script of the report's page, after those of its viewers (app/report/image_page.h).
 #pragma once
 
 namespace octrad::paper {
@@ -22,60 +22,17 @@ pre code { display: block; } details summary { cursor: pointer; font-size: .85em
 .plots { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; } figcaption { font-size: .82em; color: #222; }
 .plotted { max-width: 640px; } svg.plot { max-width: 100%; height: auto; font: 12px system-ui, sans-serif; } svg .grid { stroke: #ddd; } svg .frame { fill: none; stroke: #444; }
 .pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(250px, 1fr)); gap: .8em; } .pictures.small { grid-template-columns: repeat(auto-fill, minmax(170px, 1fr)); }
-.pictures img { display: block; } .pictures .shown { width: 100%; height: auto; cursor: zoom-in; }
+.pictures img { display: block; } .pictures .shown { width: 100%; height: auto; }
 .below { display: flex; gap: 4px; margin-top: 4px; } .below img { height: 96px; width: auto; } .inset { image-rendering: pixelated; }
-#flip { position: fixed; inset: 0; background: #222; color: #eee; display: none; overflow: hidden; cursor: grab; } #flip.open { display: block; }
-#flip img { position: absolute; left: 0; top: 0; transform-origin: 0 0; image-rendering: pixelated; max-width: none; }
-#flip div { position: absolute; left: 0; right: 0; bottom: 0; padding: .4em 1em; background: #000a; font-size: .95em; pointer-events: none; }
 @media print {
-  body { max-width: none; margin: 0; font-size: 9.5pt; } .screen, details:not([open]) { display: none; } .wide { overflow: visible; } table { font-size: 7.5pt; } th, td { padding: .1em .3em; }
+  body { max-width: none; margin: 0; font-size: 9.5pt; } .octrad-viewer, .screen, details:not([open]) { display: none; } .wide { overflow: visible; } table { font-size: 7.5pt; } th, td { padding: .1em .3em; }
   h2 { break-before: page; } figure, tr { break-inside: avoid; } a { color: inherit; text-decoration: none; } pre { font-size: 6.5pt; background: none; border-left: 2px solid #999; }
   .pictures { grid-template-columns: repeat(4, 1fr); } .published { background: none; } * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 )css";
 
-// Flips through the pictures of one view with linked zoom.
-inline constexpr const char* kPageScript = R"js(
-(() => {
-  const box = document.createElement('div'); box.id = 'flip';
-  const img = document.createElement('img'), text = document.createElement('div');
-  box.append(img, text); document.body.append(box);
-  let list = [], at = 0, scale = 1, x = 0, y = 0;
-  const place = () => { img.style.transform = `translate(${x}px, ${y}px) scale(${scale})`; };
-  const show = i => {
-    at = (i + list.length) % list.length;
-    img.src = list[at].src;
-    const caption = list[at].closest('figure').querySelector('figcaption');
-    text.textContent = `${at + 1}/${list.length}  ${caption ? caption.innerText.replace('\n', ' — ') : ''}`;
-  };
-  const open = picture => {
-    list = [...picture.closest('.pictures').querySelectorAll('img.shown')];
-    box.classList.add('open');
-    const w = picture.getAttribute('width'), h = picture.getAttribute('height');
-    scale = Math.min(innerWidth / w, (innerHeight - 40) / h); x = (innerWidth - w * scale) / 2; y = 0;
-    place(); show(list.indexOf(picture));
-  };
-  document.querySelectorAll('.pictures img.shown').forEach(p => p.addEventListener('click', () => open(p)));
-  addEventListener('keydown', e => {
-    if (!box.classList.contains('open')) return;
-    if (e.key === 'Escape') box.classList.remove('open');
-    else if (e.key === 'ArrowRight' || e.key === ' ') show(at + 1);
-    else if (e.key === 'ArrowLeft') show(at - 1);
-    else if (/^[1-9]$/.test(e.key) && e.key <= list.length) show(e.key - 1);
-    else return;
-    e.preventDefault();
-  });
-  box.addEventListener('wheel', e => {
-    const f = Math.exp(-e.deltaY / 400);
-    x = e.clientX - (e.clientX - x) * f; y = e.clientY - (e.clientY - y) * f; scale *= f;
-    place(); e.preventDefault();
-  }, { passive: false });
-  let drag = null;
-  box.addEventListener('pointerdown', e => { drag = [e.clientX - x, e.clientY - y]; box.setPointerCapture(e.pointerId); e.preventDefault(); });
-  box.addEventListener('pointermove', e => { if (drag) { x = e.clientX - drag[0]; y = e.clientY - drag[1]; place(); } });
-  box.addEventListener('pointerup', () => { drag = null; });
-  addEventListener('beforeprint', () => document.querySelectorAll('details').forEach(d => { d.open = true; }));
-})();
-)js";
+// Commands are printed too.
+inline constexpr const char* kPageScript =
+    "addEventListener('beforeprint', () => document.querySelectorAll('details').forEach(d => { d.open = true; }));";
 
 }  // namespace octrad::paper

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <functional>
 #include <optional>
 
 #include "app/paper/report.h"
+#include "app/report/image_page.h"
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
 #include "octrad/image/io.h"
@@ -15,28 +17,20 @@
 #include "octrad/image/tonemap.h"
 
 namespace octrad::paper {
+
+using report::html_text;
+
 namespace {
 
 constexpr float kErrorMax = 0.5f;  // MAPE shown as white
-
-std::string base64(const std::string& bytes) {
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    unsigned v = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      v = v << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? kDigits[v >> (18 - 6 * k) & 63u] : '=';
-  }
-  return out;
-}
 
 std::string image_element(const Store& store, const std::string& name, const Image8& image, const char* kind,
                           const std::string& alt) {
   const std::string file = "pictures/" + name + ".jpg";
   write_image(store.path(file), image);
+  const std::string bytes = store.read_text(file);
   return fmt::format("<img class=\"{}\" width=\"{}\" height=\"{}\" alt=\"{}\" src=\"data:image/jpeg;base64,{}\">", kind,
-                     image.width, image.height, html(alt), base64(store.read_text(file)));
+                     image.width, image.height, html_text(alt), report::base64({bytes.begin(), bytes.end()}));
 }
 
 std::optional<Image> read(const Store& store, const std::string& file) {
@@ -114,9 +108,9 @@ Image8 cut(const Image8& image, const Box& box) {
 std::string caption(const ViewPicture& picture) {
   return fmt::format("<figcaption>{}<br>{}</figcaption>",
                      picture.anchor.empty()
-                         ? html(picture.title)
-                         : fmt::format("<a href=\"#{}\">{}</a>", picture.anchor, html(picture.title)),
-                     html(picture.caption));
+                         ? html_text(picture.title)
+                         : fmt::format("<a href=\"#{}\">{}</a>", picture.anchor, html_text(picture.title)),
+                     html_text(picture.caption));
 }
 
 std::string row_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,
@@ -134,7 +128,8 @@ std::string row_figure(const Store& store, const std::string& name, const std::v
 
 }  // namespace
 
-std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures) {
+std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,
+                        int largest_side) {
   if (pictures.empty()) return "";
   store.make_folder("pictures");
   const std::optional<Image> reference = read(store, pictures.front().file);
@@ -146,6 +141,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
   std::vector<const ViewPicture*> shown;
   std::vector<Image8> seen;
   std::vector<Image> errors;
+  std::vector<report::PageImage> viewed;
   for (const ViewPicture& picture : pictures) {
     const bool is_reference = &picture == &pictures.front();
     std::optional<Image> image = is_reference ? reference : read(store, picture.file);
@@ -153,6 +149,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
     shown.push_back(&picture);
     seen.push_back(tonemap(*image, mapping));
     if (!is_reference) errors.push_back(error_image(*reference, *image));
+    viewed.push_back({picture.title, extract_rgb(*image), picture.caption});
   }
   const Box box = errors.empty() ? Box{0, 0, 8} : most_different(errors);
   std::string out = fmt::format("<div class=\"pictures\" data-box=\"{} {} {}\">\n", box.x, box.y, box.side);
@@ -165,7 +162,10 @@ std::string view_figure(const Store& store, const std::string& name, const std::
           image_element(store, base + "-error", false_color(errors[i - 1], 0, 0.0f, kErrorMax), "error", "error map");
     out += "</div>" + caption(*shown[i]) + "</figure>\n";
   }
-  return out +
+  std::string id = "viewer";
+  for (const char c : name)
+    id += std::isalnum(static_cast<unsigned char>(c)) ? std::string(1, c) : fmt::format("{:02x}", c);
+  return report::viewer_html(id, viewed, true, largest_side) + out +
          fmt::format(
              "</div>\n<p class=\"note\">Exposure {:+.1f} stops, filmic curve, sRGB. Cut out: {} × {} pixels at ({}, {}), where the pictures differ most from the reference. "
              "Error maps: |I − R| / (R + 0.01), black 0, white {} or more.</p>\n",

@@ -15,9 +15,11 @@ struct ViewPicture {
   std::string file;                    // EXR in the store
 };
 
-// One figure: every picture with its cut-out and error map. Files are kept in the folder pictures/ too. Pictures that
-// cannot be read are left out.
-std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures);
+// A viewer that flips between the pictures (report::viewer_html), and for paper every picture with its cut-out and
+// error map, whose files are kept in the folder pictures/ too. Pictures that cannot be read are left out. `name`:
+// unique in the page; `largest_side`: of the viewer.
+std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,
+                        int largest_side);
 
 // A row of colours in [0, 1], such as features.
 std::string color_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures);

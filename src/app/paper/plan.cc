@@ -9,6 +9,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/vec.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 
@@ -94,11 +95,6 @@ std::vector<std::string> table_keys(const std::string& field) {
       keys.push_back(k.key);
   }
   return keys;
-}
-
-bool known_field(const std::string& name) {
-  const auto entries = field_entries();
-  return std::any_of(entries.begin(), entries.end(), [&](const FieldEntry* e) { return name == e->name; });
 }
 
 // Chooses the size of the field's tables so that its model has about `bytes`.
@@ -190,12 +186,32 @@ std::vector<SceneInput> SceneChoice::of(const Matrix& matrix) const {
 
 namespace {
 
+// A camera that moves to its right by a fiftieth of the scene's diagonal, without turning.
+nlohmann::json sideways(const PaperScene& scene) {
+  const nlohmann::json& camera = scene.info.at("cameras").at(0);
+  const auto vector = [](const nlohmann::json& v) {
+    return Vec3f{v.at(0).get<float>(), v.at(1).get<float>(), v.at(2).get<float>()};
+  };
+  const auto json = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
+  const Vec3f origin = vector(camera.at("origin")), forward = vector(camera.at("forward")),
+              up = vector(camera.at("up"));
+  const auto& bounds = scene.info.at("bounds");
+  const Vec3f step =
+      normalize(cross(forward, up)) * (0.02f * length(vector(bounds.at("upper")) - vector(bounds.at("lower"))));
+  nlohmann::json keys = nlohmann::json::array();
+  for (const Vec3f from : {origin, origin + step})
+    keys.push_back(
+        {{"origin", json(from)}, {"target", json(from + forward)}, {"up", json(up)}, {"fov", camera.at("fov")}});
+  return {{"keys", keys}};
+}
+
 // Makes the cells of one matrix and scene; what has the same settings as something there is that.
 struct Planner {
   Plan& plan;
   const std::function<double(std::size_t, const Matrix&, const Switch&)>& octaoctree_bytes;
   std::size_t m = 0, s = 0;  // matrix and scene
   std::vector<std::size_t> references = {};
+  std::optional<std::size_t> film = {};
 
   const Matrix& matrix() const { return plan.matrices[m]; }
   const PaperScene& scene() const { return plan.scenes[s]; }
@@ -210,6 +226,25 @@ struct Planner {
     }
   }
 
+  void add_film() {
+    if (matrix().temporal_frames == 0) return;
+    Film f;
+    f.scene = s;
+    const auto own = matrix().paths.find(scene().name);
+    f.path = own == matrix().paths.end() ? sideways(scene()) : own->second;
+    if (!f.path.is_object())
+      throw InputError(fmt::format("{}: paths: {}: expected a camera path", matrix().name, scene().name));
+    f.path.erase("duration");
+    f.path["frames"] = matrix().temporal_frames;
+    const View& view = plan.references[references.front()].view;
+    f.width = view.width;
+    f.height = view.height;
+    f.spp = plan.scale.film_spp(matrix().temporal_spp);
+    f.folder = fmt::format("references/{}/film-{}x{}-{}spp.{}", scene().name, f.width, f.height, f.spp,
+                           hash_of({fingerprint(), f.path, f.width, f.height, f.spp}));
+    film = find_or_add(plan.films, f);
+  }
+
   std::size_t add_training(const Method& method, const Switch& sw, Equal equal, long long seed) {
     Training t;
     t.scene = s;
@@ -219,19 +254,14 @@ struct Planner {
     t.keys = matrix().keys;
     for (const auto& [key, value] : sw.keys) t.keys[key] = value;
     Config config = preset(t.preset);
-    if (known_field(t.field)) set(config, "field", t.field);
-    for (const auto& [key, value] : t.keys) {
-      try {
-        set(config, key, value);
-      } catch (const UsageError&) {  // of a field that this program does not have
-      }
-    }
+    set(config, "field", t.field);
+    for (const auto& [key, value] : t.keys) set(config, key, value);
     const int points =
         std::min(config.train_points, std::max(128, static_cast<int>(config.train_points * plan.scale.batch())));
     const double batch = static_cast<double>(points) / config.train_points;
     if (batch < 1.0) t.keys["train.points"] = std::to_string(points);
     t.work = static_cast<double>(points) * config.train_directions;
-    if (equal == Equal::bytes && t.field != "octaoctree" && known_field(t.field))
+    if (equal == Equal::bytes && t.field != "octaoctree")
       match_bytes(config, octaoctree_bytes(s, matrix(), sw), t.keys);
     if (equal == Equal::steps) {
       t.steps = std::max(20LL, std::llround(static_cast<double>(matrix().steps) * plan.scale.factor / batch));
@@ -270,6 +300,7 @@ struct Planner {
     cell.folder = fmt::format("cells/{}/{}.{}", scene().name, name, hash_of(settings));
     Cell& kept = plan.cells[find_or_add(plan.cells, cell)];
     kept.places.push_back({m, sw.name, equal});
+    if (film && !kept.film) kept.film = film;
     kept.learned |= matrix().learned && std::string(method.name) == "octaoctree" && equal == matrix().equal.front() &&
                     seed == matrix().seeds.front() && &sw == &matrix().switches.front();
   }
@@ -280,9 +311,9 @@ struct Planner {
       for (const Switch& sw : matrix().switches) {
         const bool first = &sw == &matrix().switches.front();
         if (!trained && !first) continue;  // it has no keys
-        if (!first && !sw.keys.empty() && known_field(method->field) &&
-            std::all_of(sw.keys.begin(), sw.keys.end(),
-                        [&](const auto& k) { return ignores_key(field_entry(method->field), k.first); }))
+        if (!first && !sw.keys.empty() && std::all_of(sw.keys.begin(), sw.keys.end(), [&](const auto& k) {
+              return ignores_key(field_entry(method->field), k.first);
+            }))
           continue;
         for (const Equal equal : matrix().equal) {
           for (const long long seed : matrix().seeds) add_cell(*method, sw, equal, seed);
@@ -305,6 +336,7 @@ Plan make_plan(std::vector<Matrix> matrices, const std::vector<PaperScene>& plan
     for (const std::size_t s : scenes[m]) {
       Planner planner{plan, octaoctree_bytes, m, s};
       planner.add_references();
+      planner.add_film();
       planner.add_cells();
     }
   }

@@ -48,6 +48,15 @@ struct Reference {
   std::string picture() const { return folder + "/ref.exr"; }
 };
 
+// Frames of a camera path, path traced, to measure the flicker of cells with.
+struct Film {
+  std::size_t scene = 0;
+  nlohmann::json path;  // as `octrad render --path` takes it
+  int width = 0, height = 0, spp = 0;
+  std::string folder;
+  std::string path_file() const { return folder + "/path.json"; }
+};
+
 struct Training {
   std::size_t scene = 0;
   std::string field, preset;
@@ -77,8 +86,9 @@ struct Cell {
   std::vector<std::size_t> references;  // one a view
   std::string folder;
   std::vector<Place> places;
-  bool learned = false;  // also pictures of what was learned
-  bool selected = true;  // by --only
+  bool learned = false;             // also pictures of what was learned
+  std::optional<std::size_t> film;  // also its flicker
+  bool selected = true;             // by --only
 };
 
 // What a budget makes smaller, for all methods alike. The work of everything falls by about `factor`: training time and
@@ -89,6 +99,7 @@ struct Scale {
   double batch() const;
   int width(int full) const;
   int half_spp(int full) const;
+  int film_spp(int full) const { return 2 * half_spp(full); }
 };
 
 struct Plan {
@@ -96,6 +107,7 @@ struct Plan {
   Scale scale;
   std::vector<PaperScene> scenes;
   std::vector<Reference> references;
+  std::vector<Film> films;
   std::vector<Training> trainings;
   std::vector<Cell> cells;
 };

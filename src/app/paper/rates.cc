@@ -120,11 +120,25 @@ double cell_cost(const Plan& plan, const Rates& rates, const Cell& cell) {
   return sum;
 }
 
+double film_cost(const Plan&, const Rates& rates, const Film& film) {
+  const nlohmann::json& r = rates.scenes[film.scene];
+  const double samples = static_cast<double>(film.width) * film.height * film.spp * film.path.at("frames").get<int>();
+  return r.value("load_seconds", 1.0) + samples / std::max(1.0, r.value("path_samples_per_s", 1e5));
+}
+
+double temporal_cost(const Plan& plan, const Rates& rates, const Cell& cell) {
+  const Film& film = plan.films[*cell.film];
+  const nlohmann::json& r = rates.scenes[cell.scene];
+  const double pixels_of = static_cast<double>(film.width) * film.height * film.path.at("frames").get<int>();
+  return r.value("load_seconds", 1.0) + sampling_seconds(r, *cell.method, pixels_of * cell.spp) + 2e-6 * pixels_of;
+}
+
 double plan_cost(const Plan& plan, const Rates& rates) {
   double sum = 0.0;
   for (const Reference& r : plan.references) sum += reference_cost(plan, rates, r);
   for (const Training& t : plan.trainings) sum += training_cost(plan, rates, t);
-  for (const Cell& c : plan.cells) sum += cell_cost(plan, rates, c);
+  for (const Cell& c : plan.cells) sum += cell_cost(plan, rates, c) + (c.film ? temporal_cost(plan, rates, c) : 0.0);
+  for (const Film& f : plan.films) sum += film_cost(plan, rates, f);
   return sum;
 }
 

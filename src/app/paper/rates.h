@@ -20,7 +20,9 @@ Rates measure_rates(const Store& store, const Plan& plan, const std::vector<std:
 double reference_cost(const Plan& plan, const Rates& rates, const Reference& reference);
 double training_cost(const Plan& plan, const Rates& rates, const Training& training);
 double cell_cost(const Plan& plan, const Rates& rates, const Cell& cell);  // without training
-double plan_cost(const Plan& plan, const Rates& rates);                    // everything
+double film_cost(const Plan& plan, const Rates& rates, const Film& film);
+double temporal_cost(const Plan& plan, const Rates& rates, const Cell& cell);
+double plan_cost(const Plan& plan, const Rates& rates);  // everything
 
 // Frames that are timed for a picture: the median of three, but one where a frame takes seconds.
 inline int timed_frames(const View& view, int spp) {

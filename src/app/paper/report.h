@@ -44,8 +44,6 @@ std::string results_csv(const nlohmann::json& results);
 
 // A value as tables show it: numbers with three significant digits, "-" for null.
 std::string figure(const nlohmann::json& value);
-// For HTML text and attributes.
-std::string html(const std::string& text);
 // Commands, as they are and behind a click.
 std::string command_list(const std::vector<std::string>& commands);
 std::string command_details(const std::vector<std::string>& commands);

@@ -118,6 +118,13 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
       entry["message"] = failed.value("message", "");
       entry["commands"]["failed"] = failed.value("command", "");
     }
+    entry["temporal"] = nullptr;
+    if (const nlohmann::json t = v == 0 ? store.read(cell.folder + "/temporal/temporal.json") : nlohmann::json();
+        t.is_object()) {
+      entry["temporal"] = t["temporal"];
+      entry["temporal_displayed"] = t["temporal_displayed"];
+      entry["commands"]["temporal"] = t["commands"];
+    }
     cells.push_back(entry);
   }
 }

@@ -27,12 +27,15 @@ namespace octrad::paper {
 namespace {
 namespace fs = std::filesystem;
 
+bool denoises(const Method& method) { return method.denoise || std::string(method.integrator) == "denoised"; }
+
 // A piece of work with a folder of its own. It is done when its result is there, whoever made it.
 struct Job {
   std::string title, folder, result;
   double cost = 0.0;  // estimated seconds
   std::vector<std::size_t> needs;
   std::function<void()> work;
+  bool library = false;  // needs one that may not be there
   enum class State { waiting, done, failed } state = State::waiting;
 };
 
@@ -56,8 +59,11 @@ class Run {
   void render_reference(const Reference& r);
   void train(const Training& t);
   void make_cell(const Cell& cell);
+  std::vector<std::string> render_words(const Cell& cell) const;
   nlohmann::json make_view(const Cell& cell, const Reference& reference);
   void make_learned(const Cell& cell);
+  void render_film(const Film& film);
+  void make_temporal(const Cell& cell);
   void make_ladder(const Cell& cell, const Matrix& matrix);
   std::vector<std::string> with_device(std::vector<std::string> words) const {
     words.insert(words.end(), o_.device.begin(), o_.device.end());
@@ -65,7 +71,6 @@ class Run {
   }
   double octaoctree_bytes(std::size_t scene, const Matrix& matrix, const Switch& sw);
   std::string link_to(const std::string& name, const std::string& target);
-  bool render_has(const std::string& option);
 
   const PaperOptions& o_;
   Store store_;
@@ -76,7 +81,7 @@ class Run {
   Rates rates_;
   std::vector<Job> jobs_;
   std::map<std::string, double> bytes_;
-  std::string render_help_, linked_weights_, linked_library_;
+  std::string linked_weights_, linked_library_;
   nlohmann::json head_;  // of the report: budget, machine, program
   Stopwatch watch_;
 };
@@ -93,11 +98,6 @@ double Run::octaoctree_bytes(std::size_t scene, const Matrix& matrix, const Swit
   const auto it = bytes_.find(id);
   if (it != bytes_.end()) return it->second;
   return bytes_[id] = store_.ask(words, "")["output"]["model_file"]["without_optimizer"].get<double>();
-}
-
-bool Run::render_has(const std::string& option) {
-  if (render_help_.empty()) render_help_ = store_.help("render");
-  return render_help_.find(option) != std::string::npos;
 }
 
 // The name, within the run's folder, of a file or folder elsewhere: commands hold no names of this machine.
@@ -222,8 +222,9 @@ void Run::render_reference(const Reference& r) {
                                       "--seed",       std::to_string(900001 + half),
                                       "-o",           file};
     words.insert(words.end(), r.view.words.begin(), r.view.words.end());
-    if (render_has("--resume")) words.push_back("--resume");
+    words.push_back("--resume");
     store_.command(fmt::format("{}/{}.json", r.folder, name), with_device(words));
+    store_.remove(file + ".state");  // what it would take to go on
     merge.push_back(file);
   }
   merge.insert(merge.end(), {"-o", r.picture()});
@@ -255,17 +256,22 @@ void Run::train(const Training& t) {
   store_.write(record, trained);
 }
 
-nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
-  const std::string base = cell.folder + "/" + reference.view.name, picture = base + ".exr";
+// The beginning of the command that renders the cell's pictures.
+std::vector<std::string> Run::render_words(const Cell& cell) const {
   std::vector<std::string> words = {"render", plan_.scenes[cell.scene].file, "--integrator", cell.method->integrator};
   if (cell.training) words.insert(words.end(), {"--model", cell.folder + "/model.octrad"});
-  words.insert(words.end(),
-               {"--spp", std::to_string(cell.spp), "--frames", std::to_string(timed_frames(reference.view, cell.spp)),
-                "--seed", std::to_string(cell.seed)});
-  words.insert(words.end(), reference.view.words.begin(), reference.view.words.end());
-  const bool denoised = cell.method->denoise || std::string(cell.method->integrator) == "denoised";
+  words.insert(words.end(), {"--spp", std::to_string(cell.spp), "--seed", std::to_string(cell.seed)});
   if (cell.method->denoise) words.push_back("--denoise");
-  if (denoised && !linked_library_.empty()) words.insert(words.end(), {"--oidn-library", linked_library_});
+  if (denoises(*cell.method) && !linked_library_.empty())
+    words.insert(words.end(), {"--oidn-library", linked_library_});
+  return words;
+}
+
+nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
+  const std::string base = cell.folder + "/" + reference.view.name, picture = base + ".exr";
+  std::vector<std::string> words = render_words(cell);
+  words.insert(words.end(), {"--frames", std::to_string(timed_frames(reference.view, cell.spp))});
+  words.insert(words.end(), reference.view.words.begin(), reference.view.words.end());
   words.insert(words.end(), {"-o", picture});
   const nlohmann::json render = store_.command(base + ".render.json", with_device(words));
 
@@ -316,7 +322,9 @@ void Run::make_learned(const Cell& cell) {
   const std::string folder = cell.folder + "/learned";
   store_.make_folder(folder);
   const View& view = plan_.references[cell.references.front()].view;
-  const Config config = load_model(store_.path(plan_.trainings[*cell.training].model())).info.config;
+  const Training& training = plan_.trainings[*cell.training];
+  Config config = preset(training.preset);
+  for (const auto& [key, value] : training.keys) set(config, key, value);
   std::vector<std::string> integrators = {"traced", "disparity"};
   for (int level = 1; level <= config.octree_levels; ++level) integrators.push_back(fmt::format("features{}", level));
   nlohmann::json pictures = nlohmann::json::array();
@@ -335,15 +343,44 @@ void Run::make_learned(const Cell& cell) {
       log_warning(fmt::format("{}: {}", failure.command, failure.message));
     }
   }
-  std::vector<std::string> levels = {"info", plan_.scenes[cell.scene].file, "--preset",
-                                     plan_.trainings[*cell.training].preset};
-  for (const auto& [key, value] : plan_.trainings[*cell.training].keys) {
+  std::vector<std::string> levels = {"info", plan_.scenes[cell.scene].file, "--preset", training.preset};
+  for (const auto& [key, value] : training.keys) {
     if (key.rfind("octree.", 0) == 0) levels.insert(levels.end(), {"-D", key + "=" + value});
   }
   const nlohmann::json statistics = store_.command(folder + "/levels.json", levels);
   store_.write(
       folder + "/learned.json",
       {{"pictures", pictures}, {"levels", statistics["output"]["levels"]}, {"levels_command", statistics["command"]}});
+}
+
+void Run::render_film(const Film& film) {
+  store_.make_folder(film.folder);
+  store_.write(film.path_file(), film.path);
+  store_.command(film.folder + "/film.json",
+                 with_device({"render", plan_.scenes[film.scene].file, "--integrator", "path", "--max-depth", "-1",
+                              "--spp", std::to_string(film.spp), "--seed", "900001", "--path", film.path_file(),
+                              "--width", std::to_string(film.width), "--height", std::to_string(film.height), "-o",
+                              film.folder + "/frames/####.exr"}));
+}
+
+// How much the cell's frames of a camera path flicker. The frames are of no use afterwards.
+void Run::make_temporal(const Cell& cell) {
+  const Film& film = plan_.films[*cell.film];
+  const std::string folder = cell.folder + "/temporal";
+  store_.make_folder(folder + "/frames");
+  std::vector<std::string> words = render_words(cell);
+  words.insert(words.end(), {"--path", film.path_file(), "--width", std::to_string(film.width), "--height",
+                             std::to_string(film.height), "-o", folder + "/frames/####.exr"});
+  const nlohmann::json render = store_.command(folder + "/render.json", with_device(words));
+  const nlohmann::json compared =
+      store_.command(folder + "/compare.json", {"compare", film.folder + "/frames", folder + "/frames", "--temporal"});
+  nlohmann::json result = compared["output"]["images"][0];
+  result.erase("image");
+  result["commands"] = {{"reference", store_.read(film.folder + "/film.json")["command"]},
+                        {"render", render["command"]},
+                        {"compare", compared["command"]}};
+  store_.write(folder + "/temporal.json", result);
+  store_.remove(folder + "/frames");
 }
 
 // Path tracing with more and more samples: its error against its time.
@@ -400,6 +437,7 @@ void Run::make_jobs() {
               cell_cost(plan_, rates_, cell),
               {},
               [this, &cell] { make_cell(cell); }};
+      job.library = denoises(*cell.method);
       for (const std::size_t r : cell.references) job.needs.push_back(reference_job(r));
       if (cell.training) {
         const Training& t = plan_.trainings[*cell.training];
@@ -413,6 +451,21 @@ void Run::make_jobs() {
         job.needs.push_back(add(training));
       }
       const std::size_t made_cell = add(job);
+      if (cell.film) {
+        const Film& film = plan_.films[*cell.film];
+        const std::size_t reference = add({"reference film in " + plan_.scenes[s].name,
+                                           film.folder,
+                                           film.folder + "/film.json",
+                                           film_cost(plan_, rates_, film),
+                                           {},
+                                           [this, &film] { render_film(film); }});
+        add({"flicker of " + name,
+             cell.folder + "/temporal",
+             cell.folder + "/temporal/temporal.json",
+             temporal_cost(plan_, rates_, cell),
+             {made_cell, reference},
+             [this, &cell] { make_temporal(cell); }});
+      }
       if (cell.learned) {
         add({"what " + name + " learned",
              cell.folder + "/learned",
@@ -460,7 +513,7 @@ bool Run::do_job(Job& job) {
     store_.remove(job.result + ".failed");
     job.state = Job::State::done;
   } catch (const CommandFailed& failure) {
-    fail(job, failure.message, failure.command, failure.unavailable());
+    fail(job, failure.message, failure.command, failure.unavailable() || (job.library && failure.exit_code == 3));
   } catch (const InputError& error) {
     fail(job, error.what(), "", false);
   } catch (const Interrupted&) {

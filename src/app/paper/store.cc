@@ -63,7 +63,7 @@ void Store::write_text(const std::string& name, const std::string& text) const {
 
 void Store::remove(const std::string& name) const {
   std::error_code ignored;
-  fs::remove(path(name), ignored);
+  fs::remove_all(path(name), ignored);
 }
 
 nlohmann::json Store::ask(const std::vector<std::string>& words, const std::string& log) const {
@@ -89,10 +89,6 @@ nlohmann::json Store::command(const std::string& record, const std::vector<std::
   kept = ask(words, (fs::path(record).parent_path() / "log.txt").string());
   write(record, kept);
   return kept;
-}
-
-std::string Store::help(const std::string& verb) const {
-  return run_octrad({verb, "--help"}, folder_, "/dev/null", waiting).out;
 }
 
 }  // namespace octrad::paper

@@ -33,7 +33,7 @@ class Store {
   std::string read_text(const std::string& name) const;  // throws IoError
   void write(const std::string& name, const nlohmann::json& value) const;
   void write_text(const std::string& name, const std::string& text) const;
-  void remove(const std::string& name) const;
+  void remove(const std::string& name) const;  // a file, or a folder with what is in it
 
   // Words that every command gets, such as --threads, and what is called while one runs.
   std::vector<std::string> common;
@@ -45,9 +45,6 @@ class Store {
   nlohmann::json command(const std::string& record, const std::vector<std::string>& words) const;
   // The same, without keeping a record.
   nlohmann::json ask(const std::vector<std::string>& words, const std::string& log) const;
-
-  // What `octrad VERB --help` says: which options there are.
-  std::string help(const std::string& verb) const;
 
  private:
   std::string folder_;

@@ -6,8 +6,12 @@
 
 #include "app/paper/published.h"
 #include "app/paper/report.h"
+#include "app/report/image_page.h"
 
 namespace octrad::paper {
+
+using report::html_text;
+
 namespace {
 
 using nlohmann::json;
@@ -207,20 +211,6 @@ std::string figure(const json& value) {
   return std::abs(v) >= 0.001 ? fmt::format("{:.3f}", v) : v == 0.0 ? "0" : fmt::format("{:.2g}", v);
 }
 
-std::string html(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
-
 std::string cell_anchor(const json& cell) {
   const std::string folder = cell["folder"];
   return "cell-" + folder.substr(folder.rfind('.') + 1);
@@ -267,21 +257,21 @@ std::string table_html(const Table& t) {
                          t.columns[c].published       ? " class=\"published\""
                          : t.columns[c].group.empty() ? ""
                                                       : " class=\"group\"",
-                         html(t.columns[c].group));
+                         html_text(t.columns[c].group));
       c = end;
     }
     out += "</tr>";
   }
-  out += fmt::format("<tr><th>{}</th>", html(t.row_title));
+  out += fmt::format("<tr><th>{}</th>", html_text(t.row_title));
   for (const Table::Column& c : t.columns)
-    out += fmt::format("<th{}>{}{}</th>", c.published ? " class=\"published\"" : "", html(c.title),
+    out += fmt::format("<th{}>{}{}</th>", c.published ? " class=\"published\"" : "", html_text(c.title),
                        c.better < 0   ? " ↓"
                        : c.better > 0 ? " ↑"
                                       : "");
   out += "</tr></thead>\n<tbody>";
   for (std::size_t r = 0; r < t.rows.size(); ++r) {
     const Table::Row& row = t.rows[r];
-    const std::string name = html(row.name);
+    const std::string name = html_text(row.name);
     out +=
         "\n<tr><td>" + (row.anchor.empty() ? name : fmt::format("<a href=\"#{}\">{}</a>", row.anchor, name)) + "</td>";
     for (std::size_t c = 0; c < row.values.size(); ++c) {
@@ -289,12 +279,12 @@ std::string table_html(const Table& t) {
                          : t.best(r, c)              ? " class=\"best\""
                          : row.values[c].is_string() ? " class=\"text\""
                                                      : "";
-      out += fmt::format("<td{}>{}</td>", kind, html(figure(row.values[c])));
+      out += fmt::format("<td{}>{}</td>", kind, html_text(figure(row.values[c])));
     }
     out += "</tr>";
   }
   out += "\n</tbody></table></div>\n";
-  if (!t.note.empty()) out += fmt::format("<p class=\"note\">{}</p>\n", html(t.note));
+  if (!t.note.empty()) out += fmt::format("<p class=\"note\">{}</p>\n", html_text(t.note));
   return out;
 }
 
