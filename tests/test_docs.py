@@ -98,7 +98,7 @@ class Documents(unittest.TestCase):
         for path in DOCUMENTS:
             if path.name == "CHANGELOG.md":  # names what is gone, too
                 continue
-            for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake|templates|examples)/[\w./-]*\w)`", path.read_text()):
+            for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake|configs|templates|examples)/[\w./-]*\w)`", path.read_text()):
                 if not any(word in name for word in HYPOTHETICAL):
                     with self.subTest("%s: %s" % (path.name, name)):
                         self.assertTrue((ROOT / name).exists())
@@ -118,7 +118,7 @@ class Documents(unittest.TestCase):
 
     def test_integrators(self):
         source = (ROOT / "src/octrad/render/integrators.cc").read_text()
-        names = re.findall(r'(?:IntegratorInfo info\{|_info<[^>]*>\()"(\w+)"', source)
+        names = re.findall(r'(?:IntegratorInfo info\{|info\.name = |_info<[^>]*>\()"(\w+)"', source)
         self.assertGreaterEqual(len(names), 8)
         rows = re.findall(r"^\| (`[^|]*)\|", MANUAL.read_text(), re.M)
         for name in names:

@@ -66,10 +66,12 @@ int run(int argc, char** argv) {
   add_render(program);
   add_compare(program);
   add_merge(program);
+  add_denoise(program);
   add_info(program);
   add_query(program);
   add_tonemap(program);
   add_selftest(program);
+  add_paper(program);
   try {
     program.app.parse(argc, argv);
   } catch (const CLI::Success& success) {

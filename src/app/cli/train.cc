@@ -16,6 +16,7 @@
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
 #include "octrad/train/trainer.h"
@@ -85,6 +86,8 @@ void show_config(const Config& config) {
 void check_reference(const std::string& file, const Image& reference, const Scene& scene) {
   if (reference.metadata.count("displayWindow") > 0)
     throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
+  if (is_display_referred(reference))
+    throw InputError(file + ": holds what a screen shows; --reference needs linear radiance (EXR, HDR, PFM)");
   const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", scene.fingerprint);
   if (fingerprint != scene.fingerprint) {
     log_warning(

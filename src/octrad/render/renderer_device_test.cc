@@ -103,6 +103,58 @@ double difference(const Image& a, const Image& b, const char* channel) {
 
 class RenderOnStream : public testing::StreamTest {};
 
+// In parts that end inside a pass. Sums are compared, because pictures of floats hide their last bits.
+TEST_P(RenderOnStream, PicturesGoOnToTheSameBits) {
+  for (const char* filter : {"box", "gaussian"}) {
+    Box box(filter);
+    for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+      const auto at_once = box.renderer("path", 23, where);
+      const RenderResult whole = render(*at_once, {23});
+      const std::vector<double> sums = at_once->sums();
+      FilmState state;
+      for (const int spp : {3, 11, 23}) {
+        const auto renderer = box.renderer("path", spp, where);  // as a new run: it knows the state alone
+        const FilmState before = state;
+        RenderBudget budget;
+        budget.spp = spp;
+        budget.from = before.samples > 0 ? &before : nullptr;
+        budget.save = [&](const FilmState& saved) { state = saved; };
+        const RenderResult part = render(*renderer, budget);
+        EXPECT_EQ(part.spp, spp);
+        EXPECT_LE(state.samples, spp);
+        if (spp < 23) continue;
+        EXPECT_TRUE(renderer->sums() == sums) << filter;
+        EXPECT_TRUE(part.image.data == whole.image.data) << filter;
+        EXPECT_EQ(part.samples, whole.samples);
+        EXPECT_EQ(part.counts.rays, whole.counts.rays);
+      }
+      // Other passes give other bits where filters reach over pixels.
+      at_once->clear();
+      for (const int count : {3, 8, 12}) at_once->add_samples(count);
+      EXPECT_EQ(at_once->sums() == sums, std::string(filter) == "box");
+      state.largest_pass = 3;
+      EXPECT_THROW(at_once->restore(state), InputError) << "other passes";
+      state.sums.pop_back();
+      EXPECT_THROW(at_once->restore(state), InputError) << "another size";
+    }
+  }
+}
+
+TEST_P(RenderOnStream, ASeedThatIsSetIsThatOfANewRenderer) {
+  Box box("box");
+  for (const char* integrator : {"path", "rhs"}) {
+    for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+      const auto renderer = box.renderer(integrator, 2, where);
+      const Image first = render(*renderer, {2}).image;
+      renderer->set_seed(6);
+      const Image second = render(*renderer, {2}).image;
+      EXPECT_FALSE(first.data == second.data);
+      renderer->set_seed(5);
+      EXPECT_TRUE(render(*renderer, {2}).image.data == first.data) << integrator;
+    }
+  }
+}
+
 TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
   for (const char* filter : {"box", "gaussian", "tent"}) {
     Box box(filter);

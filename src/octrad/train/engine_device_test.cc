@@ -28,6 +28,10 @@ Config short_run(const std::string& field, int steps) {
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
   config.nr_log2_table = 12;
+  config.decoder_width = 64;
+  config.decoder_hidden = 2;
+  config.nr_width = 64;
+  config.nr_hidden = 2;
   config.adam_warmup = 1;
   return config;
 }

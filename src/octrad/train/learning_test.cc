@@ -80,15 +80,16 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
     GTEST_SKIP() << "takes minutes under the sanitizers; the parts are tested there one by one";
   const PreparedScene scene(checkered_room());
   Config config = preset("cpu");
-  config.train_steps = 2000;
+  config.train_steps = 1000;
   config.train_points = 512;
-  config.train_directions = 8;
+  config.train_directions = 4;
   config.octree_levels = 4;
   config.disparity_log2_table = 12;
   config.decoder_width = 64;
   config.decoder_hidden = 2;
 
-  constexpr double kStated = 0.104;
+  // Measured: .119 whole, .153 without the interpolation of cells, .175 to .196 without the other parts.
+  constexpr double kStated = 0.135;
   const double whole = learned_error(scene, config);
   RecordProperty("error", std::to_string(whole));
   EXPECT_LT(whole, kStated);
