@@ -88,10 +88,11 @@ class Paper(Case):
         # Again: nothing is done twice, but for the report. A further seed shares references.
         before = self.files()
         self.ok(*self.arguments(self.matrix()))
-        self.assertEqual({p: t for p, t in self.files().items() if not p.endswith(".failed")}, {p: t for p, t in before.items() if not p.endswith(".failed")})
+        after = self.files()
+        self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])  # what is not available is tried again
         self.ok(*self.arguments(self.matrix(seeds=[0, 1], methods=["octaoctree"], equal=["steps"])))
         after = self.files()
-        self.assertTrue(all(after[p] == t for p, t in before.items()))
+        self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])
         self.assertEqual({c["seed"] for c in self.results()["cells"]}, {0, 1})
 
     def test_dry_run_and_only(self):
@@ -129,9 +130,10 @@ class Paper(Case):
         process.communicate()
         reference = {p: t for p, t in self.files().items() if "references" in p and p.endswith((".exr", ".json"))}
         self.assertEqual(len(reference), 6)
+        written = os.path.getsize(glob.glob(logs)[0])
         # A second process that is interrupted passes it on: the training is saved, and continues.
         process = start(*self.arguments(matrix, scenes=self.scenes[:1]))
-        self.assertTrue(wait_for(lambda: any("progress" in line for path in glob.glob(logs) for line in open(path))))
+        self.assertTrue(wait_for(lambda: os.path.getsize(glob.glob(logs)[0]) > written + 500))
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, err)
@@ -194,6 +196,7 @@ class Paper(Case):
         self.fails(3, "cannot make folder", *self.arguments(self.matrix()))
         os.unlink(self.report)
         matrix = self.matrix(methods=["octaoctree"], equal=["steps"], learned=False, views={})
+        self.ok(*self.arguments(matrix, scenes=self.scenes[:1]), "--dry-run")  # measures the machine, with a model
         limit = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (60000, limit[1]))  # inherited: references fit, the model does not
         try:
