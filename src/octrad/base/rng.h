@@ -25,7 +25,8 @@ enum class RngPurpose : std::uint64_t {
   occupancy = 6,  // sampled octree construction
   poses = 7,      // generated camera poses
   validation = 8,
-  chain = 9,  // right-hand-side rays through masks and over mirrors and glass
+  chain = 9,     // right-hand-side rays through masks and over mirrors and glass
+  far_end = 10,  // choice among the ends of a point's right-hand-side rays
   test = 100,
 };
 

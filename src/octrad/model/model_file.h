@@ -3,9 +3,11 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "octrad/model/config.h"
 #include "octrad/model/radiance_field.h"
+#include "octrad/transport/far_ends_math.h"
 
 namespace octrad {
 
@@ -15,7 +17,8 @@ struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
   long long lhs_samples = 0, rhs_queries = 0;
-  double loss = -1.0;  // smoothed (train/trainer.h); below 0 before the first step
+  double loss = -1.0;            // smoothed (train/trainer.h); below 0 before the first step
+  std::vector<FarEnd> far_ends;  // points of the next step (train.far_ends); kept with the optimiser's state
 };
 
 struct ModelInfo {

@@ -33,6 +33,7 @@ Config short_run(const std::string& field, int steps) {
   config.nr_width = 64;
   config.nr_hidden = 2;
   config.adam_warmup = 1;
+  config.train_far_ends = 0.3;
   return config;
 }
 

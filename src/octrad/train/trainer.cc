@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <utility>
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -71,6 +72,22 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   return bytes;
 }
 
+// Those of a file may be anything.
+void check_far_ends(const Scene& scene, const std::vector<FarEnd>& ends) {
+  for (const FarEnd& end : ends) {
+    if (!end.hit.valid()) continue;
+    const auto s = static_cast<std::size_t>(end.hit.shape);
+    const bool known = s < scene.shapes.size();
+    const std::size_t primitives =
+        !known ? 0
+        : scene.shapes[s].kind == Shape::Kind::sphere
+            ? 1
+            : scene.meshes[static_cast<std::size_t>(scene.shapes[s].geometry)].triangles.size();
+    if (end.hit.primitive < 0 || static_cast<std::size_t>(end.hit.primitive) >= primitives)
+      throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
+  }
+}
+
 // One training run: everything that lives from the first step to the last.
 class Run {
  public:
@@ -91,6 +108,7 @@ class Run {
       field->set_target_scale(
           static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
     }
+    exposure_ = static_cast<double>(field->target_scale());
     if (options.stream) {
       DeviceEngineOptions device;
       device.deterministic = options.deterministic;
@@ -98,6 +116,8 @@ class Run {
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
+    check_far_ends(scene.scene(), state_.far_ends);
+    engine_->set_far_ends(std::exchange(state_.far_ends, {}));
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
@@ -118,6 +138,7 @@ class Run {
   std::unique_ptr<Validation> validation_;
   TrainingState state_;
   double bytes_ = 0.0;
+  double exposure_ = 1.0;         // of the field: the unit of the loss's epsilon
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
   long long non_finite_ = 0;             // gradients dropped
@@ -131,6 +152,7 @@ void Run::checkpoint(bool optimizer) {
   info.scene_file = scene_.scene().file;
   info.scene_fingerprint = scene_.scene().fingerprint;
   info.state = state_;
+  if (optimizer) info.state.far_ends = engine_->far_ends();
   save_model(options_.output, engine_->field(), info, optimizer);
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
@@ -190,7 +212,8 @@ TrainResult Run::go() {
       settle();
       break;
     }
-    const ScheduleState s = schedule(config_, state_.step, fraction());
+    ScheduleState s = schedule(config_, state_.step, fraction());
+    s.epsilon *= exposure_;
     engine_->step(state_.step, s);
     ++state_.step;
     state_.lhs_samples += s.points;

@@ -139,10 +139,10 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   return true;
 }
 
-// The rest of the ray, where the hit of the current segment is known already.
+// The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit hit, Rng& rng, bool follow_delta,
+OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, Rng& rng, bool follow_delta,
                                   int max_chain, Segment& segment, RayEnd& end, FirstHit* first = nullptr) {
   while (follow_hit(world, position, hit, rng, follow_delta, segment, end, first)) {
     if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)

@@ -72,11 +72,10 @@ OCTRAD_HD inline Vec3f bounce_emission(Vec3f weight, float pdf, bool delta, cons
 }
 
 // Contribution of the cache at the end of the BSDF ray. The prediction for an emitter may include its emission
-// (`counted`; 0 otherwise), which was added under MIS already. The clamp keeps out negative light, at the price of a
-// small bright bias where the prediction for an emitter is noisy.
+// (`counted`; 0 otherwise), which was added under MIS already. The difference may be negative: clamped here, it would
+// brighten whatever sees an emitter whose prediction is noisy. Only the sum over a point's directions is clamped.
 OCTRAD_HD inline Vec3f cache_contribution(Vec3f weight, Vec3f response, Vec3f counted) {
-  if (max_component(counted) > 0.0f) response = max(response - counted, Vec3f(0.0f));
-  return weight * response;
+  return weight * (response - counted);
 }
 
 }  // namespace octrad
