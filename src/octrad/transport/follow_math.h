@@ -159,7 +159,7 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   RayEnd end;
   if (max_chain < 0) return end;
   Segment segment = first_segment(position, geometric_normal, direction, t_max);
-  const Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+  Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   follow_from(world, position, hit, rng, follow_delta, max_chain, segment, end, first);
   return end;
 }
