@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Train both fields for equal seconds and compare their pictures of given views with references: the table of the README.
+"""Train fields for equal seconds and compare their pictures of given views with references: the table of the README.
 
     bench/quality.py SCENE.xml --time 5m --view scene=ref1.exr --view mirror=ref2.exr,mirror.json -o results.json
 
@@ -22,13 +22,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
     parser.add_argument("--octrad", default="build/octrad")
-    parser.add_argument("--fields", default="octaoctree,nr")
+    parser.add_argument("--fields", default="octaoctree,nr", help="those of octrad train --field, with commas (default: octaoctree,nr)")
     parser.add_argument("--time", default="5m")
     parser.add_argument("--steps", help="train so many steps instead of --time: what a busy machine does not change")
     parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
     parser.add_argument("--seed", default="0")
     parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures")
-    parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for both fields")
+    parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for all fields")
     parser.add_argument("--view", action="append", required=True, metavar="NAME=REFERENCE[,CAMERA]")
     parser.add_argument("--pictures", help="folder that keeps the pictures and models")
     parser.add_argument("-o", "--output")

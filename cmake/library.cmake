@@ -1,5 +1,5 @@
 # octrad::octrad: all rooms in one static library, liboctrad.a. (The target octrad is the program.)
-set(rooms base image device scene geometry shading transport encoding network model train render)
+set(rooms base image device scene geometry shading transport encoding network model perceptual train render)
 list(TRANSFORM rooms REPLACE "(.+)" "$<TARGET_OBJECTS:octrad_\\1>" OUTPUT_VARIABLE objects)
 add_library(octrad_library STATIC ${objects})
 add_library(octrad::octrad ALIAS octrad_library)

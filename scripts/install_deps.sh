@@ -10,7 +10,7 @@ packages=(
 )
 case "${1:-}" in
   "") ;;
-  --test) packages+=(libgtest-dev pkg-config python3 python3-numpy clang clang-format clang-tidy) ;;
+  --test) packages+=(libgtest-dev pkg-config python3 python3-numpy clang clang-format clang-tidy chromium) ;;
   *) echo "usage: scripts/install_deps.sh [--test]" >&2; exit 1 ;;
 esac
 

@@ -163,6 +163,10 @@ def squareplus(x):
     return (10 * x + np.sqrt(100 * x * x + 4)) / 20
 
 
+def softplus(x):
+    return np.logaddexp(0, x)
+
+
 def exp_linear(x):
     return np.where(x > 4, np.exp(4) * (1 + x - 4), np.exp(np.minimum(x, 4)))
 
@@ -170,7 +174,51 @@ def exp_linear(x):
 ACTIVATIONS = {"squareplus": squareplus, "exp": exp_linear, "abs": np.abs}
 
 
+# ---------------------------------------------------------------- cones (field ncr)
+
+def lobe_tangent(alpha, share):
+    """Tangent of the angle that holds a share of the GGX distribution: 2 phi + k sin 2 phi = share pi by bisection, times alpha."""
+    alpha = np.clip(alpha, 0, 1)
+    k = (1 - alpha ** 2) / (1 + alpha ** 2)
+    low, high = np.zeros_like(alpha), np.full_like(alpha, np.pi)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = middle + k * np.sin(middle) < share * np.pi
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return alpha * np.tan(low / 2)
+
+
+def prefiltered(tensors, prefix, options, p, r):
+    """The two levels between whose footprints, 2 / resolution, r lies; constant beyond the first and the last."""
+    levels, features = options["levels"], options["features"]
+    every = hash_grid(tensors, prefix, options, p).reshape(len(p), levels, features)
+    footprints = 2 / (options["base"] * float(options["scale"]) ** np.arange(levels))
+    place = np.interp(r, footprints[::-1], np.arange(levels)[::-1])      # a level, or between two
+    weight = np.maximum(0, 1 - np.abs(place[:, None] - np.arange(levels)))
+    return (every * weight[:, :, None]).sum(axis=1)
+
+
+def cones(tensors, config, points, x, mirror, alpha, position):
+    """What the clusters of hits add on glossy surfaces: shares times colours, [n, 3]."""
+    options, origin, size = config["ncr"], tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
+    extent, tangent = size.max(), lobe_tangent(alpha, options["lobe_share"])
+    color = np.zeros((len(x), 3))
+    for k in range(options["clusters"]):
+        distance, deviation, share = points[:, 13 + 3 * k:16 + 3 * k].T
+        end = x + distance[:, None] * mirror
+        r = (distance * tangent + deviation) / 2 / extent
+        features = prefiltered(tensors, "ncr.cone.grid", options["cone"], (end - origin) / extent, r)
+        inputs = np.concatenate([features, position(end), -mirror, r[:, None]], axis=1)
+        color += share[:, None] * ACTIVATIONS[options["output"]](mlp(tensors, "ncr.cone.mlp", options["cone"]["hidden"], inputs))
+    return color
+
+
 # ---------------------------------------------------------------- model
+
+def columns(config):
+    """Names of a point's numbers; field ncr also takes distance, deviation and share of each cluster of hits."""
+    clusters = range(config["ncr"]["clusters"]) if config["field"] == "ncr" else ()
+    return COLUMNS + [name + str(k) for k in clusters for name in "tsn"]
 
 class Model:
     def __init__(self, path):
@@ -180,7 +228,7 @@ class Model:
         self.config = json.loads(self.metadata["config"])
 
     def query(self, points):
-        """points: [n, 13] in the order of COLUMNS -> disparity [n], features [n, F], radiance [n, 3]."""
+        """points: [n, 13 or more] in the order of columns() -> disparity [n], features [n, F], radiance [n, 3]."""
         points = np.asarray(points, float)
         x, wo, n, albedo, alpha = points[:, 0:3], points[:, 3:6], points[:, 6:9], points[:, 9:12], points[:, 12]
         c, t = self.config, self.tensors
@@ -193,6 +241,10 @@ class Model:
             w = mirror
             features = hash_grid(t, "nr.grid", c["nr"], p)
             prefix, hidden, output = "nr.mlp", c["nr"]["hidden"], c["nr"]["output"]
+        elif c["field"] == "ncr":
+            w = mirror
+            features = hash_grid(t, "ncr.grid", c["ncr"], p)
+            prefix, hidden, output = "ncr.mlp", c["ncr"]["hidden"], c["ncr"]["output"]
         else:
             w = mirror if c["lookup"]["direction"] == "mirror" else wo
             if c["lookup"]["rough_direction"] == "normal":
@@ -205,19 +257,24 @@ class Model:
                 disparity = squareplus(mlp(t, "disparity.mlp", c["disparity"]["hidden"], inputs)[:, 0]) * unit
             features = octree_features(t, c, x, w, disparity)
             prefix, hidden, output = "decoder.mlp", c["decoder"]["hidden"], c["decoder"]["output"]
-        position = 2 * p - 1 if c["decoder"]["position"] == "normalized" else x
-        inputs = np.concatenate([features, position, w, n, albedo, alpha[:, None]], axis=1)
-        radiance = ACTIVATIONS[output](mlp(t, prefix, hidden, inputs)) * c["target"]["scale"]
+        position = lambda at: 2 * (at - origin) / size - 1 if c["decoder"]["position"] == "normalized" else at
+        inputs = np.concatenate([features, position(x), w, n, albedo, alpha[:, None]], axis=1)
+        radiance = ACTIVATIONS[output](mlp(t, prefix, hidden, inputs))
+        if c["field"] == "ncr":
+            glossy = cones(t, c, points, x, mirror, alpha, position)
+            merged = mlp(t, "ncr.merge.mlp", c["ncr"]["merge"]["hidden"], np.concatenate([radiance, glossy, alpha[:, None], albedo], axis=1))
+            radiance = np.where(rough[:, None], radiance, softplus(merged))
+        radiance = radiance * c["target"]["scale"]
         if c["target"]["demodulate"] == "albedo":
             radiance = np.where(rough[:, None], radiance * albedo, radiance)
         return disparity, features, radiance
 
 
-def read_points(path):
+def read_points(path, names=tuple(COLUMNS)):
     with open(path) as file:
         header = [name.strip() for name in file.readline().split(",")]
         rows = np.array([[float(v) for v in line.split(",")] for line in file if line.strip()])
-    return rows[:, [header.index(name) for name in COLUMNS]]
+    return rows[:, [header.index(name) for name in names]]
 
 
 def main():
@@ -226,7 +283,8 @@ def main():
     parser.add_argument("points")
     parser.add_argument("-o", "--output", required=True)
     options = parser.parse_args()
-    disparity, features, radiance = Model(options.model).query(read_points(options.points))
+    model = Model(options.model)
+    disparity, features, radiance = model.query(read_points(options.points, columns(model.config)))
     names = ["disparity"] + ["f%d" % i for i in range(features.shape[1])] + ["r", "g", "b"]
     np.savetxt(options.output, np.column_stack([disparity, features, radiance]), fmt="%.9g", delimiter=",", header=",".join(names), comments="")
 

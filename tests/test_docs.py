@@ -118,7 +118,7 @@ class Documents(unittest.TestCase):
 
     def test_integrators(self):
         source = (ROOT / "src/octrad/render/integrators.cc").read_text()
-        names = re.findall(r'(?:IntegratorInfo info\{|_info<[^>]*>\()"(\w+)"', source)
+        names = re.findall(r'(?:IntegratorInfo info\{|info\.name = |_info<[^>]*>\()"(\w+)"', source)
         self.assertGreaterEqual(len(names), 8)
         rows = re.findall(r"^\| (`[^|]*)\|", MANUAL.read_text(), re.M)
         for name in names:

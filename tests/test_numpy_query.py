@@ -59,7 +59,9 @@ def sample_points(model, count):
     n[1], wo[1] = (0, 0, -1), (0, 0, -1)
     n[2], wo[2] = (-1, 0, 0), (-1, 0, 0)
     alpha = rng.choice([0.0, 0.02, 0.2, 0.49, 0.5, 1.0], size=(count, 1))
-    points = np.column_stack([origin + p * size, wo, n, rng.random((count, 3)), alpha])
+    clusters = (len(numpy_query.columns(model.config)) - 13) // 3
+    hits = rng.random((count, clusters, 3)) * (size.max(), 0.2 * size.max(), 0.3) * (rng.random((count, clusters, 1)) < 0.7)
+    points = np.column_stack([origin + p * size, wo, n, rng.random((count, 3)), alpha, hits.reshape(count, -1)])
     return points.astype(np.float32)
 
 
@@ -71,9 +73,9 @@ class Query(unittest.TestCase):
             run("train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, *options)
             model = numpy_query.Model(path("m.octrad"))
             points = sample_points(model, 600)
-            np.savetxt(path("points.csv"), points, fmt="%.9g", delimiter=",", header=",".join(numpy_query.COLUMNS), comments="")
+            np.savetxt(path("points.csv"), points, fmt="%.9g", delimiter=",", header=",".join(numpy_query.columns(model.config)), comments="")
             run("query", path("m.octrad"), "--device", "cpu", "--points", path("points.csv"), "-o", path("out.csv"))
-            disparity, features, radiance = model.query(numpy_query.read_points(path("points.csv")))
+            disparity, features, radiance = model.query(numpy_query.read_points(path("points.csv"), numpy_query.columns(model.config)))
             with open(path("out.csv")) as file:
                 header = file.readline().strip().split(",")
                 rows = np.array([[float(v) for v in line.split(",")] for line in file])
@@ -99,6 +101,23 @@ class Query(unittest.TestCase):
 
     def test_neural_radiosity(self):
         self.compare("--field", "nr", "-D", "nr.width=32", "-D", "nr.log2_table=14", "-D", "nr.scale=1.7")
+
+    def test_neural_cone_radiosity(self):
+        small = ["--field", "ncr", "-D", "ncr.log2_table=14", "-D", "ncr.cone.log2_table=14"]
+        self.compare(*small)
+        self.compare(*small, "--preset", "paper", "-D", "train.quarters=false", "-D", "ncr.clusters=2", "-D", "ncr.cone.scale=1.5",
+                     "-D", "ncr.rays.train=16")
+
+    def test_cones_need_their_columns(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = lambda name: os.path.join(folder, name)
+            subprocess.run([PROGRAM, "train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, "--field", "ncr", "--steps", "1",
+                            "-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10"], check=True, timeout=120)
+            np.savetxt(path("points.csv"), np.zeros((1, 13)), delimiter=",", header=",".join(numpy_query.COLUMNS), comments="")
+            done = subprocess.run([PROGRAM, "query", path("m.octrad"), "--points", path("points.csv")], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn('lacks the column "t0"', done.stderr)
+        self.assertIn("share n of each cluster", done.stderr)
 
 
 if __name__ == "__main__":

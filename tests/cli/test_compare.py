@@ -1,4 +1,5 @@
 """octrad compare, merge and tonemap."""
+import csv as csv_module
 import json
 import math
 import os
@@ -49,8 +50,11 @@ class Compare(Case):
     def test_json_is_complete_and_right(self):
         result = self.ok("compare", self.ref, self.same, self.double, "--json").json()
         same, double = result["images"]
-        fields = {"image", "mape", "mape_trimmed", "mse", "relmse", "psnr", "mean_ratio", "pixels"}
+        fields = {"image", "mape", "mape_trimmed", "mse", "relmse", "psnr", "mean_ratio", "pixels", "ssim", "flip", "lpips", "lpips_net"}
         self.assertTrue(fields <= set(same))
+        self.assertEqual((same["flip"], same["lpips"], same["lpips_net"], same["flip_range"]), (0, None, "alex", "hdr"))
+        self.assertIsNone(same["ssim"], "no window of SSIM fits into 8 x 8 pixels")
+        self.assertGreater(double["flip"], 0)
         self.assertEqual(same["image"], self.same)
         self.assertEqual((same["mape"], same["mse"], same["pixels"], same["mean_ratio"]), (0, 0, 64, 1))
         expected = sum(v / (v + 0.01) for v in (1.0, 0.5, 0.25)) / 3 / 8
@@ -72,6 +76,107 @@ class Compare(Case):
         self.assertEqual((width, height), (8, 8))
         self.assertGreater(min(rows[0][0:3]), 220, "error above the maximum is white")
         self.assertEqual(rows[0][3:6], b"\0\0\0", "no error is black")
+
+    def test_signed_errors(self):
+        self.ok("compare", self.ref, self.double, "--errors", self.path("e"), "--signed", "--error-max", "1")
+        self.assertEqual(len(os.listdir(self.path("e"))), 4)
+        row = read_png(self.path("e/double.signed.png"))[2][0]
+        self.assertTrue(row[0] > 2 * row[2] and row[3:6] == b"\xff\xff\xff", "too bright is red, equal is white")
+        self.fails(1, "--errors", "compare", self.ref, self.double, "--signed")
+
+    def test_pictures_for_the_screen(self):
+        """A picture and its own PNG differ by rounding, whatever the picture's range."""
+        bright, other, png, other_png = (self.path(n) for n in ("bright.pfm", "other.pfm", "a.png", "b.png"))
+        write_pfm(bright, 32, 24, lambda x, y: (x / 16, y / 24, 0.2))
+        write_pfm(other, 32, 24, lambda x, y: (x / 16, y / 24, 0.3))
+        self.ok("tonemap", bright, "-o", png)
+        self.ok("tonemap", other, "-o", other_png)
+        for pair in ((bright, png), (png, bright)):
+            result = self.ok("compare", *pair, "--json")
+            (entry,) = result.json()["images"]
+            self.assertAlmostEqual(entry["mean_ratio"], 1, delta=0.003)
+            self.assertLess(entry["mape"], 0.02)
+            self.assertEqual(entry["flip_range"], "ldr")
+            self.assertIn("limited to [0, 1]", result.err)
+        both = self.ok("compare", png, other_png, "--json")
+        (entry,) = both.json()["images"]
+        self.assertNotIn("limited", both.err)
+        self.assertAlmostEqual(entry["mape"], 0.1 / 0.21 / 3, delta=0.01)  # of linear values
+        self.assertAlmostEqual(entry["flip"], self.ok("compare", bright, other_png, "--json").json()["images"][0]["flip"], delta=0.02)  # 8 bits
+        self.fails(2, "linear radiance", "compare", bright, other, "--reference-b", png)
+
+    def test_tables(self):
+        name = self.path("a_&,\"b.hdr")
+        os.rename(self.double, name)
+        csv, latex = self.path("t.csv"), self.path("t.tex")
+        images = self.ok("compare", self.ref, self.same, name, "--csv", csv, "--latex", latex, "--json").json()["images"]
+        with open(csv, newline="") as file:
+            rows = list(csv_module.DictReader(file))
+        self.assertEqual([row["image"] for row in rows], [self.same, name])
+        for row, image in zip(rows, images):
+            for key in ("mape", "mse", "flip", "mean_ratio", "pixels"):
+                self.assertEqual(float(row[key]), image[key])
+            self.assertEqual((row["lpips"], row["ssim"]), ("", ""))
+        with open(latex) as file:
+            text = file.read()
+        self.assertIn("a\\_\\&,", text)
+        self.assertIn("\\textbf{0}", text)
+        self.assertEqual(text.count("\\\\"), 3)
+        for option in ("--csv", "--latex", "--html"):
+            self.fails(3, "none", "compare", self.ref, self.same, option, self.path("none/t"))
+
+    def test_temporal(self):
+        """Frames that keep a wrong value have no temporal error, frames that flicker around the right one have."""
+        frames = {"ref": lambda t: 0.25 + 0.125 * t, "wrong": lambda t: 0.5 + 0.125 * t, "flicker": lambda t: 0.25 + 0.125 * t + (0.0625 if t % 2 else 0)}
+        for folder, value in frames.items():
+            os.mkdir(self.path(folder))
+            for t in range(4):
+                write_pfm(self.path("%s/frame%03d.pfm" % (folder, t)), 4, 4, lambda x, y: (value(t),) * 3)
+        ref, wrong, flicker = map(self.path, frames)
+        self.write("ref/notes.md", "not a frame")
+        still, moving = self.ok("compare", ref, wrong, flicker, "--temporal", "--json").json()["images"]
+        self.assertEqual((still["temporal"], still["frames"]), (0, 4))
+        self.assertAlmostEqual(moving["temporal"], 0.0625, places=6)
+        self.assertEqual(len(moving["by_change"]), 3)
+        self.assertGreater(still["mape"], moving["mape"])
+        listed = self.write("list.txt", "".join("flicker/frame%03d.pfm\n" % t for t in range(4)))
+        self.assertEqual(self.ok("compare", ref, listed, "--temporal", "--json").json()["images"][0]["temporal"], moving["temporal"])
+        self.assertEqual(len(self.ok("compare", ref, wrong, "--temporal").out.splitlines()), 2)
+        os.remove(self.path("wrong/frame003.pfm"))
+        self.fails(2, "3 frames", "compare", ref, wrong, "--temporal")
+        self.fails(2, "folders of frames", "compare", ref, self.same, "--temporal")
+        self.fails(3, "none", "compare", ref, self.path("none"), "--temporal")
+        self.fails(1, "--temporal", "compare", ref, flicker, "--temporal", "--csv", "a.csv")
+
+    def test_errors_by_roughness(self):
+        a, b = self.rooms(1, 2)
+        entry = self.ok("compare", a, b, "--json").json()["images"][0]
+        bins = entry["by_roughness"]
+        self.assertEqual([bin["from"] for bin in bins], [0, 0.05, 0.2, 0.5])
+        glossy = self.ok("compare", a, b, "--alpha-below", 0.5, "--json").json()["images"][0]
+        self.assertEqual(entry["mape_glossy"], glossy["mape"])
+        self.assertEqual(sum(bin["pixels"] for bin in bins[:3]), glossy["pixels"])
+        self.assertEqual(sum(bin["pixels"] for bin in bins), entry["pixels"])
+        self.assertIsNone(bins[0]["mape"])
+        lines = self.ok("compare", a, b, "--by-roughness").out.splitlines()
+        self.assertEqual(len(lines), 2 + 1 + 5)
+        plain = self.path("plain.pfm")
+        write_pfm(plain, 32, 24, lambda x, y: (1, 1, 1))
+        self.assertIsNone(self.ok("compare", plain, b, "--json").json()["images"][0]["mape_glossy"])
+        self.assertEqual(self.ok("compare", plain, b, "--aux", a, "--json").json()["images"][0]["by_roughness"][3]["pixels"], bins[3]["pixels"])
+        self.fails(2, "--aux FILE", "compare", plain, b, "--by-roughness")
+
+    def test_two_references(self):
+        a, b, c = self.rooms(1, 2, 3, spp=64)
+        entry = self.ok("compare", a, c, "--reference-b", b, "--errors", self.path("e"), "--zscores", "--json").json()["images"][0]
+        self.assertIn("seed3.zscores.png", os.listdir(self.path("e")))
+        self.assertEqual((entry["blocks"]["size"], entry["blocks"]["count"]), (8, 12))
+        self.assertLess(entry["blocks"]["z_rms"], 1.8)  # another picture of the same scene has no bias
+        same = self.ok("compare", a, a, "--reference-b", b, "--json").json()["images"][0]
+        self.assertEqual(same["relmse_noise_free"], 0)  # (I - R1)(I - R2) with I = R1
+        self.assertGreater(entry["relmse_noise_free"], 0)
+        self.fails(1, "--reference-b", "compare", a, c, "--errors", self.path("e"), "--zscores")
+        self.fails(1, "--errors", "compare", a, c, "--reference-b", b, "--zscores")
 
     def test_refusals(self):
         self.fails(2, "roughness.Y", "compare", self.ref, self.same, "--alpha-below", "0.5")
@@ -149,6 +254,8 @@ class Compare(Case):
         write_pfm(plain, 32, 24, lambda x, y: (1, 2, 4))
         self.fails(1, "two pictures", "merge", a, "-o", out)
         self.fails(2, "same seed", "merge", a, b, a, "-o", out)
+        self.ok("tonemap", a, "-o", self.path("a.png"))
+        self.fails(2, "linear radiance", "merge", self.path("a.png") + ":2", b, "-o", out)
         self.fails(2, "same seed", "merge", plain + ":2", plain + ":2", "-o", out)
         self.fails(2, "plain.pfm:SPP", "merge", a, plain, "-o", out)
         self.fails(1, "FILE:SPP", "merge", a, plain + ":0", "-o", out)

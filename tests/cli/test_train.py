@@ -73,6 +73,8 @@ class Train(Case):
         self.assertIn("cut.exr has paths of at most 6 (max_depth)", errors(cut))
         self.assertIn("other.exr shows another scene", errors(other))
         self.fails(2, "part of a picture", "train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--steps", 1, "--reference", part)
+        self.ok("tonemap", good, "-o", self.path("good.png"))
+        self.fails(2, "linear radiance", "train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--steps", 1, "--reference", self.path("good.png"))
         # What a stranger's metadata holds is no reason to fail.
         foreign = self.path("foreign.pfm")
         write_pfm(foreign, 32, 24, lambda x, y: (1, 1, 1))

@@ -63,6 +63,13 @@ std::unique_ptr<JsonLines> CommonOptions::open_log(bool append) const {
   return log_json.empty() ? nullptr : std::make_unique<JsonLines>(log_json, append);
 }
 
+DeviceChoice CommonOptions::choose_device(const std::string& field) const {
+  if (field_entry(field).make_device != nullptr) return choose_device();
+  CommonOptions on_cpu = *this;
+  on_cpu.support = {"the field " + field, false};
+  return on_cpu.choose_device();
+}
+
 DeviceChoice CommonOptions::choose_device() const {
   const DeviceChoice choice = octrad::choose_device(parse_device(device), support);
   if (choice.cuda) log_info("device {} ({})", choice.name, choice.why);

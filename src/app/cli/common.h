@@ -41,6 +41,8 @@ struct CommonOptions {
   // The device that the verb works on, by --device and what the machine has; says so when that is a GPU, and with -v
   // always. Throws DeviceError when one is asked for that cannot be used.
   DeviceChoice choose_device() const;
+  // The same for a verb's work on a radiance field, which may have no code for devices.
+  DeviceChoice choose_device(const std::string& field) const;
   // Applies threads and verbosity, and refuses nonsense and devices that cannot be used; called once, after parsing.
   void apply() const;
 };
@@ -71,6 +73,7 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
 void add_train(Program& program);
 void add_render(Program& program);
 void add_compare(Program& program);
+void add_denoise(Program& program);
 void add_merge(Program& program);
 void add_info(Program& program);
 void add_query(Program& program);

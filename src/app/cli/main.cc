@@ -66,6 +66,7 @@ int run(int argc, char** argv) {
   add_render(program);
   add_compare(program);
   add_merge(program);
+  add_denoise(program);
   add_info(program);
   add_query(program);
   add_tonemap(program);

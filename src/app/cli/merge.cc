@@ -13,6 +13,7 @@
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad::cli {
 namespace {
@@ -40,6 +41,11 @@ Part read_part(const std::string& word) {
       throw UsageError(fmt::format("{}: expected FILE:SPP with 1 to 1,000,000,000 samples a pixel", word));
   }
   part.image = read_image(part.file);
+  if (part.image.metadata.count("octrad.denoise") > 0)
+    throw InputError(
+        fmt::format("{} was denoised: its error is not that of independent samples, which a mean reduces", part.file));
+  if (is_display_referred(part.image))
+    throw InputError(part.file + ": holds what a screen shows; merge needs linear radiance (EXR, HDR, PFM)");
   if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);
   if (part.spp <= 0)
     throw InputError(fmt::format("{0} does not say how many samples a pixel it has: write {0}:SPP", part.file));

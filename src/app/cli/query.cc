@@ -12,6 +12,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
@@ -45,11 +46,21 @@ std::vector<std::string> split_line(const std::string& line) {
   }
 }
 
+// Columns of a file for a field that wants `rays` traced: without a scene what they met is given, cluster by cluster.
+std::vector<std::string> columns_for(const QueryRays& rays) {
+  std::vector<std::string> names(kColumns.begin(), kColumns.end());
+  for (int k = 0; rays.lobe > 0 && k < rays.clusters; ++k) {
+    for (const char* of : {"t", "s", "n"}) names.push_back(of + std::to_string(k));
+  }
+  return names;
+}
+
 // Surface points of a CSV file: a header with the columns' names in any order (others are ignored), a point a line.
-std::vector<SurfacePoint> read_points(const std::string& file) {
+std::vector<SurfacePoint> read_points(const std::string& file, const QueryRays& rays) {
   const std::string text = read_text_file(file);
+  const std::vector<std::string> names = columns_for(rays);
   std::vector<SurfacePoint> points;
-  std::array<std::size_t, kColumns.size()> column{};
+  std::vector<std::size_t> column(names.size());
   std::size_t begin = 0, columns = 0;
   int line_number = 0;
   const auto refuse = [&](const std::string& why) {
@@ -64,23 +75,25 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
     const std::vector<std::string> cells = split_line(line);
     if (columns == 0) {
       columns = cells.size();
-      for (std::size_t i = 0; i < kColumns.size(); ++i) {
-        const auto found = std::find(cells.begin(), cells.end(), kColumns[i]);
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        const auto found = std::find(cells.begin(), cells.end(), names[i]);
         if (found == cells.end())
-          refuse(fmt::format("the header lacks the column \"{}\"; expected x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha",
-                             kColumns[i]));
+          refuse(fmt::format("the header lacks the column \"{}\"; expected {}{}", names[i], join(names, ","),
+                             i < kColumns.size() ? ""
+                                                 : ": this field takes what rays met (distance t, deviation s and "
+                                                   "share n of each cluster), which a file of points cannot trace"));
         column[i] = static_cast<std::size_t>(found - cells.begin());
       }
       continue;
     }
     if (cells.size() != columns) refuse(fmt::format("{} cells where the header has {}", cells.size(), columns));
-    std::array<float, kColumns.size()> v{};
+    std::vector<float> v(names.size());
     for (std::size_t i = 0; i < v.size(); ++i) {
       const std::string& cell = cells[column[i]];
       char* stop = nullptr;
       v[i] = std::strtof(cell.c_str(), &stop);
       if (cell.empty() || *stop != '\0' || !std::isfinite(v[i]))
-        refuse(fmt::format("column {}: \"{}\" is not a finite number", kColumns[i], cell));
+        refuse(fmt::format("column {}: \"{}\" is not a finite number", names[i], cell));
     }
     SurfacePoint p;
     p.x = {v[0], v[1], v[2]};
@@ -88,6 +101,12 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
     p.n = {v[6], v[7], v[8]};
     p.albedo = {v[9], v[10], v[11]};
     p.alpha = v[12];
+    for (std::size_t i = kColumns.size(); i < v.size(); i += 3) {
+      if (v[i] < 0.0f || v[i + 1] < 0.0f || v[i + 2] < 0.0f || v[i + 2] > 1.0f)
+        refuse(fmt::format("columns {},{},{}: expected a distance and a deviation of at least 0 and a share in 0 ... 1",
+                           names[i], names[i + 1], names[i + 2]));
+      p.lobe[(i - kColumns.size()) / 3] = {v[i], v[i + 1], v[i + 2]};
+    }
     for (const auto& [name, d] : {std::pair{"wo", p.wo}, std::pair{"n", p.n}}) {
       if (std::abs(length(d) - 1.0f) > 1e-2f)
         refuse(fmt::format("{} has length {:.3g}: a unit vector is needed", name, length(d)));
@@ -101,10 +120,10 @@ std::vector<SurfacePoint> read_points(const std::string& file) {
 void query_verb(const CommonOptions& common, const QueryOptions& o) {
   if (o.output.empty() && common.json) throw UsageError("--json needs -o: standard output cannot hold both");
   if (!o.output.empty()) require_writable(o.output);
-  const DeviceChoice device = common.choose_device();
-  const std::unique_ptr<Stream> stream = device.make_stream();
   const Model model = load_model(o.model);
-  const std::vector<SurfacePoint> points = read_points(o.points);
+  const DeviceChoice device = common.choose_device(model.info.config.field);
+  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::vector<SurfacePoint> points = read_points(o.points, query_rays(model.info.config));
   RadianceField& field = *model.field;
   if (model.info.config.lookup_offset == LookupOffset::traced && model.field->uses_disparity())
     log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
@@ -173,7 +192,8 @@ void add_query(Program& program) {
   CLI::App* verb = add_verb(program, "query", "Evaluate a model at surface points.",
                             "octrad query room.octrad --points in.csv -o out.csv", Devices::cuda);
   verb->add_option("model", o->model, "trained cache")->required()->type_name("MODEL.octrad");
-  verb->add_option("--points", o->points, "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha")
+  verb->add_option("--points", o->points,
+                   "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha; field ncr: more")
       ->required()
       ->type_name("IN.csv");
   verb->add_option("-o,--output", o->output, "CSV with disparity, features and radiance; default: standard output")

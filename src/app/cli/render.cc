@@ -1,299 +1,190 @@
-// octrad render: a picture of a scene, path traced or from a trained cache.
+// octrad render: a picture of a scene, path traced or from a trained cache, or the frames of a camera path.
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "app/cli/common.h"
-#include "app/cli/open_scene.h"
+#include "app/cli/render_session.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
-#include "octrad/base/interrupt.h"
 #include "octrad/base/log.h"
-#include "octrad/base/version.h"
 #include "octrad/image/io.h"
-#include "octrad/model/model_file.h"
-#include "octrad/render/renderer.h"
-#include "octrad/scene/camera.h"
+#include "octrad/render/film_state.h"
 
 namespace octrad::cli {
 namespace {
 
-struct RenderVerbOptions {
-  std::string scene, output, integrator, model;
-  bool force = false;
-  int spp = 0;         // 0: the integrator's own
-  int max_depth = -2;  // -2: the scene's
-  int rr_depth = 0;    // 0: 5
-  std::string time;
-  int width = 0, height = 0;
-  std::string crop;
-  int sensor = 0;
-  bool sensor_given = false;
-  std::string origin, target, up;
-  double fov = 0.0;
-  std::string fov_axis = "x";
-  std::string camera_file;
-  std::vector<std::string> definitions;
-  int frames = 0;
+// Adds the denoiser to the times of frames.
+void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& name, int count, FrameTimes& times) {
+  std::vector<double> ms;
+  for (int f = -1; f < count; ++f) {  // the first warms up
+    Image copy = image;
+    denoiser.run(copy, name);
+    if (f >= 0) ms.push_back(1e3 * denoiser.seconds());
+  }
+  times.median += percentile(ms, 0.5);
+  times.p95 += percentile(ms, 0.95);
+  times.stages.emplace_back("denoising", percentile(ms, 0.5));
+}
+
+// What a picture must have in common with the one that it goes on from.
+FilmIdentity identity_of(const RenderSession& s, const View& view) {
+  nlohmann::json camera = camera_json(view.camera);
+  camera["near_clip"] = view.camera.near_clip;
+  camera["far_clip"] = view.camera.far_clip;
+  camera["principal_point_offset"] = {view.camera.principal_point_offset.x, view.camera.principal_point_offset.y};
+  const Crop& c = view.crop;
+  const FilterShape shape = ReconstructionFilter(s.settings.film).shape();
+  return {{"scene", s.scene().fingerprint},
+          {"camera", camera.dump()},
+          {"size", fmt::format("{} x {}, crop {},{},{},{}", view.width, view.height, c.x, c.y, c.width, c.height)},
+          {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
+          {"seed", std::to_string(s.settings.seed)},
+          {"max_depth", std::to_string(s.settings.max_depth)},
+          {"rr_depth", std::to_string(s.settings.rr_depth)},
+          {"filter", fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent)},
+          {"device", s.device.name}};
+}
+
+// --resume: what the picture goes on from is in a file beside it, kept for runs to more samples.
+class Continuation {
+ public:
+  Continuation(RenderSession& session, const View& view)
+      : session_(session),
+        file_(session.o.output + ".state"),
+        identity_(identity_of(session, view)) {
+    if (!session.o.resume) return;
+    lock_.emplace(file_);
+    if (std::filesystem::exists(file_)) {
+      from_ = read_film_state(file_, identity_);
+      if (session.budget.spp > 0 && from_->samples > session.budget.spp)
+        throw InputError(fmt::format("{}: has {} samples a pixel already, more than the {} asked for", file_,
+                                     from_->samples, session.budget.spp));
+    }
+    session.budget.from = from_ ? &*from_ : nullptr;
+    session.budget.save = [this](const FilmState& state) { save(state); };
+    if (!session.o.save_every.empty()) session.budget.save_every = parse_duration(session.o.save_every);
+  }
+
+  int samples() const { return from_ ? from_->samples : 0; }
+
+  // The picture on disk, where it has what is asked for and nothing is there to go on from.
+  std::optional<Image> finished(const View& view) const {
+    if (!session_.o.resume || from_ || session_.budget.spp < 1) return std::nullopt;
+    std::optional<Image> image = on_disk();
+    if (image && session_.difference(*image, view, session_.settings.seed, session_.budget.spp).empty()) return image;
+    if (image) log_info("{}: nothing is there to go on from ({}): it is rendered anew", session_.o.output, file_);
+    return std::nullopt;
+  }
+
+  // Whether the result may replace what is on disk: an interrupted run leaves a picture of more samples alone.
+  bool replaces(const RenderResult& result, const View& view) const {
+    if (!session_.o.resume || !result.interrupted) return true;
+    const std::optional<Image> image = on_disk();
+    return !image || !session_.difference(*image, view, session_.settings.seed, result.spp).empty();
+  }
+
+  // After the picture was written. An interrupted one can be continued even without --resume.
+  void finish(const RenderResult& result) {
+    if (!session_.o.resume && result.interrupted && result.spp > 0 && !session_.integrator.needs_model &&
+        !std::filesystem::exists(file_)) {
+      Renderer& renderer = *session_.renderer;
+      save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
+    }
+    if (!failure_.empty()) throw IoError(failure_);
+  }
+
+ private:
+  // The picture comes first: a disk that is full ends nothing.
+  void save(const FilmState& state) {
+    try {
+      write_film_state(file_, state, identity_);
+      failure_.clear();
+    } catch (const Error& error) {
+      failure_ = error.what();
+      log_warning(failure_);
+    }
+  }
+
+  std::optional<Image> on_disk() const {
+    try {
+      if (std::filesystem::exists(session_.o.output)) return read_image(session_.o.output);
+    } catch (const Error&) {  // nothing that must be kept
+    }
+    return std::nullopt;
+  }
+
+  RenderSession& session_;
+  const std::string file_;
+  const FilmIdentity identity_;
+  std::optional<WriterLock> lock_;
+  std::optional<FilmState> from_;
+  std::string failure_;  // of the last save
 };
 
-// --camera, --origin ..., or a sensor of the scene. Film size: the camera's own where it has one.
-Camera choose_camera(const Scene& scene, const RenderVerbOptions& o) {
-  const bool look = !o.origin.empty() || !o.target.empty();
-  if (look + !o.camera_file.empty() + o.sensor_given > 1)
-    throw UsageError("--sensor, --camera and --origin/--target exclude each other");
-  Camera camera;
-  if (!o.camera_file.empty()) {
-    if (o.fov > 0.0) throw UsageError(fmt::format("--fov: {} says the field of view", o.camera_file));
-    const std::vector<Camera> cameras = read_cameras(o.camera_file);
-    if (cameras.size() != 1)
-      throw InputError(fmt::format("{}: holds {} cameras where one is needed", o.camera_file, cameras.size()));
-    camera = cameras.front();
-  } else if (look) {
-    if (o.origin.empty() || o.target.empty()) throw UsageError("--origin and --target belong together");
-    const Camera& first = scene.cameras.front();
-    const bool own_fov = o.fov > 0.0;
-    camera = look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
-                     o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
-                     own_fov ? static_cast<float>(o.fov) : first.fov_degrees,
-                     own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
-    camera.near_clip = first.near_clip;
-    camera.far_clip = first.far_clip;
-  } else {
-    if (o.sensor >= static_cast<int>(scene.cameras.size())) {
-      throw UsageError(fmt::format("--sensor {}: the scene has {} (numbered from 0)", o.sensor, scene.cameras.size()));
-    }
-    camera = scene.cameras[static_cast<std::size_t>(o.sensor)];
-    if (o.fov > 0.0) {
-      camera.fov_degrees = static_cast<float>(o.fov);
-      camera.fov_axis = parse_fov_axis(o.fov_axis);
-    }
+void print_picture(const RenderSession& s, const RenderResult& result, const nlohmann::json& report,
+                   const std::optional<FrameTimes>& frames, const std::string& ending) {
+  if (s.common.json) {
+    print_json(report);
+    return;
   }
-  if (!look && !o.up.empty()) throw UsageError("--up belongs to --origin and --target");
-  if (camera.film_width <= 0 || camera.film_height <= 0) {
-    camera.film_width = scene.film.width;
-    camera.film_height = scene.film.height;
-  }
-  return camera;
-}
-
-nlohmann::json camera_json(const Camera& c) {
-  const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
-  static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
-  const Vec3f target = c.origin + c.forward;
-  return {{"origin", vector(c.origin)},
-          {"target", vector(target)},
-          {"up", vector(c.up)},
-          {"fov", c.fov_degrees},
-          {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
-}
-
-View choose_view(const Scene& scene, const RenderVerbOptions& o) {
-  View view;
-  view.camera = choose_camera(scene, o);
-  const Vec2i size = picture_size(view.camera.film_width, view.camera.film_height, o.width, o.height);
-  view.width = size.x;
-  view.height = size.y;
-  if (!o.crop.empty()) {
-    const std::vector<double> crop = parse_numbers(o.crop, 4, "--crop");
-    for (const double v : crop) {
-      if (v != static_cast<double>(static_cast<int>(v)))
-        throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
-    }
-    view.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
-                 static_cast<int>(crop[3])};
-    if (view.crop.width <= 0 || view.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
-  }
-  return view;
-}
-
-double pixels_of(const View& view) {
-  return view.crop.width > 0 ? static_cast<double>(view.crop.width) * view.crop.height
-                             : static_cast<double>(view.width) * view.height;
-}
-
-// What is in memory already counts. The picture's sums are doubles, twice while tiles are merged; then the picture
-// itself, in memory and while it is written.
-void require_picture_memory(const CommonOptions& common, const View& view) {
-  const double bytes = pixels_of(view) * (kPictureChannelCount + 1) * (2 * sizeof(double) + 2 * sizeof(float));
-  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", view.width, view.height),
-                 {{"picture", static_cast<std::uint64_t>(bytes)},
-                  {"the program, the scene and the model, in memory already", resident_bytes()}},
-                 "--width, --height and --crop make the picture smaller");
-}
-
-RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
-  RenderBudget budget;
-  budget.seconds = o.time.empty() ? 0.0 : parse_duration(o.time);
-  if (!o.time.empty() && budget.seconds <= 0.0) throw UsageError("--time must be above 0");
-  budget.spp = o.spp > 0 ? o.spp : budget.seconds > 0.0 ? 0 : integrator.default_spp;
-  budget.interrupted = [] { return interrupted(); };
-  return budget;
-}
-
-// The configuration of a cached picture: the model's, with what may change after training.
-Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
-  Config config = info.config;
-  for (const auto& [key, value] : definitions.config_definitions()) {
-    if (key != "render.delta") {
-      Config scratch = config;
-      set(scratch, key, value);  // an unknown key is refused with a suggestion
-      throw UsageError(
-          fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
-    }
-    set(config, key, value);
-  }
-  return config;
-}
-
-// Options that the integrator would ignore are refused.
-void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
-  if (integrator.needs_model && o.model.empty())
-    throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
-  if (!integrator.needs_model && !o.model.empty())
-    throw UsageError(fmt::format("--integrator {} uses no --model", o.integrator));
-  if (!integrator.uses_depth && (o.max_depth >= -1 || o.rr_depth > 0))
-    throw UsageError(
-        fmt::format("--integrator {} traces no paths: --max-depth and --rr-depth are for path", o.integrator));
-  if (integrator.one_sample && (o.spp > 1 || !o.time.empty()))
-    throw UsageError(
-        fmt::format("--integrator {} takes one sample a pixel: --spp and --time are of no use", o.integrator));
-  if (integrator.one_sample && o.frames > 0)
-    throw UsageError(fmt::format("--integrator {} makes one picture: --frames cannot time it", o.integrator));
-}
-
-void render_verb(const CommonOptions& common, RenderVerbOptions o) {
-  if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
-  const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
-  check_options(o, integrator);
-  const DeviceChoice device = common.choose_device();
-  const std::unique_ptr<Stream> stream = device.make_stream();
-  picture_format(o.output);  // refuses an unknown ending
-  require_writable(o.output);
-  const std::unique_ptr<JsonLines> log = common.open_log();
-  ConfigOptions definitions;
-  definitions.definitions = o.definitions;
-
-  std::optional<Model> model;
-  if (!o.model.empty()) {
-    model = load_model(o.model);
-    find_integrator(o.integrator, model->field.get());
-  }
-  const PreparedScene prepared(open_scene(o.scene, definitions.scene_definitions()));
-  const Scene& scene = prepared.scene();
-  Config config;
-  if (model) {
-    check_scene(o.model, model->info, scene.file, scene.fingerprint, o.force);
-    config = model_config(model->info, definitions);
-  } else if (!definitions.config_definitions().empty()) {
-    throw UsageError(fmt::format("-D {}: --integrator path has no configuration keys",
-                                 definitions.config_definitions().front().first));
-  }
-
-  const View view = choose_view(scene, o);
-  require_picture_memory(common, view);
-  RenderBudget budget = choose_budget(o, integrator);
-  RenderSettings settings;
-  settings.film = scene.film;
-  settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
-  settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
-  settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
-  settings.expected_spp = budget.spp;
-  if (stream) settings.max_memory = common.memory_budget(*stream);
-
-  if (log) {
-    log->write({{"event", "start"},
-                {"scene", o.scene},
-                {"integrator", o.integrator},
-                {"width", view.width},
-                {"height", view.height},
-                {"device", device.name}});
-  }
-  Progress progress(o.integrator);
-  budget.progress = [&](int spp, double seconds) {
-    const double by_samples = budget.spp > 0 ? static_cast<double>(spp) / budget.spp : 0.0;
-    const double by_time = budget.seconds > 0.0 ? seconds / budget.seconds : 0.0;
-    const double rate = seconds > 0.0 ? pixels_of(view) * spp / seconds : 0.0;
-    if (progress.due()) {
-      progress.update(std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
-                      fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate),
-                                  format_bytes(static_cast<double>(resident_bytes()))));
-    }
-    if (log) log->write({{"event", "progress"}, {"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
-  };
-
-  defer_interrupts();  // from here on there is a picture to save
-  const std::unique_ptr<Renderer> renderer =
-      make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
-  renderer->set_view(view);
-  std::optional<FrameTimes> frames;
-  if (o.frames > 0) frames = renderer->time_frames(o.frames, std::max(1, budget.spp));
-  RenderResult result = render(*renderer, budget);
-  progress.finish();
-  if (result.counts.non_finite > 0)
-    log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
-
-  result.image.metadata["octrad.version"] = kVersion;
-  result.image.metadata["octrad.scene"] =
-      nlohmann::json{{"file", scene.file}, {"fingerprint", scene.fingerprint}}.dump();
-  result.image.metadata["octrad.camera"] = camera_json(view.camera).dump();
-  result.image.metadata["octrad.render"] = nlohmann::json{
-      {"integrator", o.integrator},
-      {"spp", result.spp},
-      {"max_depth", integrator.uses_depth ? settings.max_depth : -1},
-      {"seed", settings.seed},
-      {"seconds", result.seconds}}.dump();
-  if (model) {
-    result.image.metadata["octrad.config"] = to_json(config).dump();
-    result.image.metadata["octrad.model"] = nlohmann::json{{"file", o.model}, {"step", model->info.state.step}}.dump();
-  }
-  if (view.crop.width > 0) {
-    result.image.metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
-    result.image.metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
-  }
-  write_image(o.output, result.image);
-
+  if (frames)
+    log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", s.o.frames, frames->median, frames->p95,
+             format_stages(frames->stages));
   const double seconds = std::max(result.seconds, 1e-9);
-  nlohmann::json report = {{"output", o.output},
-                           {"integrator", o.integrator},
-                           {"width", result.image.width},
-                           {"height", result.image.height},
-                           {"spp", result.spp},
-                           {"seconds", result.seconds},
-                           {"samples_per_s", static_cast<double>(result.samples) / seconds},
-                           {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
-                           {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
-                           {"non_finite", result.counts.non_finite},
-                           {"interrupted", result.interrupted}};
-  report["device"] = device.name;
-  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
+  log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}{}", s.o.output, result.image.width, result.image.height,
+           result.spp, format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
+           result.counts.queries > 0
+               ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds))
+               : "",
+           s.denoiser ? fmt::format(", denoised in {}", format_duration(s.denoise_seconds)) : "", ending);
+}
+
+void render_picture(RenderSession& s) {
+  const View view = choose_view(s.scene(), s.o.view, choose_camera(s.scene(), s.o.view));
+  Continuation continuation(s, view);
+  if (std::optional<Image> image = continuation.finished(view)) {
+    RenderResult result;
+    result.spp = static_cast<int>(metadata_value<long long>(*image, "octrad.render", "spp", 0));
+    result.seconds = metadata_value(*image, "octrad.render", "seconds", 0.0);
+    result.samples = static_cast<long long>(image->pixel_count()) * result.spp;
+    result.image = std::move(*image);
+    print_picture(s, result, s.report(result, view), std::nullopt, "; was finished");
+    return;
+  }
+  s.start(view);
+  std::optional<FrameTimes> frames;
+  if (s.o.frames > 0) frames = s.renderer->time_frames(s.o.frames, std::max(1, s.budget.spp));
+  RenderResult result = s.render_picture();
+  if (frames && s.denoiser) time_denoiser(*s.denoiser, result.image, s.o.output, s.o.frames, *frames);
+  const bool replaces = continuation.replaces(result, view);
+  if (replaces) s.save(result, view, s.settings.seed, s.o.output);
+  continuation.finish(result);
+
+  nlohmann::json report = s.report(result, view);
+  if (s.o.resume) report["resumed_spp"] = continuation.samples();
   if (frames) {
-    report["frames"] = {{"count", o.frames},
+    report["frames"] = {{"count", s.o.frames},
                         {"median_ms", frames->median},
                         {"p95_ms", frames->p95},
                         {"stages_ms", stages_json(frames->stages)}};
   }
-  if (log) {
-    nlohmann::json done = report;
-    done["event"] = "done";
-    log->write(done);
-  }
-  if (common.json) {
-    print_json(report);
-  } else {
-    if (frames)
-      log_info("{} frames: median {:.3f} ms, 95th percentile {:.3f} ms ({})", o.frames, frames->median, frames->p95,
-               format_stages(frames->stages));
-    log_info("{}: {} x {}, {} spp in {} ({} samples/s{}){}", o.output, result.image.width, result.image.height,
-             result.spp, format_duration(result.seconds), format_rate(static_cast<double>(result.samples) / seconds),
-             result.counts.queries > 0
-                 ? fmt::format(", {} queries/s", format_rate(static_cast<double>(result.counts.queries) / seconds))
-                 : "",
-             result.interrupted ? "; interrupted, what was done is saved" : "");
-  }
+  s.log_event("done", report);
+  print_picture(s, result, report, frames,
+                !result.interrupted        ? ""
+                : !replaces                ? "; interrupted, and kept for --resume: the file has more samples"
+                : s.integrator.needs_model ? "; interrupted, what was done is saved"
+                                           : "; interrupted, what was done is saved, and --resume goes on");
+}
+
+void render_verb(const CommonOptions& common, const RenderVerbOptions& o) {
+  RenderSession session(common, o);
+  if (o.view.path_file.empty()) render_picture(session);
+  else render_frames(session);
 }
 
 }  // namespace
@@ -309,9 +200,10 @@ void add_render(Program& program) {
                    "picture; its ending says the format: .exr (with all layers), .hdr, .pfm, .png, .jpg")
       ->required()
       ->type_name("OUT.exr");
-  verb->add_option("--integrator", o->integrator,
-                   "path, or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
-                   "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
+  verb->add_option(
+          "--integrator", o->integrator,
+          "path, denoised (few paths, then --denoise), or with --model: lhs (one query), rhs (one bounce), deferred (rhs on glossy surfaces), "
+          "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
       ->type_name("NAME");
   CLI::Option* model = verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
   verb->add_flag("--force", o->force, "use the model although it was trained on another scene")->needs(model);
@@ -336,36 +228,48 @@ void add_render(Program& program) {
       ->expected(1)
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  verb->add_option("--width", o->width, "pixels; alone, the height follows the sensor's aspect")
+  verb->add_option("--width", o->view.width, "pixels; alone, the height follows the sensor's aspect")
       ->check(whole_in_range(1, 131072))
       ->type_name("W")
       ->group("Camera");
-  verb->add_option("--height", o->height, "pixels; alone, the width follows the sensor's aspect")
+  verb->add_option("--height", o->view.height, "pixels; alone, the width follows the sensor's aspect")
       ->check(whole_in_range(1, 131072))
       ->type_name("H")
       ->group("Camera");
-  verb->add_option("--crop", o->crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
-  CLI::Option* sensor = verb->add_option("--sensor", o->sensor, "sensor of the scene, from 0")
+  verb->add_option("--crop", o->view.crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
+  CLI::Option* sensor = verb->add_option("--sensor", o->view.sensor, "sensor of the scene, from 0")
                             ->check(whole_in_range(0, 1 << 20))
                             ->type_name("N")
                             ->group("Camera");
-  verb->add_option("--camera", o->camera_file, "JSON file with origin, target, up, fov")
+  verb->add_option("--camera", o->view.camera_file, "JSON file with origin, target, up, fov")
       ->type_name("FILE")
       ->group("Camera");
-  verb->add_option("--origin", o->origin, "look from here")->type_name("X,Y,Z")->group("Camera");
-  verb->add_option("--target", o->target, "to here")->type_name("X,Y,Z")->group("Camera");
-  verb->add_option("--up", o->up, "with this direction up; default 0,1,0")->type_name("X,Y,Z")->group("Camera");
-  CLI::Option* fov = verb->add_option("--fov", o->fov, "field of view in degrees; default: the first sensor's")
+  verb->add_option("--origin", o->view.origin, "look from here")->type_name("X,Y,Z")->group("Camera");
+  verb->add_option("--target", o->view.target, "to here")->type_name("X,Y,Z")->group("Camera");
+  verb->add_option("--up", o->view.up, "with this direction up; default 0,1,0")->type_name("X,Y,Z")->group("Camera");
+  CLI::Option* fov = verb->add_option("--fov", o->view.fov, "field of view in degrees; default: the first sensor's")
                          ->check(in_range(0.01, 179.0))
                          ->type_name("DEG")
                          ->group("Camera");
-  verb->add_option("--fov-axis", o->fov_axis, "x | y | diagonal | smaller | larger; default x")
+  verb->add_option("--fov-axis", o->view.fov_axis, "x | y | diagonal | smaller | larger; default x")
       ->type_name("AXIS")
       ->needs(fov)
       ->group("Camera");
+  verb->add_option("--path", o->view.path_file, "render the frames of a moving camera: JSON file with its key poses")
+      ->type_name("FILE")
+      ->group("Camera");
+  verb->add_flag("--overwrite", o->overwrite, "with --path: render frames again that are there")->group("Camera");
+  verb->add_flag(
+      "--resume", o->resume,
+      "path: go on where an interrupted picture, or one of fewer samples, ended, to the same bits; keeps what "
+      "that takes in OUT.state");
+  verb->add_option("--save-every", o->save_every, "with --resume: how often that is saved; default: 5m")
+      ->type_name("T");
+  verb->add_flag("--denoise", o->denoise, "remove the noise with Intel Open Image Denoise")->group("Denoiser");
+  o->denoiser.add_to(*verb, "denoise-", "Denoiser");
   add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {
-    o->sensor_given = sensor->count() > 0;
+    o->view.sensor_given = sensor->count() > 0;
     program.run = [&program, o] { render_verb(program.common, *o); };
   });
 }

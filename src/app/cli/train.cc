@@ -16,6 +16,7 @@
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
 #include "octrad/train/trainer.h"
@@ -85,6 +86,8 @@ void show_config(const Config& config) {
 void check_reference(const std::string& file, const Image& reference, const Scene& scene) {
   if (reference.metadata.count("displayWindow") > 0)
     throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
+  if (is_display_referred(reference))
+    throw InputError(file + ": holds what a screen shows; --reference needs linear radiance (EXR, HDR, PFM)");
   const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", scene.fingerprint);
   if (fingerprint != scene.fingerprint) {
     log_warning(
@@ -105,8 +108,6 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const WriterLock lock(o.output);
   if (!o.resume && !o.overwrite && std::filesystem::is_regular_file(o.output))
     throw UsageError(fmt::format("{} exists: --resume continues it, --overwrite replaces it", o.output));
-  const DeviceChoice device = common.choose_device();
-  const std::unique_ptr<Stream> stream = device.make_stream();
   Config config = o.config.resolve();
   apply_options(config, o, common);
   warn_of_ignored_keys(o.config, config);
@@ -127,6 +128,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     }
   }
 
+  const DeviceChoice device = common.choose_device(config.field);
+  const std::unique_ptr<Stream> stream = device.make_stream();
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
   const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));

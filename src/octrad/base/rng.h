@@ -26,7 +26,8 @@ enum class RngPurpose : std::uint64_t {
   poses = 7,      // generated camera poses
   validation = 8,
   chain = 9,     // right-hand-side rays through masks and over mirrors and glass
-  far_end = 10,  // choice among the ends of a point's right-hand-side rays
+  lobe = 10,     // rays drawn from the BSDF of left-hand-side points
+  far_end = 11,  // choice among the ends of a point's right-hand-side rays
   test = 100,
 };
 

@@ -7,13 +7,33 @@
 
 namespace octrad {
 
+// Those of the rays drawn from a point's BSDF that end about equally far away (transport/hit_clusters_math.h).
+struct HitCluster {
+  float distance = 0.0f;   // mean, world units
+  float deviation = 0.0f;  // standard deviation
+  float share = 0.0f;      // of all rays drawn, also of those that met nothing; 0: an empty cluster
+};
+inline constexpr int kHitClusters = 4, kMostLobeRays = 512;
+
 struct SurfacePoint {
-  Vec3f x;                 // world position
-  Vec3f n;                 // unit shading normal, on the side of wo
-  Vec3f wo;                // unit direction towards the viewer
-  Vec3f albedo;            // linear RGB, independent of wo
-  float alpha = 1.0f;      // roughness: 1 diffuse, 0 perfectly smooth
-  float disparity = 0.0f;  // 1 / distance along the mirror direction, only with `lookup.offset = traced`
+  Vec3f x;                        // world position
+  Vec3f n;                        // unit shading normal, on the side of wo
+  Vec3f wo;                       // unit direction towards the viewer
+  Vec3f albedo;                   // linear RGB, independent of wo
+  float alpha = 1.0f;             // roughness: 1 diffuse, 0 perfectly smooth
+  float disparity = 0.0f;         // 1 / distance along the mirror direction, only with QueryRays::mirror
+  HitCluster lobe[kHitClusters];  // what rays drawn from the BSDF met, only with QueryRays::lobe
+};
+
+// What is traced from a point before a field is asked there; the field says it (FieldEntry::rays).
+struct QueryRays {
+  bool mirror = false;  // one along the mirror direction
+  int lobe = 0;         // drawn from the BSDF where alpha is below `lobe_below`, at most kMostLobeRays
+  float lobe_below = 0.0f;
+  int clusters = kHitClusters, iterations = 0;  // of k-means over their distances
+
+  int lobe_rays(float alpha) const { return alpha < lobe_below ? lobe : 0; }
+  int count(float alpha) const { return static_cast<int>(mirror) + lobe_rays(alpha); }
 };
 
 // Many of them as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.

@@ -10,18 +10,7 @@
 namespace octrad {
 namespace {
 
-constexpr double kMapeOffset = 0.01;
 constexpr double kRelativeOffset = 0.01;
-
-void check_sizes(const Image& reference, const Image& image, std::span<const std::uint8_t> mask) {
-  const auto size = [](const Image& i) { return std::to_string(i.width) + " x " + std::to_string(i.height); };
-  if (reference.width != image.width || reference.height != image.height) {
-    throw InputError("pictures differ in size: the reference has " + size(reference) + " pixels, the other " +
-                     size(image));
-  }
-  if (!mask.empty() && mask.size() != reference.pixel_count())
-    throw InputError("the mask does not have the size of the reference");
-}
 
 struct PixelError {
   double mape = 0.0, squared = 0.0, relative = 0.0;  // means over RGB
@@ -51,8 +40,18 @@ double displayed_squared(Vec3f reference, Vec3f image) {
 
 }  // namespace
 
+void check_comparable(const Image& reference, const Image& image, std::span<const std::uint8_t> mask) {
+  const auto size = [](const Image& i) { return std::to_string(i.width) + " x " + std::to_string(i.height); };
+  if (reference.width != image.width || reference.height != image.height) {
+    throw InputError("pictures differ in size: the reference has " + size(reference) + " pixels, the other " +
+                     size(image));
+  }
+  if (!mask.empty() && mask.size() != reference.pixel_count())
+    throw InputError("the mask does not have the size of the reference");
+}
+
 Metrics compare(const Image& reference_file, const Image& image_file, std::span<const std::uint8_t> mask) {
-  check_sizes(reference_file, image_file, mask);
+  check_comparable(reference_file, image_file, mask);
   const Image reference = extract_rgb(reference_file), image = extract_rgb(image_file);
   Metrics m;
   std::vector<double> mapes;
@@ -143,7 +142,7 @@ std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float
 
 Image error_image(const Image& reference_file, const Image& image_file, ErrorKind kind,
                   std::span<const std::uint8_t> mask) {
-  check_sizes(reference_file, image_file, mask);
+  check_comparable(reference_file, image_file, mask);
   const Image reference = extract_rgb(reference_file), image = extract_rgb(image_file);
   Image out(reference.width, reference.height, {"Y"});
   std::size_t p = 0;

@@ -10,6 +10,8 @@
 
 namespace octrad {
 
+inline constexpr double kMapeOffset = 0.01;
+
 // I: picture, R: reference, per pixel and RGB channel; means are over the pixels of the mask.
 struct Metrics {
   double mape = 0.0;          // mean |I - R| / (R + 0.01)
@@ -26,6 +28,9 @@ struct Metrics {
 // `mask`: one byte a pixel, 0 leaves it out; empty: all pixels. Throws InputError when sizes differ, a picture has no
 // colour, or no pixel is left.
 Metrics compare(const Image& reference, const Image& image, std::span<const std::uint8_t> mask = {});
+
+// Throws InputError when the pictures, or the picture and the mask (empty: none), differ in size.
+void check_comparable(const Image& reference, const Image& image, std::span<const std::uint8_t> mask);
 
 // The errors of `reference` itself, estimated from its difference to `other`, a picture of the same view with other
 // random numbers. `share`: of the variance of that difference, what the reference's own is: n_b / (n_a + n_b) for

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "octrad/base/error.h"
 
@@ -13,6 +14,34 @@ Image8 tonemap(const Image& image, const ToneMapping& mapping, const std::string
   std::transform(rgb.data.begin(), rgb.data.end(), out.data.begin(),
                  [&](float v) { return to_byte(tonemap(v, mapping)); });
   return out;
+}
+
+bool is_display_referred(const Image& image) {
+  const auto encoding = image.metadata.find("encoding");
+  return encoding != image.metadata.end() && encoding->second == "srgb8";
+}
+
+Image linear_color(const Image& image) {
+  Image rgb = extract_rgb(image);
+  if (is_display_referred(image)) {
+    for (float& v : rgb.data) v = decode_srgb(v);
+    rgb.metadata["encoding"] = "linear";
+  }
+  return rgb;
+}
+
+Image display_color(const Image& image) {
+  Image rgb = extract_rgb(image);
+  if (is_display_referred(image)) return rgb;
+  for (float& v : rgb.data) v = tonemap(v, ToneMapping());
+  rgb.metadata["encoding"] = "srgb8";
+  return rgb;
+}
+
+Image shown_linear_color(const Image& image) {
+  Image rgb = linear_color(image);
+  for (float& v : rgb.data) v = v > 0.0f ? std::min(v, 1.0f) : 0.0f;
+  return rgb;
 }
 
 bool is_vector_layer(const Image& image, const std::string& layer) {
@@ -31,12 +60,12 @@ Image8 vector_color(const Image& image, const std::string& layer, float lower, f
   return out;
 }
 
-Image8 false_color(const Image& image, int channel, float lower, float upper) {
-  if (!(lower < upper)) throw InputError("false colours need a lower end below the upper end");
-  // Luminance rises evenly along the ramp.
-  static constexpr Vec3f kRamp[] = {
-      {0.0f, 0.0f, 0.0f}, {0.28f, 0.06f, 0.42f}, {0.72f, 0.16f, 0.40f}, {0.96f, 0.52f, 0.14f}, {1.0f, 1.0f, 0.92f}};
-  constexpr int kSegments = static_cast<int>(std::size(kRamp)) - 1;
+namespace {
+
+// One channel through `ramp`, from t = 0 to 1; green where it is not finite.
+template <typename T>
+Image8 colored(const Image& image, int channel, std::span<const Vec3f> ramp, T t_of) {
+  const int segments = static_cast<int>(ramp.size()) - 1;
   Image8 out(image.width, image.height, 3);
   std::size_t at = 0;
   for (int y = 0; y < image.height; ++y) {
@@ -44,14 +73,27 @@ Image8 false_color(const Image& image, int channel, float lower, float upper) {
       const float value = image.at(x, y, channel);
       Vec3f color(0.0f, 1.0f, 0.0f);
       if (std::isfinite(value)) {
-        const float t = std::clamp((value - lower) / (upper - lower), 0.0f, 1.0f) * static_cast<float>(kSegments);
-        const int segment = std::min(static_cast<int>(t), kSegments - 1);
-        color = lerp(kRamp[segment], kRamp[segment + 1], Vec3f(t - static_cast<float>(segment)));
+        const float t = std::clamp(t_of(value), 0.0f, 1.0f) * static_cast<float>(segments);
+        const int segment = std::min(static_cast<int>(t), segments - 1);
+        const std::size_t first = static_cast<std::size_t>(segment);
+        color = lerp(ramp[first], ramp[first + 1], Vec3f(t - static_cast<float>(segment)));
       }
       for (int c = 0; c < 3; ++c) out.data[at + static_cast<std::size_t>(c)] = to_byte(color[c]);
     }
   }
   return out;
+}
+
+}  // namespace
+
+Image8 false_color(const Image& image, int channel, float lower, float upper) {
+  if (!(lower < upper)) throw InputError("false colours need a lower end below the upper end");
+  return colored(image, channel, kFalseColors, [&](float value) { return (value - lower) / (upper - lower); });
+}
+
+Image8 signed_color(const Image& image, int channel, float limit) {
+  if (!(limit > 0.0f)) throw InputError("colours of signed values need a limit above 0");
+  return colored(image, channel, kSignedColors, [&](float value) { return 0.5f + 0.5f * value / limit; });
 }
 
 }  // namespace octrad

@@ -15,6 +15,7 @@
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/surface_point.h"
 #include "octrad/model/field_registry.h"
 
 namespace octrad {
@@ -149,6 +150,39 @@ const std::vector<Key>& keys() {
              {{"abs", Activation::abs}, {"squareplus", Activation::squareplus}, {"exp", Activation::exp}},
              "field nr: output activation"),
 
+      number("ncr.levels", &C::ncr_levels, {1, 16}, "field ncr: levels of the diffuse branch's hash grid"),
+      number("ncr.features", &C::ncr_features, kFeatureCounts, "field ncr: its features per level: 2, 4 or 8"),
+      number("ncr.log2_table", &C::ncr_log2_table, {10, 24}, "field ncr: log2 of the entries a level of it may have"),
+      number("ncr.base", &C::ncr_base, {2, 512}, "field ncr: resolution of its coarsest level"),
+      number("ncr.scale", &C::ncr_scale, {1, 4}, "field ncr: growth of its resolution from level to level"),
+      number("ncr.width", &C::ncr_width, {16, 256}, "field ncr: neurons a hidden layer of the diffuse branch"),
+      number("ncr.hidden", &C::ncr_hidden, {1, 8}, "field ncr: hidden layers of the diffuse branch"),
+      choice("ncr.output", &C::ncr_output, {{"squareplus", Activation::squareplus}, {"exp", Activation::exp}},
+             "field ncr: output activation of the diffuse branch and of cones"),
+      number("ncr.cone.levels", &C::ncr_cone_levels, {1, 16}, "field ncr: levels of the grid that cones end in"),
+      number("ncr.cone.features", &C::ncr_cone_features, kFeatureCounts, "field ncr: its features: 2, 4 or 8"),
+      number("ncr.cone.log2_table", &C::ncr_cone_log2_table, {10, 24},
+             "field ncr: log2 of the entries a level of it may have"),
+      number("ncr.cone.base", &C::ncr_cone_base, {2, 512}, "field ncr: resolution of its coarsest level"),
+      number("ncr.cone.scale", &C::ncr_cone_scale, {1, 4}, "field ncr: growth of its resolution from level to level"),
+      number("ncr.cone.width", &C::ncr_cone_width, {16, 256},
+             "field ncr: neurons a hidden layer of the cones' network"),
+      number("ncr.cone.hidden", &C::ncr_cone_hidden, {1, 8}, "field ncr: hidden layers of the cones' network"),
+      number("ncr.merge.width", &C::ncr_merge_width, {16, 256},
+             "field ncr: neurons a hidden layer of the network that joins diffuse branch and cones"),
+      number("ncr.merge.hidden", &C::ncr_merge_hidden, {1, 8}, "field ncr: hidden layers of that network"),
+      number("ncr.rays.train", &C::ncr_rays_train, {1, kMostLobeRays},
+             "field ncr: rays traced from each glossy point that a training step learns at"),
+      number("ncr.rays.render", &C::ncr_rays_render, {1, kMostLobeRays},
+             "field ncr: rays traced from every other glossy point: of targets, validation and pictures"),
+      number("ncr.clusters", &C::ncr_clusters, {1, kHitClusters}, "field ncr: cones of a point, one a cluster of hits"),
+      number("ncr.iterations.train", &C::ncr_iterations_train, {1, 100},
+             "field ncr: iterations of k-means over the distances of hits, as ncr.rays.train"),
+      number("ncr.iterations.render", &C::ncr_iterations_render, {1, 100}, "field ncr: the same, as ncr.rays.render"),
+      number("ncr.lobe_share", &C::ncr_lobe_share, {0.1, 0.9999},
+             "field ncr: share of the distribution of normals that a cone's half-angle holds"),
+      number("ncr.chroma", &C::ncr_chroma, {0, 100}, "field ncr: weight of the loss of colours without brightness"),
+
       choice("target.emission", &C::target_emission,
              {{"outside", TargetEmission::outside}, {"inside", TargetEmission::inside}},
              "own emission added outside the network, or learned"),
@@ -202,7 +236,7 @@ const std::vector<Key>& keys() {
       number("adam.rate.features", &C::adam_rate_features, {0, 10}, "learning rate of the OctaOctree features"),
       number("adam.rate.networks", &C::adam_rate_networks, {0, 10}, "learning rate of the MLPs"),
       number("adam.rate.grids", &C::adam_rate_grids, {0, 10},
-             "learning rate of the hash grids (disparity predictor, field nr)"),
+             "learning rate of the hash grids (disparity predictor, fields nr and ncr)"),
       number("adam.warmup", &C::adam_warmup, {0, 1000000}, "steps over which the rates rise from 0"),
       number("adam.decay.start", &C::adam_decay_start, {0, 1},
              "share of the budget from which the rates decay; 1: constant"),
@@ -346,6 +380,8 @@ Config preset(const std::string& name) {
   c.train_directions = 32;
   c.train_quarters = true;
   c.nr_width = 256;
+  c.ncr_width = 128;
+  c.ncr_rays_train = 128;
   c.adam_beta2 = 0.999;  // the shorter memory and lower rates of `cpu` go with its small batches
   c.adam_rate_features = 1e-2;
   c.adam_rate_networks = 3e-3;
@@ -358,6 +394,7 @@ Config preset(const std::string& name) {
   c.decoder_output = Activation::squareplus;
   c.decoder_position = DecoderPosition::world;
   c.nr_output = Activation::abs;
+  c.ncr_output = Activation::squareplus;
   c.target_emission = TargetEmission::inside;
   c.target_demodulate = TargetDemodulation::none;
   c.target_scale = 1.0;

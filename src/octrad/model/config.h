@@ -15,7 +15,7 @@ namespace octrad {
 // a second dot ("adam.rate.features", "adam.decay.start", "loss.epsilon.first"). The values here are the preset "cpu".
 struct Config {
   std::string preset = "cpu";
-  std::string field = "octaoctree";  // octaoctree | nr
+  std::string field = "octaoctree";  // octaoctree | nr | ncr
 
   // Octree and encoding (method sections 2-4).
   int octree_levels = 6;    // K, 1..9
@@ -55,6 +55,30 @@ struct Config {
   int nr_width = 128;
   int nr_hidden = 4;
   Activation nr_output = Activation::exp;
+
+  // Neural Cone Radiosity (method section 9): diffuse branch, cones, merge; what is traced.
+  int ncr_levels = 4;
+  int ncr_features = 8;
+  int ncr_log2_table = 19;
+  int ncr_base = 32;
+  double ncr_scale = 2.0;
+  int ncr_width = 64;
+  int ncr_hidden = 3;
+  Activation ncr_output = Activation::exp;
+  int ncr_cone_levels = 8;
+  int ncr_cone_features = 8;
+  int ncr_cone_log2_table = 19;
+  int ncr_cone_base = 4;
+  double ncr_cone_scale = 2.0;
+  int ncr_cone_width = 64;
+  int ncr_cone_hidden = 2;
+  int ncr_merge_width = 32;
+  int ncr_merge_hidden = 1;
+  int ncr_rays_train = 64, ncr_rays_render = 32;
+  int ncr_clusters = 4;
+  int ncr_iterations_train = 10, ncr_iterations_render = 3;
+  double ncr_lobe_share = 0.99;
+  double ncr_chroma = 0.01;
 
   // Target (method section 6).
   TargetEmission target_emission = TargetEmission::outside;

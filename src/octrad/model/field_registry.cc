@@ -4,6 +4,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/model/ncr_field.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
 
@@ -13,6 +14,7 @@ namespace {
 constexpr const FieldEntry* kFields[] = {
     &kOctaOctreeField,
     &kNrField,
+    &kNcrField,
 };
 
 bool owns(const FieldEntry& field, const std::string& key) {
@@ -45,6 +47,11 @@ bool ignores_key(const FieldEntry& field, const std::string& key) {
 
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
   return field_entry(config.field).make(config, domain);
+}
+
+QueryRays query_rays(const Config& config, bool training) {
+  const FieldEntry& field = field_entry(config.field);
+  return field.rays == nullptr ? QueryRays{} : field.rays(config, training);
 }
 
 std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level,

@@ -104,6 +104,21 @@ void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& ad
   read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
 }
 
+void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span<const float> d_inputs, int stride,
+                   std::size_t points, std::size_t first, std::vector<float>& upstream, std::vector<SparseTap>& out) {
+  const auto levels = static_cast<std::size_t>(grid.options().levels),
+             width = static_cast<std::size_t>(grid.options().features);
+  for (std::size_t i = 0; i < points; ++i) {
+    for (std::size_t l = 0; l < levels; ++l) {
+      const std::size_t source = (first + i) * levels + l;
+      for (std::size_t c = 0; c < width; ++c)
+        upstream[source * width + c] = d_inputs[(l * width + c) * static_cast<std::size_t>(stride) + i];
+      const Tap* tap = taps.data() + (i * levels + l) * 8;
+      for (int k = 0; k < 8; ++k) out.push_back({tap[k].entry, static_cast<std::uint32_t>(source), tap[k].weight});
+    }
+  }
+}
+
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
                       bool training) {
   const auto add = [&](std::string_view of, double bytes) {

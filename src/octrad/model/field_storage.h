@@ -52,6 +52,12 @@ void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid&
 void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries, int features);
 
+// The gradient that a look-up's features got, d_inputs [grid features ..][stride], as contributions to the grid. taps:
+// of HashGrid::lookup_record() for `points` queries; `first`: the first one's place in the batch, for upstream
+// [batch][level][feature].
+void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span<const float> d_inputs, int stride,
+                   std::size_t points, std::size_t first, std::vector<float>& upstream, std::vector<SparseTap>& out);
+
 // Memory of a table of features, with its optimiser's state when training: two parts, whose names end with these.
 inline constexpr std::string_view kFeaturesPart = " features", kOptimizerPart = " optimiser state";
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,

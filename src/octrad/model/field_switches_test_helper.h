@@ -80,11 +80,13 @@ inline std::vector<FieldCase> field_cases() {
 inline Config config_of(const FieldCase& c) {
   Config config = preset("cpu");
   set(config, "field", c.field);
-  const FieldKeys small = {{"octree.levels", "3"},    {"disparity.levels", "3"}, {"disparity.base", "4"},
-                           {"disparity.width", "24"}, {"decoder.width", "32"},   {"decoder.hidden", "2"},
-                           {"nr.levels", "3"},        {"nr.base", "4"},          {"nr.width", "40"},
-                           {"nr.hidden", "2"},        {"nr.log2_table", "10"},   {"disparity.log2_table", "10"},
-                           {"adam.beta1", "0"}};
+  const FieldKeys small = {
+      {"octree.levels", "3"},   {"disparity.levels", "3"}, {"disparity.base", "4"},  {"disparity.width", "24"},
+      {"decoder.width", "32"},  {"decoder.hidden", "2"},   {"nr.levels", "3"},       {"nr.base", "4"},
+      {"nr.width", "40"},       {"nr.hidden", "2"},        {"nr.log2_table", "10"},  {"disparity.log2_table", "10"},
+      {"ncr.levels", "3"},      {"ncr.base", "4"},         {"ncr.width", "40"},      {"ncr.hidden", "2"},
+      {"ncr.log2_table", "10"}, {"ncr.cone.levels", "4"},  {"ncr.cone.width", "24"}, {"ncr.cone.log2_table", "10"},
+      {"adam.beta1", "0"}};
   for (const FieldKeys& keys : {small, c.keys}) {
     for (const auto& [key, value] : keys) set(config, key, value);
   }
@@ -101,13 +103,14 @@ inline std::unique_ptr<RadianceField> field_of(const Config& config) {
 // What Adam's first moments hold, by part: after the first step with adam.beta1 = 0 that is the step's gradient.
 inline FieldReference::Numbers first_moments(RadianceField& field) {
   const bool octree = field.name() == "octaoctree";
-  const char* names[FieldReference::kParts] = {"octree.moments", "disparity.mlp.m",
-                                               octree ? "disparity.grid.moments" : "nr.grid.moments",
-                                               octree ? "decoder.mlp.m" : "nr.mlp.m"};
+  const std::string prefix = field.name();
+  const std::string names[FieldReference::kParts] = {
+      octree ? "octree.moments" : prefix + ".cone.grid.moments", octree ? "disparity.mlp.m" : prefix + ".cone.mlp.m",
+      octree ? "disparity.grid.moments" : prefix + ".grid.moments", octree ? "decoder.mlp.m" : prefix + ".mlp.m"};
   FieldReference::Numbers result;
   const auto tensors = tensors_of(field);
   for (int part = 0; part < FieldReference::kParts; ++part) {
-    const auto found = tensors.find(std::string("optimizer.") + names[part]);
+    const auto found = tensors.find("optimizer." + names[part]);
     if (found == tensors.end()) continue;  // a part that the field has not
     const SavedTensor& t = found->second;
     const bool table = t.shape.size() == 3;  // [entry][first, second][feature]

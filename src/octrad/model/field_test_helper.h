@@ -17,6 +17,7 @@
 #include "octrad/base/rng.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/model/ncr_field.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
 #include "octrad/model/radiance_field.h"
@@ -60,6 +61,10 @@ inline std::vector<SurfacePoint> random_points(std::size_t n, unsigned long long
     p.albedo = Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 0.8f + Vec3f(0.1f);
     p.alpha = i % 2 ? 0.05f : 1.0f;
     p.disparity = 2.0f * rng.uniform();
+    // Of four clusters the second is often empty; the shares add up to less than 1.
+    for (int k = 0; k < kHitClusters; ++k)
+      p.lobe[k] = {0.2f * static_cast<float>(k) + 0.3f * rng.uniform(), 0.1f * rng.uniform(),
+                   k == 1 && i % 4 < 3 ? 0.0f : 0.3f * rng.uniform()};
   }
   return points;
 }
@@ -127,6 +132,9 @@ inline void fill_tables(RadianceField& field, unsigned long long stream = 0) {
   if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
     fill(octree->octree().features(), 1);
     fill(octree->grid().table(), 2);
+  } else if (auto* ncr = dynamic_cast<NcrField*>(&field)) {
+    fill(ncr->grid().table(), 4);
+    fill(ncr->cone_grid().table(), 5);
   } else {
     fill(dynamic_cast<NrField&>(field).grid().table(), 3);
   }

@@ -121,7 +121,6 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
     long long non_finite = 0;
   };
   const std::size_t n = points.size();
-  const int levels = grid_.options().levels, width = grid_.options().features;
   upstream_.resize(n * static_cast<std::size_t>(feature_count()));
   const GroupedBatch groups(n);
   std::vector<Gradients> gradients(groups.count());
@@ -140,18 +139,7 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
       mine.loss += decoder_.loss(chunk, targets.subspan(begin, count), e.linear.data(), e.stride, n, epsilon,
                                  e.d_linear.data(), mine.non_finite);
       decoder_.mlp().backward(e.inputs.data(), e.d_linear.data(), e.kept, mine.decoder, e.d_inputs.data());
-      for (std::size_t i = 0; i < count; ++i) {
-        for (int l = 0; l < levels; ++l) {
-          const std::size_t source = (begin + i) * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l);
-          for (int c = 0; c < width; ++c) {
-            upstream_[source * static_cast<std::size_t>(width) + static_cast<std::size_t>(c)] =
-                e.d_inputs[static_cast<std::size_t>(l * width + c) * static_cast<std::size_t>(e.stride) + i];
-          }
-          const Tap* taps = e.taps.data() + (i * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l)) * 8;
-          for (int k = 0; k < 8; ++k)
-            mine.grid.push_back({taps[k].entry, static_cast<std::uint32_t>(source), taps[k].weight});
-        }
-      }
+      add_grid_taps(grid_, e.taps, e.d_inputs, e.stride, count, begin, upstream_, mine.grid);
     }
   });
   FieldStep step;

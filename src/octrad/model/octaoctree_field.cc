@@ -57,6 +57,12 @@ constinit const FieldEntry kOctaOctreeField = {
     .title = "OctaOctree",
     .own_keys = kOwnKeys,
     .cell_levels = [](const Config& config) { return config.octree_levels; },
+    .rays =
+        [](const Config& config, bool) {
+          QueryRays rays;
+          rays.mirror = config.lookup_offset == LookupOffset::traced;
+          return rays;
+        },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<OctaOctreeField>(config, domain);
     },
@@ -224,19 +230,7 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
   e.d_disparity_inputs.resize(e.disparity_inputs.size());
   disparity_.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept, gradients.disparity,
                       e.d_disparity_inputs.data());
-  const int grid_levels = grid_.options().levels, grid_width = grid_.options().features;
-  for (int i = 0; i < n; ++i) {
-    for (int l = 0; l < grid_levels; ++l) {
-      const auto source = static_cast<std::uint32_t>(
-          (first + static_cast<std::size_t>(i)) * static_cast<std::size_t>(grid_levels) + static_cast<std::size_t>(l));
-      float* upstream = grid_upstream_.data() + static_cast<std::size_t>(source) * static_cast<std::size_t>(grid_width);
-      for (int c = 0; c < grid_width; ++c) upstream[c] = row(e.d_disparity_inputs, l * grid_width + c, stride)[i];
-      const Tap* taps =
-          e.grid_taps.data() +
-          (static_cast<std::size_t>(i) * static_cast<std::size_t>(grid_levels) + static_cast<std::size_t>(l)) * 8;
-      for (int k = 0; k < 8; ++k) gradients.grid.push_back({taps[k].entry, source, taps[k].weight});
-    }
-  }
+  add_grid_taps(grid_, e.grid_taps, e.d_disparity_inputs, stride, points.size(), first, grid_upstream_, gradients.grid);
   return loss;
 }
 

@@ -66,6 +66,9 @@ class RadianceField {
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain);
 std::vector<std::string> field_names();
 
+// What it needs traced from the points that it is given: radiance() and inspect(), or with `training` train().
+QueryRays query_rays(const Config& config, bool training = false);
+
 // Bytes that training (or only evaluating) such a field allocates, before anything is allocated.
 std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                         bool training);

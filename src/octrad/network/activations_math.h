@@ -7,7 +7,7 @@
 
 namespace octrad {
 
-enum class Activation { identity, squareplus, exp, abs };
+enum class Activation { identity, squareplus, exp, abs, softplus };
 
 // A value and its derivative with respect to the linear output x.
 template <typename T>
@@ -42,12 +42,20 @@ OCTRAD_HD inline Activated<T> absolute(T x) {
   return x < T(0) ? Activated<T>{-x, T(-1)} : Activated<T>{x, T(1)};
 }
 
+// log(1 + e^x).
+template <typename T>
+OCTRAD_HD inline Activated<T> softplus(T x) {
+  const T e = std::exp(-std::fabs(x)), y = std::log1p(e);
+  return x > T(0) ? Activated<T>{x + y, T(1) / (T(1) + e)} : Activated<T>{y, e / (T(1) + e)};
+}
+
 template <typename T>
 OCTRAD_HD inline Activated<T> activate(Activation kind, T x) {
   switch (kind) {
     case Activation::squareplus: return squareplus(x);
     case Activation::exp: return exp_linear(x);
     case Activation::abs: return absolute(x);
+    case Activation::softplus: return softplus(x);
     case Activation::identity: break;
   }
   return {x, T(1)};

@@ -12,7 +12,8 @@
 namespace octrad {
 namespace {
 
-constexpr Activation kAll[] = {Activation::identity, Activation::squareplus, Activation::exp, Activation::abs};
+constexpr Activation kAll[] = {Activation::identity, Activation::squareplus, Activation::exp, Activation::abs,
+                               Activation::softplus};
 
 TEST(Activations, DerivativesAreThoseOfTheValues) {
   for (Activation kind : kAll) {
@@ -38,6 +39,9 @@ TEST(Activations, ValuesOfTheMethod) {
   EXPECT_NEAR(exp_linear(4.0 + 1e-12).value, std::exp(4.0), 1e-9);
   EXPECT_DOUBLE_EQ(exp_linear(10.0).value, std::exp(4.0) * 7);
   EXPECT_FLOAT_EQ(exp_linear(1e30f).value, std::exp(4.0f) * 1e30f);
+  for (double x : {-20.0, -0.5, 0.0, 2.0, 20.0}) EXPECT_NEAR(softplus(x).value, std::log(1 + std::exp(x)), 1e-9);
+  EXPECT_FLOAT_EQ(softplus(1e30f).value, 1e30f);
+  EXPECT_GT(softplus(-80.0f).value, 0.0f);
   EXPECT_EQ(absolute(-3.0f).value, 3.0f);
   EXPECT_EQ(absolute(0.0f).derivative, 1.0f);
   for (Activation kind : kAll) EXPECT_TRUE(std::isnan(activate(kind, std::numeric_limits<float>::quiet_NaN()).value));

@@ -4,6 +4,7 @@
 #include "octrad/model/radiance_field.h"
 #include "octrad/render/integrators.h"
 #include "octrad/transport/prepared_scene.h"
+#include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
@@ -15,11 +16,11 @@ class CacheIntegrator : public Integrator {
       : context_(input.scene.context()),
         field_(*input.field),
         options_(first_hit_options(input.config, bounce)),
-        traced_(input.config.lookup_offset == LookupOffset::traced) {
+        rays_(query_rays(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
     rhs_.max_chain = options_.max_chain;
     rhs_.emission_inside = options_.emission_inside;
-    rhs_.traced_disparity = traced_;
+    rhs_.rays = rays_;
     rhs_.seed = input.seed;
   }
 
@@ -40,9 +41,9 @@ class CacheIntegrator : public Integrator {
         bounce_owners.push_back({i, end.throughput});
         bounce_keys.push_back(query.key);
       } else if (query.next == FirstHitQuery::Next::query) {
-        queries.push_back(field_query_point(context_, end.point, traced_));
+        queries.push_back(field_query_point(context_, end.point, rays_, samples[i].rng));
         query_owners.push_back({i, end.throughput});
-        counts.rays += traced_;
+        counts.rays += rays_.count(queries.back().alpha);
       }
     }
     std::vector<Vec3f> responses(queries.size());
@@ -75,7 +76,7 @@ class CacheIntegrator : public Integrator {
   const TransportContext context_;
   const RadianceField& field_;
   const FirstHitOptions options_;
-  const bool traced_;
+  const QueryRays rays_;
   RhsOptions rhs_;
 };
 

@@ -8,7 +8,7 @@
 namespace octrad {
 namespace {
 
-bool traced(const IntegratorInput& input) { return input.config.lookup_offset == LookupOffset::traced; }
+bool traced(const IntegratorInput& input) { return query_rays(input.config).mirror; }
 
 class CacheIntegrator : public DeviceIntegrator {
  public:

@@ -39,6 +39,8 @@ class CpuRenderer : public Renderer {
     return image;
   }
 
+  std::vector<double> sums() override { return film_.sums(); }
+
   SampleCounts take_counts() override {
     SampleCounts sum;
     for (SampleCounts& c : counts_) sum += std::exchange(c, {});
@@ -83,6 +85,10 @@ class CpuRenderer : public Renderer {
   }
 
   void model_changed(bool) override { integrator_ = choice_.info->make(input()); }
+  void seed_changed() override {
+    if (choice_.info->make != nullptr) integrator_ = choice_.info->make(input());
+  }
+  void set_sums(std::span<const double> sums) override { film_.sums().assign(sums.begin(), sums.end()); }
 
   void clear_film() override {
     film_.clear();

@@ -102,12 +102,26 @@ void DeviceFilm::add(const CameraJob* job, const SamplePlanes& samples) {
                 reach_});
 }
 
-Image DeviceFilm::image() const {
-  const std::vector<double> sums = sums_.download();
-  FilmBuffer film(x0_, y0_, width_, height_);
+std::vector<double> DeviceFilm::download() const {
+  const std::vector<double> planes = sums_.download();
+  std::vector<double> sums(planes.size());
   for (std::size_t i = 0; i < pixels(); ++i) {
-    for (std::size_t n = 0; n < kFilmNumbers; ++n) film.sums()[i * kFilmNumbers + n] = sums[n * pixels() + i];
+    for (std::size_t n = 0; n < kFilmNumbers; ++n) sums[i * kFilmNumbers + n] = planes[n * pixels() + i];
   }
+  return sums;
+}
+
+void DeviceFilm::upload(std::span<const double> sums) {
+  std::vector<double> planes(sums.size());
+  for (std::size_t i = 0; i < pixels(); ++i) {
+    for (std::size_t n = 0; n < kFilmNumbers; ++n) planes[n * pixels() + i] = sums[i * kFilmNumbers + n];
+  }
+  sums_.upload(planes);
+}
+
+Image DeviceFilm::image() const {
+  FilmBuffer film(x0_, y0_, width_, height_);
+  film.sums() = download();
   return film.image();
 }
 

@@ -23,6 +23,9 @@ class DeviceFilm {
   // The sums, kFilmNumbers planes of a double a pixel, in device memory.
   const double* sums() const { return sums_.data(); }
   std::size_t pixels() const { return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); }
+  // They on the host, kFilmNumbers a pixel.
+  std::vector<double> download() const;
+  void upload(std::span<const double> sums);
   Image image() const;
   unsigned long long take_non_finite();  // since the last call
   static std::size_t bytes(int width, int height);

@@ -87,6 +87,7 @@ struct IntegratorInfo {
   bool uses_depth = false;       // max_depth and rr_depth count
   bool one_sample = false;       // one sample a pixel and no more; no frames
   bool recordable = true;        // on a stream
+  bool denoised = false;         // pictures are for a Denoiser (image/denoise.h), which whoever saves them runs
   std::unique_ptr<Integrator> (*make)(const IntegratorInput&) = nullptr;
   // For jobs of up to `capacity` samples. `field`: null without a model.
   std::unique_ptr<DeviceIntegrator> (*make_device)(const IntegratorInput&, Stream&, const DeviceWorld&,

@@ -20,6 +20,15 @@ constexpr IntegratorInfo path_info() {
   return info;
 }
 
+constexpr IntegratorInfo denoised_info() {
+  IntegratorInfo info = path_info();
+  info.name = "denoised";
+  info.summary = "few paths, then a denoiser";
+  info.default_spp = 4;
+  info.denoised = true;
+  return info;
+}
+
 template <Bounce kBounce>
 constexpr IntegratorInfo cache_info(const char* name, const char* summary, int default_spp) {
   IntegratorInfo info{name, summary, default_spp};
@@ -56,6 +65,7 @@ constexpr IntegratorInfo view_info(const char* name, const char* summary) {
 
 constexpr std::array kIntegrators = {
     path_info(),
+    denoised_info(),
     cache_info<Bounce::none>("lhs", "one query at the first hit", 4),
     cache_info<Bounce::all>("rhs", "one bounce from the first hit, a query where it ends", 16),
     cache_info<Bounce::glossy>("deferred", "rhs on glossy surfaces, lhs elsewhere", 16),

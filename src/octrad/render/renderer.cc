@@ -60,6 +60,31 @@ void Renderer::set_model(RadianceField& field, const Config& config) {
   if (view_.width > 0) set_view(view_);
 }
 
+void Renderer::set_seed(unsigned long long seed) {
+  settings_.seed = seed;
+  seed_changed();
+  if (view_.width > 0) clear();
+}
+
+void Renderer::restore(const FilmState& state) {
+  const PixelRect& crop = window_.crop;
+  const std::size_t expected =
+      static_cast<std::size_t>(crop.width()) * static_cast<std::size_t>(crop.height()) * kFilmNumbers;
+  if (state.sums.size() != expected)
+    throw InputError(fmt::format("a film of {} numbers, where the view has {}", state.sums.size(), expected));
+  int samples = 0;
+  while (samples < state.samples && next_pass(samples, largest_pass()) == next_pass(samples, state.largest_pass))
+    samples += next_pass(samples, largest_pass());
+  if (samples != state.samples)
+    throw InputError(
+        fmt::format("its samples were taken in passes of up to {}, here they are of up to {}: the bits would "
+                    "not be those of one run",
+                    state.largest_pass, largest_pass()));
+  clear();
+  set_sums(state.sums);
+  samples_ = state.samples;
+}
+
 void Renderer::clear() {
   clear_film();
   samples_ = 0;
@@ -83,6 +108,8 @@ std::unique_ptr<Renderer> make_renderer(const PreparedScene& scene, const std::s
   return make_stream_renderer(*stream, scene, choice, settings, field, config);
 }
 
+int next_pass(int samples, int largest_pass) { return std::min(std::max(1, samples), largest_pass); }
+
 RenderResult render(Renderer& renderer, const RenderBudget& asked) {
   RenderBudget budget = asked;
   if (renderer.integrator().one_sample) {
@@ -92,25 +119,45 @@ RenderResult render(Renderer& renderer, const RenderBudget& asked) {
   if (budget.spp < 1 && !(budget.seconds > 0.0)) throw UsageError("neither a number of samples nor a time was given");
   RenderResult result;
   renderer.clear();
+  if (budget.from) renderer.restore(*budget.from);
+  const double before = budget.from ? budget.from->seconds : 0.0;
+  if (budget.from) result.counts = budget.from->counts;
   renderer.take_counts();
   const int largest = renderer.largest_pass();
   const Stopwatch watch;
+  Stopwatch since_save;
+  int saved = renderer.samples();
+  const auto save = [&] {
+    if (!budget.save || renderer.samples() == saved) return;
+    result.counts += renderer.take_counts();
+    budget.save({renderer.samples(), largest, before + watch.seconds(), result.counts, renderer.sums()});
+    saved = renderer.samples();
+    since_save = {};
+  };
+  bool whole = true;
   while (budget.spp < 1 || renderer.samples() < budget.spp) {
     if (budget.interrupted && budget.interrupted()) {
       result.interrupted = true;
       break;
     }
-    if (budget.seconds > 0.0 && renderer.samples() > 0 && watch.seconds() >= budget.seconds) break;
-    int count = std::min(std::max(1, renderer.samples()), largest);
-    if (budget.spp > 0) count = std::min(count, budget.spp - renderer.samples());
+    if (budget.seconds > 0.0 && renderer.samples() > 0 && before + watch.seconds() >= budget.seconds) break;
+    int count = next_pass(renderer.samples(), largest);
+    whole = budget.spp < 1 || count <= budget.spp - renderer.samples();
+    if (!whole) {
+      save();
+      count = budget.spp - renderer.samples();
+    } else if (since_save.seconds() >= budget.save_every) {
+      save();
+    }
     renderer.add_samples(count);
-    if (budget.progress) budget.progress(renderer.samples(), watch.seconds());
+    if (budget.progress) budget.progress(renderer.samples(), before + watch.seconds());
   }
-  result.seconds = watch.seconds();
+  if (whole) save();
+  result.seconds = before + watch.seconds();
   result.spp = renderer.samples();
   const PixelRect& sampled = renderer.window().sampled;
   result.samples = static_cast<long long>(sampled.width()) * sampled.height() * result.spp;
-  result.counts = renderer.take_counts();
+  result.counts += renderer.take_counts();
   result.image = renderer.image();
   return result;
 }

@@ -4,7 +4,9 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "octrad/device/stage_times.h"
 #include "octrad/model/radiance_field.h"
@@ -30,6 +32,19 @@ struct FrameTimes {
   StageSplit stages;  // medians, measured in frames of their own
 };
 
+// How many samples a pixel the next pass of a picture takes: 1, 1, 2, 4, ... up to the renderer's largest_pass().
+int next_pass(int samples, int largest_pass);
+
+// A picture after whole passes of render(), to go on from. Sums of filtered samples depend on the passes in which they
+// were taken, in the last bits.
+struct FilmState {
+  int samples = 0;           // a pixel
+  int largest_pass = 0;      // of the renderer
+  double seconds = 0.0;      // of sampling
+  SampleCounts counts;       // so far
+  std::vector<double> sums;  // kFilmNumbers a pixel of the view's crop
+};
+
 // Every sample depends on (seed, pixel, number of the sample) alone, and sums are formed in double in a fixed order:
 // the same bits for the same calls at any thread count, and a crop holds that part of the whole picture. Samples that
 // are not finite count as black (SampleCounts::non_finite).
@@ -46,8 +61,13 @@ class Renderer {
   // Another model, or new weights of the same; clears the film. The field must outlive its use. Throws UsageError when
   // it does not have what the integrator shows.
   void set_model(RadianceField& field, const Config& config);
+  // Other random numbers, those of a renderer made with this seed; clears the film.
+  void set_seed(unsigned long long seed);
   // Empties the film: samples are taken from number 0 again.
   void clear();
+  // The film as `state` has it, of a picture of this view in these passes; the next sample is number state.samples.
+  // Throws InputError where the passes or the number of pixels are others: the bits would not be those of one run.
+  void restore(const FilmState& state);
 
   // Adds the next `count` samples of every pixel to the film. Needs a view.
   void add_samples(int count);
@@ -56,6 +76,8 @@ class Renderer {
   virtual int largest_pass() const = 0;
   // The film as it is: R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y. Pixels without samples are 0.
   virtual Image image() = 0;
+  // The film's sums, kFilmNumbers a pixel.
+  virtual std::vector<double> sums() = 0;
   // Rays and queries since the last call.
   virtual SampleCounts take_counts() = 0;
   // Times `count` frames of `spp` samples a pixel; the film is clear afterwards. Throws UsageError for an integrator
@@ -72,7 +94,9 @@ class Renderer {
         config_(config) {}
   virtual void view_changed() = 0;
   virtual void model_changed(bool same_shape) = 0;  // same_shape: only weights are new
+  virtual void seed_changed() = 0;
   virtual void clear_film() = 0;
+  virtual void set_sums(std::span<const double> sums) = 0;
   virtual void sample(int first, int count) = 0;
   // What integrators are made from.
   IntegratorInput input() const {
@@ -81,7 +105,7 @@ class Renderer {
 
   const PreparedScene& scene_;
   const IntegratorChoice choice_;
-  const RenderSettings settings_;
+  RenderSettings settings_;
   RadianceField* field_;  // null without a model
   Config config_;
   View view_;
@@ -108,18 +132,23 @@ struct RenderBudget {
   double seconds = 0.0;  // stop after this time, between passes; 0: no limit
   std::function<bool()> interrupted = {};
   std::function<void(int spp_done, double seconds)> progress = {};  // after each pass
+  const FilmState* from = nullptr;                                  // goes on from here, to the same totals
+  // Gets what a later run can go on from: every `save_every` seconds, before a pass that `spp` cuts short, and at the
+  // end of whole passes.
+  std::function<void(const FilmState&)> save = {};
+  double save_every = 300.0;
 };
 
 struct RenderResult {
   Image image;
   int spp = 0;
-  double seconds = 0.0;  // of sampling
+  double seconds = 0.0;  // of sampling; like the counts with those of RenderBudget::from
   long long samples = 0;
   SampleCounts counts;
   bool interrupted = false;
 };
 
-// A picture of the renderer's view from an empty film, in passes of 1, 1, 2, 4, ... samples a pixel. Integrators of one
+// A picture of the renderer's view from an empty film, or from a state. Integrators of one
 // sample a pixel (features) ignore the budget. Throws UsageError for a budget of nothing.
 RenderResult render(Renderer& renderer, const RenderBudget& budget);
 

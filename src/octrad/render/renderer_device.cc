@@ -50,6 +50,8 @@ class StreamRenderer : public Renderer {
     return image;
   }
 
+  std::vector<double> sums() override { return film_->download(); }
+
   SampleCounts take_counts() override {
     SampleCounts counts = integrator_->take_counts();
     counts.non_finite += static_cast<long long>(film_->take_non_finite());
@@ -167,6 +169,14 @@ class StreamRenderer : public Renderer {
     integrator_.reset();  // set_view() makes it again
     device_field_.reset();
   }
+
+  void seed_changed() override {
+    if (!integrator_) return;  // set_view() makes it
+    integrator_.reset();
+    integrator_ = choice_.info->make_device(input(), stream_, scene_.world(stream_), device_field_.get(), capacity_);
+  }
+
+  void set_sums(std::span<const double> sums) override { film_->upload(sums); }
 
   void clear_film() override {
     film_->clear();

@@ -103,6 +103,53 @@ double difference(const Image& a, const Image& b, const char* channel) {
 
 class RenderOnStream : public testing::StreamTest {};
 
+// In parts that end inside a pass, and where the limit of a pass is reached.
+TEST_P(RenderOnStream, PicturesGoOnToTheSameBits) {
+  for (const char* filter : {"box", "gaussian"}) {
+    Box box(filter);
+    for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+      const RenderResult whole = box.picture("path", 23, where);
+      FilmState state;
+      for (const int spp : {3, 11, 23}) {
+        const auto renderer = box.renderer("path", spp, where);  // as a new run: it knows the state alone
+        const FilmState before = state;
+        RenderBudget budget;
+        budget.spp = spp;
+        budget.from = before.samples > 0 ? &before : nullptr;
+        budget.save = [&](const FilmState& saved) { state = saved; };
+        const RenderResult part = render(*renderer, budget);
+        EXPECT_EQ(part.spp, spp);
+        EXPECT_LE(state.samples, spp);
+        if (spp == 23) {
+          EXPECT_TRUE(part.image.data == whole.image.data) << filter;
+          EXPECT_EQ(part.samples, whole.samples);
+          EXPECT_EQ(part.counts.rays, whole.counts.rays);
+        }
+      }
+      const auto renderer = box.renderer("path", 23, where);
+      state.largest_pass = 3;
+      EXPECT_THROW(renderer->restore(state), InputError) << "other passes";
+      state.sums.pop_back();
+      EXPECT_THROW(renderer->restore(state), InputError) << "another size";
+    }
+  }
+}
+
+TEST_P(RenderOnStream, ASeedThatIsSetIsThatOfANewRenderer) {
+  Box box("box");
+  for (const char* integrator : {"path", "rhs"}) {
+    for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+      const auto renderer = box.renderer(integrator, 2, where);
+      const Image first = render(*renderer, {2}).image;
+      renderer->set_seed(6);
+      const Image second = render(*renderer, {2}).image;
+      EXPECT_FALSE(first.data == second.data);
+      renderer->set_seed(5);
+      EXPECT_TRUE(render(*renderer, {2}).image.data == first.data) << integrator;
+    }
+  }
+}
+
 TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
   for (const char* filter : {"box", "gaussian", "tent"}) {
     Box box(filter);

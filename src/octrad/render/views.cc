@@ -7,6 +7,7 @@
 #include "octrad/render/integrators.h"
 #include "octrad/render/view_parts.h"
 #include "octrad/transport/prepared_scene.h"
+#include "octrad/transport/query_point.h"
 
 namespace octrad {
 namespace {
@@ -69,7 +70,9 @@ class ViewIntegrator : public Integrator {
         view_(view),
         level_(input.choice.level),
         width_(static_cast<std::size_t>(field_.feature_count() / std::max(1, field_.levels()))),
-        traced_(view == FieldView::traced || input.config.lookup_offset == LookupOffset::traced) {
+        rays_(query_rays(input.config)) {
+    rays_.mirror = rays_.mirror || view == FieldView::traced;
+    rays_.lobe = 0;  // nothing that is shown depends on it
     options_.max_chain = input.config.train_max_chain;
   }
 
@@ -86,8 +89,8 @@ class ViewIntegrator : public Integrator {
       counts.rays += end.rays;
       out[i] = pixel_sample(Vec3f(0.0f), first);
       if (query.next != FirstHitQuery::Next::query) continue;
-      const SurfacePoint point = field_query_point(context_, end.point, traced_);
-      counts.rays += traced_;
+      const SurfacePoint point = field_query_point(context_, end.point, rays_, samples[i].rng);
+      counts.rays += rays_.count(point.alpha);
       ++counts.queries;
       if (view_ == FieldView::traced) {
         out[i].radiance = Vec3f(point.disparity);
@@ -118,7 +121,7 @@ class ViewIntegrator : public Integrator {
   const FieldView view_;
   const int level_;
   const std::size_t width_;  // features of a level
-  const bool traced_;
+  QueryRays rays_;
   FirstHitOptions options_;
   FeaturePicture picture_;
 };

@@ -13,7 +13,7 @@ namespace {
 constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
 
 bool traces_disparity(const IntegratorInput& input, FieldView view) {
-  return view == FieldView::traced || input.config.lookup_offset == LookupOffset::traced;
+  return view == FieldView::traced || query_rays(input.config).mirror;
 }
 
 std::size_t level_width(const IntegratorInput& input) {

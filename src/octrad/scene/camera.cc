@@ -6,6 +6,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/scene/camera_json.h"
 #include "octrad/scene/source.h"
 #include "octrad/scene/transform.h"
 
@@ -21,7 +22,8 @@ void set_frame(Camera& camera, const Transform& to_world) {
   camera.forward = Vec3f(normalize(to_world.column(2)));
 }
 
-// Numbers of a JSON array of exactly `count`, or an InputError that starts with `where`.
+}  // namespace
+
 std::vector<double> read_array(const nlohmann::json& object, const std::string& key, std::size_t count,
                                const std::string& where) {
   const nlohmann::json& value = object.at(key);
@@ -101,8 +103,6 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   return camera;
 }
 
-}  // namespace
-
 CameraView Camera::view(int width, int height) const {
   const float aspect = static_cast<float>(width) / static_cast<float>(height);
   float tan_x = std::tan(fov_degrees * (0.5f * kPi / 180.0f));
@@ -137,13 +137,16 @@ Camera::FovAxis parse_fov_axis(const std::string& name) {
   return static_cast<Camera::FovAxis>(found - kFovAxes.begin());
 }
 
-std::vector<Camera> read_cameras(const std::string& json_file) {
-  nlohmann::json document;
+nlohmann::json read_camera_document(const std::string& json_file) {
   try {
-    document = nlohmann::json::parse(read_file(json_file), nullptr, true, true);
+    return nlohmann::json::parse(read_file(json_file), nullptr, true, true);
   } catch (const nlohmann::json::exception& error) {
     throw InputError(json_file + ": " + error.what());
   }
+}
+
+std::vector<Camera> read_cameras(const std::string& json_file) {
+  nlohmann::json document = read_camera_document(json_file);
   if (document.is_object()) document = nlohmann::json::array({document});
   if (!document.is_array() || document.empty())
     throw InputError(json_file + ": expected a camera or a list of cameras");

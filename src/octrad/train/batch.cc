@@ -2,7 +2,8 @@
 
 #include <algorithm>
 
-#include "octrad/transport/first_hit_math.h"
+#include "octrad/base/threads.h"
+#include "octrad/transport/query_point.h"
 
 namespace octrad {
 
@@ -43,17 +44,21 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
   rhs.emission_inside = config_.target_emission == TargetEmission::inside;
-  rhs.traced_disparity = config_.lookup_offset == LookupOffset::traced;
+  rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
   far_ends_.resize(query ? far_end_count(config_, s.points) : 0);
   rhs.far_ends = far_ends_;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
-  for (std::size_t i = 0; i < n; ++i) {
-    points_[i] = field_query_point(context_, shading_[i], rhs.traced_disparity);
-    const SurfaceInteraction& surface = shading_[i].surface;
-    if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
-  }
+  const QueryRays rays = query_rays(config_, true);
+  parallel_blocks(n, 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Rng rng(rhs.seed, RngPurpose::lobe, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ i);
+      points_[i] = field_query_point(context_, shading_[i], rays, rng);
+      const SurfaceInteraction& surface = shading_[i].surface;
+      if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
+    }
+  });
   return statistics;
 }
 

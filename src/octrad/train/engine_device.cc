@@ -85,7 +85,7 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        traced_(config.lookup_offset == LookupOffset::traced),
+        traced_(query_rays(config).mirror),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options)),
         rhs_(stream, scene.world(stream), most_slots(config), traced_),
@@ -271,8 +271,8 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
                                                  const DeviceEngineOptions& options) {
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
-  parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, config.lookup_offset == LookupOffset::traced) + slots * sizeof(Vec3f)});
+  parts.push_back(
+      {"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config).mirror) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) +
                                                 points * sizeof(Vec3f) +
                                                 far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});

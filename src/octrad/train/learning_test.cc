@@ -13,6 +13,7 @@
 #include "octrad/scene/load.h"
 #include "octrad/train/trainer.h"
 #include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
@@ -64,7 +65,8 @@ double learned_error(const PreparedScene& scene, const Config& config) {
   rhs.seed = 99;
   estimate_rhs(context, floor, rhs, nullptr, reference);
   std::vector<SurfacePoint> points;
-  for (const ShadingPoint& p : floor) points.push_back(surface_point(p));
+  Rng rng(2, RngPurpose::test, 0);
+  for (const ShadingPoint& p : floor) points.push_back(field_query_point(context, p, query_rays(config), rng));
   trained.field->radiance(points, predicted);
   double error = 0.0;
   for (std::size_t i = 0; i < floor.size(); ++i) {

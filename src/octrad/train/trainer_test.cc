@@ -19,13 +19,15 @@ namespace {
 
 using testing::Box;
 
-Config short_run(int steps) {
+Config short_run(int steps, const std::string& field = "octaoctree") {
   Config config = preset("cpu");
+  config.field = field;
   config.train_steps = steps;
   config.train_points = 128;
   config.train_directions = 4;
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
+  config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 10;
   config.train_poses = 8;
   config.train_far_ends = 0.5;
   return config;
@@ -48,26 +50,29 @@ void expect_same_tensors(const std::string& a, const std::string& b) {
 
 TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
   Box box;
-  const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
-  TrainOptions options;
-  options.output = whole;
-  const double loss = train(box.scene, short_run(12), options).loss;
+  for (const std::string& field : field_names()) {
+    SCOPED_TRACE(field);
+    const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
+    TrainOptions options;
+    options.output = whole;
+    const double loss = train(box.scene, short_run(12, field), options).loss;
 
-  options.output = broken;
-  int steps = 0;
-  options.interrupted = [&] { return ++steps > 5; };
-  EXPECT_TRUE(train(box.scene, short_run(12), options).interrupted);
-  Model model = load_model(broken, true);
-  EXPECT_EQ(model.info.state.step, 5);
-  ASSERT_TRUE(model.has_optimizer);
-  options.interrupted = nullptr;
-  options.resume = &model;
-  const TrainResult result = train(box.scene, model.info.config, options);
-  EXPECT_EQ(result.steps, 12);
-  EXPECT_EQ(result.loss, loss);  // its smoothing continues too
-  expect_same_tensors(whole, broken);
-  std::filesystem::remove(whole);
-  std::filesystem::remove(broken);
+    options.output = broken;
+    int steps = 0;
+    options.interrupted = [&] { return ++steps > 5; };
+    EXPECT_TRUE(train(box.scene, short_run(12, field), options).interrupted);
+    Model model = load_model(broken, true);
+    EXPECT_EQ(model.info.state.step, 5);
+    ASSERT_TRUE(model.has_optimizer);
+    options.interrupted = nullptr;
+    options.resume = &model;
+    const TrainResult result = train(box.scene, model.info.config, options);
+    EXPECT_EQ(result.steps, 12);
+    EXPECT_EQ(result.loss, loss);  // its smoothing continues too
+    expect_same_tensors(whole, broken);
+    std::filesystem::remove(whole);
+    std::filesystem::remove(broken);
+  }
 }
 
 // A file may be broken, or the scene another one in spite of its fingerprint.
@@ -109,17 +114,20 @@ TEST(Train, UnitsOfRadianceDoNotMatter) {
 
 TEST(Train, SameBitsAtAnyThreadCount) {
   Box box;
-  const std::string one = temporary("one.octrad"), three = temporary("three.octrad");
-  TrainOptions options;
-  for (const auto& [threads, file] : {std::pair{1, one}, std::pair{3, three}}) {
-    set_thread_count(threads);
-    options.output = file;
-    train(box.scene, short_run(8), options);
+  for (const std::string& field : field_names()) {
+    SCOPED_TRACE(field);
+    const std::string one = temporary("one.octrad"), three = temporary("three.octrad");
+    TrainOptions options;
+    for (const auto& [threads, file] : {std::pair{1, one}, std::pair{3, three}}) {
+      set_thread_count(threads);
+      options.output = file;
+      train(box.scene, short_run(8, field), options);
+    }
+    set_thread_count(0);
+    expect_same_tensors(one, three);
+    std::filesystem::remove(one);
+    std::filesystem::remove(three);
   }
-  set_thread_count(0);
-  expect_same_tensors(one, three);
-  std::filesystem::remove(one);
-  std::filesystem::remove(three);
 }
 
 TEST(Train, OverBudgetRequestsNameTheKnobs) {
@@ -214,6 +222,8 @@ TEST(Train, AllFieldsAndPresetsTakeAStep) {
       config.octree_levels = 3;  // the full size is a matter of memory only
       config.disparity_log2_table = 10;
       config.nr_log2_table = 10;
+      config.ncr_log2_table = 10;
+      config.ncr_cone_log2_table = 10;
       config.train_steps = 4;
       config.train_points = 128;
       config.train_directions = 4;

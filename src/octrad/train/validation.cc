@@ -4,6 +4,7 @@
 
 #include "octrad/image/metrics.h"
 #include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/query_point.h"
 
 namespace octrad {
 
@@ -15,7 +16,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   FirstHitOptions options;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
-  const bool traced = config.lookup_offset == LookupOffset::traced;
+  const QueryRays rays = query_rays(config);
   std::vector<Vec3f> chosen_colors;
   const long long total = static_cast<long long>(reference.width) * reference.height;
   const long long stride = std::max<long long>(1, (total + max_pixels - 1) / max_pixels);
@@ -38,7 +39,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
       rng = sample.rng;
       known += query.known;
       if (query.next != FirstHitQuery::Next::query) continue;
-      points_.push_back(field_query_point(context, end.point, traced));
+      points_.push_back(field_query_point(context, end.point, rays, rng));
       owner_.push_back(known_.size());
     }
     known_.push_back(known);

@@ -163,7 +163,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     options.directions = c.directions;
     options.max_chain = 6;
     options.emission_inside = c.emission_inside;
-    options.traced_disparity = c.traced_disparity;
+    options.rays.mirror = c.traced_disparity;
     options.seed = seed;
     options.stream = number;
     if (c.keys) options.keys = keys;

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "octrad/base/threads.h"
-#include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
@@ -68,8 +68,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
-      queried.push_back(field_query_point(context, end.point, options.traced_disparity));
-      statistics.rays += options.traced_disparity;
+      queried.push_back(field_query_point(context, end.point, options.rays, chain));
+      statistics.rays += options.rays.count(queried.back().alpha);
       pending.push_back({i,
                          bounce.weight * end.throughput,
                          options.emission_inside ? end.own_emitted : Vec3f(0.0f),

@@ -18,8 +18,8 @@ struct RhsOptions {
   int directions = 16;  // M
   int max_chain = 16;   // delta surfaces passed by a BSDF ray
   bool emission_inside =
-      false;  // predictions of emitters hold their emission (target.emission = inside): it is taken off again
-  bool traced_disparity = false;  // fill SurfacePoint::disparity of the queries (lookup.offset = traced)
+      false;       // predictions of emitters hold their emission (target.emission = inside): it is taken off again
+  QueryRays rays;  // traced from the points of the queries
   unsigned long long seed = 0;
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch

@@ -1,0 +1,251 @@
+#include "app/cli/render_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "app/cli/open_scene.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/duration.h"
+#include "octrad/base/error.h"
+#include "octrad/base/interrupt.h"
+#include "octrad/base/log.h"
+#include "octrad/base/version.h"
+#include "octrad/image/io.h"
+
+namespace octrad::cli {
+namespace {
+
+// What is in memory already counts. The picture's sums are doubles, twice while tiles are merged, and
+// once more to be saved for --resume; then the picture itself, in memory and while it is written.
+void require_picture_memory(const CommonOptions& common, const View& view, bool resume) {
+  const double bytes = pixels_of(view) * kFilmNumbers * ((resume ? 3 : 2) * sizeof(double) + 2 * sizeof(float));
+  require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", view.width, view.height),
+                 {{"picture", static_cast<std::uint64_t>(bytes)},
+                  {"the program, the scene and the model, in memory already", resident_bytes()}},
+                 "--width, --height and --crop make the picture smaller");
+}
+
+RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
+  RenderBudget budget;
+  budget.seconds = o.time.empty() ? 0.0 : parse_duration(o.time);
+  if (!o.time.empty() && budget.seconds <= 0.0) throw UsageError("--time must be above 0");
+  budget.spp = o.spp > 0 ? o.spp : budget.seconds > 0.0 ? 0 : integrator.default_spp;
+  budget.interrupted = [] { return interrupted(); };
+  return budget;
+}
+
+// The configuration of a cached picture: the model's, with what may change after training.
+Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
+  Config config = info.config;
+  for (const auto& [key, value] : definitions.config_definitions()) {
+    if (key != "render.delta") {
+      Config scratch = config;
+      set(scratch, key, value);  // an unknown key is refused with a suggestion
+      throw UsageError(
+          fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
+    }
+    set(config, key, value);
+  }
+  return config;
+}
+
+// Options that the integrator, or the kind of result, would ignore are refused.
+void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator) {
+  if (integrator.needs_model && o.model.empty())
+    throw UsageError(fmt::format("--integrator {} needs --model FILE.octrad", o.integrator));
+  if (!integrator.needs_model && !o.model.empty())
+    throw UsageError(fmt::format("--integrator {} uses no --model", o.integrator));
+  if (!integrator.uses_depth && (o.max_depth >= -1 || o.rr_depth > 0))
+    throw UsageError(
+        fmt::format("--integrator {} traces no paths: --max-depth and --rr-depth are for path", o.integrator));
+  if (integrator.one_sample && (o.spp > 1 || !o.time.empty()))
+    throw UsageError(
+        fmt::format("--integrator {} takes one sample a pixel: --spp and --time are of no use", o.integrator));
+  if (integrator.one_sample && o.frames > 0)
+    throw UsageError(fmt::format("--integrator {} makes one picture: --frames cannot time it", o.integrator));
+  if (!o.view.path_file.empty() && (o.frames > 0 || o.resume))
+    throw UsageError(fmt::format("{}: of no use with --path, whose frames that are there are not rendered again",
+                                 o.frames > 0 ? "--frames" : "--resume"));
+  if (o.overwrite && o.view.path_file.empty())
+    throw UsageError("--overwrite is for --path: a single picture is always replaced");
+  if (o.resume && integrator.needs_model)
+    throw UsageError(fmt::format("--integrator {}: --resume continues path-traced pictures only", o.integrator));
+  if (!o.save_every.empty() && !o.resume) throw UsageError("--save-every is of use only with --resume");
+  if (!o.denoise && !o.denoiser.given().empty())
+    throw UsageError(fmt::format("{} is of use only with --denoise", o.denoiser.given()));
+}
+
+// The options with what follows from others; refuses what cannot be done before anything is loaded.
+RenderVerbOptions checked(RenderVerbOptions o) {
+  if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
+  const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
+  o.denoise = o.denoise || integrator.denoised;
+  check_options(o, integrator);
+  picture_format(o.output);  // refuses an unknown ending
+  require_writable(o.output);
+  return o;
+}
+
+std::optional<Model> open_model(const RenderVerbOptions& o) {
+  if (o.model.empty()) return std::nullopt;
+  Model model = load_model(o.model);
+  find_integrator(o.integrator, model.field.get());
+  return model;
+}
+
+ConfigOptions definitions_of(const RenderVerbOptions& o) {
+  ConfigOptions definitions;
+  definitions.definitions = o.definitions;
+  return definitions;
+}
+
+}  // namespace
+
+RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOptions options)
+    : common(common_options),
+      o(checked(std::move(options))),
+      integrator(*find_integrator(o.integrator).info),
+      model(open_model(o)),
+      device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
+      stream(device.make_stream()),
+      denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
+      log(common.open_log()),
+      prepared(open_scene(o.scene, definitions_of(o).scene_definitions())),
+      progress_(o.integrator) {
+  const ConfigOptions definitions = definitions_of(o);
+  if (model) {
+    check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
+    config = model_config(model->info, definitions);
+  } else if (!definitions.config_definitions().empty()) {
+    throw UsageError(fmt::format("-D {}: --integrator {} has no configuration keys",
+                                 definitions.config_definitions().front().first, o.integrator));
+  }
+  budget = choose_budget(o, integrator);
+  settings.film = scene().film;
+  settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene().max_depth;
+  settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
+  settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
+  settings.expected_spp = budget.spp;
+  if (stream) settings.max_memory = common.memory_budget(*stream);
+}
+
+void RenderSession::start(const View& view) {
+  require_picture_memory(common, view, o.resume);
+  log_event("start", {{"scene", o.scene},
+                      {"integrator", o.integrator},
+                      {"width", view.width},
+                      {"height", view.height},
+                      {"device", device.name}});
+  defer_interrupts();
+  renderer =
+      make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
+  renderer->set_view(view);
+}
+
+RenderResult RenderSession::render_picture(double begin, double share) {
+  budget.progress = [&, pixels = pixels_of(renderer->view())](int spp, double seconds) {
+    const double by_samples = budget.spp > 0 ? static_cast<double>(spp) / budget.spp : 0.0;
+    const double by_time = budget.seconds > 0.0 ? seconds / budget.seconds : 0.0;
+    const double rate = seconds > 0.0 ? pixels * spp / seconds : 0.0;
+    if (progress_.due()) {
+      progress_.update(begin + share * std::clamp(std::max(by_samples, by_time), 0.0, 1.0),
+                       fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate),
+                                   format_bytes(static_cast<double>(resident_bytes()))));
+    }
+    log_event("progress", {{"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
+  };
+  RenderResult result = render(*renderer, budget);
+  if (result.interrupted || begin + share > 1.0 - 1e-9) progress_.finish();
+  if (result.counts.non_finite > 0)
+    log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
+  return result;
+}
+
+void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
+  std::map<std::string, std::string>& metadata = result.image.metadata;
+  metadata["octrad.version"] = kVersion;
+  metadata["octrad.scene"] = nlohmann::json{{"file", scene().file}, {"fingerprint", scene().fingerprint}}.dump();
+  metadata["octrad.camera"] = camera_json(view.camera).dump();
+  metadata["octrad.render"] = nlohmann::json{
+      {"integrator", o.integrator},
+      {"spp", result.spp},
+      {"max_depth", integrator.uses_depth ? settings.max_depth : -1},
+      {"seed", seed},
+      {"seconds", result.seconds}}.dump();
+  if (model) {
+    metadata["octrad.config"] = to_json(config).dump();
+    metadata["octrad.model"] = nlohmann::json{{"file", o.model}, {"step", model->info.state.step}}.dump();
+  }
+  if (view.crop.width > 0) {
+    metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
+    metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
+  }
+  if (denoiser) {
+    try {
+      denoise(*denoiser, result.image, file);
+    } catch (const Error&) {
+      write_image(file, result.image);
+      log_warning(fmt::format("{} is saved with its noise", file));
+      throw;
+    }
+    denoise_seconds += denoiser->seconds();
+  }
+  write_image(file, result.image);
+}
+
+std::string RenderSession::difference(const Image& image, const View& view, unsigned long long seed,
+                                      int least_spp) const {
+  const Crop& crop = view.crop;
+  const std::string none;
+  const auto text = [&](const char* key) {
+    const auto found = image.metadata.find(key);
+    return found == image.metadata.end() ? none : found->second;
+  };
+  const auto number = [&](const char* key, long long fallback) {
+    return metadata_value<long long>(image, "octrad.render", key, fallback);
+  };
+  if (image.width != (crop.width > 0 ? crop.width : view.width) ||
+      image.height != (crop.width > 0 ? crop.height : view.height) ||
+      text("dataWindow.min") != (crop.x + crop.y > 0 ? fmt::format("{} {}", crop.x, crop.y) : none))
+    return "size";
+  if (metadata_value(image, "octrad.scene", "fingerprint", none) != scene().fingerprint) return "scene";
+  if (text("octrad.camera") != camera_json(view.camera).dump()) return "camera";
+  if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
+  if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
+  if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
+  if (number("spp", 0) < least_spp) return "spp";
+  if (model && (text("octrad.config") != to_json(config).dump() ||
+                metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))
+    return "model";
+  if (text("octrad.denoise").empty() == (denoiser != nullptr)) return "denoiser";
+  return none;
+}
+
+nlohmann::json RenderSession::report(const RenderResult& result, const View& view) const {
+  const double seconds = std::max(result.seconds, 1e-9);
+  nlohmann::json report = {{"output", o.output},
+                           {"integrator", o.integrator},
+                           {"width", view.crop.width > 0 ? view.crop.width : view.width},
+                           {"height", view.crop.width > 0 ? view.crop.height : view.height},
+                           {"spp", result.spp},
+                           {"seconds", result.seconds},
+                           {"samples_per_s", static_cast<double>(result.samples) / seconds},
+                           {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
+                           {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
+                           {"non_finite", result.counts.non_finite},
+                           {"interrupted", result.interrupted}};
+  report["device"] = device.name;
+  if (denoiser) report["denoise_seconds"] = denoise_seconds;
+  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
+  return report;
+}
+
+void RenderSession::log_event(const std::string& event, nlohmann::json fields) const {
+  if (!log) return;
+  fields["event"] = event;
+  log->write(fields);
+}
+
+}  // namespace octrad::cli

@@ -1,0 +1,74 @@
+// Neural Cone Radiosity (Ren et al. 2025, arXiv 2509.07522; method section 9): Neural Radiosity for the diffuse part;
+// on glossy surfaces also cones to where rays of the BSDF end, looked up in a grid at the size of their footprints.
+#pragma once
+
+#include <memory>
+
+#include "octrad/encoding/hash_grid.h"
+#include "octrad/model/decoder_head.h"
+#include "octrad/model/field_registry.h"
+#include "octrad/model/field_storage.h"
+#include "octrad/model/ncr_math.h"
+
+namespace octrad {
+
+class NcrField : public RadianceField {
+ public:
+  NcrField(const Config& config, const FieldDomain& domain);
+
+  std::string name() const override { return "ncr"; }
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override;
+  FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
+                  double rate_scale) override;
+  void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
+  float target_scale() const override { return decoder_.target_scale(); }
+  Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
+  // Features and levels are those of the diffuse branch's grid.
+  int feature_count() const override { return grid_.feature_count(); }
+  int levels() const override { return grid_.options().levels; }
+  void inspect(std::span<const SurfacePoint> points, std::span<float> features,
+               std::span<float> disparity) const override;
+  void save(TensorWriter& out, bool optimizer) override;
+  bool load(const TensorReader& in, bool optimizer) override;
+  std::size_t parameter_count() const override;
+
+  // What the field is made of, for tests.
+  Vec3f origin() const { return origin_; }
+  Vec3f size() const { return size_; }
+  HashGrid& grid() { return grid_; }
+  DecoderHead& decoder() { return decoder_; }
+  HashGrid& cone_grid() { return cone_grid_; }
+  Mlp& cone_mlp() { return cone_mlp_; }
+  Mlp& merge_mlp() { return merge_mlp_; }
+
+ private:
+  struct Encoded;    // intermediate values of a chunk of queries
+  struct Gradients;  // gradients of a group of queries in one step
+
+  void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
+  void evaluate(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
+  const DecoderRules& rules(const SurfacePoint& point) const {
+    return point.alpha < decoder_.rules().rough_threshold ? merged_rules_ : decoder_.rules();
+  }
+  double loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t batch, double epsilon,
+              Encoded& e, long long& non_finite) const;
+  void backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients);
+  void make_optimizers();
+
+  Config config_;
+  Vec3f origin_, size_;
+  float extent_;  // largest side: the unit of cones
+  LobeTable lobe_;
+  HashGrid grid_;
+  DecoderHead decoder_;        // of the diffuse branch
+  DecoderRules merged_rules_;  // of glossy points
+  HashGrid cone_grid_;
+  Mlp cone_mlp_, merge_mlp_;
+  DenseAdam cone_adam_, merge_adam_;
+  std::unique_ptr<SparseAdam> grid_adam_, cone_grid_adam_;  // made when training starts
+  std::vector<float> upstream_, cone_upstream_;             // [point][level][feature], [point][cluster][feature]
+};
+
+extern const FieldEntry kNcrField;
+
+}  // namespace octrad

@@ -1,0 +1,79 @@
+#include "octrad/render/film_state.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "octrad/base/error.h"
+#include "octrad/base/version.h"
+#include "octrad/model/safetensors.h"
+
+namespace octrad {
+namespace {
+
+constexpr const char* kFormat = "octrad-film";
+constexpr const char* kVersionOfFormat = "1";
+
+}  // namespace
+
+void write_film_state(const std::string& file, const FilmState& state, const FilmIdentity& identity) {
+  TensorWriter out;
+  out.metadata("format", kFormat);
+  out.metadata("version", kVersionOfFormat);
+  out.metadata("program", kVersion);
+  out.metadata("identity", nlohmann::json(identity).dump());
+  out.metadata("state", nlohmann::json{{"samples", state.samples},
+                                       {"largest_pass", state.largest_pass},
+                                       {"seconds", state.seconds},
+                                       {"rays", state.counts.rays},
+                                       {"queries", state.counts.queries},
+                                       {"non_finite", state.counts.non_finite}}
+                            .dump());
+  const auto pixels = static_cast<std::int64_t>(state.sums.size() / kFilmNumbers);
+  out.add("film.sums", DType::f64, {pixels, kFilmNumbers}, state.sums.data());
+  out.write(file);
+}
+
+FilmState read_film_state(const std::string& file, const FilmIdentity& identity) {
+  const TensorReader in(file);
+  const auto text = [&](const std::string& key) {
+    const auto found = in.metadata().find(key);
+    return found == in.metadata().end() ? std::string() : found->second;
+  };
+  if (text("format") != kFormat || text("version") != kVersionOfFormat)
+    throw InputError(fmt::format("{}: not the state of a picture that this program can continue", file));
+  FilmState state;
+  try {
+    const auto saved = nlohmann::json::parse(text("identity")).get<FilmIdentity>();
+    for (const auto& [key, value] : identity) {
+      const auto found = saved.find(key);
+      const std::string other = found == saved.end() ? "unknown" : found->second;
+      if (other != value)
+        throw InputError(
+            fmt::format("{}: its picture cannot be continued with other settings: {} was {}, now it is {}; delete "
+                        "the file to start anew",
+                        file, key, other, value));
+    }
+    const nlohmann::json numbers = nlohmann::json::parse(text("state"));
+    state.samples = numbers.at("samples").get<int>();
+    state.largest_pass = numbers.at("largest_pass").get<int>();
+    state.seconds = numbers.at("seconds").get<double>();
+    state.counts.rays = numbers.at("rays").get<long long>();
+    state.counts.queries = numbers.at("queries").get<long long>();
+    state.counts.non_finite = numbers.at("non_finite").get<long long>();
+  } catch (const nlohmann::json::exception&) {
+    throw InputError(fmt::format("{}: broken: its metadata cannot be read", file));
+  }
+  if (state.samples < 1 || state.largest_pass < 1 || !(state.seconds >= 0.0))
+    throw InputError(fmt::format("{}: broken: {} samples in passes of {}", file, state.samples, state.largest_pass));
+  const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
+  const auto* values = static_cast<const double*>(sums.data);
+  state.sums.assign(values, values + sums.count);
+  for (const double v : state.sums) {
+    if (!std::isfinite(v)) throw InputError(fmt::format("{}: broken: a sum is not finite", file));
+  }
+  return state;
+}
+
+}  // namespace octrad

@@ -1,0 +1,35 @@
+#include "octrad/transport/query_point.h"
+
+#include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/hit_clusters_math.h"
+#include "octrad/transport/rhs_math.h"
+
+namespace octrad {
+
+SurfacePoint field_query_point(const TransportContext& context, const ShadingPoint& shading, const QueryRays& rays,
+                               Rng& rng) {
+  SurfacePoint point = field_query_point(context, shading, rays.mirror);
+  const int n = rays.lobe_rays(point.alpha);
+  if (n == 0) return point;
+  RayQuery queries[kMostLobeRays];
+  const Vec3f wo = shading.to_local(shading.wo);
+  const SobolSet samples(rng);
+  std::size_t cast = 0;
+  for (int i = 0; i < n; ++i) {
+    const BounceSample bounce = sample_bounce(shading, wo, samples(static_cast<std::uint32_t>(i)));
+    if (!bounce.valid) continue;
+    queries[cast++] = {offset_origin(point.x, shading.surface.geometric_normal, bounce.direction), bounce.direction,
+                       kRayInfinity};
+  }
+  Hit hits[kMostLobeRays];
+  context.tracer.intersect(std::span<const RayQuery>(queries, cast), hits);
+  float distances[kMostLobeRays];
+  int met = 0;
+  for (std::size_t i = 0; i < cast; ++i) {
+    if (hits[i].valid()) distances[met++] = hits[i].t;
+  }
+  cluster_hits(distances, met, n, rays.clusters, rays.iterations, point.lobe);
+  return point;
+}
+
+}  // namespace octrad

@@ -1,0 +1,127 @@
+// What fields on the CPU get traced from their points.
+#include "octrad/transport/query_point.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/sobol_math.h"
+#include "octrad/scene/load.h"
+#include "octrad/transport/hit_clusters_math.h"
+#include "octrad/transport/prepared_scene.h"
+
+namespace octrad {
+namespace {
+
+// Floors side by side - a mirror, rough metal, diffuse - below a ceiling two units above them, in the open.
+PreparedScene open_scene() {
+  const auto file = std::filesystem::temp_directory_path() / ("octrad_lobe_" + std::to_string(::getpid()) + ".xml");
+  std::ofstream out(file);
+  out << R"(<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/>)";
+  const char* bsdfs[] = {R"(<bsdf type="conductor"/>)",
+                         R"(<bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>)",
+                         R"(<bsdf type="diffuse"/>)"};
+  for (int i = 0; i < 3; ++i) {
+    out << R"(<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><translate x=")" << 2 * i
+        << R"("/></transform>)" << bsdfs[i] << "</shape>";
+  }
+  out << R"(<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><scale value="4"/><translate x="2" y="2"/>
+      </transform><bsdf type="diffuse"/></shape></scene>)";
+  out.close();
+  Scene scene = load_scene(file.string());
+  std::filesystem::remove(file);
+  return PreparedScene(std::move(scene));
+}
+
+// The floor's point under (x, 1, 0), seen from 45 degrees.
+ShadingPoint floor_point(const TransportContext& context, float x) {
+  const Vec3f d = normalize(Vec3f(0, -1, 1)), from = Vec3f(x, 0, 0) - d;
+  const Hit hit = context.intersect(from, d, 0.0f, kRayInfinity);
+  EXPECT_TRUE(hit.valid());
+  return context.shade(context.interact(hit, from, d), -d);
+}
+
+QueryRays lobe_rays(int n) {
+  QueryRays rays;
+  rays.lobe = n;
+  rays.lobe_below = 0.5f;
+  rays.iterations = 3;
+  return rays;
+}
+
+SurfacePoint traced(const TransportContext& context, const ShadingPoint& point, const QueryRays& rays,
+                    std::uint64_t key = 1) {
+  Rng rng(key, RngPurpose::test, 5);
+  return field_query_point(context, point, rays, rng);
+}
+
+TEST(QueryPoint, AMirrorHasOneClusterAtItsReflection) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  QueryRays rays = lobe_rays(32);
+  rays.mirror = true;
+  const SurfacePoint p = traced(context, floor_point(context, 0.1f), rays);
+  EXPECT_NEAR(p.lobe[0].distance, 2.0f * std::sqrt(2.0f), 1e-4f);
+  EXPECT_NEAR(p.lobe[0].deviation, 0.0f, 1e-4f);
+  EXPECT_EQ(p.lobe[0].share, 1.0f);
+  for (int k = 1; k < kHitClusters; ++k) EXPECT_EQ(p.lobe[k].share, 0.0f);
+  EXPECT_NEAR(p.disparity * p.lobe[0].distance, 1.0f, 1e-4f);
+}
+
+TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  const ShadingPoint shading = floor_point(context, 2.1f);
+  const QueryRays rays = lobe_rays(128);
+  const SurfacePoint p = traced(context, shading, rays);
+  float share = 0.0f;
+  for (const HitCluster& c : p.lobe) {
+    if (c.share == 0.0f) continue;
+    share += c.share;
+    EXPECT_GE(c.distance, 2.0f);
+    EXPECT_LT(c.distance, 8.0f);
+  }
+  EXPECT_GT(share, 0.6f);  // some rays pass beside the ceiling
+  EXPECT_LT(share, 0.999f);
+  // Ray by ray, as the rhs estimator draws its directions.
+  Rng rng(1, RngPurpose::test, 5);
+  const SobolSet samples(rng);
+  std::vector<float> distances;
+  for (std::uint32_t i = 0; i < 128; ++i) {
+    const SobolSet::Sample u = samples(i);
+    const BsdfSample s = sample_bsdf(shading.bsdf, shading.to_local(shading.wo), u.u1, u.u2);
+    if (!s.valid) continue;
+    const Vec3f d = normalize(shading.to_world(s.wi));
+    const Hit hit = context.intersect(offset_origin(p.x, shading.surface.geometric_normal, d), d, 0.0f, kRayInfinity);
+    if (hit.valid()) distances.push_back(hit.t);
+  }
+  HitCluster expected[kHitClusters];
+  cluster_hits(distances.data(), static_cast<int>(distances.size()), 128, 4, 3, expected);
+  for (int k = 0; k < kHitClusters; ++k) {
+    EXPECT_NEAR(p.lobe[k].distance, expected[k].distance, 1e-3f);
+    EXPECT_NEAR(p.lobe[k].deviation, expected[k].deviation, 1e-3f);
+    EXPECT_NEAR(p.lobe[k].share, expected[k].share, 1e-6f);
+  }
+}
+
+TEST(QueryPoint, RepeatsForTheSameKeyAndLeavesRoughPointsAlone) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  const ShadingPoint metal = floor_point(context, 2.1f), diffuse = floor_point(context, 4.1f);
+  const SurfacePoint once = traced(context, metal, lobe_rays(32)), again = traced(context, metal, lobe_rays(32)),
+                     other = traced(context, metal, lobe_rays(32), 2);
+  EXPECT_EQ(once.lobe[0].distance, again.lobe[0].distance);
+  EXPECT_EQ(once.lobe[0].share, again.lobe[0].share);
+  EXPECT_NE(once.lobe[0].distance, other.lobe[0].distance);
+  const QueryRays rays = lobe_rays(32);
+  EXPECT_EQ(rays.count(once.alpha), 32);
+  const SurfacePoint rough = traced(context, diffuse, rays);
+  EXPECT_EQ(rays.count(rough.alpha), 0);
+  EXPECT_EQ(rough.lobe[0].share, 0.0f);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,152 @@
+"""octrad render --resume: the same bits as one uninterrupted run."""
+import json
+import os
+import random
+import signal
+import unittest
+
+from exr import read_exr
+from support import ROOM, Case, read_safetensors, start, wait_for
+
+GAUSSIAN = ROOM.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
+
+
+class Resume(Case):
+    def setUp(self):
+        super().setUp()
+        self.scene = self.write("room.xml", GAUSSIAN)  # a filter that reaches over pixels: sums depend on the passes
+        self.out, self.whole = self.path("out.exr"), self.path("whole.exr")
+
+    def render(self, *options, out=None, scene=None):
+        return self.ok("render", scene or self.scene, "-o", out or self.out, "--json", "-q", *options).json()
+
+    def assert_same_bits(self, a=None, b=None):
+        a, b = read_exr(a or self.out), read_exr(b or self.whole)
+        self.assertEqual(a[:2], b[:2])
+        self.assertEqual(a[2], b[2])
+        settings = lambda picture: {k: v for k, v in json.loads(picture[3]["octrad.render"]).items() if k != "seconds"}
+        self.assertEqual(settings(a), settings(b))
+
+    def samples_saved(self):
+        return json.loads(read_safetensors(self.out + ".state")[0]["state"])["samples"]
+
+    def test_in_parts(self):
+        """Also where a part ends inside a pass: 1, 1, 2, 4, 8, ... samples."""
+        self.render("--spp", 23, out=self.whole)
+        before = 0
+        for spp in (1, 5, 16, 23):
+            report = self.render("--spp", spp, "--resume")
+            self.assertEqual((report["spp"], report["resumed_spp"]), (spp, before))
+            self.assertFalse(report["interrupted"])
+            before = self.samples_saved()
+            self.assertLessEqual(before, spp)
+        self.assert_same_bits()
+        self.assertEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 23)  # merge and info see all of them
+
+    def test_in_halves_on_the_host_stream_and_with_a_crop(self):
+        for options in (("--crop", "5,3,20,11"), ("--seed", 7, "--threads", 1), ("--max-depth", 3, "--width", 20)):
+            with self.subTest(options):
+                for file in (self.out, self.out + ".state"):
+                    if os.path.exists(file):
+                        os.remove(file)
+                self.render("--spp", 20, *options, out=self.whole)
+                self.render("--spp", 10, "--resume", *options)
+                self.render("--spp", 20, "--resume", *options)
+                self.assert_same_bits()
+
+    def test_without_a_state_it_starts_anew(self):
+        self.render("--spp", 12, out=self.whole)
+        self.render("--spp", 6)
+        self.assertFalse(os.path.exists(self.out + ".state"))
+        self.assertEqual(self.render("--spp", 12, "--resume")["resumed_spp"], 0)
+        self.assert_same_bits()
+
+    def test_a_finished_picture_is_not_rendered_again(self):
+        self.render("--spp", 6)
+        before = os.stat(self.out)
+        self.assertEqual(self.render("--spp", 6, "--resume")["spp"], 6)
+        self.assertEqual(os.stat(self.out).st_ino, before.st_ino)
+
+    def test_after_an_interrupt(self):
+        for options in ((), ("--resume",)):  # what was not asked to be kept is kept when it is interrupted
+            with self.subTest(options):
+                process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", self.path("log"), *options)
+                self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and os.path.getsize(self.path("log")) > 500))
+                process.send_signal(signal.SIGINT)
+                _, err = process.communicate(timeout=60)
+                self.assertEqual(process.returncode, 130, err)
+                done = json.loads(read_exr(self.out)[3]["octrad.render"])["spp"]
+                self.assertEqual(done, self.samples_saved())
+                self.render("--spp", done + 3, out=self.whole)
+                self.assertEqual(self.render("--spp", done + 3, "--resume")["resumed_spp"], done)
+                self.assert_same_bits()
+                for file in (self.out, self.out + ".state", self.path("log")):
+                    os.remove(file)
+
+    def test_after_kills_at_any_time(self):
+        spp = 3000
+        self.render("--spp", spp, out=self.whole)
+        command = ("render", self.scene, "-o", self.out, "--spp", spp, "--resume", "--save-every", "10ms", "-q")
+        chance, kills = random.Random(), 0
+        for _ in range(4):
+            before = os.stat(self.out + ".state").st_ino if os.path.exists(self.out + ".state") else None
+            process = start(*command)
+            saved = lambda: os.path.exists(self.out + ".state") and os.stat(self.out + ".state").st_ino != before
+            self.assertTrue(wait_for(lambda: saved() or process.poll() is not None))
+            try:
+                process.wait(chance.uniform(0, 0.1))
+            except Exception:
+                pass
+            kills += process.poll() is None
+            process.kill()
+            process.communicate(timeout=60)
+        self.assertGreater(kills, 1, "the runs were over before they were killed; make them longer")
+        self.assertGreater(self.render("--spp", spp, "--resume")["resumed_spp"], 0)
+        self.assert_same_bits()
+
+    def test_other_settings_are_refused(self):
+        self.render("--spp", 4, "--resume")
+        with open(self.out, "rb") as file:
+            before = file.read()
+        r = ("render", self.scene, "-o", self.out, "--resume", "--spp", 8)
+        for what, options in (("camera", ("--fov", 30)), ("size", ("--width", 16)), ("size", ("--crop", "0,0,8,8")), ("seed", ("--seed", 4)),
+                              ("max_depth", ("--max-depth", 2)), ("rr_depth", ("--rr-depth", 2)), ("scene", ("-D", "wall=0.25"))):
+            result = self.fails(2, "cannot be continued with other settings: " + what, *r, *options)
+            self.assertIn(self.out + ".state", result.err)
+        box = self.write("box.xml", ROOM)
+        self.fails(2, "filter", "render", box, "-o", self.out, "--resume", "--spp", 8)
+        self.fails(2, "has 4 samples a pixel already, more than the 2 asked for", "render", self.scene, "-o", self.out, "--resume", "--spp", 2)
+        for broken in (b"", b"nothing", b"\x08" + bytes(7) + b"{}      "):
+            with open(self.out + ".state", "wb") as file:
+                file.write(broken)
+            self.assertIn(".state", self.fails(2, "", *r).err)
+        with open(self.out, "rb") as file:
+            self.assertEqual(file.read(), before)
+
+    def test_options_that_need_each_other(self):
+        r = ("render", self.scene, "-o", self.out)
+        self.fails(1, "only with --resume", *r, "--save-every", "1m")
+        self.fails(1, "duration", *r, "--resume", "--save-every", "soon")
+        self.fails(1, "--resume", *r, "--integrator", "lhs", "--model", "x.octrad", "--resume")
+
+    def test_an_interrupted_run_keeps_a_better_picture(self):
+        self.render("--spp", 3000)
+        process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--log-json", self.path("log"))
+        self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and os.path.getsize(self.path("log")) > 200))
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertGreaterEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 3000)
+
+    def test_one_at_a_time(self):
+        process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--log-json", self.path("log"))
+        self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and os.path.getsize(self.path("log")) > 0))
+        try:
+            self.fails(3, self.out, "render", self.scene, "-o", self.out, "--spp", 4, "--resume")
+        finally:
+            process.kill()
+            process.communicate()
+
+
+if __name__ == "__main__":
+    unittest.main()
