@@ -404,6 +404,7 @@ Config preset(const std::string& name) {
   c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
+  c.render_delta = DeltaSurfaces::cache;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;

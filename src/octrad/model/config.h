@@ -117,7 +117,7 @@ struct Config {
 
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
-  DeltaSurfaces render_delta = DeltaSurfaces::cache;
+  DeltaSurfaces render_delta = DeltaSurfaces::trace;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;
