@@ -226,8 +226,10 @@ const std::vector<Key>& keys() {
       choice("loss.normalizer", &C::loss_normalizer,
              {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},
              "denominator: mean of target and prediction (dark-biased) or the prediction"),
-      number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true}, "epsilon of the denominator at the start"),
-      number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true}, "epsilon of the denominator at the end"),
+      number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true},
+             "epsilon of the denominator at the start, in units of the exposure"),
+      number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true},
+             "epsilon of the denominator at the end, in units of the exposure"),
       choice("adam.mode", &C::adam_mode, {{"touched", AdamMode::touched}, {"dense", AdamMode::dense}},
              "feature tables: update entries with a gradient (own step counts), or all (the textbook)"),
       number("adam.beta1", &C::adam_beta1, {0, 0.999999}, "decay of the first moment"),
@@ -404,6 +406,8 @@ Config preset(const std::string& name) {
   c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
+  c.loss_epsilon_first = 0.1;
+  c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
