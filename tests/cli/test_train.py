@@ -239,8 +239,20 @@ class Train(Case):
         self.fails(1, "unknown integrator", *r, "occupancy9")
         self.assertFalse(os.path.exists(self.path("view.exr")))
 
+    def test_ncr(self):
+        small = ("--field", "ncr", "-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10", "-D", "ncr.width=16")
+        self.assertEqual(self.train(*small, "--steps", 2)["field"], "ncr")
+        self.assertEqual(self.train(*small, "--resume", "--steps", 4)["steps"], 4)
+        for integrator, rays in (("lhs", 1), ("rhs", 2), ("deferred", 1)):
+            report = self.render(integrator, self.path(integrator + ".exr"), "--spp", 1, "--width", 24)
+            self.assertGreater(report["rays_per_s"], rays * report["samples_per_s"])
+        r = ("render", self.scene, "--model", self.model, "-o", self.path("view.exr"), "--integrator")
+        self.ok(*r, "features2", "-q")
+        self.fails(1, "predicts none", *r, "disparity")
+
     def test_model_sizes_are_announced(self):
-        for keys in (("octree.levels=4", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32")):
+        for keys in (("octree.levels=4", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32"),
+                     ("field=ncr", "ncr.log2_table=14", "ncr.cone.log2_table=12", "ncr.width=32")):
             options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
             announced = self.ok("info", self.scene, "--json", *options).json()["model_file"]
             train = ("train", self.scene, "-o", self.model, "--overwrite", "--steps", 2, *options)

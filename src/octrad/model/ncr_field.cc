@@ -84,14 +84,15 @@ struct NcrField::Encoded {
   };
   int stride = 0;
   std::vector<Vec3f> p, w;
-  Rows inputs, linear, diffuse;  // diffuse: [3], linear: its linear outputs, which become those of all points
-  Rows diffuse_slope;            // derivative of the activation
+  Rows inputs;
+  Rows linear;  // outputs of the diffuse branch, which those of the merge network replace at glossy points
   std::vector<Tap> taps;
   Mlp::Workspace kept;
 
   std::vector<int> glossy;  // points of the chunk
   int glossy_stride = 0;
   Rows merge_inputs, merge_linear;
+  Rows diffuse_slope;  // derivative of the diffuse branch's activation
   Mlp::Workspace merge_kept;
 
   std::vector<Cone> cones;

@@ -104,5 +104,22 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   }
 }
 
+// Cones see the checkerboard that a grid at the floor has to learn from directions.
+TEST(Learning, ConesShowWhatAGridAloneDoesNot) {
+  if (std::getenv("OCTRAD_SANITIZED")) GTEST_SKIP() << "takes minutes under the sanitizers";
+  const PreparedScene scene(checkered_room());
+  Config config = preset("cpu");
+  config.train_steps = 1000;
+  config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 14;
+  constexpr double kStated = 0.15;
+  config.field = "ncr";
+  const double cones = learned_error(scene, config);
+  config.field = "nr";
+  const double grid = learned_error(scene, config);
+  RecordProperty("errors", std::to_string(cones) + " " + std::to_string(grid));
+  EXPECT_LT(cones, kStated);
+  EXPECT_GT(grid, kStated);
+}
+
 }  // namespace
 }  // namespace octrad

@@ -64,8 +64,8 @@ TEST(QueryPoint, AMirrorHasOneClusterAtItsReflection) {
   QueryRays rays = lobe_rays(32);
   rays.mirror = true;
   const SurfacePoint p = traced(context, floor_point(context, 0.1f), rays);
-  EXPECT_NEAR(p.lobe[0].distance, 2.0f * std::sqrt(2.0f), 1e-4f);
-  EXPECT_NEAR(p.lobe[0].deviation, 0.0f, 1e-4f);
+  EXPECT_NEAR(p.lobe[0].distance, 2.0f * std::sqrt(2.0f), 1e-3f);  // rays start beside the surface
+  EXPECT_NEAR(p.lobe[0].deviation, 0.0f, 1e-3f);
   EXPECT_EQ(p.lobe[0].share, 1.0f);
   for (int k = 1; k < kHitClusters; ++k) EXPECT_EQ(p.lobe[k].share, 0.0f);
   EXPECT_NEAR(p.disparity * p.lobe[0].distance, 1.0f, 1e-4f);
