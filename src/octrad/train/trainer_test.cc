@@ -104,11 +104,13 @@ TEST(Train, UnitsOfRadianceDoNotMatter) {
     if (probes.empty()) probes = surface_probes(box.scene, 200, 1);
     radiance[k].resize(probes.size());
     train(box.scene, short_run(20), {}).field->radiance(probes, radiance[k]);
+    std::size_t lit = 0;
     for (std::size_t i = 0; i < probes.size(); ++i) {
-      ASSERT_GT(luminance(radiance[0][i]), 0.0f);
+      lit += luminance(radiance[0][i]) > 0.0f;
       for (int c = 0; c < 3; ++c)
         ASSERT_NEAR(radiance[k][i][c] / scales[k], radiance[0][i][c], 1e-5f * radiance[0][i][c]) << scales[k];
     }
+    EXPECT_GT(lit, probes.size() / 2);
   }
 }
 

@@ -190,12 +190,13 @@ struct Reduce : Kernel {
     const std::uint32_t place = range.place(i, most);
     FarEndChoice choice(options.seed, step, i);
     FarEnd chosen;
+    Vec3f sum(0.0f);
     for (std::uint32_t slot = from; options.ask && slot < to; ++slot) {
       const std::uint32_t q = memory.query_of[slot];
       if (q == kNoQuery) continue;
       const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
       const Vec3f contribution = cache_contribution(memory.slots.get3(6, slot), responses[q], counted);
-      if (is_finite(contribution)) target += contribution * share;
+      if (is_finite(contribution)) sum += contribution * share;
       else ++dropped;
       if (place < range.count && choice.take(contribution)) {
         const RayQuery ray = memory.rays.load(memory.places[slot]);
@@ -203,7 +204,7 @@ struct Reduce : Kernel {
       }
     }
     if (place < range.count) options.far_ends[place] = chosen;
-    if (options.emission_inside) target = max(target, Vec3f(0.0f));
+    target += cache_sum(sum, options.emission_inside);
     if (options.own_emission && points.points[i].surface.emitter >= 0)
       target += world.emitted(points.points[i].surface, points.points[i].wo);
     targets[i] = target;

@@ -83,14 +83,15 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       const std::size_t i = pending[q].target;
       const std::uint32_t place = range.place(static_cast<std::uint32_t>(i), n);
       FarEndChoice choice(options.seed, options.stream, static_cast<std::uint32_t>(i));
+      Vec3f sum(0.0f);
       for (; q < queried.size() && pending[q].target == i; ++q) {
         const Vec3f contribution = cache_contribution(pending[q].weight, responses[q], pending[q].counted);
-        add(i, contribution);
+        if (is_finite(contribution)) sum += contribution * share;
+        else ++statistics.non_finite;
         if (place < range.count && choice.take(contribution)) options.far_ends[place] = pending[q].end;
       }
+      targets[i] += cache_sum(sum, options.emission_inside);
     }
-    for (std::size_t i = begin; options.emission_inside && i < end_point; ++i)
-      targets[i] = max(targets[i], Vec3f(0.0f));
     statistics.queries += static_cast<long long>(queried.size());
   }
   return statistics;
