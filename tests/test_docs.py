@@ -98,7 +98,7 @@ class Documents(unittest.TestCase):
         for path in DOCUMENTS:
             if path.name == "CHANGELOG.md":  # names what is gone, too
                 continue
-            for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake|templates|examples)/[\w./-]*\w)`", path.read_text()):
+            for name in re.findall(r"`((?:src|tests|scripts|scenes|docs|bench|cmake|configs|templates|examples)/[\w./-]*\w)`", path.read_text()):
                 if not any(word in name for word in HYPOTHETICAL):
                     with self.subTest("%s: %s" % (path.name, name)):
                         self.assertTrue((ROOT / name).exists())

@@ -92,6 +92,11 @@ class Examples(unittest.TestCase):
             if words[0] == "merge" and previous not in ("-o", "--output"):  # pictures of different seeds
                 shutil.copy(pathlib.Path(self.store) / ("picture.exr" if previous == "merge" else "other.exr"), path)
                 continue
+            if "--temporal" in words and not path.suffix:  # a folder of frames
+                path.mkdir()
+                for frame in ("0.exr", "1.exr"):
+                    shutil.copy(pathlib.Path(self.store) / "picture.exr", path / frame)
+                continue
             if previous in ("-o", "--output", "--errors", "--log-json"):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 if "--resume" not in words:

@@ -117,10 +117,12 @@ class Compare(Case):
             for key in ("mape", "mse", "flip", "mean_ratio", "pixels"):
                 self.assertEqual(float(row[key]), image[key])
             self.assertEqual((row["lpips"], row["ssim"]), ("", ""))
+        self.assertEqual(rows[0]["psnr"], "inf")
         with open(latex) as file:
             text = file.read()
         self.assertIn("a\\_\\&,", text)
         self.assertIn("\\textbf{0}", text)
+        self.assertIn("\\textbf{$\\infty$}", text)
         self.assertEqual(text.count("\\\\"), 3)
         for option in ("--csv", "--latex", "--html"):
             self.fails(3, "none", "compare", self.ref, self.same, option, self.path("none/t"))
@@ -133,7 +135,7 @@ class Compare(Case):
             for t in range(4):
                 write_pfm(self.path("%s/frame%03d.pfm" % (folder, t)), 4, 4, lambda x, y: (value(t),) * 3)
         ref, wrong, flicker = map(self.path, frames)
-        self.write("ref/notes.md", "not a frame")
+        self.write("ref/notes.csv", "not a frame")
         still, moving = self.ok("compare", ref, wrong, flicker, "--temporal", "--json").json()["images"]
         self.assertEqual((still["temporal"], still["frames"]), (0, 4))
         self.assertAlmostEqual(moving["temporal"], 0.0625, places=6)

@@ -25,7 +25,21 @@ def library():
 
 
 LIBRARY = library()
+needs_compiler = unittest.skipIf(shutil.which("cc") is None, "needs a C compiler")
 needs_library = unittest.skipIf(LIBRARY is None, "needs Open Image Denoise: scripts/install_oidn.sh")
+
+
+def stand_in(case, version):
+    """A library that says this version and fails when a filter runs -> its folder."""
+    names = ("SetDeviceInt", "SetDeviceBool", "CommitDevice", "ReleaseDevice", "ReadBuffer", "WriteBuffer", "ReleaseBuffer", "SetFilterImage",
+             "SetFilterBool", "SetFilterInt", "CommitFilter", "ReleaseFilter")
+    source = "int failed;\nint oidnGetDeviceInt(void* d, const char* n) { return %d; }\nvoid oidnExecuteFilter(void* f) { failed = 1; }\n" % version
+    source += 'int oidnGetDeviceError(void* d, const char** m) { *m = "out of order"; return failed; }\n'
+    source += "".join("void oidn%s(void) {}\n" % n for n in names)
+    source += "".join("void* oidn%s(void) { return &failed; }\n" % n for n in ("NewDevice", "NewBuffer", "NewFilter"))
+    command = ["cc", "-shared", "-fPIC", "-w", "-o", case.path("libOpenImageDenoise.so.2"), case.write("stand_in.c", source)]
+    subprocess.run(command, check=True)
+    return case.folder
 
 
 def noisy(seed=1):
@@ -229,15 +243,24 @@ class Denoise(Case):
             self.assertIn("OCTRAD_OIDN_LIBRARY: ", done.stderr)
         self.assertFalse(os.path.exists(self.out))
 
-    @unittest.skipIf(shutil.which("cc") is None, "needs a C compiler")
+    @needs_compiler
     def test_a_library_of_another_version(self):
-        names = ("SetDeviceInt", "SetDeviceBool", "CommitDevice", "ReleaseDevice", "NewBuffer", "ReadBuffer", "WriteBuffer", "ReleaseBuffer",
-                 "NewFilter", "SetFilterImage", "SetFilterBool", "SetFilterInt", "CommitFilter", "ExecuteFilter", "ReleaseFilter")
-        source = "int x;\nvoid* oidnNewDevice(int t) { return &x; }\nint oidnGetDeviceInt(void* d, const char* n) { return 30102; }\n"
-        source += "int oidnGetDeviceError(void* d, const char** m) { return 0; }\n" + "".join("void* oidn%s(void) { return 0; }\n" % n for n in names)
-        fake = self.path("libOpenImageDenoise.so.2")
-        subprocess.run(["cc", "-shared", "-fPIC", "-w", "-o", fake, self.write("fake.c", source)], check=True)
-        self.fails(2, "version 3.1.2 of Open Image Denoise, where version 2 is needed", "denoise", self.noisy, "-o", self.out, "--oidn-library", self.folder)
+        self.fails(2, "version 3.1.2 of Open Image Denoise, where version 2 is needed", "denoise", self.noisy, "-o", self.out,
+                   "--oidn-library", stand_in(self, 30102))
+        self.assertFalse(os.path.exists(self.out))
+
+    @needs_compiler
+    def test_a_library_that_fails(self):
+        """The denoiser breaks while it works: the picture that was rendered is kept, with its noise."""
+        broken = stand_in(self, 20501)
+        self.fails(5, "Open Image Denoise: out of order", "denoise", self.noisy, "-o", self.out, "--oidn-library", broken)
+        self.assertFalse(os.path.exists(self.out))
+        scene = self.write("room.xml", ROOM)
+        result = self.fails(5, "Open Image Denoise: out of order", "render", scene, "-o", self.out, "--spp", 2, "--denoise", "--oidn-library", broken)
+        self.assertIn("is saved with its noise", result.err)
+        self.ok("render", scene, "-o", self.path("noisy.exr"), "--spp", 2)
+        self.assertEqual(read_exr(self.out)[2], read_exr(self.path("noisy.exr"))[2])
+        self.assertNotIn("octrad.denoise", read_exr(self.out)[3])
 
 
 class DenoisedRendering(Case):

@@ -2,6 +2,7 @@
 import json
 import os
 import random
+import resource
 import signal
 import unittest
 
@@ -32,7 +33,7 @@ class Resume(Case):
 
     def test_in_parts(self):
         """Also where a part ends inside a pass: 1, 1, 2, 4, 8, ... samples."""
-        self.render("--spp", 23, out=self.whole)
+        self.render("--spp", 23, "--resume", out=self.whole)
         before = 0
         for spp in (1, 5, 16, 23):
             report = self.render("--spp", spp, "--resume")
@@ -41,9 +42,11 @@ class Resume(Case):
             before = self.samples_saved()
             self.assertLessEqual(before, spp)
         self.assert_same_bits()
+        sums = [read_safetensors(file + ".state")[1]["film.sums"] for file in (self.out, self.whole)]
+        self.assertEqual(*sums)  # floats hide their last bits
         self.assertEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 23)  # merge and info see all of them
 
-    def test_in_halves_on_the_host_stream_and_with_a_crop(self):
+    def test_in_halves_with_other_options(self):
         for options in (("--crop", "5,3,20,11"), ("--seed", 7, "--threads", 1), ("--max-depth", 3, "--width", 20)):
             with self.subTest(options):
                 for file in (self.out, self.out + ".state"):
@@ -104,6 +107,17 @@ class Resume(Case):
         self.assertGreater(self.render("--spp", spp, "--resume")["resumed_spp"], 0)
         self.assert_same_bits()
 
+    def test_a_disk_that_fills_keeps_the_picture(self):
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (55000, limit[1]))  # room for the picture, not for the 73,728 bytes of sums
+        try:
+            result = self.fails(3, "cannot write " + self.out + ".state", "render", self.scene, "-o", self.out, "--spp", 4, "--resume")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        self.assertIn("4 spp", result.err)
+        self.render("--spp", 4, out=self.whole)
+        self.assert_same_bits()
+
     def test_other_settings_are_refused(self):
         self.render("--spp", 4, "--resume")
         with open(self.out, "rb") as file:
@@ -126,6 +140,7 @@ class Resume(Case):
     def test_options_that_need_each_other(self):
         r = ("render", self.scene, "-o", self.out)
         self.fails(1, "only with --resume", *r, "--save-every", "1m")
+        self.fails(1, "/dev/null is not a file", "render", self.scene, "-o", "/dev/null", "--resume")
         self.fails(1, "duration", *r, "--resume", "--save-every", "soon")
         self.fails(1, "--resume", *r, "--integrator", "lhs", "--model", "x.octrad", "--resume")
 

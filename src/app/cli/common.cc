@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <cstring>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
@@ -258,19 +258,6 @@ void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
   for (const auto& [key, value] : options.config_definitions()) {
     if (ignores_key(field_entry(config.field), key))
       log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
-  }
-}
-
-nlohmann::json read_json_file(const std::string& file) {
-  const std::string text = read_text_file(file);
-  try {
-    return nlohmann::json::parse(text, nullptr, true, true);  // comments allowed
-  } catch (const nlohmann::json::parse_error& error) {
-    const std::size_t end = std::min(text.size(), error.byte > 0 ? error.byte - 1 : 0);
-    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
-    const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
-    const std::size_t column = start == std::string::npos ? end + 1 : end - start;
-    throw InputError(fmt::format("{}:{}:{}: not valid JSON", file, line, column));
   }
 }
 

@@ -79,6 +79,7 @@ void add_info(Program& program);
 void add_query(Program& program);
 void add_tonemap(Program& program);
 void add_selftest(Program& program);
+void add_paper(Program& program);
 
 // Adds --log-json: for verbs whose work has progress to write.
 void add_log_option(CLI::App& verb, CommonOptions& common);
@@ -141,8 +142,5 @@ T metadata_value(const Image& image, const std::string& name, const std::string&
 
 // Warns of keys on the command line (-D) that the field of `config` does not use.
 void warn_of_ignored_keys(const ConfigOptions& options, const Config& config);
-
-// JSON from a file. Throws IoError, or InputError with the position of a syntax error.
-nlohmann::json read_json_file(const std::string& file);
 
 }  // namespace octrad::cli

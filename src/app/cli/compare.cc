@@ -268,11 +268,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   for (const report::MetricColumn& column : report::metric_columns()) table[0].push_back(column.title);
   const auto add_row = [&](const std::string& name, const nlohmann::json& values) {
     table.push_back({name});
-    for (const report::MetricColumn& column : report::metric_columns()) {
-      const nlohmann::json value = values.value(column.key, nlohmann::json());
-      const bool equal = column.key == std::string("psnr") && values.value("mse", nlohmann::json()) == 0.0;
-      table.back().push_back(equal ? "inf" : report::number_text(value));
-    }
+    for (const report::MetricColumn& column : report::metric_columns())
+      table.back().push_back(report::cell_text(values, column.key));
   };
   std::vector<std::vector<std::string>> rough_table = {
       {"image", "roughness", "MAPE", "relMSE", "mean ratio", "pixels"}};
@@ -331,12 +328,16 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
             {name,
              fmt::format("{:g} ... {}", bin["from"].get<double>(),
                          bin["below"].is_null() ? "1" : fmt::format("{:g}", bin["below"].get<double>())),
-             report::number_text(bin["mape"]), report::number_text(bin["relmse"]),
-             report::number_text(bin["mean_ratio"]), report::number_text(bin["pixels"])});
+             report::cell_text(bin, "mape"), report::cell_text(bin, "relmse"), report::cell_text(bin, "mean_ratio"),
+             report::cell_text(bin, "pixels")});
       }
     }
     add_row(name, entry);
-    if (!options.html.empty()) pictures.push_back({name, extract_rgb(image), ""});
+    if (!options.html.empty()) {
+      pictures.push_back(
+          {name, extract_rgb(image),
+           fmt::format("MAPE {}, FLIP {}", report::cell_text(entry, "mape"), report::cell_text(entry, "flip"))});
+    }
     images.push_back(std::move(entry));
   }
   if (!options.csv.empty()) write_file(options.csv, report::csv_table(images));
@@ -419,13 +420,14 @@ void add_compare(Program& program) {
       verb->add_flag("--zscores", options->scores,
                      "also write how many standard errors blocks of 8 x 8 pixels are off (needs --reference-b)");
   scores->needs(errors);
-  CLI::Option* temporal =
-      verb->add_flag("--temporal", options->temporal,
-                     "REF and IMG are folders of frames: the error of the change from frame to frame");
-  for (const char* other : {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux",
-                            "--csv", "--latex", "--html", "--errors"})
-    temporal->excludes(verb->get_option(other));
-  verb->callback([&program, options, aux, below, above, by_roughness] {
+  verb->add_flag("--temporal", options->temporal,
+                 "REF and IMG are folders of frames: the error of the change from frame to frame");
+  verb->callback([&program, verb, options, aux, below, above, by_roughness] {
+    for (const char* other : {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux",
+                              "--csv", "--latex", "--html", "--errors"}) {
+      if (options->temporal && verb->get_option(other)->count() > 0)
+        throw UsageError(fmt::format("--temporal measures sequences of frames, where {} has no meaning", other));
+    }
     if (aux->count() > 0 && below->count() + above->count() + by_roughness->count() == 0 && !program.common.json)
       throw UsageError("--aux belongs to --alpha-below, --alpha-above, --by-roughness and --json");
     if (options->scores && options->reference_b.empty())

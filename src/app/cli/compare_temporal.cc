@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <sstream>
+#include <utility>
 
 #include "app/cli/compare.h"
 #include "octrad/base/atomic_file.h"
@@ -44,15 +45,21 @@ std::vector<std::string> frames_of(const std::string& sequence) {
   return files;
 }
 
-// A frame as linear radiance and as a screen shows it; black where it is not finite.
+// A frame as linear values and as a screen shows it; black where it is not finite.
 struct Frame {
   Image linear, displayed;
 };
-Frame read_frame(const std::string& file) {
-  const Image image = read_image(file);
-  Frame frame = {linear_color(image), display_color(image)};
-  for (float& v : frame.linear.data) v = std::isfinite(v) ? v : 0.0f;
-  return frame;
+
+// Where one of a pair is for the screen (PNG, JPEG), both are limited to what it shows.
+std::pair<Frame, Frame> read_pair(const std::string& reference_file, const std::string& file) {
+  const Image reference = read_image(reference_file), image = read_image(file);
+  const bool shown = is_display_referred(reference) || is_display_referred(image);
+  const auto frame = [&](const Image& from) {
+    Frame made = {shown ? shown_linear_color(from) : linear_color(from), display_color(from)};
+    for (float& v : made.linear.data) v = std::isfinite(v) ? v : 0.0f;
+    return made;
+  };
+  return {frame(reference), frame(image)};
 }
 
 // Mean over pixels and channels of |(I1 - I0) - (R1 - R0)|.
@@ -83,7 +90,7 @@ void compare_temporal(const CommonOptions& common, const std::string& reference,
     nlohmann::json by_change = nlohmann::json::array();
     const double changes = static_cast<double>(files.size() - 1);
     for (std::size_t t = 0; t < files.size(); ++t) {
-      Frame r1 = read_frame(reference_files[t]), i1 = read_frame(files[t]);
+      auto [r1, i1] = read_pair(reference_files[t], files[t]);
       try {
         check_comparable(r1.linear, i1.linear, {});
         if (t > 0) check_comparable(r0.linear, r1.linear, {});

@@ -71,6 +71,7 @@ int run(int argc, char** argv) {
   add_query(program);
   add_tonemap(program);
   add_selftest(program);
+  add_paper(program);
   try {
     program.app.parse(argc, argv);
   } catch (const CLI::Success& success) {

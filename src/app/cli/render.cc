@@ -58,6 +58,8 @@ class Continuation {
         file_(session.o.output + ".state"),
         identity_(identity_of(session, view)) {
     if (!session.o.resume) return;
+    if (std::filesystem::exists(session.o.output) && !std::filesystem::is_regular_file(session.o.output))
+      throw UsageError(fmt::format("--resume: {} is not a file that a state could lie beside", session.o.output));
     lock_.emplace(file_);
     if (std::filesystem::exists(file_)) {
       from_ = read_film_state(file_, identity_);
@@ -91,10 +93,14 @@ class Continuation {
   // After the picture was written. An interrupted one can be continued even without --resume.
   void finish(const RenderResult& result) {
     if (!session_.o.resume && result.interrupted && result.spp > 0 && !session_.integrator.needs_model &&
-        !std::filesystem::exists(file_)) {
+        std::filesystem::is_regular_file(session_.o.output) && !std::filesystem::exists(file_)) {
       Renderer& renderer = *session_.renderer;
       save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
     }
+  }
+
+  // Throws IoError where the last state could not be saved.
+  void check() const {
     if (!failure_.empty()) throw IoError(failure_);
   }
 
@@ -105,8 +111,8 @@ class Continuation {
       write_film_state(file_, state, identity_);
       failure_.clear();
     } catch (const Error& error) {
+      if (failure_.empty()) log_warning(error.what());
       failure_ = error.what();
-      log_warning(failure_);
     }
   }
 
@@ -179,6 +185,7 @@ void render_picture(RenderSession& s) {
                 : !replaces                ? "; interrupted, and kept for --resume: the file has more samples"
                 : s.integrator.needs_model ? "; interrupted, what was done is saved"
                                            : "; interrupted, what was done is saved, and --resume goes on");
+  continuation.check();
 }
 
 void render_verb(const CommonOptions& common, const RenderVerbOptions& o) {

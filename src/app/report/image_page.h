@@ -2,6 +2,7 @@
 // Pages need no network and no other file; the pixels are in them as half floats.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,9 @@ std::string viewer_html(const std::string& id, const std::vector<PageImage>& ima
 
 // A whole page: title, `body` as it is (HTML), with viewer_head().
 std::string page_html(const std::string& title, const std::string& body);
+
+// Bytes as base64 (RFC 4648), for data: addresses.
+std::string base64(const std::vector<std::uint8_t>& bytes);
 
 // Text as HTML.
 std::string html_text(const std::string& text);

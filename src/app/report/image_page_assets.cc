@@ -40,10 +40,12 @@ kbd { border: 1px solid #bbb; border-bottom-width: 2px; border-radius: 3px; padd
   @page { margin: 1.2cm; }
   body { margin: 0; max-width: none; padding: 0; font-size: 9.5pt; }
   .octrad-bar, .octrad-values, .octrad-viewer figcaption { display: none; }
-  .octrad-stage, .octrad-stage.all { display: block; }
+  .octrad-stage, .octrad-stage.all { display: block; orphans: 1; widows: 1; }
+  .scroll { overflow: visible; }
   .octrad-cell { display: inline-block; width: 48%; margin: 0 1% .4cm 0; vertical-align: top; break-inside: avoid; }
   .octrad-cell canvas { max-height: none; background: none; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-  table { break-inside: avoid; }
+  table { break-inside: avoid; font-size: 8.5pt; }
+  th, td { padding: .2rem .45rem; }
 }
 )css";
 

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <optional>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "app/report/image_page.h"
 #include "octrad/base/bytes.h"
@@ -42,31 +44,36 @@ std::string latex_text(const std::string& text) {
   return out;
 }
 
-// The best value of each column where there is more than one picture.
-std::optional<double> best_of(const nlohmann::json& images, const MetricColumn& column) {
-  std::optional<double> best;
-  if (images.size() < 2 || column.better == Better::none) return best;
-  for (const nlohmann::json& image : images) {
-    const nlohmann::json& value = image.at(column.key);
-    if (!value.is_number()) continue;
-    const double v = value.get<double>();
-    if (!best || (column.better == Better::lower ? v < *best : v > *best)) best = v;
-  }
-  return best;
+// NaN where there is none.
+double value_of(const nlohmann::json& image, const char* key) {
+  const auto at = [&](const char* name) {
+    const auto found = image.find(name);
+    return found != image.end() && found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
+  };
+  if (key == std::string("psnr") && at("mse") == 0.0) return std::numeric_limits<double>::infinity();
+  return at(key);
 }
 
-bool is_best(const nlohmann::json& value, const std::optional<double>& best) {
-  return best && value.is_number() && value.get<double>() == *best;
+// Whether no other picture has a better value, where there is more than one picture.
+bool is_best(const nlohmann::json& images, const nlohmann::json& image, const MetricColumn& column) {
+  const double own = value_of(image, column.key);
+  if (images.size() < 2 || column.better == Better::none || std::isnan(own)) return false;
+  return std::none_of(images.begin(), images.end(), [&](const nlohmann::json& other) {
+    const double value = value_of(other, column.key);
+    return column.better == Better::lower ? value < own : value > own;
+  });
 }
 
 }  // namespace
 
 std::span<const MetricColumn> metric_columns() { return kColumns; }
 
-std::string number_text(const nlohmann::json& value, const char* missing) {
-  return value.is_number_integer() ? format_count(value.get<long long>())
-         : value.is_number()       ? fmt::format("{:.4g}", value.get<double>())
-                                   : missing;
+std::string cell_text(const nlohmann::json& image, const char* key, const char* missing, const char* infinite) {
+  const double value = value_of(image, key);
+  if (std::isnan(value)) return missing;
+  if (std::isinf(value)) return infinite;
+  return image.at(key).is_number_integer() ? format_count(image.at(key).get<long long>())
+                                           : fmt::format("{:.4g}", value);
 }
 
 std::string csv_table(const nlohmann::json& images) {
@@ -78,7 +85,7 @@ std::string csv_table(const nlohmann::json& images) {
     for (const MetricColumn& column : kColumns) {
       const nlohmann::json& value = image.at(column.key);
       out += ',';
-      if (!value.is_null()) out += value.dump();
+      out += value.is_null() ? cell_text(image, column.key, "") : value.dump();
     }
     out += "\n";
   }
@@ -91,9 +98,8 @@ std::string latex_table(const nlohmann::json& images) {
   for (const nlohmann::json& image : images) {
     rows += latex_text(image.at("image").get<std::string>());
     for (const MetricColumn& column : kColumns) {
-      const nlohmann::json& value = image.at(column.key);
-      const std::string text = number_text(value, "--");
-      const bool best = is_best(value, best_of(images, column));
+      const std::string text = cell_text(image, column.key, "--", "$\\infty$");
+      const bool best = is_best(images, image, column);
       rows += fmt::format(" & {}{}{}", best ? "\\textbf{" : "", text, best ? "}" : "");
     }
     rows += " \\\\\n";
@@ -109,9 +115,8 @@ std::string html_table(const nlohmann::json& images) {
   for (const nlohmann::json& image : images) {
     out += fmt::format("<tr><td>{}</td>", html_text(image.at("image").get<std::string>()));
     for (const MetricColumn& column : kColumns) {
-      const nlohmann::json& value = image.at(column.key);
-      out += fmt::format("<td{}>{}</td>", is_best(value, best_of(images, column)) ? " class=\"best\"" : "",
-                         number_text(value, "–"));
+      out += fmt::format("<td{}>{}</td>", is_best(images, image, column) ? " class=\"best\"" : "",
+                         cell_text(image, column.key, "–", "∞"));
     }
     out += "</tr>\n";
   }

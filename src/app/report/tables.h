@@ -14,10 +14,12 @@ struct MetricColumn {
   enum class Better { lower, higher, none } better;
 };
 std::span<const MetricColumn> metric_columns();
-// "0.01234", "1,000", or `missing` for null.
-std::string number_text(const nlohmann::json& value, const char* missing = "-");
+// The cell of a column in such an object as `compare --json` has for a picture: "0.01234", "1,000", `missing` for null;
+// `infinite` for the PSNR of equal pictures, which JSON cannot say.
+std::string cell_text(const nlohmann::json& image, const char* key, const char* missing = "-",
+                      const char* infinite = "inf");
 
-// Tables of what `compare --json` has for each picture ("image" is its name, a column may be null): CSV (RFC 4180), a
+// Tables of such objects ("image" is the picture's name): CSV (RFC 4180), a
 // LaTeX tabular, a table of HTML. In the last two the best values are bold.
 std::string csv_table(const nlohmann::json& images);
 std::string latex_table(const nlohmann::json& images);

@@ -109,25 +109,36 @@ void AtomicFile::commit() {
   }
 }
 
-WriterLock::WriterLock(const std::string& file) : lock_(resolve(file) + ".lock") {
+WriterLock::WriterLock(const std::string& file) {
+  if (!take(file))
+    throw IoError(fmt::format("cannot write {}: another process is writing it (it holds {})", file, lock_));
+}
+
+std::unique_ptr<WriterLock> WriterLock::try_to_take(const std::string& file) {
+  std::unique_ptr<WriterLock> lock(new WriterLock);
+  if (!lock->take(file)) lock.reset();
+  return lock;
+}
+
+bool WriterLock::take(const std::string& file) {
+  lock_ = resolve(file) + ".lock";
   require_writable(file);
   struct stat info {};
-  if (stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return;  // /dev/null
+  if (stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return true;  // /dev/null
   for (;;) {
     descriptor_ = open(lock_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
     if (descriptor_ < 0) fail("write", lock_, errno);
     if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
       const int error = errno;
       close(std::exchange(descriptor_, -1));
-      if (error != EWOULDBLOCK) return;  // a file system without locks
-      throw IoError(fmt::format("cannot write {}: another process is writing it (it holds {})", file, lock_));
+      return error != EWOULDBLOCK;  // another error: a file system without locks
     }
     // Whoever held it before may have removed the file in between.
     struct stat mine {
     }, there{};
     if (fstat(descriptor_, &mine) == 0 && stat(lock_.c_str(), &there) == 0 && mine.st_ino == there.st_ino &&
         mine.st_dev == there.st_dev)
-      return;
+      return true;
     close(std::exchange(descriptor_, -1));
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 
 namespace octrad {
@@ -35,11 +36,16 @@ class AtomicFile {
 class WriterLock {
  public:
   explicit WriterLock(const std::string& file);
+  // Null when another process holds it.
+  static std::unique_ptr<WriterLock> try_to_take(const std::string& file);
   ~WriterLock();
   WriterLock(const WriterLock&) = delete;
   WriterLock& operator=(const WriterLock&) = delete;
 
  private:
+  WriterLock() = default;
+  bool take(const std::string& file);
+
   std::string lock_;
   int descriptor_ = -1;
 };

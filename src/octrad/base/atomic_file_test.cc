@@ -71,6 +71,8 @@ TEST_F(AtomicFiles, OneWriterHoldsTheLock) {
       } catch (const IoError& error) {
         code = std::string(error.what()).find("another process") != std::string::npos ? 0 : 2;
       }
+      if (WriterLock::try_to_take(path("a"))) code = 3;
+      if (!WriterLock::try_to_take(path("b"))) code = 4;
       _exit(code);
     }
     int status = -1;

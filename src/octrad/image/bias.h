@@ -12,8 +12,10 @@ namespace octrad {
 
 // Mean over the pixels of the mask and RGB of (I - a)(I - b) / (R^2 + 0.01^2). The noise of a and that of b are
 // independent, so the product has none on average: this estimates mean (I - truth)^2 / (truth^2 + 0.01^2), and may be
-// negative where the error is smaller than what the noise leaves visible. Pixels that are not finite: as in compare().
-// Throws as compare() does.
+// negative where the error is smaller than what the noise leaves visible. Only R in the denominator still has
+// noise: with a standard deviation s it changes the result by about 2 s^2 / (d R) of itself where the error is d, and
+// where s is as large as R, single dark pixels count for much. Pixels that are not finite: as in compare(). Throws as
+// compare() does.
 double noise_free_error(const Image& a, const Image& b, double share, const Image& image,
                         std::span<const std::uint8_t> mask = {});
 

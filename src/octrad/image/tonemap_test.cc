@@ -138,5 +138,42 @@ TEST(ContactSheet, PicturesStandInRowsWithLabelsBelow) {
   EXPECT_THROW(contact_sheet({{filled(100000, 1, 0), ""}, {filled(1, 1, 0), ""}}, 2), InputError);
 }
 
+TEST(DisplayReferred, LinearAndShownValues) {
+  Image linear(2, 1, {"R", "G", "B"}), stored(1, 1, {"Y"});
+  linear.data = {0.5f, 2.0f, -1.0f, 0.0f, 1.0f, kNan};
+  EXPECT_FALSE(is_display_referred(linear));
+  EXPECT_EQ(linear_color(linear).data[1], 2.0f);
+  const Image shown = display_color(linear), limited = shown_linear_color(linear);
+  EXPECT_TRUE(is_display_referred(shown));
+  EXPECT_NEAR(shown.data[0], 0.735357f, 1e-5f);
+  for (const Image* image : {&shown, &limited}) {
+    EXPECT_NEAR(image->data[1], 1.0f, 1e-6f);
+    EXPECT_EQ(image->data[2], 0.0f);
+    EXPECT_EQ(image->data[5], 0.0f);
+  }
+  EXPECT_EQ(limited.data[0], 0.5f);
+  stored.data = {0.735357f};
+  stored.metadata["encoding"] = "srgb8";
+  EXPECT_EQ(display_color(stored).data, std::vector<float>(3, 0.735357f));
+  EXPECT_NEAR(linear_color(stored).data[2], 0.5f, 1e-5f);
+  EXPECT_FALSE(is_display_referred(linear_color(stored)));
+}
+
+TEST(SignedColor, BlueWhiteRed) {
+  Image image(5, 1, {"Y"});
+  image.data = {-2.0f, 0.0f, 1.0f, 9.0f, kNan};
+  const Image8 out = signed_color(image, 0, 2.0f);
+  const auto pixel = [&](std::size_t p) {
+    return std::vector<int>(out.data.begin() + 3 * static_cast<std::ptrdiff_t>(p),
+                            out.data.begin() + 3 * static_cast<std::ptrdiff_t>(p) + 3);
+  };
+  EXPECT_EQ(pixel(1), (std::vector<int>{255, 255, 255}));
+  EXPECT_GT(pixel(0)[2], 2 * pixel(0)[0]);
+  EXPECT_EQ(pixel(2), (std::vector<int>{242, 128, 89}));
+  EXPECT_GT(pixel(3)[0], 2 * pixel(3)[2]);
+  EXPECT_EQ(pixel(4), (std::vector<int>{0, 255, 0}));
+  EXPECT_THROW(signed_color(image, 0, 0.0f), InputError);
+}
+
 }  // namespace
 }  // namespace octrad

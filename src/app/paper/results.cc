@@ -1,0 +1,187 @@
+// results.json: what is in the folder of a run, in one file.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "app/paper/published.h"
+#include "app/paper/report.h"
+
+namespace octrad::paper {
+namespace {
+
+nlohmann::json matrix_json(const Plan& plan, const Matrix& m) {
+  nlohmann::json methods = nlohmann::json::array(), switches = nlohmann::json::array(), equal = nlohmann::json::array();
+  for (const Method* method : m.methods) methods.push_back(method->name);
+  for (const Switch& s : m.switches) switches.push_back({{"name", s.name}, {"keys", s.keys}});
+  for (const Equal e : m.equal) equal.push_back(equal_name(e));
+  return {{"name", m.name},
+          {"title", m.title},
+          {"about", m.about},
+          {"methods", methods},
+          {"switches", switches},
+          {"equal", equal},
+          {"seeds", m.seeds},
+          {"preset", m.preset},
+          {"keys", m.keys},
+          {"time", m.seconds},
+          {"steps", m.steps},
+          {"width", m.width},
+          {"reference_spp", m.reference_spp},
+          {"width_used", plan.scale.width(m.width)},
+          {"reference_spp_used", 2 * plan.scale.half_spp(m.reference_spp)}};
+}
+
+// Error against seconds while it trained, from its log: [seconds, step, mape].
+nlohmann::json convergence(const Store& store, const Training& t, const nlohmann::json& output) {
+  nlohmann::json points = nlohmann::json::array();
+  std::string text = store.has(t.folder + "/progress.jsonl") ? store.read_text(t.folder + "/progress.jsonl") : "";
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    const nlohmann::json line = nlohmann::json::parse(text.substr(begin, end - begin), nullptr, false);
+    begin = end + 1;
+    if (line.is_object() && line.value("event", "") == "validation")
+      points.push_back({line.at("seconds"), line.at("step"), line.at("mape")});
+  }
+  if (output.contains("validation_mape") && output["validation_mape"].is_number())
+    points.push_back({output["seconds"], output["steps"], output["validation_mape"]});
+  return points;
+}
+
+nlohmann::json training_json(const Store& store, const Plan& plan, const Training& t) {
+  nlohmann::json out = {
+      {"scene", plan.scenes[t.scene].name},
+      {"field", t.field},
+      {"preset", t.preset},
+      {"keys", t.keys},
+      {"seed", t.seed},
+      {"folder", t.folder},
+      {"budget", t.steps > 0 ? nlohmann::json{{"steps", t.steps}} : nlohmann::json{{"seconds", t.seconds}}}};
+  const nlohmann::json record = store.read(t.folder + "/train.json");
+  if (!record.is_object()) return out;
+  const nlohmann::json& o = record["output"];
+  for (const char* key :
+       {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "device"})
+    out[key] = o.value(key, nlohmann::json());
+  out["bytes"] = o.value("model_bytes", 0.0) - o.value("optimizer_bytes", 0.0);
+  out["peak_bytes"] = record["peak_bytes"];
+  out["wall_seconds"] = record["seconds"];
+  out["command"] = record["command"];
+  out["convergence"] = convergence(store, t, o);
+  return out;
+}
+
+// One entry a view of the cell.
+void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std::vector<nlohmann::json>& trainings,
+              nlohmann::json& cells) {
+  nlohmann::json places = nlohmann::json::array();
+  for (const Place& p : cell.places)
+    places.push_back(
+        {{"matrix", plan.matrices[p.matrix].name}, {"switch", p.switch_name}, {"equal", equal_name(p.equal)}});
+  nlohmann::json base = {{"scene", plan.scenes[cell.scene].name},
+                         {"method", cell.method->name},
+                         {"field", *cell.method->field ? nlohmann::json(cell.method->field) : nlohmann::json()},
+                         {"switch", cell.places.front().switch_name},
+                         {"seed", cell.seed},
+                         {"places", places},
+                         {"folder", cell.folder},
+                         {"spp", cell.spp},
+                         {"seconds", 0.0},
+                         {"steps", 0},
+                         {"bytes", 0},
+                         {"message", ""}};
+  nlohmann::json commands = nlohmann::json::object();
+  if (cell.training) {
+    const nlohmann::json& t = trainings[*cell.training];
+    for (const char* key : {"seconds", "steps", "bytes", "loss"}) base[key] = t.value(key, nlohmann::json());
+    base["training"] = t["folder"];
+    if (t.contains("command")) commands["train"] = t["command"];
+  }
+  const nlohmann::json made = store.read(cell.folder + "/cell.json"),
+                       failed = store.read(cell.folder + "/cell.json.failed");
+  for (std::size_t v = 0; v < cell.references.size(); ++v) {
+    nlohmann::json entry = base;
+    for (const char* metric : {"mape", "mape_trimmed", "mape_glossy", "mse", "relmse", "psnr", "ssim", "flip", "lpips",
+                               "mean_ratio", "frame_ms"})
+      entry[metric] = nullptr;
+    entry["view"] = plan.references[cell.references[v]].view.name;
+    entry["status"] = "waiting";
+    entry["commands"] = commands;
+    if (made.is_object()) {
+      entry["status"] = "done";
+      for (const auto& [key, value] : made["views"][v].items()) {
+        if (key == "commands") entry["commands"].update(value);
+        else entry[key] = value;
+      }
+    } else if (failed.is_object()) {
+      entry["status"] = failed.value("unavailable", false) ? "not available" : "failed";
+      entry["message"] = failed.value("message", "");
+      entry["commands"]["failed"] = failed.value("command", "");
+    }
+    entry["temporal"] = nullptr;
+    if (const nlohmann::json t = v == 0 ? store.read(cell.folder + "/temporal/temporal.json") : nlohmann::json();
+        t.is_object()) {
+      entry["temporal"] = t["temporal"];
+      entry["temporal_displayed"] = t["temporal_displayed"];
+      entry["commands"]["temporal"] = t["commands"];
+    }
+    cells.push_back(entry);
+  }
+}
+
+nlohmann::json reference_json(const Store& store, const Plan& plan, const Reference& r) {
+  nlohmann::json out = {
+      {"scene", plan.scenes[r.scene].name}, {"view", r.view.name}, {"picture", r.picture()}, {"spp", 2 * r.half_spp}};
+  const nlohmann::json merged = store.read(r.folder + "/ref.json");
+  if (!merged.is_object()) return out;
+  out["noise"] = merged["output"]["noise"];
+  out["commands"] = {{"merge", merged["command"]}};
+  double seconds = 0.0;
+  for (const char* half : {"a", "b"}) {
+    const nlohmann::json record = store.read(fmt::format("{}/{}.json", r.folder, half));
+    if (!record.is_object()) continue;
+    seconds += record["output"]["seconds"].get<double>();
+    out["commands"][half] = record["command"];
+  }
+  out["seconds"] = seconds;
+  return out;
+}
+
+nlohmann::json published_json() {
+  nlohmann::json table = nlohmann::json::array(), switches = nlohmann::json::array();
+  for (const PublishedCell& c : published_cells())
+    table.push_back(
+        {{"method", c.method}, {"scene", c.scene}, {"mape", c.mape}, {"lpips", c.lpips}, {"frame_ms", c.ms}});
+  for (const PublishedSwitch& s : published_switches())
+    switches.push_back({{"matrix", s.matrix}, {"switch", s.name}, {"mape", s.mape}, {"lpips", s.lpips}});
+  return {{"how", kPublishedHow}, {"cells", table}, {"switches", switches}};
+}
+
+}  // namespace
+
+nlohmann::json write_results(const Store& store, const Plan& plan, const nlohmann::json& head) {
+  nlohmann::json results = head;
+  results["scale"] = {{"factor", plan.scale.factor}, {"batch", plan.scale.batch()}};
+  for (const char* list : {"matrices", "references", "trainings", "cells", "learned", "path"})
+    results[list] = nlohmann::json::array();
+  for (const Matrix& m : plan.matrices) results["matrices"].push_back(matrix_json(plan, m));
+  for (const Reference& r : plan.references) results["references"].push_back(reference_json(store, plan, r));
+  std::vector<nlohmann::json> trainings;
+  for (const Training& t : plan.trainings) trainings.push_back(training_json(store, plan, t));
+  results["trainings"] = trainings;
+  for (const Cell& cell : plan.cells) {
+    add_cell(store, plan, cell, trainings, results["cells"]);
+    for (const auto& [list, file] : {std::pair{"learned", "/learned/learned.json"}, {"path", "/ladder/ladder.json"}}) {
+      nlohmann::json extra = store.read(cell.folder + file);
+      if (!extra.is_object()) continue;
+      extra["scene"] = plan.scenes[cell.scene].name;
+      extra["view"] = plan.references[cell.references.front()].view.name;
+      results[list].push_back(extra);
+    }
+  }
+  results["published"] = published_json();
+  store.write("results.json", results);
+  return results;
+}
+
+}  // namespace octrad::paper

@@ -1,0 +1,94 @@
+#include "app/paper/store.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "app/paper/child.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+
+namespace octrad::paper {
+namespace fs = std::filesystem;
+
+Store::Store(std::string folder) : folder_(std::move(folder)) {
+  while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
+  make_folder("");
+  require_writable(path("results.json"));
+}
+
+bool Store::has(const std::string& name) const { return fs::exists(path(name)); }
+
+void Store::make_folder(const std::string& name) const {
+  const std::string folder = name.empty() ? folder_ : path(name);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error || !fs::is_directory(folder))
+    throw IoError(
+        fmt::format("cannot make folder {}: {}", folder, error ? error.message() : "there is a file of that name"));
+}
+
+void Store::link(const std::string& name, const std::string& target) const {
+  std::error_code error;
+  const fs::path link = path(name);
+  if (fs::is_symlink(link, error) && fs::read_symlink(link, error) == target) return;
+  if (fs::is_symlink(link, error) && !fs::exists(link, error)) fs::remove(link, error);  // where it led to is gone
+  fs::create_symlink(target, link, error);
+  if (!error || (fs::is_symlink(link) && fs::read_symlink(link) == target)) return;
+  if (fs::exists(link))
+    throw InputError(
+        fmt::format("{} is there already and is not {}; take another folder for this run, or rename the scene",
+                    link.string(), target));
+  throw IoError(fmt::format("cannot make {}: {}", link.string(), error.message()));
+}
+
+std::string Store::read_text(const std::string& name) const { return read_text_file(path(name)); }
+
+nlohmann::json Store::read(const std::string& name) const {
+  if (!has(name)) return nullptr;
+  const nlohmann::json value = nlohmann::json::parse(read_text(name), nullptr, false);
+  return value.is_discarded() ? nlohmann::json() : value;
+}
+
+void Store::write(const std::string& name, const nlohmann::json& value) const {
+  write_text(name, value.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+}
+
+void Store::write_text(const std::string& name, const std::string& text) const {
+  AtomicFile file(path(name));
+  file.write(text);
+  file.commit();
+}
+
+void Store::remove(const std::string& name) const {
+  std::error_code ignored;
+  fs::remove_all(path(name), ignored);
+}
+
+nlohmann::json Store::ask(const std::vector<std::string>& words, const std::string& log) const {
+  std::vector<std::string> all = words;
+  all.insert(all.end(), common.begin(), common.end());
+  all.insert(all.end(), {"--json", "-q"});
+  const ChildResult result = run_octrad(all, folder_, log.empty() ? "/dev/null" : path(log), waiting);
+  const std::string line = command_line(all);
+  if (result.exit_code == 130) throw Interrupted{};
+  if (!result.ok()) {
+    // A disk that is full, or a folder that cannot be written: every other command would end the same way.
+    if (result.exit_code == 3 && result.message.rfind("cannot write", 0) == 0) throw IoError(result.message);
+    throw CommandFailed{result.exit_code, result.message, line};
+  }
+  const nlohmann::json output = nlohmann::json::parse(result.out, nullptr, false);
+  if (output.is_discarded()) throw CommandFailed{70, "printed no JSON", line};
+  return {{"command", line}, {"seconds", result.seconds}, {"peak_bytes", result.peak_bytes}, {"output", output}};
+}
+
+nlohmann::json Store::command(const std::string& record, const std::vector<std::string>& words) const {
+  nlohmann::json kept = read(record);
+  if (kept.is_object() && kept.contains("output")) return kept;
+  kept = ask(words, (fs::path(record).parent_path() / "log.txt").string());
+  write(record, kept);
+  return kept;
+}
+
+}  // namespace octrad::paper

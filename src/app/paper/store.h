@@ -1,0 +1,53 @@
+// The folder of a run: every command that ran, with what it printed, so that nothing is done twice.
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace octrad::paper {
+
+// A command that did not work: how it ended, and why in a sentence.
+struct CommandFailed {
+  int exit_code = 0;
+  std::string message, command;
+  // It asks for what this program, or this machine, does not have: another field, a library, a device.
+  bool unavailable() const { return exit_code == 1 || exit_code == 5; }
+};
+struct Interrupted {};  // this process was asked to end
+
+class Store {
+ public:
+  // Makes the folder where it is missing. Throws IoError.
+  explicit Store(std::string folder);
+
+  const std::string& folder() const { return folder_; }
+  std::string path(const std::string& name) const { return folder_ + "/" + name; }
+  bool has(const std::string& name) const;
+  void make_folder(const std::string& name) const;
+  // `name` becomes a link to `target`. Throws InputError when it is one to something else.
+  void link(const std::string& name, const std::string& target) const;
+  // JSON files, whole or not at all. read() gives null where there is none or it is broken.
+  nlohmann::json read(const std::string& name) const;
+  std::string read_text(const std::string& name) const;  // throws IoError
+  void write(const std::string& name, const nlohmann::json& value) const;
+  void write_text(const std::string& name, const std::string& text) const;
+  void remove(const std::string& name) const;  // a file, or a folder with what is in it
+
+  // Words that every command gets, such as --threads, and what is called while one runs.
+  std::vector<std::string> common;
+  std::function<void(double seconds)> waiting = [](double) {};
+
+  // `octrad WORDS...`, whose record {command, seconds, peak_bytes, output} is kept in `record`; one that is there
+  // already is taken from there. Messages go to log.txt beside it. Throws CommandFailed, Interrupted, or IoError when
+  // files cannot be written.
+  nlohmann::json command(const std::string& record, const std::vector<std::string>& words) const;
+  // The same, without keeping a record.
+  nlohmann::json ask(const std::vector<std::string>& words, const std::string& log) const;
+
+ private:
+  std::string folder_;
+};
+
+}  // namespace octrad::paper

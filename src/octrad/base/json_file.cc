@@ -1,0 +1,27 @@
+#include "octrad/base/json_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+
+namespace octrad {
+
+nlohmann::json parse_json(const std::string& text, const std::string& name) {
+  try {
+    return nlohmann::json::parse(text, nullptr, true, true);  // comments allowed
+  } catch (const nlohmann::json::parse_error& error) {
+    const std::size_t end = std::min(text.size(), error.byte > 0 ? error.byte - 1 : 0);
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
+    const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
+    const std::size_t column = start == std::string::npos ? end + 1 : end - start;
+    throw InputError(fmt::format("{}:{}:{}: not valid JSON", name, line, column));
+  }
+}
+
+nlohmann::json read_json_file(const std::string& file) { return parse_json(read_text_file(file), file); }
+
+}  // namespace octrad

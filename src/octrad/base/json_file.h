@@ -1,0 +1,14 @@
+// JSON that users write.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+namespace octrad {
+
+// Comments are allowed. Throws InputError with the position of a syntax error, as NAME:LINE:COLUMN.
+nlohmann::json parse_json(const std::string& text, const std::string& name);
+// The same of a file. Throws IoError when it cannot be read.
+nlohmann::json read_json_file(const std::string& file);
+
+}  // namespace octrad
