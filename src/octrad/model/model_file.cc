@@ -80,37 +80,21 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   return domain;
 }
 
-// A far end in the file: origin, direction, t, u, v; shape and primitive. -1: none.
 constexpr const char* kFarEndRays = "optimizer.far_ends.rays";
 constexpr const char* kFarEndHits = "optimizer.far_ends.hits";
 
-void add_far_ends(const std::vector<FarEnd>& ends, std::vector<float>& rays, std::vector<std::int32_t>& hits,
-                  TensorWriter& out) {
-  for (const FarEnd& end : ends) {
-    const Vec3f &o = end.origin, &d = end.direction;
-    rays.insert(rays.end(), {o.x, o.y, o.z, d.x, d.y, d.z, end.hit.t, end.hit.u, end.hit.v});
-    hits.insert(hits.end(), {end.hit.shape, end.hit.primitive});
-  }
-  const auto count = static_cast<std::int64_t>(ends.size());
-  out.add(kFarEndRays, DType::f32, {count, 9}, rays.data());
-  out.add(kFarEndHits, DType::i32, {count, 2}, hits.data());
-}
-
-std::vector<FarEnd> read_far_ends(const TensorReader& in) {
-  if (!in.has(kFarEndRays)) return {};
+void read_far_ends(const TensorReader& in, TrainingState& state) {
+  if (!in.has(kFarEndRays)) return;
   const auto rays = in.get(kFarEndRays, DType::f32, {-1, 9});
   const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 2});
-  std::vector<FarEnd> ends(static_cast<std::size_t>(rays.shape[0]));
-  for (std::size_t i = 0; i < ends.size(); ++i) {
-    float r[9];
-    std::int32_t h[2];
-    std::memcpy(r, static_cast<const char*>(rays.data) + i * sizeof(r), sizeof(r));
-    std::memcpy(h, static_cast<const char*>(hits.data) + i * sizeof(h), sizeof(h));
-    ends[i] = {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {h[0], h[1], r[6], r[7], r[8]}};
-    for (const float number : r)
+  state.far_end_rays.resize(static_cast<std::size_t>(rays.shape[0]));
+  state.far_end_hits.resize(state.far_end_rays.size());
+  if (rays.bytes > 0) std::memcpy(state.far_end_rays.data(), rays.data, rays.bytes);
+  if (hits.bytes > 0) std::memcpy(state.far_end_hits.data(), hits.data, hits.bytes);
+  for (const auto& ray : state.far_end_rays) {
+    for (const float number : ray)
       if (!std::isfinite(number)) throw InputError(in.file() + ": " + kFarEndRays + " is not finite");
   }
-  return ends;
 }
 
 }  // namespace
@@ -133,9 +117,10 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
   out.metadata("state", state.dump());
   field.save(out, optimizer);
-  std::vector<float> rays;  // written below
-  std::vector<std::int32_t> hits;
-  if (optimizer && !info.state.far_ends.empty()) add_far_ends(info.state.far_ends, rays, hits, out);
+  if (const auto count = static_cast<std::int64_t>(info.state.far_end_rays.size()); optimizer && count > 0) {
+    out.add(kFarEndRays, DType::f32, {count, 9}, info.state.far_end_rays.data());
+    out.add(kFarEndHits, DType::i32, {count, 2}, info.state.far_end_hits.data());
+  }
   out.write(file);
 }
 
@@ -168,7 +153,7 @@ Model load_model(const std::string& file, bool optimizer) {
   model.field = make_field(model.info.config, read_domain(in, model.info.config));
   model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
   model.has_optimizer = model.field->load(in, optimizer) && optimizer;
-  if (model.has_optimizer) model.info.state.far_ends = read_far_ends(in);
+  if (model.has_optimizer) read_far_ends(in, model.info.state);
   return model;
 }
 

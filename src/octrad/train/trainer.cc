@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <utility>
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -72,20 +71,34 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   return bytes;
 }
 
-// Those of a file may be anything.
-void check_far_ends(const Scene& scene, const std::vector<FarEnd>& ends) {
+void set_far_ends(const std::vector<FarEnd>& ends, TrainingState& state) {
+  state.far_end_rays.clear();
+  state.far_end_hits.clear();
   for (const FarEnd& end : ends) {
-    if (!end.hit.valid()) continue;
-    const auto s = static_cast<std::size_t>(end.hit.shape);
-    const bool known = s < scene.shapes.size();
-    const std::size_t primitives =
-        !known ? 0
-        : scene.shapes[s].kind == Shape::Kind::sphere
-            ? 1
-            : scene.meshes[static_cast<std::size_t>(scene.shapes[s].geometry)].triangles.size();
-    if (end.hit.primitive < 0 || static_cast<std::size_t>(end.hit.primitive) >= primitives)
+    const Vec3f &o = end.origin, &d = end.direction;
+    state.far_end_rays.push_back({o.x, o.y, o.z, d.x, d.y, d.z, end.hit.t, end.hit.u, end.hit.v});
+    state.far_end_hits.push_back({end.hit.shape, end.hit.primitive});
+  }
+}
+
+// Those of a file may be anything: throws InputError for what does not lie on the scene.
+std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
+  std::vector<FarEnd> ends;
+  for (std::size_t i = 0; i < state.far_end_rays.size(); ++i) {
+    const auto& r = state.far_end_rays[i];
+    const auto [shape, primitive] = state.far_end_hits[i];
+    ends.push_back({{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {shape, primitive, r[6], r[7], r[8]}});
+    if (shape < 0) continue;
+    std::size_t primitives = 0;
+    if (static_cast<std::size_t>(shape) < scene.shapes.size()) {
+      const Shape& s = scene.shapes[static_cast<std::size_t>(shape)];
+      primitives =
+          s.kind == Shape::Kind::sphere ? 1 : scene.meshes[static_cast<std::size_t>(s.geometry)].triangles.size();
+    }
+    if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives)
       throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
   }
+  return ends;
 }
 
 // One training run: everything that lives from the first step to the last.
@@ -116,8 +129,7 @@ class Run {
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
-    check_far_ends(scene.scene(), state_.far_ends);
-    engine_->set_far_ends(std::exchange(state_.far_ends, {}));
+    engine_->set_far_ends(far_ends(state_, scene.scene()));
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
@@ -152,7 +164,7 @@ void Run::checkpoint(bool optimizer) {
   info.scene_file = scene_.scene().file;
   info.scene_fingerprint = scene_.scene().fingerprint;
   info.state = state_;
-  if (optimizer) info.state.far_ends = engine_->far_ends();
+  if (optimizer) set_far_ends(engine_->far_ends(), info.state);
   save_model(options_.output, engine_->field(), info, optimizer);
   if (options_.saved) options_.saved(options_.output, state_.step);
 }

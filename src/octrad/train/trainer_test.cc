@@ -84,10 +84,9 @@ TEST(Train, FarEndsOffTheSceneAreRefusedOnResume) {
   train(box.scene, short_run(3), options);
   for (const auto& [shape, primitive] : {std::pair{1000, 0}, std::pair{0, 1 << 20}, std::pair{0, -1}}) {
     Model model = load_model(file, true);
-    ASSERT_EQ(model.info.state.far_ends.size(), 64u);
+    ASSERT_EQ(model.info.state.far_end_hits.size(), 64u);
     model.info.config.train_steps = 4;
-    model.info.state.far_ends[5].hit.shape = shape;
-    model.info.state.far_ends[5].hit.primitive = primitive;
+    model.info.state.far_end_hits[5] = {shape, primitive};
     options.resume = &model;
     EXPECT_THROW(train(box.scene, model.info.config, options), InputError) << shape << ' ' << primitive;
   }
