@@ -212,8 +212,10 @@ TrainResult Run::go() {
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
   // A GPU is quick to query and to train: validate often.
-  const double between_validations =
-      options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
+  const double between_validations = options_.validation_seconds > 0.0 ? options_.validation_seconds
+                                     : options_.stream && options_.stream->on_device()
+                                         ? 0.5
+                                         : std::max(5.0, 0.02 * config_.train_seconds);
   double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
          next_validation = std::min(5.0, between_validations);
   double mape = -1.0;
@@ -235,8 +237,10 @@ TrainResult Run::go() {
     const double seconds = seconds_since(start_);
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
+      const Clock::time_point begin = Clock::now();
       mape = validation_->mape(*engine_);
       if (options_.validated) options_.validated(state_.step, state_.seconds, mape);
+      start_ += Clock::now() - begin;  // not training
       next_validation = seconds_since(start_) + between_validations;
     }
     if (options_.progress && seconds >= next_progress) {

@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
@@ -212,6 +214,24 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
   // Beside an enormous reference every picture is black: |0 - r| / (r + 0.01).
   for (float& v : reference.data) v = 1e6f;
   EXPECT_NEAR(train(box.scene, short_run(5), options).validation_mape, 1.0, 1e-4);
+}
+
+TEST(Train, ValidationIsNotTrainingTime) {
+  Box box;
+  Image reference(16, 16, {"R", "G", "B"});
+  TrainOptions options;
+  options.reference = &reference;
+  options.validation_seconds = 1e-9;
+  int validated = 0;
+  options.validated = [&](long long, double, double) {
+    ++validated;
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+  };
+  const auto start = std::chrono::steady_clock::now();
+  const TrainResult result = train(box.scene, short_run(5), options);
+  const double all = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  EXPECT_EQ(validated, 5);
+  EXPECT_LT(result.seconds, all - 4 * 0.04);  // the last step ends before its validation
 }
 
 TEST(Train, AllFieldsAndPresetsTakeAStep) {
