@@ -315,6 +315,8 @@ class Compare(Case):
         out = self.path("a.png")
         self.ok("tonemap", self.ref, "-o", out)
         self.assertEqual(read_png(out)[2][0][0:3], bytes([255, 188, 137]))  # sRGB of 1, 0.5, 0.25
+        self.ok("tonemap", out, "-o", self.path("again.png"))  # what is for the screen stays as it is
+        self.assertEqual(read_png(self.path("again.png"))[2][0][0:3], bytes([255, 188, 137]))
         self.ok("tonemap", self.ref, "-o", out, "--exposure", "-1")
         self.assertEqual(read_png(out)[2][0][0:2], bytes([188, 137]))
         self.ok("tonemap", self.ref, "-o", out, "--gamma", "2")
