@@ -9,6 +9,8 @@ import subprocess
 
 from support import ROOM, Case, start, wait_for
 
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+
 # Trains in a blink; two scenes, one of them with two views.
 TINY = {"title": "tiny", "methods": ["octaoctree", "nr", "oidn", "nr-rhs", "path"], "equal": ["seconds", "steps"], "time": "0.5s", "steps": 30, "width": 24,
         "reference_spp": 16, "learned": True, "path_spp": [1, 4],
@@ -88,10 +90,11 @@ class Paper(Case):
         # Again: nothing is done twice, but for the report. A further seed shares references.
         before = self.files()
         self.ok(*self.arguments(self.matrix()))
-        self.assertEqual({p: t for p, t in self.files().items() if not p.endswith(".failed")}, {p: t for p, t in before.items() if not p.endswith(".failed")})
+        after = self.files()
+        self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])  # what is not available is tried again
         self.ok(*self.arguments(self.matrix(seeds=[0, 1], methods=["octaoctree"], equal=["steps"])))
         after = self.files()
-        self.assertTrue(all(after[p] == t for p, t in before.items()))
+        self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])
         self.assertEqual({c["seed"] for c in self.results()["cells"]}, {0, 1})
 
     def test_dry_run_and_only(self):
@@ -104,21 +107,33 @@ class Paper(Case):
         self.assertEqual({(c["scene"], c["method"]) for c in self.results()["cells"] if c["status"] == "done"}, {("b", "path")})
         self.fails(1, "--only nothing: no cell has that in its name", *self.arguments(self.matrix()), "--only", "nothing")
 
-    def test_budget_makes_everything_smaller(self):
-        matrix = self.matrix(time="1h", width=512, reference_spp=100000, methods=["octaoctree"], equal=["seconds"], learned=False)
-        out = self.ok(*self.arguments(matrix, scenes=self.scenes[1:]), "--budget", "6s", "--json").json()
-        self.assertEqual((out["done"], out["failed"]), (1, 0))
-        self.assertLess(out["seconds"], 60)  # a busy machine may be slower than measured
+    def test_all_methods_within_a_budget(self):
+        """Two of our scenes with all methods. OCTRAD_PAPER_BUDGET=3m: the whole main matrix, within a third more."""
+        scenes = [os.path.join(ROOT, "scenes", name, "scene.xml") for name in ("cornell-box", "glossy-room")]
+        budget = os.environ.get("OCTRAD_PAPER_BUDGET", "20s")
+        methods = ["octaoctree", "nr", "ncr", "nr-rhs", "ncr-rhs", "octaoctree-rhs", "oidn", "lhs-oidn", "path"]
+        full = "OCTRAD_PAPER_BUDGET" in os.environ
+        small = self.write("all.json", json.dumps({"methods": methods, "views": {"*": [0]}, "keys": {"octree.levels": 4, "ncr.log2_table": 14, "nr.log2_table": 14}}))
+        out = self.ok("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget, "--json", timeout=600).json()
+        self.assertLess(out["seconds"], 240 if full else 100)  # a busy machine is slower than measured
+        self.assertEqual((out["failed"], out["waiting"]), (0, 0))
         results = self.results()
-        self.assertEqual(results["budget"], "6s")
-        self.assertLess(results["scale"]["factor"], 0.01)
-        self.assertLess(results["cells"][0]["width"], 512)
+        self.assertEqual(results["budget"], budget)
+        self.assertLess(results["scale"]["factor"], 0.1)
+        self.assertEqual({(c["scene"], c["method"]) for c in results["cells"]}, {(s, m) for s in ("cornell-box", "glossy-room") for m in methods})
+        for cell in results["cells"]:
+            if cell["status"] == "not available":
+                self.assertIn("oidn", cell["method"])
+            else:
+                self.assertLess(cell["mape"], 3, cell["method"])
+                self.assertLess(cell["width"], 256)
         with open(os.path.join(self.report, "index.html"), encoding="utf-8") as file:
             self.assertIn("Scaled down", file.read())
         # The scale is kept: nothing is done again.
         before = self.files()
-        self.ok(*self.arguments(matrix, scenes=self.scenes[1:]), "--budget", "6s")
-        self.assertEqual(before, self.files())
+        self.ok("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget)
+        after = self.files()
+        self.assertEqual([p for p, t in before.items() if after[p] != t and "oidn-" not in p], [])
 
     def test_killed_run_continues(self):
         matrix = self.matrix(time="8s", methods=["octaoctree"], equal=["seconds"], learned=False, views={})
@@ -129,9 +144,10 @@ class Paper(Case):
         process.communicate()
         reference = {p: t for p, t in self.files().items() if "references" in p and p.endswith((".exr", ".json"))}
         self.assertEqual(len(reference), 6)
+        written = os.path.getsize(glob.glob(logs)[0])
         # A second process that is interrupted passes it on: the training is saved, and continues.
         process = start(*self.arguments(matrix, scenes=self.scenes[:1]))
-        self.assertTrue(wait_for(lambda: any("progress" in line for path in glob.glob(logs) for line in open(path))))
+        self.assertTrue(wait_for(lambda: os.path.getsize(glob.glob(logs)[0]) > written + 500))
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, err)
@@ -194,6 +210,7 @@ class Paper(Case):
         self.fails(3, "cannot make folder", *self.arguments(self.matrix()))
         os.unlink(self.report)
         matrix = self.matrix(methods=["octaoctree"], equal=["steps"], learned=False, views={})
+        self.ok(*self.arguments(matrix, scenes=self.scenes[:1]), "--dry-run")  # measures the machine, with a model
         limit = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (60000, limit[1]))  # inherited: references fit, the model does not
         try:

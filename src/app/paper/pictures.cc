@@ -71,9 +71,14 @@ struct Box {
   int x = 0, y = 0, side = 0;
 };
 
-// The square where the pictures differ most from the reference: a sixth of the width. Values above 1 count as 1, so
-// that fireflies do not decide.
-Box most_different(const std::vector<Image>& errors) {
+// The square where the pictures differ most from the reference on glossy surfaces (anywhere, where there are none): a
+// sixth of the width. Values above 1 count as 1, so that fireflies do not decide.
+Box most_different(const Image& reference, const std::vector<Image>& errors) {
+  std::vector<std::uint8_t> glossy(reference.pixel_count(), 1);
+  if (reference.channel("roughness.Y") >= 0) {
+    const std::vector<std::uint8_t> mask = roughness_mask(reference, -1.0f, 0.5f);
+    if (std::any_of(mask.begin(), mask.end(), [](std::uint8_t m) { return m != 0; })) glossy = mask;
+  }
   Box best;
   const int width = errors.front().width, height = errors.front().height;
   best.side = std::max(8, std::min({width / 6, height / 3, 96}));
@@ -83,7 +88,9 @@ Box most_different(const std::vector<Image>& errors) {
       double sum = 0.0;
       for (const Image& error : errors) {
         for (int j = y; j < y + best.side; ++j) {
-          for (int i = x; i < x + best.side; ++i) sum += std::min(1.0f, error.at(i, j, 0));
+          for (int i = x; i < x + best.side; ++i) {
+            if (glossy[static_cast<std::size_t>(j * width + i)] != 0) sum += std::min(1.0f, error.at(i, j, 0));
+          }
         }
       }
       if (sum <= most) continue;
@@ -151,7 +158,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
     if (!is_reference) errors.push_back(error_image(*reference, *image));
     viewed.push_back({picture.title, extract_rgb(*image), picture.caption});
   }
-  const Box box = errors.empty() ? Box{0, 0, 8} : most_different(errors);
+  const Box box = errors.empty() ? Box{0, 0, 8} : most_different(*reference, errors);
   std::string out = fmt::format("<div class=\"pictures\" data-box=\"{} {} {}\">\n", box.x, box.y, box.side);
   for (std::size_t i = 0; i < shown.size(); ++i) {
     const std::string base = fmt::format("{}-{}", name, i);
@@ -167,7 +174,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
     id += std::isalnum(static_cast<unsigned char>(c)) ? std::string(1, c) : fmt::format("{:02x}", c);
   return report::viewer_html(id, viewed, true, largest_side) + out +
          fmt::format(
-             "</div>\n<p class=\"note\">Exposure {:+.1f} stops, filmic curve, sRGB. Cut out: {} × {} pixels at ({}, {}), where the pictures differ most from the reference. "
+             "</div>\n<p class=\"note\">Exposure {:+.1f} stops, filmic curve, sRGB. Cut out: {} × {} pixels at ({}, {}), where the pictures differ most from the reference on glossy surfaces. "
              "Error maps: |I − R| / (R + 0.01), black 0, white {} or more.</p>\n",
              mapping.exposure, box.side, box.side, box.x, box.y, kErrorMax);
 }
@@ -179,7 +186,7 @@ std::string color_figure(const Store& store, const std::string& name, const std:
 std::string quantity_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures) {
   float top = 0.0f;
   std::string out = row_figure(store, name, pictures, [&](const Image& image) {
-    if (top == 0.0f) top = std::max(1e-6f, quantile(first_channel(image), 0.98));
+    if (top == 0.0f) top = std::max(1e-6f, quantile(first_channel(image), 0.9));
     return false_color(image, 0, 0.0f, top);
   });
   return out + fmt::format("<p class=\"note\">Black 0, white {} or more (1 / world unit).</p>\n", figure(top));

@@ -24,7 +24,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
 // A row of colours in [0, 1], such as features.
 std::string color_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures);
 
-// A row of quantities in false colours, black 0, white the 98th percentile of the first picture.
+// A row of quantities in false colours, black 0, white the 90th percentile of the first picture.
 std::string quantity_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures);
 
 }  // namespace octrad::paper

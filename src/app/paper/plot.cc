@@ -15,7 +15,7 @@ using report::html_text;
 
 namespace {
 
-constexpr double kLeft = 62, kTop = 12, kPlotWidth = 400, kPlotHeight = 260, kBottom = 44, kLegend = 170;
+constexpr double kLeft = 62, kTop = 12, kPlotWidth = 400, kPlotHeight = 260, kBottom = 44, kLegend = 210;
 
 // Okabe and Ito's colours, which people who see few colours can tell apart.
 constexpr std::array kColors = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#7f7f7f"};

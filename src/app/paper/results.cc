@@ -31,23 +31,6 @@ nlohmann::json matrix_json(const Plan& plan, const Matrix& m) {
           {"reference_spp_used", 2 * plan.scale.half_spp(m.reference_spp)}};
 }
 
-// Error against seconds while it trained, from its log: [seconds, step, mape].
-nlohmann::json convergence(const Store& store, const Training& t, const nlohmann::json& output) {
-  nlohmann::json points = nlohmann::json::array();
-  std::string text = store.has(t.folder + "/progress.jsonl") ? store.read_text(t.folder + "/progress.jsonl") : "";
-  std::size_t begin = 0;
-  while (begin < text.size()) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    const nlohmann::json line = nlohmann::json::parse(text.substr(begin, end - begin), nullptr, false);
-    begin = end + 1;
-    if (line.is_object() && line.value("event", "") == "validation")
-      points.push_back({line.at("seconds"), line.at("step"), line.at("mape")});
-  }
-  if (output.contains("validation_mape") && output["validation_mape"].is_number())
-    points.push_back({output["seconds"], output["steps"], output["validation_mape"]});
-  return points;
-}
-
 nlohmann::json training_json(const Store& store, const Plan& plan, const Training& t) {
   nlohmann::json out = {
       {"scene", plan.scenes[t.scene].name},
@@ -67,7 +50,7 @@ nlohmann::json training_json(const Store& store, const Plan& plan, const Trainin
   out["peak_bytes"] = record["peak_bytes"];
   out["wall_seconds"] = record["seconds"];
   out["command"] = record["command"];
-  out["convergence"] = convergence(store, t, o);
+  out["convergence"] = record.value("convergence", nlohmann::json::array());
   return out;
 }
 

@@ -29,6 +29,23 @@ namespace fs = std::filesystem;
 
 bool denoises(const Method& method) { return method.denoise || std::string(method.integrator) == "denoised"; }
 
+// Error against seconds while it trained, from its log: [seconds, step, mape].
+nlohmann::json convergence(const Store& store, const Training& t, const nlohmann::json& output) {
+  nlohmann::json points = nlohmann::json::array();
+  std::string text = store.has(t.folder + "/progress.jsonl") ? store.read_text(t.folder + "/progress.jsonl") : "";
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    const nlohmann::json line = nlohmann::json::parse(text.substr(begin, end - begin), nullptr, false);
+    begin = end + 1;
+    if (line.is_object() && line.value("event", "") == "validation")
+      points.push_back({line.at("seconds"), line.at("step"), line.at("mape")});
+  }
+  if (output.contains("validation_mape") && output["validation_mape"].is_number())
+    points.push_back({output["seconds"], output["steps"], output["validation_mape"]});
+  return points;
+}
+
 // A piece of work with a folder of its own. It is done when its result is there, whoever made it.
 struct Job {
   std::string title, folder, result;
@@ -248,11 +265,15 @@ void Run::train(const Training& t) {
                                            {"seed", t.seed},
                                            {"seconds", t.seconds},
                                            {"steps", t.steps}});
-  const nlohmann::json trained = store_.command(t.folder + "/trained.json", with_device(words));
+  // The command of a run that was killed a moment ago may still be saving what it has.
+  while (!interrupted() && !WriterLock::try_to_take(store_.path(t.model())))
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  nlohmann::json trained = store_.command(t.folder + "/trained.json", with_device(words));
   // What resuming needs is several times the model, and of no use any more. Doing this again does no harm.
   const std::string file = store_.path(t.model());
   const Model model = load_model(file);
   save_model(file, *model.field, model.info, false);
+  trained["convergence"] = convergence(store_, t, trained["output"]);
   store_.write(record, trained);
 }
 
@@ -354,7 +375,7 @@ void Run::make_learned(const Cell& cell) {
 }
 
 void Run::render_film(const Film& film) {
-  store_.make_folder(film.folder);
+  store_.make_folder(film.folder + "/frames");
   store_.write(film.path_file(), film.path);
   store_.command(film.folder + "/film.json",
                  with_device({"render", plan_.scenes[film.scene].file, "--integrator", "path", "--max-depth", "-1",

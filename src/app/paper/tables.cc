@@ -49,14 +49,6 @@ json megabytes(const json& bytes) {
 }
 json above_zero(const json& value) { return value.is_number() && value.get<double>() > 0 ? value : json(); }
 
-std::string stages(const std::vector<const json*>& cells) {
-  std::string text;
-  if (cells.empty() || !cells.front()->contains("stages_ms")) return text;
-  for (const auto& [stage, ms] : cells.front()->at("stages_ms").items())
-    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", stage, figure(ms));
-  return text;
-}
-
 const PublishedCell* published(const std::string& method, const std::string& scene) {
   for (const PublishedCell& c : published_cells()) {
     if (method == c.method && scene == c.scene) return &c;
@@ -146,7 +138,7 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
                {"", "glossy", -1, false},   {"", "LPIPS", -1, false},  {marked, "LPIPS", 0, true},
                {"", "FLIP", -1, false},     {"", "SSIM", 1, false},    {"", "mean ratio", 0, false},
                {"", "frame ms", -1, false}, {marked, "ms", 0, true},   {"", "training s", 0, false},
-               {"", "steps", 0, false},     {"", "MB", 0, false},      {"", "ms by stage", 0, false}};
+               {"", "steps", 0, false},     {"", "MB", 0, false}};
   bool any_published = false;
   for (const RowKey& key : rows_of(m)) {
     const auto cells = find_cells(results, m.name, equal, scene, key.method->name, key.switch_name);
@@ -168,12 +160,12 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
         break;
       }
     }
-    t.rows.push_back({name,
-                      anchor_of(cells),
-                      {mean(cells, "mape"), mape, mean(cells, "mape_trimmed"), mean(cells, "mape_glossy"),
-                       mean(cells, "lpips"), lpips, mean(cells, "flip"), mean(cells, "ssim"), mean(cells, "mean_ratio"),
-                       mean(cells, "frame_ms"), ms, above_zero(mean(cells, "seconds")),
-                       above_zero(mean(cells, "steps")), megabytes(mean(cells, "bytes")), stages(cells)}});
+    t.rows.push_back(
+        {name,
+         anchor_of(cells),
+         {mean(cells, "mape"), mape, mean(cells, "mape_trimmed"), mean(cells, "mape_glossy"), mean(cells, "lpips"),
+          lpips, mean(cells, "flip"), mean(cells, "ssim"), mean(cells, "mean_ratio"), mean(cells, "frame_ms"), ms,
+          above_zero(mean(cells, "seconds")), above_zero(mean(cells, "steps")), megabytes(mean(cells, "bytes"))}});
   }
   if (any_published)
     t.note =
@@ -186,6 +178,35 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
       t.columns.erase(t.columns.begin() + static_cast<std::ptrdiff_t>(c));
       for (Table::Row& row : t.rows) row.values.erase(row.values.begin() + static_cast<std::ptrdiff_t>(c));
     }
+  }
+  return t;
+}
+
+// What a frame's milliseconds are made of.
+Table stages(const Matrix& m, const json& results, const std::string& equal, const std::string& scene) {
+  Table t;
+  t.name = fmt::format("{}-{}-{}-stages", m.name, equal, scene);
+  t.title = fmt::format("{}: milliseconds of a frame by stage, first view", scene);
+  const std::vector<RowKey> rows = rows_of(m);
+  std::vector<const json*> cells;
+  for (const RowKey& key : rows) {
+    const auto found = find_cells(results, m.name, equal, scene, key.method->name, key.switch_name);
+    cells.push_back(found.empty() || !found.front()->contains("stages_ms") ? nullptr : found.front());
+    if (!cells.back()) continue;
+    for (const auto& [stage, ms] : cells.back()->at("stages_ms").items()) {
+      if (std::none_of(t.columns.begin(), t.columns.end(),
+                       [&, name = stage](const auto& c) { return c.title == name; }))
+        t.columns.push_back({"", stage, 0, false});
+    }
+  }
+  for (const char* total : {"frame", "samples a pixel"}) t.columns.push_back({"", total, 0, false});
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    if (!cells[r]) continue;
+    Table::Row row{rows[r].title, cell_anchor(*cells[r]), {}};
+    for (const Table::Column& c : t.columns) row.values.push_back(cells[r]->at("stages_ms").value(c.title, json()));
+    row.values[row.values.size() - 2] = cells[r]->at("frame_ms");
+    row.values.back() = cells[r]->at("spp");
+    t.rows.push_back(row);
   }
   return t;
 }
@@ -236,7 +257,10 @@ std::vector<Table> make_tables(const Plan& plan, const json& results) {
     const std::vector<std::string> scenes = scenes_of(results, m.name);
     for (const Equal e : m.equal) {
       tables.push_back(summary(m, results, equal_name(e), scenes));
-      for (const std::string& scene : scenes) tables.push_back(details(m, results, equal_name(e), scene));
+      for (const std::string& scene : scenes) {
+        tables.push_back(details(m, results, equal_name(e), scene));
+        if (e == m.equal.front()) tables.push_back(stages(m, results, equal_name(e), scene));
+      }
       for (Table& t : tables) {
         if (m.switches.size() > 1) t.row_title = "switch";
       }
