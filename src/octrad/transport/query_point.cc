@@ -5,14 +5,25 @@
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
+namespace {
+
+// A thread's own: to initialise so much for every point would cost as much as its rays.
+struct LobeScratch {
+  RayQuery queries[kMostLobeRays];
+  int drawn[kMostLobeRays];  // how often each was drawn: a delta lobe has one direction, whose ray is cast once
+  Hit hits[kMostLobeRays];
+  float distances[kMostLobeRays];
+};
+
+}  // namespace
 
 SurfacePoint field_query_point(const TransportContext& context, const ShadingPoint& shading, const QueryRays& rays,
                                Rng& rng) {
   SurfacePoint point = field_query_point(context, shading, rays.mirror);
   const int n = rays.lobe_rays(point.alpha);
   if (n == 0) return point;
-  RayQuery queries[kMostLobeRays];
-  int drawn[kMostLobeRays];  // how often each was drawn: a delta lobe has one direction, whose ray is cast once
+  thread_local LobeScratch scratch;
+  auto& [queries, drawn, hits, distances] = scratch;
   const Vec3f wo = shading.to_local(shading.wo);
   const SobolSet samples(rng);
   std::size_t cast = 0;
@@ -29,9 +40,7 @@ SurfacePoint field_query_point(const TransportContext& context, const ShadingPoi
     queries[cast++] = {offset_origin(point.x, shading.surface.geometric_normal, bounce.direction), bounce.direction,
                        kRayInfinity};
   }
-  Hit hits[kMostLobeRays];
   context.tracer.intersect(std::span<const RayQuery>(queries, cast), hits);
-  float distances[kMostLobeRays];
   int met = 0;
   for (std::size_t i = 0; i < cast; ++i) {
     for (int k = 0; hits[i].valid() && k < drawn[i]; ++k) distances[met++] = hits[i].t;
