@@ -3,12 +3,14 @@
 
     bench/speed.py path SCENE.xml ... --mitsuba-python venv/bin/python --mitsuba-tool mitsuba_render.py -o results.json
     bench/speed.py cache SCENE.xml ... -o results.json
+    bench/speed.py metrics SCENE.xml ... --lpips-weights DIR -o results.json
 
 `path`: samples a second at equal width and depth, octrad and Mitsuba's variants taking turns in one run (the tool renders a
 scene with Mitsuba and prints JSON with samples_per_s; without it octrad alone is timed).
 `cache`: trains each scene for a moment at K = 6 and K = 8 (speed does not depend on what was learned; K = 8 is the paper's
 table size on the bathroom), then times right-hand-side queries with materials and shadow rays (`rhs`, 512 x 512) and the
 512 x 512 `lhs` frame at one primary sample a pixel. Also the peak memory of that training. Micro-benchmarks: bench_encoding, bench_network.
+`metrics`: `octrad compare` of two pictures of 1024 x 1024 pixels, the whole program with reading the files, without LPIPS and with it.
 """
 import argparse
 import json
@@ -16,6 +18,7 @@ import os
 import statistics
 import subprocess
 import tempfile
+import time
 
 
 def run(command):
@@ -74,9 +77,31 @@ def cache(args, folder):
     return rows
 
 
+def metrics(args, folder):
+    rows = []
+    for scene in args.scenes:
+        a, b = os.path.join(folder, "a.exr"), os.path.join(folder, "b.exr")
+        for seed, file in enumerate((a, b)):
+            run([args.octrad, "render", scene, "--integrator", "path", "--width", "1024", "--height", "1024", "--spp", "4", "--seed", str(seed),
+                 "-o", file, "--device", "cpu", "--json", "-q"])
+        row = {"scene": name_of(scene)}
+        for name, options in (("without", []), ("alex", ["--lpips-net", "alex"]), ("squeeze", ["--lpips-net", "squeeze"])):
+            if options and not args.lpips_weights:
+                continue
+            times = []
+            for _ in range(args.repeat):
+                start = time.monotonic()
+                run([args.octrad, "compare", a, b, "--json", "-q"] + options + (["--lpips-weights", args.lpips_weights] if options else []))
+                times.append(time.monotonic() - start)
+            row[name] = statistics.median(times)
+        rows.append(row)
+        print(row["scene"].ljust(14) + "  ".join(f"{k} {v:.2f} s" for k, v in row.items() if k != "scene"), flush=True)
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["path", "cache"])
+    parser.add_argument("what", choices=["path", "cache", "metrics"])
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--octrad", default="build/octrad")
     parser.add_argument("--repeat", type=int, default=3)
@@ -84,10 +109,11 @@ def main():
     parser.add_argument("--variants", default="scalar_rgb,llvm_ad_rgb")
     parser.add_argument("--mitsuba-python", default="python3")
     parser.add_argument("--mitsuba-tool")
+    parser.add_argument("--lpips-weights")
     parser.add_argument("-o", "--output")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        rows = path(args, folder) if args.what == "path" else cache(args, folder)
+        rows = {"path": path, "cache": cache, "metrics": metrics}[args.what](args, folder)
     if args.output:
         with open(args.output, "w") as out:
             json.dump({"what": args.what, "repeat": args.repeat, "rows": rows}, out, indent=1)

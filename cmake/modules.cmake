@@ -58,13 +58,13 @@ function(octrad_program name)
   cmake_parse_arguments(PROGRAM "" "FOLDER" "USES;GENERATED" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${PROGRAM_FOLDER}/*.cc)
   octrad_device_sources(${sources})
-  # Command-line parsing: much code that runs once.
-  set(command_line ${sources})
-  list(FILTER command_line INCLUDE REGEX "/app/cli/")
-  set_source_files_properties(${command_line} PROPERTIES COMPILE_OPTIONS -O1)
   octrad_libraries(libs ${PROGRAM_USES})
   list(APPEND sources ${PROGRAM_GENERATED})
   add_executable(${name} ${sources})
   octrad_flags(${name})
+  # Much code that runs once, below headers that take longer to read than what is written over them.
+  target_compile_options(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-O1>)
+  target_precompile_headers(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:<CLI/CLI.hpp$<ANGLE-R>>
+    $<$<COMPILE_LANGUAGE:CXX>:<nlohmann/json.hpp$<ANGLE-R>> $<$<COMPILE_LANGUAGE:CXX>:<fmt/format.h$<ANGLE-R>>)
   target_link_libraries(${name} PRIVATE ${libs})
 endfunction()

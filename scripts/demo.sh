@@ -37,9 +37,6 @@ show octrad train $scene -o demo/room.octrad --overwrite --preset cpu --time $tr
 step "The cache's picture: one query a pixel"
 show octrad render $scene --integrator lhs --model demo/room.octrad "${size[@]}" -o demo/lhs.exr --json >demo/lhs.json
 
-step "The same, with perfect mirrors followed to what they show"
-show octrad render $scene --integrator lhs --model demo/room.octrad -D render.delta=trace "${size[@]}" -o demo/mirrors.exr --json >demo/mirrors.json
-
 step "Path tracing in the same time"
 seconds=$(field demo/lhs.json seconds)
 show octrad render $scene --integrator path --spp 100000 --time "${seconds}s" "${size[@]}" --seed 2 -o demo/path.exr --json >demo/path.json
@@ -47,13 +44,11 @@ show octrad render $scene --integrator path --spp 100000 --time "${seconds}s" "$
 step "Errors"
 show octrad compare demo/ref.exr demo/lhs.exr
 octrad compare demo/ref.exr demo/lhs.exr --json >demo/error_lhs.json
-octrad compare demo/ref.exr demo/mirrors.exr --json >demo/error_mirrors.json
 octrad compare demo/ref.exr demo/path.exr --json >demo/error_path.json
 octrad compare demo/ref.exr demo/noise.exr --json >demo/error_noise.json
 octrad compare demo/ref.exr demo/lhs.exr --alpha-below 0.5 --json >demo/glossy_lhs.json
-octrad compare demo/ref.exr demo/mirrors.exr --alpha-below 0.5 --json >demo/glossy_mirrors.json
 octrad compare demo/ref.exr demo/path.exr --alpha-below 0.5 --json >demo/glossy_path.json
-for name in ref lhs mirrors path; do octrad tonemap -q demo/$name.exr -o demo/$name.png --exposure 0.3; done
+for name in ref lhs path; do octrad tonemap -q demo/$name.exr -o demo/$name.png --exposure 0.3; done
 
 # The difference of two independent pictures holds the noise of both; its share goes with 1 / samples.
 own=$(awk -v e="$(field demo/error_noise.json mape)" -v a="$(field demo/ref.json spp)" -v b="$(field demo/noise.json spp)" \
@@ -65,10 +60,9 @@ table() {  # table NAME TITLE
     "$(field "demo/glossy_$1.json" mape)" "$(field "demo/error_$1.json" mean_ratio)"
 }
 table lhs "radiance cache (lhs)"
-table mirrors "radiance cache, mirrors followed"
 table path "path tracing, same time as lhs"
 printf '  The reference has %s spp; its own noise is a MAPE of about %s.\n' "$(field demo/ref.json spp)" "$own"
 printf '\nPictures:\n'
 printf '  %s\n' "$PWD/demo/ref.png   reference" "$PWD/demo/lhs.png   radiance cache" \
-  "$PWD/demo/mirrors.png   radiance cache, mirrors followed" "$PWD/demo/path.png  path tracing in the same time"
+  "$PWD/demo/path.png  path tracing in the same time"
 printf '\nDone in %d min %d s.\n' $(((SECONDS - started) / 60)) $(((SECONDS - started) % 60))

@@ -93,6 +93,37 @@ class Page(Case):
         self.assertEqual((state["zoom"], state["x"]), (4, WIDTH / 2))
         self.assertEqual(keys("+", "0")["zoom"], 1)
 
+    def test_mouse_and_keyboard(self):
+        """Events as a browser sends them, from a script that is added to the page."""
+        text = pathlib.Path(self.page).read_text()
+        events = """<script>addEventListener("load", () => setTimeout(() => {
+            const canvas = document.querySelectorAll("canvas")[1], box = canvas.getBoundingClientRect();
+            const at = (x, y) => ({ clientX: box.left + x * box.width, clientY: box.top + y * box.height, bubbles: true, cancelable: true });
+            canvas.setPointerCapture = () => {};  // a made-up pointer cannot be captured
+            %s
+        }, 100));</script>"""
+        key = lambda name: 'document.dispatchEvent(new KeyboardEvent("keydown", { key: "%s", bubbles: true }));' % name
+        wheel = lambda x, y: 'canvas.dispatchEvent(new WheelEvent("wheel", { ...at(%g, %g), deltaY: -200 }));' % (x, y)
+        pointer = lambda kind, x, y: 'canvas.dispatchEvent(new PointerEvent("pointer%s", at(%g, %g)));' % (kind, x, y)
+
+        def after(*actions):
+            pathlib.Path(self.page).write_text(text.replace("</body>", events % "\n".join(actions) + "</body>"))
+            return self.opened()
+
+        self.assertEqual(after(key("3"), key("e"))[0]["image"], 2)
+        state, values = after(pointer("move", 0.75, 0.5))
+        self.assertEqual(state["zoom"], 1)
+        self.assertEqual([float(v) for v in values["image.pfm"][:3]], [v / 2 for v in REFERENCE])
+        state, _ = after(wheel(0.5, 0.5), wheel(0.5, 0.5))
+        self.assertEqual(state["zoom"], 4)
+        self.assertAlmostEqual(state["y"], HEIGHT / 2, delta=0.1)  # events are at whole pixels of the screen
+        state, _ = after(wheel(0.5, 0.5), pointer("down", 0.5, 0.5), pointer("move", 0.25, 0.5), pointer("up", 0.25, 0.5), pointer("move", 0.1, 0.1))
+        self.assertGreater(state["x"], WIDTH / 2 + 2)  # dragging to the left shows what is on the right
+        self.assertAlmostEqual(state["y"], HEIGHT / 2, delta=0.1)
+        state, _ = after('const slider = document.querySelector("input[type=range]"); slider.value = 2; slider.dispatchEvent(new Event("input"));',
+                         '[...document.querySelectorAll("button")].find(b => b.textContent === "all").click();')
+        self.assertEqual((state["exposure"], state["all"]), (2, True))
+
     def test_pixels_on_the_screen(self):
         def halves(address):
             _, _, rows = read_png(self.shot(address))

@@ -111,7 +111,7 @@ class Query(unittest.TestCase):
     def test_cones_need_their_columns(self):
         with tempfile.TemporaryDirectory() as folder:
             path = lambda name: os.path.join(folder, name)
-            subprocess.run([PROGRAM, "train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, "--field", "ncr", "--steps", "1",
+            subprocess.run([PROGRAM, "train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, "--field", "ncr",
                             "-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10"], check=True, timeout=120)
             np.savetxt(path("points.csv"), np.zeros((1, 13)), delimiter=",", header=",".join(numpy_query.COLUMNS), comments="")
             done = subprocess.run([PROGRAM, "query", path("m.octrad"), "--points", path("points.csv")], capture_output=True, text=True)

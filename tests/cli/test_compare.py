@@ -77,6 +77,11 @@ class Compare(Case):
         self.assertGreater(min(rows[0][0:3]), 220, "error above the maximum is white")
         self.assertEqual(rows[0][3:6], b"\0\0\0", "no error is black")
 
+    def test_flip_map(self):
+        flip = self.ok("compare", self.ref, self.double, "--errors", self.path("e"), "--error-kind", "flip", "--json").json()["images"][0]["flip"]
+        channels = self.ok("info", self.path("e/double.error.exr"), "--json").json()["channels"]
+        self.assertAlmostEqual(channels[0]["mean"], flip, places=5)
+
     def test_signed_errors(self):
         self.ok("compare", self.ref, self.double, "--errors", self.path("e"), "--signed", "--error-max", "1")
         self.assertEqual(len(os.listdir(self.path("e"))), 4)
@@ -310,6 +315,8 @@ class Compare(Case):
         out = self.path("a.png")
         self.ok("tonemap", self.ref, "-o", out)
         self.assertEqual(read_png(out)[2][0][0:3], bytes([255, 188, 137]))  # sRGB of 1, 0.5, 0.25
+        self.ok("tonemap", out, "-o", self.path("again.png"))  # what is for the screen stays as it is
+        self.assertEqual(read_png(self.path("again.png"))[2][0][0:3], bytes([255, 188, 137]))
         self.ok("tonemap", self.ref, "-o", out, "--exposure", "-1")
         self.assertEqual(read_png(out)[2][0][0:2], bytes([188, 137]))
         self.ok("tonemap", self.ref, "-o", out, "--gamma", "2")

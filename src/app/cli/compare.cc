@@ -198,7 +198,8 @@ nlohmann::json errors_by_roughness(const report::Reference& reference, const Ima
 void write_maps(const CompareOptions& o, std::size_t index, const report::Reference& reference, const Image& file) {
   Image image;
   const Image& compared = reference.compared(file, image);
-  const Image error = error_image(compared, image, error_kind(o.error_kind), reference.mask());
+  const Image error = o.error_kind == "flip" ? reference.flip_map(file)
+                                             : error_image(compared, image, error_kind(o.error_kind), reference.mask());
   const float most = static_cast<float>(o.error_max);
   write_map(o, index, "error", error, false_color(error, 0, 0.0f, most),
             fmt::format("white: {:g} or more", o.error_max));
@@ -227,6 +228,16 @@ void write_file(const std::string& file, const std::string& text) {
   out.write(text);
   out.commit();
   log_info("wrote {}", file);
+}
+
+// The file's name alone where no other picture has it.
+std::string short_name(const std::string& file, const CompareOptions& o) {
+  const auto name = [](const std::string& path) { return std::filesystem::path(path).filename().string(); };
+  std::vector<std::string> all = o.images;
+  all.push_back(o.reference);
+  return std::count_if(all.begin(), all.end(), [&](const std::string& f) { return name(f) == name(file); }) > 1
+             ? file
+             : name(file);
 }
 
 // The page of --html: the table, and all pictures in one viewer.
@@ -274,7 +285,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   std::vector<std::vector<std::string>> rough_table = {
       {"image", "roughness", "MAPE", "relMSE", "mean ratio", "pixels"}};
   std::vector<report::PageImage> pictures;
-  if (!options.html.empty()) pictures.push_back({options.reference, extract_rgb(file), "reference"});
+  if (!options.html.empty())
+    pictures.push_back({short_name(options.reference, options), extract_rgb(file), "reference"});
   std::optional<Metrics> noise;
   std::optional<SecondReference> second;
   if (!options.reference_b.empty()) second = read_second(file, options);
@@ -335,7 +347,7 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     add_row(name, entry);
     if (!options.html.empty()) {
       pictures.push_back(
-          {name, extract_rgb(image),
+          {short_name(name, options), extract_rgb(image),
            fmt::format("MAPE {}, FLIP {}", report::cell_text(entry, "mape"), report::cell_text(entry, "flip"))});
     }
     images.push_back(std::move(entry));
@@ -404,8 +416,8 @@ void add_compare(Program& program) {
   CLI::Option* errors =
       verb->add_option("--errors", options->error_folder, "write error pictures (EXR and false-colour PNG) into FOLDER")
           ->type_name("FOLDER");
-  verb->add_option("--error-kind", options->error_kind, "what error pictures show: mape | squared | relative")
-      ->check(unnamed(CLI::IsMember({"mape", "squared", "relative"})))
+  verb->add_option("--error-kind", options->error_kind, "what error pictures show: mape | squared | relative | flip")
+      ->check(unnamed(CLI::IsMember({"mape", "squared", "relative", "flip"})))
       ->type_name("KIND")
       ->capture_default_str()
       ->needs(errors);

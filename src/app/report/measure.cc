@@ -68,6 +68,12 @@ Metrics Reference::metrics(const Image& file, std::span<const std::uint8_t> mask
   return compare(reference, linear, mask);
 }
 
+Image Reference::flip_map(const Image& file) const {
+  const Image image = finite(linear_color(file));
+  if (display_referred_ || is_display_referred(file)) return flip_ldr(shown_, shown_linear_color(image), flip_ppd_);
+  return flip_hdr(all_usable_ ? linear_ : finite(linear_), image, exposures_, flip_ppd_);
+}
+
 PictureErrors Reference::errors(const Image& file) const {
   PictureErrors errors;
   Image linear;
@@ -75,12 +81,8 @@ PictureErrors Reference::errors(const Image& file) const {
   errors.hdr = !display_referred_ && !is_display_referred(file);
   // compare() looks for pixels that are not finite itself, but what a screen shows is always finite.
   errors.metrics = compare(reference, linear, errors.hdr ? mask_ : usable_);
-  const Image image = finite(std::move(linear));
-  const Image shown = shown_linear_color(image);
-  errors.flip = mean_of(errors.hdr ? flip_hdr(all_usable_ ? linear_ : finite(linear_), image, exposures_, flip_ppd_)
-                                   : flip_ldr(shown_, shown, flip_ppd_),
-                        usable_);
-  const Image displayed = display_color(shown);
+  errors.flip = mean_of(flip_map(file), usable_);
+  const Image displayed = display_color(finite(std::move(linear)));
   errors.ssim = mean_of(ssim_image(display_color(shown_), displayed), usable_);
   if (features_) {
     errors.lpips = lpips_->distance(*features_, lpips_->features(displayed),

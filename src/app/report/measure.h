@@ -34,6 +34,8 @@ class Reference {
   PictureErrors errors(const Image& file) const;
   // The errors within another mask, of linear values only.
   Metrics metrics(const Image& file, std::span<const std::uint8_t> mask) const;
+  // FLIP at each pixel (channel "Y"), as errors() has its mean.
+  Image flip_map(const Image& file) const;
   // The linear values that errors() compares, of the reference and of `file`.
   const Image& compared(const Image& file, Image& linear) const;
   const std::vector<std::uint8_t>& mask() const { return mask_; }

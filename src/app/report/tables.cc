@@ -50,7 +50,9 @@ double value_of(const nlohmann::json& image, const char* key) {
     const auto found = image.find(name);
     return found != image.end() && found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
   };
-  if (key == std::string("psnr") && at("mse") == 0.0) return std::numeric_limits<double>::infinity();
+  // A picture that was compared has a PSNR; JSON cannot say infinite.
+  if (key == std::string("psnr") && image.contains(key) && image.at(key).is_null() && !std::isnan(at("mape")))
+    return std::numeric_limits<double>::infinity();
   return at(key);
 }
 

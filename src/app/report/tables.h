@@ -15,7 +15,7 @@ struct MetricColumn {
 };
 std::span<const MetricColumn> metric_columns();
 // The cell of a column in such an object as `compare --json` has for a picture: "0.01234", "1,000", `missing` for null;
-// `infinite` for the PSNR of equal pictures, which JSON cannot say.
+// `infinite` for the PSNR of pictures that show the same, which JSON cannot say.
 std::string cell_text(const nlohmann::json& image, const char* key, const char* missing = "-",
                       const char* infinite = "inf");
 

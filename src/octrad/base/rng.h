@@ -25,8 +25,9 @@ enum class RngPurpose : std::uint64_t {
   occupancy = 6,  // sampled octree construction
   poses = 7,      // generated camera poses
   validation = 8,
-  chain = 9,  // right-hand-side rays through masks and over mirrors and glass
-  lobe = 10,  // rays drawn from the BSDF of left-hand-side points
+  chain = 9,     // right-hand-side rays through masks and over mirrors and glass
+  lobe = 10,     // rays drawn from the BSDF of left-hand-side points
+  far_end = 11,  // choice among the ends of a point's right-hand-side rays
   test = 100,
 };
 

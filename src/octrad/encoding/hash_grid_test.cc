@@ -2,9 +2,9 @@
 
 #include <cmath>
 
+#include "octrad/base/each_target_test_helper.h"
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
-#include "octrad/base/each_target_test_helper.h"
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/encoding/shell_cells_test_helper.h"
 

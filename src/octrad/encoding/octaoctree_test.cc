@@ -7,9 +7,9 @@
 #include <map>
 #include <memory>
 
+#include "octrad/base/each_target_test_helper.h"
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
-#include "octrad/base/each_target_test_helper.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/encoding/octaoctree_math.h"
 #include "octrad/encoding/shell_cells_test_helper.h"

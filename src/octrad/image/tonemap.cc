@@ -9,7 +9,7 @@
 namespace octrad {
 
 Image8 tonemap(const Image& image, const ToneMapping& mapping, const std::string& layer) {
-  const Image rgb = extract_rgb(image, layer);
+  const Image rgb = layer.empty() ? linear_color(image) : extract_rgb(image, layer);
   Image8 out(rgb.width, rgb.height, 3);
   std::transform(rgb.data.begin(), rgb.data.end(), out.data.begin(),
                  [&](float v) { return to_byte(tonemap(v, mapping)); });

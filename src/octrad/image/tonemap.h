@@ -6,7 +6,8 @@
 
 namespace octrad {
 
-// The colour of `image` (extract_rgb with `layer`) as 8-bit RGB, rounded to nearest.
+// The colour of `image` (extract_rgb with `layer`) as 8-bit RGB, rounded to nearest. What is for the screen already is
+// decoded first: without exposure and curve it stays as it is.
 Image8 tonemap(const Image& image, const ToneMapping& mapping, const std::string& layer = "");
 
 // Whether the values of `image` are for the screen, sRGB-encoded in [0, 1] (PNG, JPEG), and not linear radiance.

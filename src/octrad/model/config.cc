@@ -199,6 +199,8 @@ const std::vector<Key>& keys() {
       number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
       flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
+      number("train.far_ends", &C::train_far_ends, {0, 1},
+             "share of points where rays of the last step ended, drawn by what the cache's response contributed"),
       number("train.view_share", &C::train_view_share, {0, 1},
              "share of points on the primary hits of the scene's view (for a fixed camera)"),
       number("train.keep_direction", &C::train_keep_direction, {0, 1},
@@ -224,8 +226,10 @@ const std::vector<Key>& keys() {
       choice("loss.normalizer", &C::loss_normalizer,
              {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},
              "denominator: mean of target and prediction (dark-biased) or the prediction"),
-      number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true}, "epsilon of the denominator at the start"),
-      number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true}, "epsilon of the denominator at the end"),
+      number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true},
+             "epsilon of the denominator at the start, in units of the exposure"),
+      number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true},
+             "epsilon of the denominator at the end, in units of the exposure"),
       choice("adam.mode", &C::adam_mode, {{"touched", AdamMode::touched}, {"dense", AdamMode::dense}},
              "feature tables: update entries with a gradient (own step counts), or all (the textbook)"),
       number("adam.beta1", &C::adam_beta1, {0, 0.999999}, "decay of the first moment"),
@@ -402,6 +406,10 @@ Config preset(const std::string& name) {
   c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
+  c.train_far_ends = 0.0;
+  c.loss_epsilon_first = 0.1;
+  c.loss_epsilon_last = 0.0125;
+  c.render_delta = DeltaSurfaces::cache;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;

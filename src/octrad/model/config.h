@@ -92,6 +92,7 @@ struct Config {
   int train_directions = 8;           // M, right-hand-side directions a point
   bool train_quarters = false;        // halve N and double M every quarter
   double train_walks = 0.9;           // share of points from camera walks; the rest is area-uniform
+  double train_far_ends = 0.6;        // share of points that are ends of the last step's rays, drawn by contribution
   double train_view_share = 0.0;      // share of points on the primary hits of the scene's view
   double train_keep_direction = 0.0;  // share of walk vertices that keep the walk's own wo
   FreshDirection train_fresh_direction = FreshDirection::uniform;
@@ -105,7 +106,7 @@ struct Config {
 
   // Loss and optimiser.
   LossNormalizer loss_normalizer = LossNormalizer::prediction;
-  double loss_epsilon_first = 0.1, loss_epsilon_last = 0.0125;
+  double loss_epsilon_first = 0.5, loss_epsilon_last = 0.0625;  // in units of the exposure
   AdamMode adam_mode = AdamMode::touched;
   double adam_beta1 = 0.9, adam_beta2 = 0.99, adam_epsilon = 1e-8;
   double adam_rate_features = 6e-3, adam_rate_networks = 2e-3, adam_rate_grids = 3e-3;
@@ -116,7 +117,7 @@ struct Config {
 
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
-  DeltaSurfaces render_delta = DeltaSurfaces::cache;
+  DeltaSurfaces render_delta = DeltaSurfaces::trace;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;

@@ -80,6 +80,23 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   return domain;
 }
 
+constexpr const char* kFarEndRays = "optimizer.far_ends.rays";
+constexpr const char* kFarEndHits = "optimizer.far_ends.hits";
+
+void read_far_ends(const TensorReader& in, TrainingState& state) {
+  if (!in.has(kFarEndRays)) return;
+  const auto rays = in.get(kFarEndRays, DType::f32, {-1, 9});
+  const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 2});
+  state.far_end_rays.resize(static_cast<std::size_t>(rays.shape[0]));
+  state.far_end_hits.resize(state.far_end_rays.size());
+  if (rays.bytes > 0) std::memcpy(state.far_end_rays.data(), rays.data, rays.bytes);
+  if (hits.bytes > 0) std::memcpy(state.far_end_hits.data(), hits.data, hits.bytes);
+  for (const auto& ray : state.far_end_rays) {
+    for (const float number : ray)
+      if (!std::isfinite(number)) throw InputError(in.file() + ": " + kFarEndRays + " is not finite");
+  }
+}
+
 }  // namespace
 
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer) {
@@ -100,6 +117,10 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
   out.metadata("state", state.dump());
   field.save(out, optimizer);
+  if (const auto count = static_cast<std::int64_t>(info.state.far_end_rays.size()); optimizer && count > 0) {
+    out.add(kFarEndRays, DType::f32, {count, 9}, info.state.far_end_rays.data());
+    out.add(kFarEndHits, DType::i32, {count, 2}, info.state.far_end_hits.data());
+  }
   out.write(file);
 }
 
@@ -132,6 +153,7 @@ Model load_model(const std::string& file, bool optimizer) {
   model.field = make_field(model.info.config, read_domain(in, model.info.config));
   model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
   model.has_optimizer = model.field->load(in, optimizer) && optimizer;
+  if (model.has_optimizer) read_far_ends(in, model.info.state);
   return model;
 }
 

@@ -1,8 +1,11 @@
 // The .octrad model file: a field's tensors with its configuration and the scene it belongs to (docs/formats.md).
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "octrad/model/config.h"
 #include "octrad/model/radiance_field.h"
@@ -16,6 +19,10 @@ struct TrainingState {
   double seconds = 0.0;  // of training so far
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = -1.0;  // smoothed (train/trainer.h); below 0 before the first step
+  // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
+  // ray; shape and primitive that it hit, -1 for no point.
+  std::vector<std::array<float, 9>> far_end_rays;
+  std::vector<std::array<std::int32_t, 2>> far_end_hits;
 };
 
 struct ModelInfo {

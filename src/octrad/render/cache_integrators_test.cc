@@ -22,7 +22,9 @@ struct Box {
   testing::ConstantField field{{2.0f, 1.0f, 0.5f}};
   Config config = preset("cpu");
 
-  explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {}
+  explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {
+    config.render_delta = DeltaSurfaces::cache;
+  }
   static Scene load(const std::string& emitter) {
     const auto file = std::filesystem::temp_directory_path() / ("octrad_cache_" + std::to_string(::getpid()) + ".xml");
     std::ofstream(file)

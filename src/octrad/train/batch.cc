@@ -24,12 +24,22 @@ LhsOptions lhs_options(const Config& config) {
   return options;
 }
 
+std::size_t far_end_count(const Config& config, int points) {
+  return static_cast<std::size_t>(config.train_far_ends * points);
+}
+
 RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
   const auto n = static_cast<std::size_t>(s.points);
   shading_.resize(n);
   points_.resize(n);
   targets_.resize(n);
-  sampler_.sample(stream, shading_);
+  std::vector<char> given(n, 0);
+  for (std::size_t k = 0; k < std::min(far_end_count(config_, s.points), far_ends_.size()); ++k) {
+    if (!far_ends_[k].hit.valid()) continue;
+    shading_[k] = shade_far_end(context_, far_ends_[k]);
+    given[k] = 1;
+  }
+  sampler_.sample(stream, shading_, given);
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
@@ -37,6 +47,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
+  far_ends_.resize(query ? far_end_count(config_, s.points) : 0);
+  rhs.far_ends = far_ends_;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   const QueryRays rays = query_rays(config_, true);
   parallel_blocks(n, 64, [&](std::size_t begin, std::size_t end) {
@@ -53,14 +65,20 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
 double mean_direct_light(BatchSource& batches, const Config& config) {
   ScheduleState s = schedule(config, 0, 0.0);
   s.points = std::min(s.points, 4096);
-  double sum = 0.0;
+  std::vector<float> lit;
   long long count = 0;
   for (unsigned long long batch = 0; batch < 4; ++batch) {
     batches.draw((1ull << 62) + batch, s, nullptr);
-    for (const Vec3f& t : batches.targets()) sum += std::min(luminance(t), 100.0f);
+    for (const Vec3f& t : batches.targets())
+      if (const float value = luminance(t); value > 0.0f) lit.push_back(value);
     count += s.points;
   }
-  return sum > 0.0 ? sum / static_cast<double>(count) : 1.0;
+  if (lit.empty()) return 1.0;
+  std::sort(lit.begin(), lit.end());
+  const float limit = 100.0f * lit[lit.size() / 2];  // a few points beside a lamp do not decide
+  double sum = 0.0;
+  for (const float value : lit) sum += static_cast<double>(std::min(value, limit));
+  return sum / static_cast<double>(count);
 }
 
 }  // namespace octrad

@@ -11,6 +11,8 @@
 namespace octrad {
 
 LhsOptions lhs_options(const Config& config);
+// Far ends that a step of so many points keeps for the next one.
+std::size_t far_end_count(const Config& config, int points);
 
 class BatchSource {
  public:
@@ -23,6 +25,8 @@ class BatchSource {
   // where the bounce ends. Replaces points() and targets().
   RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
   const LhsSampler& sampler() const { return sampler_; }
+  // Of the last batch: points of the next one. Part of the state of a run (TrainEngine::far_ends).
+  std::vector<FarEnd>& far_ends() { return far_ends_; }
   const std::vector<SurfacePoint>& points() const { return points_; }
   const std::vector<Vec3f>& targets() const { return targets_; }
 
@@ -33,6 +37,7 @@ class BatchSource {
   std::vector<ShadingPoint> shading_;
   std::vector<SurfacePoint> points_;
   std::vector<Vec3f> targets_;
+  std::vector<FarEnd> far_ends_;  // of the last batch
 };
 
 // Mean luminance of direct light over a few batches (above 0): a scale with which a network's outputs start near 1.

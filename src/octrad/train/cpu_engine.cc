@@ -29,6 +29,8 @@ class CpuEngine : public TrainEngine {
   }
   RadianceField& field() override { return *field_; }
   std::unique_ptr<RadianceField> release_field() override { return std::move(field_); }
+  std::vector<FarEnd> far_ends() override { return batches_->far_ends(); }
+  void set_far_ends(const std::vector<FarEnd>& far_ends) override { batches_->far_ends() = far_ends; }
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = batches_->points();
     targets = batches_->targets();

@@ -35,6 +35,10 @@ class TrainEngine {
   // The field, brought up to date with everything learnt.
   virtual RadianceField& field() = 0;
   virtual std::unique_ptr<RadianceField> release_field() = 0;
+  // Points of the next step that the last one chose (train.far_ends): with the field, all that a run is in the middle
+  // of.
+  virtual std::vector<FarEnd> far_ends() = 0;
+  virtual void set_far_ends(const std::vector<FarEnd>& far_ends) = 0;
   // Points and targets of the last step, for reports of failures.
   virtual void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) = 0;
 };

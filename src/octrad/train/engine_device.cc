@@ -93,7 +93,9 @@ class DeviceEngine : public TrainEngine {
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
         responses_(stream, most_slots(config), "responses of the cache"),
-        targets_(stream, most_points(config), "targets") {
+        targets_(stream, most_points(config), "targets"),
+        far_ends_(stream, far_end_count(config, static_cast<int>(most_points(config))), "far ends") {
+    set_far_ends({});
     rhs_options_.max_chain = config.train_max_chain;
     rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
     rhs_options_.own_emission = rhs_options_.emission_inside;
@@ -167,6 +169,17 @@ class DeviceEngine : public TrainEngine {
     return std::move(field_);
   }
 
+  std::vector<FarEnd> far_ends() override {
+    std::vector<FarEnd> ends(far_end_count(config_, static_cast<int>(last_points_)));
+    far_ends_.download(std::span<FarEnd>(ends));
+    return ends;
+  }
+  void set_far_ends(const std::vector<FarEnd>& ends) override {
+    std::vector<FarEnd> all(far_ends_.size());
+    std::copy_n(ends.begin(), std::min(ends.size(), all.size()), all.begin());
+    far_ends_.upload(std::span<const FarEnd>(all));
+  }
+
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     const SurfacePointArray device = lhs_.surface_points();
     std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * device.stride);
@@ -210,9 +223,13 @@ class DeviceEngine : public TrainEngine {
 
   void run(const ScheduleState& s, const StageMark& mark) {
     const auto n = static_cast<std::size_t>(s.points);
+    const std::size_t far_ends = far_end_count(config_, s.points);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_));
+    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, traced_);
     mark("left-hand side");
     rhs_options_.directions = s.directions;
+    rhs_options_.far_ends = far_ends_.data();
+    rhs_options_.far_end_count = static_cast<std::uint32_t>(far_ends);
     const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
     rhs_.trace(points, rhs_options_);
     mark("right-hand rays");
@@ -239,6 +256,7 @@ class DeviceEngine : public TrainEngine {
   bool stale_ = false;  // field_ lacks what the device learnt since
   DeviceArray<StepInput> input_;
   DeviceArray<Vec3f> responses_, targets_;
+  DeviceArray<FarEnd> far_ends_;  // of the last step
   std::size_t last_points_ = 0;
   std::pair<std::size_t, long long> drawn_;  // points a step and number of the group that lhs_ holds
   Graphs<std::size_t> draw_graphs_;          // by points of a step
@@ -255,8 +273,9 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back(
       {"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config).mirror) + slots * sizeof(Vec3f)});
-  parts.push_back(
-      {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) + points * sizeof(Vec3f)});
+  parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) +
+                                                points * sizeof(Vec3f) +
+                                                far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
   return parts;
 }
 

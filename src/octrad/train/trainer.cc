@@ -71,6 +71,36 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   return bytes;
 }
 
+void set_far_ends(const std::vector<FarEnd>& ends, TrainingState& state) {
+  state.far_end_rays.clear();
+  state.far_end_hits.clear();
+  for (const FarEnd& end : ends) {
+    const Vec3f &o = end.origin, &d = end.direction;
+    state.far_end_rays.push_back({o.x, o.y, o.z, d.x, d.y, d.z, end.hit.t, end.hit.u, end.hit.v});
+    state.far_end_hits.push_back({end.hit.shape, end.hit.primitive});
+  }
+}
+
+// Those of a file may be anything: throws InputError for what does not lie on the scene.
+std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
+  std::vector<FarEnd> ends;
+  for (std::size_t i = 0; i < state.far_end_rays.size(); ++i) {
+    const auto& r = state.far_end_rays[i];
+    const auto [shape, primitive] = state.far_end_hits[i];
+    ends.push_back({{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {shape, primitive, r[6], r[7], r[8]}});
+    if (shape < 0) continue;
+    std::size_t primitives = 0;
+    if (static_cast<std::size_t>(shape) < scene.shapes.size()) {
+      const Shape& s = scene.shapes[static_cast<std::size_t>(shape)];
+      primitives =
+          s.kind == Shape::Kind::sphere ? 1 : scene.meshes[static_cast<std::size_t>(s.geometry)].triangles.size();
+    }
+    if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives)
+      throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
+  }
+  return ends;
+}
+
 // One training run: everything that lives from the first step to the last.
 class Run {
  public:
@@ -91,6 +121,7 @@ class Run {
       field->set_target_scale(
           static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
     }
+    exposure_ = static_cast<double>(field->target_scale());
     if (options.stream) {
       DeviceEngineOptions device;
       device.deterministic = options.deterministic;
@@ -98,6 +129,7 @@ class Run {
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
+    engine_->set_far_ends(far_ends(state_, scene.scene()));
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
@@ -118,6 +150,7 @@ class Run {
   std::unique_ptr<Validation> validation_;
   TrainingState state_;
   double bytes_ = 0.0;
+  double exposure_ = 1.0;         // of the field: the unit of the loss's epsilon
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
   long long non_finite_ = 0;             // gradients dropped
@@ -131,6 +164,7 @@ void Run::checkpoint(bool optimizer) {
   info.scene_file = scene_.scene().file;
   info.scene_fingerprint = scene_.scene().fingerprint;
   info.state = state_;
+  if (optimizer) set_far_ends(engine_->far_ends(), info.state);
   save_model(options_.output, engine_->field(), info, optimizer);
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
@@ -178,8 +212,10 @@ TrainResult Run::go() {
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
   // A GPU is quick to query and to train: validate often.
-  const double between_validations =
-      options_.stream && options_.stream->on_device() ? 0.5 : std::max(5.0, 0.02 * config_.train_seconds);
+  const double between_validations = options_.validation_seconds > 0.0 ? options_.validation_seconds
+                                     : options_.stream && options_.stream->on_device()
+                                         ? 0.5
+                                         : std::max(5.0, 0.02 * config_.train_seconds);
   double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
          next_validation = std::min(5.0, between_validations);
   double mape = -1.0;
@@ -190,7 +226,8 @@ TrainResult Run::go() {
       settle();
       break;
     }
-    const ScheduleState s = schedule(config_, state_.step, fraction());
+    ScheduleState s = schedule(config_, state_.step, fraction());
+    s.epsilon *= exposure_;
     engine_->step(state_.step, s);
     ++state_.step;
     state_.lhs_samples += s.points;
@@ -200,8 +237,10 @@ TrainResult Run::go() {
     const double seconds = seconds_since(start_);
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
+      const Clock::time_point begin = Clock::now();
       mape = validation_->mape(*engine_);
       if (options_.validated) options_.validated(state_.step, state_.seconds, mape);
+      start_ += Clock::now() - begin;  // not training
       next_validation = seconds_since(start_) + between_validations;
     }
     if (options_.progress && seconds >= next_progress) {

@@ -2,15 +2,18 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/safetensors.h"
 #include "octrad/train/box_test_helper.h"
+#include "octrad/train/checks.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {
@@ -28,6 +31,7 @@ Config short_run(int steps, const std::string& field = "octaoctree") {
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 10;
   config.train_poses = 8;
+  config.train_far_ends = 0.5;
   return config;
 }
 
@@ -70,6 +74,44 @@ TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
     expect_same_tensors(whole, broken);
     std::filesystem::remove(whole);
     std::filesystem::remove(broken);
+  }
+}
+
+// A file may be broken, or the scene another one in spite of its fingerprint.
+TEST(Train, FarEndsOffTheSceneAreRefusedOnResume) {
+  Box box;
+  const std::string file = temporary("far_ends.octrad");
+  TrainOptions options;
+  options.output = file;
+  train(box.scene, short_run(3), options);
+  for (const auto& [shape, primitive] : {std::pair{1000, 0}, std::pair{0, 1 << 20}, std::pair{0, -1}}) {
+    Model model = load_model(file, true);
+    ASSERT_EQ(model.info.state.far_end_hits.size(), 64u);
+    model.info.config.train_steps = 4;
+    model.info.state.far_end_hits[5] = {shape, primitive};
+    options.resume = &model;
+    EXPECT_THROW(train(box.scene, model.info.config, options), InputError) << shape << ' ' << primitive;
+  }
+  std::filesystem::remove(file);
+}
+
+// Radiance in other units is the same picture: powers of two, so that nothing is rounded differently.
+TEST(Train, UnitsOfRadianceDoNotMatter) {
+  std::vector<SurfacePoint> probes;
+  std::vector<Vec3f> radiance[3];
+  const float scales[] = {1.0f, std::ldexp(1.0f, -10), std::ldexp(1.0f, 17)};
+  for (int k = 0; k < 3; ++k) {
+    Box box(8.0 * static_cast<double>(scales[k]));
+    if (probes.empty()) probes = surface_probes(box.scene, 200, 1);
+    radiance[k].resize(probes.size());
+    train(box.scene, short_run(20), {}).field->radiance(probes, radiance[k]);
+    std::size_t lit = 0;
+    for (std::size_t i = 0; i < probes.size(); ++i) {
+      lit += luminance(radiance[0][i]) > 0.0f;
+      for (int c = 0; c < 3; ++c)
+        ASSERT_NEAR(radiance[k][i][c] / scales[k], radiance[0][i][c], 1e-5f * radiance[0][i][c]) << scales[k];
+    }
+    EXPECT_GT(lit, probes.size() / 2);
   }
 }
 
@@ -172,6 +214,24 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
   // Beside an enormous reference every picture is black: |0 - r| / (r + 0.01).
   for (float& v : reference.data) v = 1e6f;
   EXPECT_NEAR(train(box.scene, short_run(5), options).validation_mape, 1.0, 1e-4);
+}
+
+TEST(Train, ValidationIsNotTrainingTime) {
+  Box box;
+  Image reference(16, 16, {"R", "G", "B"});
+  TrainOptions options;
+  options.reference = &reference;
+  options.validation_seconds = 1e-9;
+  int validated = 0;
+  options.validated = [&](long long, double, double) {
+    ++validated;
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+  };
+  const auto start = std::chrono::steady_clock::now();
+  const TrainResult result = train(box.scene, short_run(5), options);
+  const double all = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  EXPECT_EQ(validated, 5);
+  EXPECT_LT(result.seconds, all - 4 * 0.04);  // the last step ends before its validation
 }
 
 TEST(Train, AllFieldsAndPresetsTakeAStep) {

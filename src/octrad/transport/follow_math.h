@@ -139,10 +139,10 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   return true;
 }
 
-// The rest of the ray, where the hit of the current segment is known already.
+// The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit hit, Rng& rng, bool follow_delta,
+OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, Rng& rng, bool follow_delta,
                                   int max_chain, Segment& segment, RayEnd& end, FirstHit* first = nullptr) {
   while (follow_hit(world, position, hit, rng, follow_delta, segment, end, first)) {
     if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)
@@ -159,7 +159,7 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   RayEnd end;
   if (max_chain < 0) return end;
   Segment segment = first_segment(position, geometric_normal, direction, t_max);
-  const Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+  Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   follow_from(world, position, hit, rng, follow_delta, max_chain, segment, end, first);
   return end;
 }

@@ -8,6 +8,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
+#include "octrad/transport/first_hit_math.h"
 
 namespace octrad {
 namespace lhs_kernels {
@@ -188,6 +189,20 @@ struct Take : Kernel {
   }
 };
 
+struct TakeFarEnds : Kernel {
+  DeviceWorld world;
+  const FarEnd* far_ends;
+  ShadingPoint* taken;
+  SurfacePointArray taken_surface_points;
+  bool traced;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const FarEnd end = far_ends[i];
+    if (!end.hit.valid()) return;
+    taken[i] = shade_far_end(world, end);
+    taken_surface_points.store(i, field_query_point(world, taken[i], traced));
+  }
+};
+
 }  // namespace lhs_kernels
 
 using namespace lhs_kernels;
@@ -272,6 +287,12 @@ void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
               points_.data(),
               surface_points_.points(),
               missing_.data()});
+}
+
+void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, bool traced_disparity) {
+  check(count, 1);
+  launch(*stream_, count,
+         TakeFarEnds{{}, world_, far_ends, points_.data(), surface_points_.points(), traced_disparity});
 }
 
 void DeviceLhs::check(std::size_t n, int steps) const {

@@ -6,6 +6,7 @@
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/far_ends_math.h"
 #include "octrad/transport/lhs_math.h"
 
 namespace octrad {
@@ -27,6 +28,8 @@ class DeviceLhs {
   void draw(const unsigned long long* step, std::size_t n, int steps, bool traced_disparity = false);
   // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
   void take(const unsigned long long* step, std::size_t n, int steps);
+  // The first `count` current points become these far ends, where there is one.
+  void take_far_ends(const FarEnd* far_ends, std::size_t count, bool traced_disparity = false);
   // Both for a step alone.
   void run(const unsigned long long* step, std::size_t n, bool traced_disparity = false) {
     draw(step, n, 1, traced_disparity);

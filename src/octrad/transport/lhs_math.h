@@ -25,8 +25,8 @@ struct LhsOptions {
 inline constexpr std::uint32_t kLhsTries =
     64;  // per point: a walk may leave the scene, an area sample may lie on a black back
 
-// Where walks start: each from a pose of its own in free space, or from one of `poses`. The first pose is the scene's
-// own view.
+// Where walks start: each from one of `poses`, or, if `fresh`, from a pose of its own in the free space that one of
+// them sees. The first is the scene's own view.
 struct LhsPoses {
   const CameraView* poses = nullptr;
   std::uint32_t count = 0;
@@ -119,7 +119,7 @@ OCTRAD_HD inline LhsNext lhs_start_try(const LhsPoses& poses, LhsDraw& draw) {
     draw.kind = LhsKind::area;
     return LhsNext::no_ray;
   }
-  const Ray ray = random_ray(poses.poses[view || poses.fresh ? 0 : draw.rng.below(poses.count)], draw.rng);
+  const Ray ray = random_ray(poses.poses[view || poses.count == 1 ? 0 : draw.rng.below(poses.count)], draw.rng);
   draw.walk.origin = ray.origin;
   draw.walk.direction = ray.direction;
   if (!view) draw.kind = poses.fresh ? LhsKind::pose : LhsKind::walk;

@@ -29,21 +29,23 @@ LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, co
   const auto view = [](const Camera& camera) {
     return camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height));
   };
+  const std::vector<Camera> sensors = poses_;
   for (int i = 0; i < 8 * options.poses && static_cast<int>(poses_.size()) < options.poses && cameras.empty(); ++i) {
     Rng rng(options.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
     Ray ray;
-    if (!pose_ray(context_, view(poses_.front()), rng, ray)) continue;
+    if (!pose_ray(context_, view(sensors[static_cast<std::size_t>(i) % sensors.size()]), rng, ray)) continue;
     const Vec3f up = std::abs(ray.direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0);
     poses_.push_back(look_at(ray.origin, ray.origin + ray.direction, up, 90.0f, Camera::FovAxis::x));
   }
   for (const Camera& camera : poses_) views_.push_back(view(camera));
 }
 
-void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points) const {
+void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const char> given) const {
   const SampledWorld world{context_, surfaces_};
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
   parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
+      if (!given.empty() && given[i] != 0) continue;
       if (!lhs_point(world, options_, poses, step, i, points[i])) throw InputError(no_lhs_point());
     }
   });

@@ -16,8 +16,9 @@ class LhsSampler {
   // sampler.
   LhsSampler(const PreparedScene& scene, const LhsOptions& options, const std::vector<Camera>& cameras = {});
 
-  // `count` points of step `step`; masks decided, never black. Parallel; same bits at any thread count.
-  void sample(unsigned long long step, std::span<ShadingPoint> points) const;
+  // The points of step `step`; masks decided, never black. Those with given[i] != 0 are left as they are (empty: none).
+  // Parallel; same bits at any thread count.
+  void sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const char> given = {}) const;
 
   const std::vector<Camera>& poses() const { return poses_; }
   // The poses as lhs_point() takes them, and whether every walk starts from a fresh pose instead.

@@ -19,6 +19,7 @@ struct Memory {
   TraceCounts* counts;
   FloatPlanes slots;
   std::uint32_t* query_of;  // of a slot: its query, or kNoQuery
+  std::uint32_t* places;    // of a slot with a query: the place of its ray in the ray queue
   RayPlanes rays;           // by place in the ray queue
   std::uint32_t* owners;    // slots
   Hit* hits;
@@ -95,9 +96,9 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
-// The BSDF ray of `slot` has ended.
+// The BSDF ray of `slot`, which is at `place` in the ray queue, has ended.
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
-                             const RayEnd& end) {
+                             std::uint32_t place, const RayEnd& end) {
   const Vec3f weight = memory.slots.get3(6, slot);
   const float pdf = memory.slots.get(9, slot);
   memory.slots.set3(3, slot, bounce_emission(weight, std::fabs(pdf), std::signbit(pdf), end));
@@ -106,6 +107,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
   memory.query_of[slot] = q;
+  memory.places[slot] = place;
   memory.slots.set3(6, slot, weight * end.throughput);
   if (options.emission_inside) memory.slots.set3(10, slot, end.own_emitted);
 }
@@ -132,7 +134,10 @@ struct Arrive : Kernel {
     const Vec3f position = points.points[i].surface.position;
     RayEnd end;
     if constexpr (kChain) {
-      follow_from(world, position, memory.hits[q], rng, true, options.max_chain, segment, end);
+      Hit hit = memory.hits[q];
+      follow_from(world, position, hit, rng, true, options.max_chain, segment, end);
+      memory.hits[q] = hit;
+      memory.rays.store(q, {segment.origin, segment.direction, segment.t_max});
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
       if (follow_hit(world, position, memory.hits[q], rng, true, segment, end, nullptr)) {
@@ -140,7 +145,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, slot, end);
+    finish(memory, options, slot, q, end);
   }
 };
 
@@ -179,14 +184,27 @@ struct Reduce : Kernel {
       if (is_finite(emission)) target += emission * share;
       else ++dropped;
     }
+    const auto most = static_cast<std::uint32_t>(points.most);
+    const unsigned long long step = points.stream ? *points.stream : 0;
+    const FarEndRange range = far_end_range(step, most, options.far_end_count);
+    const std::uint32_t place = range.place(i, most);
+    FarEndChoice choice(options.seed, step, i);
+    FarEnd chosen;
+    Vec3f sum(0.0f);
     for (std::uint32_t slot = from; options.ask && slot < to; ++slot) {
       const std::uint32_t q = memory.query_of[slot];
       if (q == kNoQuery) continue;
       const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
       const Vec3f contribution = cache_contribution(memory.slots.get3(6, slot), responses[q], counted);
-      if (is_finite(contribution)) target += contribution * share;
+      if (is_finite(contribution)) sum += contribution * share;
       else ++dropped;
+      if (place < range.count && choice.take(contribution)) {
+        const RayQuery ray = memory.rays.load(memory.places[slot]);
+        chosen = {ray.origin, ray.direction, memory.hits[memory.places[slot]]};
+      }
     }
+    if (place < range.count) options.far_ends[place] = chosen;
+    target += cache_sum(sum, options.emission_inside);
     if (options.own_emission && points.points[i].surface.emitter >= 0)
       target += world.emitted(points.points[i].surface, points.points[i].wo);
     targets[i] = target;
@@ -216,6 +234,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       shadow_owners_(stream, slots, "shadow rays"),
       chains_(stream, slots, "rays"),
       query_of_(stream, slots, "queries"),
+      places_(stream, slots, "queries"),
       hits_(stream, slots, "hits"),
       rays_(stream, kRayNumbers, slots, "rays"),
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
@@ -227,16 +246,17 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
 
 std::size_t DeviceRhs::bytes(std::size_t slots, bool traced_disparity) {
   return slots *
-         (4 * sizeof(std::uint32_t) + sizeof(Hit) +
+         (5 * sizeof(std::uint32_t) + sizeof(Hit) +
           static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers + (traced_disparity ? 3 : 0)) *
               sizeof(float));
 }
 
 Memory DeviceRhs::memory() const {
   std::uint32_t* sizes = sizes_.data();
-  return {counts_.data(),    slots_.planes(),     query_of_.data(),      rays_.rays(),    owners_.data(),
-          hits_.data(),      shadow_rays_.rays(), shadow_owners_.data(), chains_.data(),  queries_.points(),
-          normals_.planes(), sizes + kShadows,    sizes + kRays,         sizes + kChains, sizes + kQueries};
+  return {counts_.data(),        slots_.planes(), query_of_.data(),  places_.data(),
+          rays_.rays(),          owners_.data(),  hits_.data(),      shadow_rays_.rays(),
+          shadow_owners_.data(), chains_.data(),  queries_.points(), normals_.planes(),
+          sizes + kShadows,      sizes + kRays,   sizes + kChains,   sizes + kQueries};
 }
 
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {

@@ -4,6 +4,7 @@
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/far_ends_math.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
@@ -18,6 +19,8 @@ struct DeviceRhsOptions {
   bool own_emission = false;     // add the points' own emission to the targets
   bool ask = true;               // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
+  FarEnd* far_ends = nullptr;  // device memory: filled by reduce() for the points of far_end_range()
+  std::uint32_t far_end_count = 0;
 };
 
 // Points to estimate at, in device memory.
@@ -56,7 +59,7 @@ class DeviceRhs {
   std::size_t capacity_;
   bool traced_;
   DeviceArray<TraceCounts> counts_;
-  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_;
+  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_, places_;
   DeviceArray<Hit> hits_;
   PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
 };

@@ -17,6 +17,7 @@ struct Pending {
   std::size_t target;
   Vec3f weight;
   Vec3f counted;  // the part of the response that was added already
+  FarEnd end;     // where far ends are kept
 };
 
 // Points [begin, end): traced first, then all their cache queries at once.
@@ -29,6 +30,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   thread_local std::vector<Vec3f> responses;
   queried.clear();
   pending.clear();
+  const auto n = static_cast<std::uint32_t>(points.size());
+  const FarEndRange range = far_end_range(options.stream, n, static_cast<std::uint32_t>(options.far_ends.size()));
   const float share = 1.0f / static_cast<float>(options.directions);
   const auto add = [&](std::size_t i, Vec3f contribution) {
     if (is_finite(contribution)) targets[i] += contribution * share;
@@ -37,6 +40,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   for (std::size_t i = begin; i < end_point; ++i) {
     const ShadingPoint& point = points[i];
     targets[i] = Vec3f(0.0f);
+    if (const std::uint32_t place = range.place(static_cast<std::uint32_t>(i), n); place < range.count)
+      options.far_ends[place] = FarEnd();
     const unsigned long long key = options.keys.empty() ? i : options.keys[i];
     Rng rng = rhs_generator(options.seed, options.stream, key);
     const Vec3f wo = point.to_local(point.wo);
@@ -56,21 +61,36 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
       if (!bounce.valid) continue;
       Rng chain = rhs_chain_generator(options.seed, options.stream, key, index);
-      const RayEnd end = follow_ray(context, point.surface.position, &point.surface.geometric_normal, bounce.direction,
-                                    chain, true, options.max_chain);
+      RayEnd end;
+      Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
+      Hit hit = context.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+      follow_from(context, point.surface.position, hit, chain, true, options.max_chain, segment, end);
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
       queried.push_back(field_query_point(context, end.point, options.rays, chain));
       statistics.rays += options.rays.count(queried.back().alpha);
-      pending.push_back({i, bounce.weight * end.throughput, options.emission_inside ? end.own_emitted : Vec3f(0.0f)});
+      pending.push_back({i,
+                         bounce.weight * end.throughput,
+                         options.emission_inside ? end.own_emitted : Vec3f(0.0f),
+                         {segment.origin, segment.direction, hit}});
     }
   }
   if (!queried.empty()) {
     responses.resize(queried.size());
     query(queried, responses);
-    for (std::size_t q = 0; q < queried.size(); ++q) {
-      add(pending[q].target, cache_contribution(pending[q].weight, responses[q], pending[q].counted));
+    for (std::size_t q = 0; q < queried.size();) {
+      const std::size_t i = pending[q].target;
+      const std::uint32_t place = range.place(static_cast<std::uint32_t>(i), n);
+      FarEndChoice choice(options.seed, options.stream, static_cast<std::uint32_t>(i));
+      Vec3f sum(0.0f);
+      for (; q < queried.size() && pending[q].target == i; ++q) {
+        const Vec3f contribution = cache_contribution(pending[q].weight, responses[q], pending[q].counted);
+        if (is_finite(contribution)) sum += contribution * share;
+        else ++statistics.non_finite;
+        if (place < range.count && choice.take(contribution)) options.far_ends[place] = pending[q].end;
+      }
+      targets[i] += cache_sum(sum, options.emission_inside);
     }
     statistics.queries += static_cast<long long>(queried.size());
   }

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "octrad/transport/context.h"
+#include "octrad/transport/far_ends_math.h"
 
 namespace octrad {
 
@@ -22,6 +23,7 @@ struct RhsOptions {
   unsigned long long seed = 0;
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch
+  std::span<FarEnd> far_ends;                // filled for the points of far_end_range(); as many as there are places
 };
 
 struct RhsStatistics {

@@ -72,11 +72,16 @@ OCTRAD_HD inline Vec3f bounce_emission(Vec3f weight, float pdf, bool delta, cons
 }
 
 // Contribution of the cache at the end of the BSDF ray. The prediction for an emitter may include its emission
-// (`counted`; 0 otherwise), which was added under MIS already. The clamp keeps out negative light, at the price of a
-// small bright bias where the prediction for an emitter is noisy.
+// (`counted`; 0 otherwise), which was added under MIS already. The difference may be negative: clamped here, it would
+// brighten whatever sees an emitter whose prediction is noisy. cache_sum() clamps the sum over a point's directions.
 OCTRAD_HD inline Vec3f cache_contribution(Vec3f weight, Vec3f response, Vec3f counted) {
-  if (max_component(counted) > 0.0f) response = max(response - counted, Vec3f(0.0f));
-  return weight * response;
+  return weight * (response - counted);
+}
+
+// What all of a point's responses contribute. An untrained cache that knows nothing of the emission takes away no light
+// that was sampled.
+OCTRAD_HD inline Vec3f cache_sum(Vec3f contributions, bool emission_inside) {
+  return emission_inside ? max(contributions, Vec3f(0.0f)) : contributions;
 }
 
 }  // namespace octrad
