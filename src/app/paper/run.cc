@@ -259,6 +259,10 @@ void Run::train(const Training& t) {
   else words.insert(words.end(), {"--time", fmt::format("{:g}s", t.seconds)});
   for (const auto& [key, value] : t.keys) words.insert(words.end(), {"-D", key + "=" + value});
   if (t.reference) words.insert(words.end(), {"--reference", plan_.references[*t.reference].picture()});
+  if (t.reference) {
+    const double expected = t.steps > 0 ? training_cost(plan_, rates_, t) : t.seconds;
+    words.insert(words.end(), {"--validate-every", fmt::format("{:.2g}s", std::clamp(expected / 40.0, 0.1, 10.0))});
+  }
   words.insert(words.end(), {"--log-json", t.folder + "/progress.jsonl", "--resume"});
   store_.write(t.folder + "/config.json", {{"field", t.field},
                                            {"preset", t.preset},
