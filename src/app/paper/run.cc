@@ -547,6 +547,10 @@ bool Run::do_job(Job& job) {
     fail(job, failure.message, failure.command, failure.unavailable() || (job.library && failure.exit_code == 3));
   } catch (const InputError& error) {
     fail(job, error.what(), "", false);
+  } catch (const MemoryError& error) {
+    fail(job, error.what(), "", false);
+  } catch (const nlohmann::json::exception& error) {
+    fail(job, std::string("what a command printed is not as expected: ") + error.what(), "", false);
   } catch (const Interrupted&) {
     if (!interrupted()) fail(job, "its command was interrupted", "", false);
   }
@@ -615,6 +619,7 @@ void Run::do_jobs(PaperSummary& summary) {
     if (!moved) std::this_thread::sleep_for(std::chrono::milliseconds(500));  // another process has the rest
   }
   progress.finish();
+  store_.waiting = [](double) {};
   summary.interrupted = interrupted();
 }
 
