@@ -87,6 +87,10 @@ class Paper(Case):
         with open(os.path.join(self.report, "tables", "tiny-seconds.tex"), encoding="utf-8") as file:
             self.assertIn("\\begin{tabular}", file.read())
 
+        # A switch without keys is the method as it is, whatever its name.
+        self.ok(*self.arguments(self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])))
+        self.assertEqual(len(glob.glob(os.path.join(self.report, "models", "a", "octaoctree-*"))), 4)
+
         # Again: nothing is done twice, but for the report. A further seed shares references.
         before = self.files()
         self.ok(*self.arguments(self.matrix()))
@@ -102,6 +106,8 @@ class Paper(Case):
         self.assertIn("tiny/a/octaoctree/-/seconds/s0", dry.out)
         self.assertRegex(dry.out, r"are left, about \d")
         self.assertFalse(os.path.exists(os.path.join(self.report, "results.json")))
+        dry = self.ok(*self.arguments(self.matrix()), "--dry-run", "--json").json()
+        self.assertEqual((len(dry["cells"]), dry["jobs_left"]), (2 * 5 * 2, dry["jobs"]))
         self.ok(*self.arguments(self.matrix(learned=False)), "--only", "/b/path", "--dry-run")
         self.ok(*self.arguments(self.matrix(learned=False, path_spp=1)), "--only", "/b/path")
         self.assertEqual({(c["scene"], c["method"]) for c in self.results()["cells"] if c["status"] == "done"}, {("b", "path")})
@@ -189,6 +195,7 @@ class Paper(Case):
             with self.subTest(text):
                 self.fails(2, text, *self.arguments(self.matrix(**changes)))
         self.fails(2, "broken.json:2:", *self.arguments(self.write("broken.json", '{\n "methods": [,]\n}')))
+        self.fails(2, "nested more than 100 deep", *self.arguments(self.write("broken.json", '{"seeds": ' + "[" * 100000 + "]" * 100000 + "}")))
         self.fails(2, "broken.json: expected an object", *self.arguments(self.write("broken.json", "[]")))
         self.fails(3, "lost.json is no file and no matrix", *self.arguments("lost.json"))
         self.fails(3, "missing.xml does not exist", *self.arguments(self.matrix(), scenes=["missing.xml"]))

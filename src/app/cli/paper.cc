@@ -25,7 +25,7 @@ void paper_verb(const CommonOptions& common, paper::PaperOptions o) {
   o.device = {"--device", common.device};
   if (o.matrices.empty()) o.matrices = {paper::builtin_matrices().front().first};
   const paper::PaperSummary s = run_paper(o);
-  if (o.dry_run) return;
+  if (o.dry_run) return common.json ? print_json(s.plan_json) : print_text(s.plan);
   if (common.json) {
     print_json({{"report", o.output + "/index.html"},
                 {"results", o.output + "/results.json"},

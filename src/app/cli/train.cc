@@ -30,7 +30,7 @@ struct TrainVerbOptions {
   std::string field;
   long long steps = -1;
   std::string time;
-  std::string reference;
+  std::string reference, validate_every;
   bool resume = false, overwrite = false, no_optimizer = false, deterministic = false;
 };
 
@@ -141,6 +141,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   options.output = o.output;
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
+  if (!o.validate_every.empty()) options.validation_seconds = parse_duration(o.validate_every);
   options.max_memory = static_cast<double>(common.memory_budget());
   const std::uint64_t resident = resident_bytes();
   options.used_memory = static_cast<double>(resident - std::min(resident, held));
@@ -281,6 +282,10 @@ void add_train(Program& program) {
   verb->add_option("--reference", o->reference,
                    "picture of the scene's first sensor: its error is shown while training")
       ->type_name("REF.exr");
+  verb->add_option("--validate-every", o->validate_every,
+                   "how often that is measured, in time of training; measuring does not count as training")
+      ->type_name("T")
+      ->needs("--reference");
   CLI::Option* resume =
       verb->add_flag("--resume", o->resume, "continue the model in MODEL.octrad where its last checkpoint left it");
   verb->add_flag("--overwrite", o->overwrite, "replace MODEL.octrad if there is one")->excludes(resume);

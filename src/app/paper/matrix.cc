@@ -40,6 +40,9 @@ const std::vector<std::string> kKeys = {
     "keys",         "time",  "steps",  "spp",   "width",   "reference_spp", "learned", "path_spp", "temporal_frames",
     "temporal_spp", "paths"};
 
+// A value in a message; not all of a list.
+std::string shown(const nlohmann::json& v) { return v.is_primitive() ? v.dump() : v.type_name(); }
+
 // Reads members of one JSON object; messages say "FILE: KEY: ...".
 class Reader {
  public:
@@ -69,7 +72,7 @@ class Reader {
   T whole(const nlohmann::json& v, const std::string& key, long long low, long long high) const {
     const double value = v.is_number_integer() ? v.get<double>() : -1e300;  // of any size
     if (value < static_cast<double>(low) || value > static_cast<double>(high))
-      fail(key, fmt::format("{} where a whole number from {} to {} is expected", v.dump(), low, high));
+      fail(key, fmt::format("{} where a whole number from {} to {} is expected", shown(v), low, high));
     return static_cast<T>(v.get<long long>());
   }
   template <typename T>
@@ -87,7 +90,7 @@ class Reader {
   std::vector<std::string> texts(const char* key) const {
     std::vector<std::string> out;
     for (const auto& v : list(key)) {
-      if (!v.is_string()) fail(key, v.dump() + " where a text is expected");
+      if (!v.is_string()) fail(key, shown(v) + " where a text is expected");
       out.push_back(v.get<std::string>());
       if (std::count(out.begin(), out.end(), out.back()) > 1) fail(key, "\"" + out.back() + "\" is there twice");
     }
@@ -258,10 +261,11 @@ Matrix parse_matrix(const std::string& text, const std::string& file) {
   if (const auto* paths = reader.find("paths")) {
     if (!paths->is_object()) reader.fail("paths", "expected an object: name of the scene to a camera path");
     for (const auto& [scene, path] : paths->items()) {
-      m.paths[scene] =
-          path.is_string()
-              ? read_json_file((std::filesystem::path(file).parent_path() / path.get<std::string>()).string())
-              : path;
+      nlohmann::json& read = m.paths[scene];
+      read = path.is_string()
+                 ? read_json_file((std::filesystem::path(file).parent_path() / path.get<std::string>()).string())
+                 : path;
+      if (!read.is_object()) reader.fail("paths: " + scene, "expected a camera path {...} or the name of its file");
     }
   }
   for (const auto& v : reader.list("path_spp")) m.path_spp.push_back(reader.whole<int>(v, "path_spp", 1, 1 << 24));

@@ -48,6 +48,8 @@ std::vector<ViewSpec> views_of(const Matrix& matrix, const PaperScene& scene) {
   for (const std::string& key : {scene.name, std::string("*")}) {
     if (const auto it = matrix.views.find(key); it != matrix.views.end()) return it->second;
   }
+  if (scene.info.at("cameras").empty())
+    throw InputError(fmt::format("{}: views: {} has no sensor, and no camera is given", matrix.name, scene.name));
   std::vector<ViewSpec> all;
   for (std::size_t i = 0; i < scene.info.at("cameras").size(); ++i)
     all.push_back({fmt::format("sensor{}", i), static_cast<int>(i), {}});
@@ -215,7 +217,7 @@ struct Planner {
 
   const Matrix& matrix() const { return plan.matrices[m]; }
   const PaperScene& scene() const { return plan.scenes[s]; }
-  nlohmann::json fingerprint() const { return scene().info.at("fingerprint"); }
+  nlohmann::json fingerprint() const { return {scene().info.at("fingerprint"), scene().info.at("cameras")}; }
 
   void add_references() {
     for (const ViewSpec& spec : views_of(matrix(), scene())) {
@@ -228,12 +230,12 @@ struct Planner {
 
   void add_film() {
     if (matrix().temporal_frames == 0) return;
+    if (scene().info.at("cameras").empty() && matrix().paths.count(scene().name) == 0)
+      throw InputError(fmt::format("{}: paths: {} has no sensor, and no path is given", matrix().name, scene().name));
     Film f;
     f.scene = s;
     const auto own = matrix().paths.find(scene().name);
     f.path = own == matrix().paths.end() ? sideways(scene()) : own->second;
-    if (!f.path.is_object())
-      throw InputError(fmt::format("{}: paths: {}: expected a camera path", matrix().name, scene().name));
     f.path.erase("duration");
     f.path["frames"] = matrix().temporal_frames;
     const View& view = plan.references[references.front()].view;
@@ -264,16 +266,17 @@ struct Planner {
     if (equal == Equal::bytes && t.field != "octaoctree")
       match_bytes(config, octaoctree_bytes(s, matrix(), sw), t.keys);
     if (equal == Equal::steps) {
-      t.steps = std::max(20LL, std::llround(static_cast<double>(matrix().steps) * plan.scale.factor / batch));
+      t.steps = std::min(matrix().steps,
+                         std::max(20LL, std::llround(static_cast<double>(matrix().steps) * plan.scale.factor / batch)));
     } else {
-      const double seconds = std::max(0.3, matrix().seconds * plan.scale.factor);
+      const double seconds = std::min(matrix().seconds, std::max(0.3, matrix().seconds * plan.scale.factor));
       t.seconds = seconds > 10.0 ? std::round(seconds) : std::round(seconds * 100.0) / 100.0;
     }
     for (const std::size_t r : references) {
       if (plan.references[r].view.first_sensor) t.reference = r;
     }
     const std::string hash = hash_of({fingerprint(), t.field, t.preset, t.keys, seed, t.seconds, t.steps});
-    t.folder = fmt::format("models/{}/{}-{}s{}-{}.{}", scene().name, t.field, sw.name.empty() ? "" : sw.name + "-",
+    t.folder = fmt::format("models/{}/{}-{}s{}-{}.{}", scene().name, t.field, sw.keys.empty() ? "" : sw.name + "-",
                            seed, budget_text(t), hash);
     return find_or_add(plan.trainings, t);
   }
@@ -293,7 +296,7 @@ struct Planner {
       cell.training = add_training(method, sw, equal, seed);
       const Training& training = plan.trainings[*cell.training];
       settings.push_back(hash_in(training.folder));
-      name += fmt::format("-{}s{}-{}", sw.name.empty() ? "" : sw.name + "-", seed, budget_text(training));
+      name += fmt::format("-{}s{}-{}", sw.keys.empty() ? "" : sw.name + "-", seed, budget_text(training));
     } else {
       name += fmt::format("-s{}", seed);
     }

@@ -46,7 +46,8 @@ nlohmann::json training_json(const Store& store, const Plan& plan, const Trainin
   for (const char* key :
        {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "device"})
     out[key] = o.value(key, nlohmann::json());
-  out["bytes"] = o.value("model_bytes", 0.0) - o.value("optimizer_bytes", 0.0);
+  out["bytes"] = o.value("model_bytes", std::uint64_t{0}) - o.value("optimizer_bytes", std::uint64_t{0});
+  out["entries"] = record.value("entries", 0LL);
   out["peak_bytes"] = record["peak_bytes"];
   out["wall_seconds"] = record["seconds"];
   out["command"] = record["command"];
@@ -72,11 +73,12 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
                          {"seconds", 0.0},
                          {"steps", 0},
                          {"bytes", 0},
+                         {"entries", 0},
                          {"message", ""}};
   nlohmann::json commands = nlohmann::json::object();
   if (cell.training) {
     const nlohmann::json& t = trainings[*cell.training];
-    for (const char* key : {"seconds", "steps", "bytes", "loss"}) base[key] = t.value(key, nlohmann::json());
+    for (const char* key : {"seconds", "steps", "bytes", "entries", "loss"}) base[key] = t.value(key, nlohmann::json());
     base["training"] = t["folder"];
     if (t.contains("command")) commands["train"] = t["command"];
   }

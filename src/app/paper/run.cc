@@ -20,6 +20,7 @@
 #include "octrad/base/progress.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/version.h"
+#include "octrad/encoding/octaoctree.h"
 #include "octrad/model/model_file.h"
 #include "octrad/scene/camera.h"
 
@@ -71,7 +72,7 @@ class Run {
   void do_jobs(PaperSummary& summary);
   bool do_job(Job& job);
   void fail(Job& job, const std::string& message, const std::string& command, bool unavailable);
-  void show_plan() const;
+  void describe_plan(PaperSummary& summary) const;
 
   void render_reference(const Reference& r);
   void train(const Training& t);
@@ -258,6 +259,10 @@ void Run::train(const Training& t) {
   else words.insert(words.end(), {"--time", fmt::format("{:g}s", t.seconds)});
   for (const auto& [key, value] : t.keys) words.insert(words.end(), {"-D", key + "=" + value});
   if (t.reference) words.insert(words.end(), {"--reference", plan_.references[*t.reference].picture()});
+  if (t.reference) {
+    const double expected = t.steps > 0 ? training_cost(plan_, rates_, t) : t.seconds;
+    words.insert(words.end(), {"--validate-every", fmt::format("{:.2g}s", std::clamp(expected / 40.0, 0.1, 10.0))});
+  }
   words.insert(words.end(), {"--log-json", t.folder + "/progress.jsonl", "--resume"});
   store_.write(t.folder + "/config.json", {{"field", t.field},
                                            {"preset", t.preset},
@@ -273,6 +278,11 @@ void Run::train(const Training& t) {
   const std::string file = store_.path(t.model());
   const Model model = load_model(file);
   save_model(file, *model.field, model.info, false);
+  const std::vector<long long> cells = model.field->cells_per_level();
+  std::int64_t entries = 0;
+  for (std::size_t l = 0; l < cells.size(); ++l)
+    entries += octree_entries(static_cast<int>(cells.size()), static_cast<int>(l) + 1, cells[l]);
+  trained["entries"] = entries;
   trained["convergence"] = convergence(store_, t, trained["output"]);
   store_.write(record, trained);
 }
@@ -537,6 +547,10 @@ bool Run::do_job(Job& job) {
     fail(job, failure.message, failure.command, failure.unavailable() || (job.library && failure.exit_code == 3));
   } catch (const InputError& error) {
     fail(job, error.what(), "", false);
+  } catch (const MemoryError& error) {
+    fail(job, error.what(), "", false);
+  } catch (const nlohmann::json::exception& error) {
+    fail(job, std::string("what a command printed is not as expected: ") + error.what(), "", false);
   } catch (const Interrupted&) {
     if (!interrupted()) fail(job, "its command was interrupted", "", false);
   }
@@ -605,16 +619,20 @@ void Run::do_jobs(PaperSummary& summary) {
     if (!moved) std::this_thread::sleep_for(std::chrono::milliseconds(500));  // another process has the rest
   }
   progress.finish();
+  store_.waiting = [](double) {};
   summary.interrupted = interrupted();
 }
 
-void Run::show_plan() const {
-  std::string text;
+void Run::describe_plan(PaperSummary& summary) const {
+  nlohmann::json cells = nlohmann::json::array();
   for (const Cell& cell : plan_.cells) {
     if (!cell.selected) continue;
-    for (const Place& place : cell.places)
-      text += fmt::format("{}  {}{}\n", cell_label(plan_, cell, place), cell.folder,
-                          store_.has(cell.folder + "/cell.json") ? "  (done)" : "");
+    const bool done = store_.has(cell.folder + "/cell.json");
+    for (const Place& place : cell.places) {
+      const std::string label = cell_label(plan_, cell, place);
+      summary.plan += fmt::format("{}  {}{}\n", label, cell.folder, done ? "  (done)" : "");
+      cells.push_back({{"name", label}, {"folder", cell.folder}, {"done", done}});
+    }
   }
   double cost = 0.0;
   std::size_t open = 0;
@@ -623,10 +641,14 @@ void Run::show_plan() const {
     cost += job.cost;
     ++open;
   }
-  text += fmt::format("{} cells, {} trainings, {} references; {} of {} pieces of work are left, about {}\n",
-                      plan_.cells.size(), plan_.trainings.size(), plan_.references.size(), open, jobs_.size(),
-                      format_duration(cost));
-  std::fputs(text.c_str(), stdout);
+  summary.plan += fmt::format("{} cells, {} trainings, {} references; {} of {} pieces of work are left, about {}\n",
+                              plan_.cells.size(), plan_.trainings.size(), plan_.references.size(), open, jobs_.size(),
+                              format_duration(cost));
+  summary.plan_json = {{"cells", cells},
+                       {"jobs", jobs_.size()},
+                       {"jobs_left", open},
+                       {"seconds_left", cost},
+                       {"factor", plan_.scale.factor}};
 }
 
 PaperSummary Run::go() {
@@ -638,7 +660,7 @@ PaperSummary Run::go() {
   make_jobs();
   PaperSummary summary;
   if (o_.dry_run) {
-    show_plan();
+    describe_plan(summary);
     return summary;
   }
   head_ = {{"program", std::string("octrad ") + kVersion},

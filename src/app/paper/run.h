@@ -1,6 +1,7 @@
 // `octrad paper`: everything of a plan that is not there yet, and then the report.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -20,17 +21,13 @@ struct PaperOptions {
   std::vector<std::string> common, device;  // options that all commands get, and those of train and render
 };
 
-struct CellState {
-  enum class Status { done, waiting, unavailable, failed };
-  Status status = Status::waiting;
-  std::string message;
-};
-
 struct PaperSummary {
   std::size_t done = 0, waiting = 0, unavailable = 0, failed = 0;  // cells
   double seconds = 0.0;
   bool interrupted = false;
   std::string first_failure;
+  std::string plan;          // of a dry run, for people
+  nlohmann::json plan_json;  // the same
 };
 
 // Throws IoError, InputError or UsageError when it cannot start or files cannot be written; what is finished stays.

@@ -139,14 +139,21 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
                {"", "FLIP", -1, false},     {"", "SSIM", 1, false},    {"", "mean ratio", 0, false},
                {"", "frame ms", -1, false}, {marked, "ms", 0, true},   {"", "training s", 0, false},
                {"", "steps", 0, false},     {"", "MB", 0, false}};
+  const bool with_entries = ablation && std::any_of(published_switches().begin(), published_switches().end(),
+                                                    [&](const auto& p) { return m.name == p.matrix && p.entries > 0; });
+  if (with_entries) {
+    t.columns.push_back({"", "entries", 0, false});
+    t.columns.push_back({marked, "entries", 0, true});
+  }
   bool any_published = false;
   for (const RowKey& key : rows_of(m)) {
     const auto cells = find_cells(results, m.name, equal, scene, key.method->name, key.switch_name);
     if (cells.empty()) continue;
-    json mape, lpips, ms;
+    json mape, lpips, ms, entries;
     if (const PublishedSwitch* p = ablation ? published_switch(m.name, key.switch_name) : nullptr) {
       mape = p->mape;
       lpips = p->lpips;
+      if (p->entries > 0) entries = p->entries;
     } else if (const PublishedCell* c = ablation ? nullptr : published(key.method->name, scene)) {
       mape = c->mape;
       lpips = c->lpips;
@@ -166,6 +173,8 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
          {mean(cells, "mape"), mape, mean(cells, "mape_trimmed"), mean(cells, "mape_glossy"), mean(cells, "lpips"),
           lpips, mean(cells, "flip"), mean(cells, "ssim"), mean(cells, "mean_ratio"), mean(cells, "frame_ms"), ms,
           above_zero(mean(cells, "seconds")), above_zero(mean(cells, "steps")), megabytes(mean(cells, "bytes"))}});
+    if (with_entries)
+      t.rows.back().values.insert(t.rows.back().values.end(), {above_zero(mean(cells, "entries")), entries});
   }
   if (any_published)
     t.note =

@@ -11,8 +11,13 @@
 namespace octrad {
 
 nlohmann::json parse_json(const std::string& text, const std::string& name) {
+  // Values of any depth can be parsed, but neither copied nor written: those functions call themselves for each level.
+  const auto limit_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    if (depth > 100) throw InputError(fmt::format("{}: lists or objects are nested more than 100 deep", name));
+    return true;
+  };
   try {
-    return nlohmann::json::parse(text, nullptr, true, true);  // comments allowed
+    return nlohmann::json::parse(text, limit_depth, true, true);  // comments allowed
   } catch (const nlohmann::json::parse_error& error) {
     const std::size_t end = std::min(text.size(), error.byte > 0 ? error.byte - 1 : 0);
     const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');

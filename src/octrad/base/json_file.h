@@ -6,7 +6,8 @@
 
 namespace octrad {
 
-// Comments are allowed. Throws InputError with the position of a syntax error, as NAME:LINE:COLUMN.
+// Comments are allowed. Throws InputError with the position of a syntax error, as NAME:LINE:COLUMN, or for lists and
+// objects that are nested more than 100 deep.
 nlohmann::json parse_json(const std::string& text, const std::string& name);
 // The same of a file. Throws IoError when it cannot be read.
 nlohmann::json read_json_file(const std::string& file);
