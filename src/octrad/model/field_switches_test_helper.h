@@ -85,7 +85,7 @@ inline Config config_of(const FieldCase& c) {
       {"decoder.width", "32"},  {"decoder.hidden", "2"},   {"nr.levels", "3"},       {"nr.base", "4"},
       {"nr.width", "40"},       {"nr.hidden", "2"},        {"nr.log2_table", "10"},  {"disparity.log2_table", "10"},
       {"ncr.levels", "3"},      {"ncr.base", "4"},         {"ncr.width", "40"},      {"ncr.hidden", "2"},
-      {"ncr.log2_table", "10"}, {"ncr.cone.levels", "6"},  {"ncr.cone.width", "24"}, {"ncr.cone.log2_table", "10"},
+      {"ncr.log2_table", "10"}, {"ncr.cone.levels", "4"},  {"ncr.cone.width", "24"}, {"ncr.cone.log2_table", "10"},
       {"adam.beta1", "0"}};
   for (const FieldKeys& keys : {small, c.keys}) {
     for (const auto& [key, value] : keys) set(config, key, value);
