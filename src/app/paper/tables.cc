@@ -177,10 +177,9 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
       t.rows.back().values.insert(t.rows.back().values.end(), {above_zero(mean(cells, "entries")), entries});
   }
   if (any_published)
-    t.note =
-        kPublishedHow +
-        std::string(ablation ? "; scene as in the paper, which names Bathroom for the levels and none for the ablations"
-                             : "");
+    t.note = kPublishedHow +
+             std::string(ablation ? "; the paper names Bathroom for the levels, and no scene for the ablations"
+                                  : "; for the paper's scene of this name");
   else {
     for (std::size_t c = t.columns.size(); c-- > 0;) {
       if (!t.columns[c].published) continue;
