@@ -406,7 +406,6 @@ Config preset(const std::string& name) {
   c.train_glossy_boost = 1.0;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
-  c.train_far_ends = 0.0;
   c.loss_epsilon_first = 0.1;
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
