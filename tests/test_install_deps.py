@@ -20,17 +20,17 @@ def stand_in(folder, name, text):
 
 
 class InstallDeps(unittest.TestCase):
-    def install(self, failures, message):
+    def install(self, failures, message, arguments=(), query="exit 1\n"):
         """Runs the script where apt-get fails so many times with this message -> process, apt-get's calls."""
         with tempfile.TemporaryDirectory() as folder:
             calls = pathlib.Path(folder, "calls")
-            stand_in(folder, "dpkg-query", "exit 1\n")
+            stand_in(folder, "dpkg-query", query)
             stand_in(folder, "id", "echo 0\n")
             stand_in(folder, "sleep", "exit 0\n")
             stand_in(folder, "apt-get", 'echo "$*" >>"%s"\n[ $(wc -l <"%s") -gt %d ] && exit 0\necho "%s" >&2\nexit 100\n'
                      % (calls, calls, failures, message))
             environment = dict(os.environ, PATH=folder + os.pathsep + os.environ["PATH"])
-            done = subprocess.run([str(SCRIPT)], capture_output=True, text=True, env=environment, timeout=60)
+            done = subprocess.run([str(SCRIPT), *arguments], capture_output=True, text=True, env=environment, timeout=60)
             return done, calls.read_text().splitlines()
 
     def test_waits_for_a_lock(self):
@@ -50,6 +50,15 @@ class InstallDeps(unittest.TestCase):
         self.assertNotEqual(done.returncode, 0)
         self.assertEqual(len(calls), 1)
         self.assertIn("Unable to locate package", done.stderr)
+
+    def test_does_without_the_browser(self):
+        only_the_browser_is_missing = 'case "$*" in *chromium) exit 1 ;; *) echo installed ;; esac\n'
+        done, calls = self.install(1000, "E: Unable to locate package", ["--test"], only_the_browser_is_missing)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("tests that need it are skipped: chromium", done.stdout)
+        self.assertEqual(len(calls), 1)
+        done, calls = self.install(0, "", ["--test"], only_the_browser_is_missing)
+        self.assertEqual([line.split()[1] for line in calls], ["update", "install"])
 
 
 if __name__ == "__main__":
