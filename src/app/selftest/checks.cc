@@ -85,7 +85,7 @@ CheckResult check_g_buffer(const Context& c) {
   std::vector<FirstHitCase> cases;
   for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
     FirstHitOptions options;
-    options.follow_delta = bounce != Bounce::none;
+    options.follow_below = bounce != Bounce::none ? kFollowDelta : 0.0f;
     options.bounce = bounce;
     options.emission_inside = bounce == Bounce::glossy;
     options.max_chain = 6;

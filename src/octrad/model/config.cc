@@ -187,7 +187,7 @@ const std::vector<Key>& keys() {
              {{"outside", TargetEmission::outside}, {"inside", TargetEmission::inside}},
              "own emission added outside the network, or learned"),
       choice("target.demodulate", &C::target_demodulate,
-             {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
+             {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}, {"lobe", TargetDemodulation::lobe}},
              "albedo: the network predicts radiance / albedo on rough surfaces"),
       number("target.scale", &C::target_scale, {0, 1e6},
              "exposure of the network's output; 0: chosen from the first batches and stored"),
@@ -248,6 +248,10 @@ const std::vector<Key>& keys() {
       duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
       choice("render.delta", &C::render_delta, {{"cache", DeltaSurfaces::cache}, {"trace", DeltaSurfaces::trace}},
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
+      number("render.trace_below", &C::render_trace_below, {0, 1},
+             "surfaces of one lobe with less roughness are followed like mirrors where render.delta is trace"),
+      choice("lookup.coats", &C::lookup_coats, {{"joined", Coats::joined}, {"split", Coats::split}},
+             "coated surfaces: one response, or one for the base and one for the coat"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;

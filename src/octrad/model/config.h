@@ -118,6 +118,8 @@ struct Config {
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
+  double render_trace_below = 0.0;  // alpha
+  Coats lookup_coats = Coats::joined;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;

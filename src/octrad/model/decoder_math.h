@@ -27,7 +27,7 @@ inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alp
 struct DecoderRules {
   Activation activation = Activation::exp;
   LossNormalizer normalizer = LossNormalizer::prediction;
-  bool demodulate = false;  // rough surfaces: the network predicts radiance / albedo
+  float demodulate_from = 1e30f;  // alpha from which the network predicts radiance / albedo
   float rough_threshold = 0.5f;
   Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // network input = x * scale + offset
 };
@@ -52,7 +52,7 @@ OCTRAD_HD inline void decoder_inputs(const DecoderRules& rules, const SurfacePoi
 
 // Exposure times demodulation.
 OCTRAD_HD inline Vec3f decoder_factor(const DecoderRules& rules, Vec3f albedo, float alpha, float target_scale) {
-  if (!rules.demodulate || alpha < rules.rough_threshold) return Vec3f(target_scale);
+  if (alpha < rules.demodulate_from) return Vec3f(target_scale);
   return albedo * target_scale;
 }
 

@@ -7,6 +7,7 @@
 #include "octrad/model/ncr_field.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
+#include "octrad/shading/bsdf_types.h"
 
 namespace octrad {
 namespace {
@@ -47,6 +48,11 @@ bool ignores_key(const FieldEntry& field, const std::string& key) {
 
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
   return field_entry(config.field).make(config, domain);
+}
+
+float follow_below(const Config& config) {
+  if (config.render_delta != DeltaSurfaces::trace) return 0.0f;
+  return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
 }
 
 QueryRays query_rays(const Config& config, bool training) {

@@ -66,6 +66,9 @@ class RadianceField {
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain);
 std::vector<std::string> field_names();
 
+// The surfaces that pictures follow rays over (is_followed()), about which nobody asks the field.
+float follow_below(const Config& config);
+
 // What it needs traced from the points that it is given: radiance() and inspect(), or with `training` train().
 QueryRays query_rays(const Config& config, bool training = false);
 

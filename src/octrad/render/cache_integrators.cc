@@ -19,6 +19,8 @@ class CacheIntegrator : public Integrator {
         rays_(query_rays(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
     rhs_.max_chain = options_.max_chain;
+    rhs_.follow_below = std::max(kFollowDelta, options_.follow_below);
+    rhs_.split_coats = options_.split_coats;
     rhs_.emission_inside = options_.emission_inside;
     rhs_.rays = rays_;
     rhs_.seed = input.seed;
@@ -41,9 +43,13 @@ class CacheIntegrator : public Integrator {
         bounce_owners.push_back({i, end.throughput});
         bounce_keys.push_back(query.key);
       } else if (query.next == FirstHitQuery::Next::query) {
-        queries.push_back(field_query_point(context_, end.point, rays_, samples[i].rng));
-        query_owners.push_back({i, end.throughput});
-        counts.rays += rays_.count(queries.back().alpha);
+        const AskedLobes lobes = asked_lobes(options_, end.point.bsdf);
+        for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
+          end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+          queries.push_back(field_query_point(context_, end.point, rays_, samples[i].rng));
+          query_owners.push_back({i, end.throughput});
+          counts.rays += rays_.count(queries.back().alpha);
+        }
       }
     }
     std::vector<Vec3f> responses(queries.size());
@@ -84,7 +90,8 @@ class CacheIntegrator : public Integrator {
 
 FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce bounce) {
   FirstHitOptions options;
-  options.follow_delta = config.render_delta == DeltaSurfaces::trace;
+  options.follow_below = follow_below(config);
+  options.split_coats = config.lookup_coats == Coats::split;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   options.bounce = bounce;

@@ -82,6 +82,25 @@ OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
   return {};
 }
 
+OCTRAD_HD inline bool is_coated(const Bsdf& b) {
+  return b.type == BsdfType::plastic || b.type == BsdfType::roughplastic;
+}
+
+// Share of light that a coat reflects towards `cos` = cos of wo, under even light.
+OCTRAD_HD inline float coat_reflectance(const Bsdf& b, float cos) {
+  cos = cos > 0.0f ? cos : 0.0f;
+  return b.type == BsdfType::plastic ? PlasticModel::reflected(b, cos) : RoughPlasticModel::reflected(b, cos);
+}
+
+// Reflectance of the lobe that is meant, towards wo under even light; where all are meant, albedo_bsdf(). Seen through
+// the coat, the base is lit by 1 - internal reflectance of the light outside, by reciprocity.
+OCTRAD_HD inline Vec3f lobe_albedo(const Bsdf& b, Vec3f wo) {
+  if (b.lobe == Lobe::all) return albedo_bsdf(b);
+  const float reflected = coat_reflectance(b, wo.z);
+  if (b.lobe == Lobe::coat) return b.specular_reflectance * reflected;
+  return base_reflectance(b) * ((1.0f - reflected) * (1.0f - b.internal_reflectance));
+}
+
 OCTRAD_HD inline float roughness_bsdf(const Bsdf& b) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model, transmits) \
@@ -90,6 +109,22 @@ OCTRAD_HD inline float roughness_bsdf(const Bsdf& b) {
 #undef OCTRAD_CASE
   }
   return 1.0f;
+}
+
+// Rays pass a surface like a mirror: it has one lobe, and its roughness is below `follow_below` (0: none passes;
+// kFollowDelta: perfect mirrors and glass).
+OCTRAD_HD inline bool is_followed(const Bsdf& b, float follow_below) {
+  return (b.lobe == Lobe::coat || !is_coated(b)) && roughness_bsdf(b) < follow_below;
+}
+
+// Restricts a coated model to one of its lobes by chance; returns 1 / probability of the choice. Neither lobe is rarer
+// than one in five: what the lobes reflect under even light says little about a lamp in the coat's mirror direction.
+OCTRAD_HD inline float choose_lobe(Bsdf& b, Vec3f wo, float u) {
+  float coat = coat_probability(b, coat_reflectance(b, wo.z));
+  coat = coat < 0.2f ? 0.2f : (coat > 0.8f ? 0.8f : coat);
+  const bool chosen = u < coat;
+  b.lobe = chosen ? Lobe::coat : Lobe::base;
+  return 1.0f / (chosen ? coat : 1.0f - coat);
 }
 
 }  // namespace octrad

@@ -4,6 +4,8 @@
 // or the previous vertex; `wi` points to where light comes from, and is what sampling draws.
 #pragma once
 
+#include <cstdint>
+
 #include "octrad/base/vec.h"
 #include "octrad/scene/material_types.h"
 
@@ -12,9 +14,13 @@ namespace octrad {
 // Samples of the directional transmittance of a rough dielectric boundary at cos = i / (kTransmittanceResolution - 1).
 inline constexpr int kTransmittanceResolution = 64;
 
+// Part of a coated model (plastic, roughplastic) that is meant; the others have one part, `all`.
+enum class Lobe : std::uint8_t { all, base, coat };
+
 // Parameters of a material at a point: textures looked up, wrappers applied.
 struct Bsdf {
   BsdfType type = BsdfType::diffuse;
+  Lobe lobe = Lobe::all;
   MicrofacetDistribution distribution = MicrofacetDistribution::ggx;
   bool two_sided = false;
   bool nonlinear = false;
@@ -32,6 +38,8 @@ struct Bsdf {
   float internal_reflectance = 0.0f;
   const float* external_transmittance = nullptr;
 };
+
+inline constexpr float kFollowDelta = 1e-30f;  // see is_followed()
 
 struct BsdfValue {
   Vec3f value{0, 0, 0};  // f(wo, wi) |cos wi|, delta lobes excluded

@@ -19,6 +19,8 @@ LhsOptions lhs_options(const Config& config) {
   options.uniform_glossy = config.train_fresh_direction == FreshDirection::uniform;
   options.glossy_boost = config.train_glossy_boost;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  options.follow_below = follow_below(config);
+  options.split_coats = config.lookup_coats == Coats::split;
   options.poses = config.train_poses;
   options.seed = static_cast<unsigned long long>(config.seed);
   return options;
@@ -38,6 +40,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
+  rhs.follow_below = std::max(kFollowDelta, follow_below(config_));
+  rhs.split_coats = config_.lookup_coats == Coats::split;
   rhs.emission_inside = config_.target_emission == TargetEmission::inside;
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);

@@ -14,7 +14,8 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const Image colors = extract_rgb(reference);
   const Camera& camera = context.scene.cameras.front();
   FirstHitOptions options;
-  options.follow_delta = config.render_delta == DeltaSurfaces::trace;
+  options.follow_below = follow_below(config);
+  options.split_coats = config.lookup_coats == Coats::split;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   const QueryRays rays = query_rays(config);
@@ -40,8 +41,12 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
       rng = sample.rng;
       known += query.known;
       if (query.next != FirstHitQuery::Next::query) continue;
-      points_.push_back(field_query_point(context, end.point, rays, rng));
-      owners_.push_back({known_.size(), end.throughput});
+      const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+      for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
+        end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+        points_.push_back(field_query_point(context, end.point, rays, rng));
+        owners_.push_back({known_.size(), end.throughput});
+      }
     }
     known_.push_back(known);
   }

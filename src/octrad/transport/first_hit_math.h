@@ -8,12 +8,23 @@
 namespace octrad {
 
 struct FirstHitOptions {
-  bool follow_delta = false;     // through mirrors and glass to the next rough surface (render.delta = trace)
+  float follow_below = 0.0f;     // of is_followed(): through mirrors and glass to the next surface (render.delta = trace)
+  bool split_coats = false;      // a query for each lobe of a coated surface (lookup.coats = split)
   int max_chain = 16;            // delta surfaces passed
   bool emission_inside = false;  // the field's response about an emitter holds its emission (target.emission = inside)
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
 };
+
+// Lobes of a surface that are asked for one after the other: [first, last].
+struct AskedLobes {
+  int first = static_cast<int>(Lobe::all), last = static_cast<int>(Lobe::all);
+};
+
+OCTRAD_HD inline AskedLobes asked_lobes(const FirstHitOptions& options, const Bsdf& bsdf) {
+  if (!options.split_coats || !is_coated(bsdf)) return {};
+  return {static_cast<int>(Lobe::base), static_cast<int>(Lobe::coat)};
+}
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
 // RayEnd::throughput times the field's response, or times the right-hand side at the bounce point.
@@ -46,7 +57,7 @@ OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHitOptions& options, CameraSample& sample,
                                                RayEnd& end, FirstHit& first) {
-  end = follow_ray(world, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_delta,
+  end = follow_ray(world, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_below,
                    options.max_chain, sample.ray.t_max, &first);
   return first_hit_query(options, end, sample.rng);
 }

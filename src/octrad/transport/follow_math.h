@@ -8,6 +8,7 @@
 #include "octrad/geometry/offset_math.h"
 #include "octrad/shading/bsdf_math.h"
 #include "octrad/shading/shading_point.h"
+#include "octrad/transport/emitter_sample_math.h"
 
 namespace octrad {
 
@@ -24,7 +25,7 @@ OCTRAD_HD inline SurfacePoint surface_point(const ShadingPoint& shading) {
   point.x = shading.surface.position;
   point.n = viewed_normal(shading);
   point.wo = shading.wo;
-  point.albedo = albedo_bsdf(shading.bsdf);
+  point.albedo = lobe_albedo(shading.bsdf, shading.to_local(shading.wo));
   point.alpha = roughness_bsdf(shading.bsdf);
   return point;
 }
@@ -59,13 +60,21 @@ struct Segment {
   Vec3f origin, direction;
   float t_max = kRayInfinity;
   int passed = 0;  // surfaces passed before
+  // Where lights were sampled at the start of the segment, a near mirror: that point, and the density with which the
+  // direction was drawn there. 0: emission that the segment meets was found by nothing else.
+  Vec3f vertex{0, 0, 0};
+  float pdf = 0.0f;
 };
 
 // The first segment of a ray that leaves `position`: a surface with `geometric_normal`, or free space where that is
 // null.
 OCTRAD_HD inline Segment first_segment(Vec3f position, const Vec3f* geometric_normal, Vec3f direction,
                                        float t_max = kRayInfinity) {
-  return {geometric_normal ? offset_origin(position, *geometric_normal, direction) : position, direction, t_max, 0};
+  Segment segment;
+  segment.origin = geometric_normal ? offset_origin(position, *geometric_normal, direction) : position;
+  segment.direction = direction;
+  segment.t_max = t_max;
+  return segment;
 }
 
 // Whether the ray that `point` was seen along passes through it, a mask: straight on, with the opacity as the
@@ -82,7 +91,7 @@ OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
 // ray goes on (a mirror) or is absorbed.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& hit, Rng& rng, bool follow_delta,
+OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& hit, Rng& rng, float follow_below,
                                  Segment& segment, RayEnd& end, FirstHit* first) {
   const bool start = segment.passed == 0;  // only here could light sampling from `position` have found the same emitter
   const Vec3f direction = segment.direction;
@@ -93,7 +102,8 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
       end.first_emitted = radiance;
       end.first_light_pdf = world.environment_pdf(direction);
     } else {
-      end.emitted += end.throughput * radiance;
+      const float mis = segment.pdf > 0.0f ? segment.pdf / (segment.pdf + world.environment_pdf(direction)) : 1.0f;
+      end.emitted += end.throughput * radiance * mis;
     }
     end.escaped = true;
     return false;
@@ -108,7 +118,9 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
       end.first_emitted = radiance;
       end.first_light_pdf = world.light_pdf(position, surface);
     } else {
-      end.emitted += end.throughput * radiance;
+      const float mis =
+          segment.pdf > 0.0f ? segment.pdf / (segment.pdf + world.light_pdf(segment.vertex, surface)) : 1.0f;
+      end.emitted += end.throughput * radiance * mis;
     }
   }
   end.point = world.shade(surface, -direction);
@@ -122,7 +134,7 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   }
   if (!passes) {
     if (end.point.black) return false;
-    if (!follow_delta || !is_delta_bsdf(end.point.bsdf)) {
+    if (!is_followed(end.point.bsdf, follow_below)) {
       end.surface = true;
       return false;
     }
@@ -132,6 +144,10 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
     end.throughput *= scattered.weight;
     if (max_component(end.throughput) <= 0.0f) return false;
     segment.direction = normalize(end.point.to_world(scattered.wi));
+    segment.vertex = surface.position;
+    segment.pdf = scattered.delta ? 0.0f : scattered.pdf;
+  } else {
+    segment.pdf = 0.0f;  // shadow rays do not pass masks
   }
   segment.origin = offset_origin(surface.position, surface.geometric_normal, segment.direction);
   segment.t_max = kRayInfinity;
@@ -142,9 +158,21 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
 // The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, Rng& rng, bool follow_delta,
+OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, Rng& rng, float follow_below,
                                   int max_chain, Segment& segment, RayEnd& end, FirstHit* first = nullptr) {
-  while (follow_hit(world, position, hit, rng, follow_delta, segment, end, first)) {
+  for (;;) {
+    const Vec3f throughput = end.throughput;  // up to the surface
+    if (!follow_hit(world, position, hit, rng, follow_below, segment, end, first)) return;
+    if (segment.pdf > 0.0f) {
+      const Vec3f wo = end.point.to_local(end.point.wo);
+      const Vec2f u = rng.uniform2();
+      const EmitterSample light = sample_emitter(world, end.point, wo, SobolSet::Sample{u, rng.uniform()});
+      if (light.valid) {
+        ++end.rays;
+        if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
+          end.emitted += throughput * light.contribution;
+      }
+    }
     if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)
     hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   }
@@ -154,13 +182,13 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec3f* geometric_normal, Vec3f direction,
-                                   Rng& rng, bool follow_delta, int max_chain, float t_max = kRayInfinity,
+                                   Rng& rng, float follow_below, int max_chain, float t_max = kRayInfinity,
                                    FirstHit* first = nullptr) {
   RayEnd end;
   if (max_chain < 0) return end;
   Segment segment = first_segment(position, geometric_normal, direction, t_max);
   Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
-  follow_from(world, position, hit, rng, follow_delta, max_chain, segment, end, first);
+  follow_from(world, position, hit, rng, follow_below, max_chain, segment, end, first);
   return end;
 }
 

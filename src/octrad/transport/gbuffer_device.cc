@@ -80,11 +80,11 @@ struct Arrive : Kernel {
     RayEnd end;
     FirstHit first;
     if constexpr (kChain) {
-      follow_from(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_delta, options.max_chain,
+      follow_from(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, options.max_chain,
                   segment, end, &first);
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
-      if (follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_delta, segment, end,
+      if (follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, segment, end,
                      &first)) {
         memory.chains[atomic_append(memory.chain_count)] = k;
         return;

@@ -18,6 +18,8 @@ struct LhsOptions {
   bool uniform_glossy = false;   // fresh directions of glossy points: uniform over the hemisphere instead of cosine
   double glossy_boost = 1.0;     // >= 1: how much likelier a glossy point is taken than a rough one
   float rough_threshold = 0.5f;  // alpha from which a point counts as rough
+  float follow_below = 0.0f;     // of is_followed(): surfaces that nobody asks about; walks go on there
+  bool split_coats = false;      // points of coated surfaces are of one of their lobes
   int poses = 0;  // drawn once, with the sensors among them; 0: a fresh one for every walk. Not with `cameras`
   unsigned long long seed = 0;
 };
@@ -146,6 +148,9 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     n = surface.geometric_normal * side;
     look = fresh;
   }
+  const auto passed = [&](const ShadingPoint& p) {
+    return draw.tries < kLhsTries / 2 && is_followed(p.bsdf, options.follow_below);
+  };
   for (;;) {  // a loop, so that kernels contain the code of shading once
     if (look == fresh) {
       u = draw.rng.uniform2();
@@ -154,7 +159,7 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     point = world.shade(surface, wo);
     if (look != end) {
       point.bsdf.opacity = 1.0f;
-      if (point.black) return LhsNext::missing;
+      if (point.black || (draw.kind == LhsKind::area && passed(point))) return LhsNext::missing;
       if (look == glossy || !options.uniform_glossy || roughness_bsdf(point.bsdf) >= options.rough_threshold)
         return LhsNext::found;
       // A cosine density hardly ever looks along a surface, but pictures of glossy floors and walls do.
@@ -168,9 +173,10 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
       return ++draw.passed <= longest ? LhsNext::ray : LhsNext::missing;
     }
     if (point.black) return LhsNext::missing;
-    if (draw.kind == LhsKind::view) return LhsNext::found;
+    const bool follow = passed(point);
+    if (draw.kind == LhsKind::view && !follow) return LhsNext::found;
     if (draw.vertex >= longest) return LhsNext::missing;
-    if (draw.rng.uniform() < options.stop_probability) {
+    if (!follow && draw.rng.uniform() < options.stop_probability) {
       if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
       n = viewed_normal(point);
       look = fresh;
@@ -223,6 +229,10 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
   if (next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 &&
       roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
+  }
+  if (next == LhsNext::found && options.split_coats && is_coated(point.bsdf)) {
+    const auto boost = static_cast<float>(options.glossy_boost);
+    point.bsdf.lobe = draw.rng.uniform() * (1.0f + boost) < boost ? Lobe::coat : Lobe::base;
   }
   return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_start_try(poses, draw) : next;
 }

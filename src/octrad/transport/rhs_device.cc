@@ -130,17 +130,17 @@ struct Arrive : Kernel {
     Rng rng = rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i,
                                   slot - i * directions);
     const RayQuery ray = memory.rays.load(q);
-    Segment segment{ray.origin, ray.direction, ray.t_max, 0};
+    Segment segment = first_segment(ray.origin, nullptr, ray.direction, ray.t_max);
     const Vec3f position = points.points[i].surface.position;
     RayEnd end;
     if constexpr (kChain) {
       Hit hit = memory.hits[q];
-      follow_from(world, position, hit, rng, true, options.max_chain, segment, end);
+      follow_from(world, position, hit, rng, options.follow_below, options.max_chain, segment, end);
       memory.hits[q] = hit;
       memory.rays.store(q, {segment.origin, segment.direction, segment.t_max});
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
-      if (follow_hit(world, position, memory.hits[q], rng, true, segment, end, nullptr)) {
+      if (follow_hit(world, position, memory.hits[q], rng, options.follow_below, segment, end, nullptr)) {
         memory.chains[atomic_append(memory.chain_count)] = q;
         return;
       }

@@ -14,6 +14,8 @@ struct Memory;
 
 struct DeviceRhsOptions {
   int directions = 16;           // M
+  float follow_below = kFollowDelta;  // as in RhsOptions
+  bool split_coats = false;
   int max_chain = 16;            // delta surfaces passed by a BSDF ray
   bool emission_inside = false;  // responses for emitters include their emission, which is subtracted
   bool own_emission = false;     // add the points' own emission to the targets

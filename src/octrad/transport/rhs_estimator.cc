@@ -64,10 +64,12 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       RayEnd end;
       Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
       Hit hit = context.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
-      follow_from(context, point.surface.position, hit, chain, true, options.max_chain, segment, end);
+      follow_from(context, point.surface.position, hit, chain, options.follow_below, options.max_chain, segment, end);
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
+      if (options.split_coats && is_coated(end.point.bsdf))
+        end.throughput *= choose_lobe(end.point.bsdf, end.point.to_local(end.point.wo), chain.uniform());
       queried.push_back(field_query_point(context, end.point, options.rays, chain));
       statistics.rays += options.rays.count(queried.back().alpha);
       pending.push_back({i,

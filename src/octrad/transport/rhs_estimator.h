@@ -16,7 +16,9 @@ using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::spa
 
 struct RhsOptions {
   int directions = 16;  // M
-  int max_chain = 16;   // delta surfaces passed by a BSDF ray
+  int max_chain = 16;   // surfaces passed by a BSDF ray
+  float follow_below = kFollowDelta;  // of is_followed(): which are passed
+  bool split_coats = false;  // one lobe of coated surfaces is asked for at the end (lookup.coats = split)
   bool emission_inside =
       false;       // predictions of emitters hold their emission (target.emission = inside): it is taken off again
   QueryRays rays;  // traced from the points of the queries

@@ -1,8 +1,6 @@
 // The two samples of one direction of the right-hand side (transport/rhs_estimator.h), for host and device.
 #pragma once
 
-#include "octrad/base/sobol_math.h"
-#include "octrad/shading/light_sample.h"
 #include "octrad/transport/follow_math.h"
 
 namespace octrad {
@@ -17,30 +15,6 @@ OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long s
 OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
                                          std::uint32_t m) {
   return Rng(seed, RngPurpose::chain, mix64(mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ key) + m);
-}
-
-// Direct light by emitter sampling, balance heuristic against BSDF sampling: the contribution if the shadow ray is
-// unoccluded.
-struct EmitterSample {
-  bool valid = false;
-  RayQuery ray;
-  Vec3f contribution{0, 0, 0};
-};
-
-OCTRAD_HD_OR_HOST
-template <typename World>
-OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingPoint& point, Vec3f wo,
-                                              const SobolSet::Sample& u) {
-  EmitterSample sample;
-  const LightSample light = world.sample_light(point.surface.position, u.u1, u.u2);
-  if (!light.valid || light.pdf <= 0.0f) return sample;
-  const Vec3f wi = point.to_local(light.direction);
-  const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
-  if (max_component(f.value) <= 0.0f) return sample;
-  sample.valid = true;
-  sample.ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  sample.contribution = f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
-  return sample;
 }
 
 // A direction drawn from the BSDF.

@@ -14,33 +14,30 @@ OCTRAD_HD inline Vec3f base_reflectance(const Bsdf& b) {
   return b.reflectance / (Vec3f(1.0f) - r);
 }
 
-// Probability of sampling the specular lobe where both lobes carry the same power.
-OCTRAD_HD inline float specular_share(const Bsdf& b) {
-  const float s = b.specular_reflectance.x + b.specular_reflectance.y + b.specular_reflectance.z;
-  const float d = b.reflectance.x + b.reflectance.y + b.reflectance.z;
+// Probability of sampling the coat's lobe, of which the share `specular` of light is reflected at the coat.
+OCTRAD_HD inline float coat_probability(const Bsdf& b, float specular) {
+  if (b.lobe != Lobe::all) return b.lobe == Lobe::coat ? 1.0f : 0.0f;
+  const float s = specular * (b.specular_reflectance.x + b.specular_reflectance.y + b.specular_reflectance.z);
+  const float d = (1.0f - specular) * (b.reflectance.x + b.reflectance.y + b.reflectance.z);
   return s + d > 0.0f ? s / (s + d) : 0.0f;
 }
+
 
 struct PlasticModel {
   static constexpr bool kDeltaOnly = false;
 
-  OCTRAD_HD static float specular_probability(const Bsdf& b, float fresnel) {
-    const float share = specular_share(b);
-    const float s = fresnel * share, d = (1.0f - fresnel) * (1.0f - share);
-    return s + d > 0.0f ? s / (s + d) : 0.0f;
-  }
   OCTRAD_HD static BsdfValue evaluate(const Bsdf& b, Vec3f wo, Vec3f wi) {
-    if (!(wo.z > 0.0f && wi.z > 0.0f)) return {};
+    if (!(wo.z > 0.0f && wi.z > 0.0f) || b.lobe == Lobe::coat) return {};
     const float fo = fresnel_dielectric(wo.z, b.eta).reflectance, fi = fresnel_dielectric(wi.z, b.eta).reflectance;
     const float p = wi.z * kInvPi;
     return {base_reflectance(b) * (p * (1.0f - fo) * (1.0f - fi) / (b.eta * b.eta)),
-            p * (1.0f - specular_probability(b, fo))};
+            p * (1.0f - coat_probability(b, fo))};
   }
   OCTRAD_HD static BsdfSample sample(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
     BsdfSample s;
     if (!(wo.z > 0.0f)) return s;
     const float fo = fresnel_dielectric(wo.z, b.eta).reflectance;
-    const float q = specular_probability(b, fo);
+    const float q = coat_probability(b, fo);
     if (u_lobe < q) {
       s.wi = {-wo.x, -wo.y, wo.z};
       s.pdf = q;
@@ -57,7 +54,8 @@ struct PlasticModel {
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }
-  OCTRAD_HD static float roughness(const Bsdf&) { return 0.0f; }
+  OCTRAD_HD static float reflected(const Bsdf& b, float cos) { return fresnel_dielectric(cos, b.eta).reflectance; }
+  OCTRAD_HD static float roughness(const Bsdf& b) { return b.lobe == Lobe::base ? 1.0f : 0.0f; }
 };
 
 }  // namespace octrad

@@ -21,11 +21,6 @@ struct RoughPlasticModel {
   OCTRAD_HD static Microfacet microfacet(const Bsdf& b) {
     return {b.distribution, b.alpha_u, b.alpha_u, b.sample_visible};
   }
-  OCTRAD_HD static float specular_probability(const Bsdf& b, float t_o) {
-    const float share = specular_share(b);
-    const float s = (1.0f - t_o) * share, d = t_o * (1.0f - share);
-    return s + d > 0.0f ? s / (s + d) : 0.0f;
-  }
   OCTRAD_HD static BsdfValue evaluate(const Bsdf& b, Vec3f wo, Vec3f wi) {
     if (!(wo.z > 0.0f && wi.z > 0.0f)) return {};
     const Microfacet m = microfacet(b);
@@ -35,15 +30,18 @@ struct RoughPlasticModel {
     const float t_o = transmittance(b, wo.z), t_i = transmittance(b, wi.z);
     const float specular = fresnel_dielectric(cos_h, b.eta).reflectance * d * g_o * g_i / (4.0f * wo.z);
     const float p_specular = m.visible ? d * g_o / (4.0f * wo.z) : d * h.z / (4.0f * dot(wi, h));
-    const float q = specular_probability(b, t_o);
+    const float q = coat_probability(b, 1.0f - t_o);
     const float p_diffuse = wi.z * kInvPi;
-    return {b.specular_reflectance * specular + base_reflectance(b) * (p_diffuse * t_o * t_i / (b.eta * b.eta)),
-            q * p_specular + (1.0f - q) * p_diffuse};
+    BsdfValue v;
+    if (b.lobe != Lobe::base) v.value += b.specular_reflectance * specular;
+    if (b.lobe != Lobe::coat) v.value += base_reflectance(b) * (p_diffuse * t_o * t_i / (b.eta * b.eta));
+    v.pdf = q * p_specular + (1.0f - q) * p_diffuse;
+    return v;
   }
   OCTRAD_HD static BsdfSample sample(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
     BsdfSample s;
     if (!(wo.z > 0.0f)) return s;
-    const float q = specular_probability(b, transmittance(b, wo.z));
+    const float q = coat_probability(b, 1.0f - transmittance(b, wo.z));
     s.wi = u_lobe < q ? reflect(wo, microfacet(b).sample_normal(wo, u)) : square_to_cosine_hemisphere(u);
     const BsdfValue v = evaluate(b, wo, s.wi);
     s.pdf = v.pdf;
@@ -52,7 +50,8 @@ struct RoughPlasticModel {
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }
-  OCTRAD_HD static float roughness(const Bsdf& b) { return b.alpha_u; }
+  OCTRAD_HD static float reflected(const Bsdf& b, float cos) { return 1.0f - transmittance(b, cos); }
+  OCTRAD_HD static float roughness(const Bsdf& b) { return b.lobe == Lobe::base ? 1.0f : b.alpha_u; }
 };
 
 }  // namespace octrad
