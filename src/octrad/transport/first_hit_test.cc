@@ -4,6 +4,7 @@
 
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/prepared_scene.h"
+#include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
@@ -80,7 +81,7 @@ TEST(FirstHit, DeltaChainsAreFollowedAndKeepTheirFirstSurface) {
   const Found cached = look_along(scene, {0, 0, 1}, options);
   EXPECT_EQ(cached.query.next, Next::query);
   EXPECT_FLOAT_EQ(cached.end.point.surface.position.z, 2.0f);
-  options.follow_delta = true;
+  options.follow_below = kFollowDelta;
   const Found traced = look_along(scene, {0, 0, 1}, options);
   EXPECT_FLOAT_EQ(traced.end.point.surface.position.z, -2.0f);
   EXPECT_FLOAT_EQ(traced.query.known.x, 3.0f * traced.end.throughput.x);
@@ -92,6 +93,36 @@ TEST(FirstHit, DeltaChainsAreFollowedAndKeepTheirFirstSurface) {
   EXPECT_FLOAT_EQ(look_along(scene, {0, 0, 1}, options).query.known.x, 0.0f);
   options.max_chain = 0;
   EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::nothing);
+}
+
+// Passed surfaces are lit by both ways of sampling, whose weights add up to one.
+TEST(FirstHit, NearMirrorsAreFollowedAndShowLampsAndSky) {
+  const PreparedScene scene = scene_around();
+  const auto light_over_the_metal = [&](float follow_below) {
+    FirstHitOptions options;
+    options.follow_below = follow_below;
+    options.max_chain = 1;
+    Vec3f sum(0.0f);
+    constexpr int kSamples = 1 << 15;
+    for (unsigned long long i = 0; i < kSamples; ++i) {
+      CameraSample sample{{{0, 0, 0}, {0.8f, 0, -0.6f}, 1e30f}, Rng(1, RngPurpose::test, i), {}};
+      RayEnd end;
+      FirstHit first;
+      sum += trace_first_hit(scene.context(), options, sample, end, first).known;
+      EXPECT_FLOAT_EQ(first.roughness, 0.2f);
+    }
+    return sum / static_cast<float>(kSamples);
+  };
+  EXPECT_EQ(light_over_the_metal(0.2f), Vec3f(0.0f));  // below is exclusive
+  const Found metal = look_along(scene, {0.8f, 0, -0.6f});
+  RhsOptions direct;
+  direct.directions = 1 << 14;
+  direct.max_chain = 0;
+  Vec3f expected;
+  estimate_rhs_serial(scene.context(), {&metal.end.point, 1}, direct, nullptr, {&expected, 1});
+  const Vec3f found = light_over_the_metal(0.21f);
+  EXPECT_GT(expected.x, 0.1f);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], 0.01f * expected[c]);
 }
 
 TEST(FirstHit, GlossySurfacesBounceBelowTheThreshold) {

@@ -19,7 +19,7 @@ TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
   for (const bool follow : {false, true}) {
     for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
       FirstHitCase c{{}, bounce == Bounce::glossy};
-      c.options.follow_delta = follow;
+      c.options.follow_below = follow ? 0.3f : 0.0f;
       c.options.bounce = bounce;
       c.options.emission_inside = follow;
       c.options.max_chain = 5;

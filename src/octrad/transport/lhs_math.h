@@ -114,6 +114,11 @@ struct LhsDraw {
   OCTRAD_HD explicit LhsDraw(const Rng& generator) : rng(generator) {}
 };
 
+// What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
+OCTRAD_HD inline double stop_probability(const LhsOptions& options, const Bsdf& bsdf) {
+  return options.stop_probability / (roughness_bsdf(bsdf) < options.rough_threshold ? 1.0 : options.glossy_boost);
+}
+
 // Begins a try.
 OCTRAD_HD inline LhsNext lhs_start_try(const LhsPoses& poses, LhsDraw& draw) {
   const bool view = draw.kind == LhsKind::view;
@@ -176,7 +181,7 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     const bool follow = passed(point);
     if (draw.kind == LhsKind::view && !follow) return LhsNext::found;
     if (draw.vertex >= longest) return LhsNext::missing;
-    if (!follow && draw.rng.uniform() < options.stop_probability) {
+    if (!follow && draw.rng.uniform() < stop_probability(options, point.bsdf)) {
       if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
       n = viewed_normal(point);
       look = fresh;
@@ -225,8 +230,7 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
     }
   }
   if (next == LhsNext::ray) return next;
-  // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
-  if (next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 &&
+  if (area && next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 &&
       roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }

@@ -1,6 +1,7 @@
 // Properties of left-hand-side points.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "octrad/transport/furnace_test_helper.h"
@@ -65,6 +66,30 @@ TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
   const double boosted_share = 3.0 * share / (3.0 * share + 1.0 - share);
   EXPECT_NEAR(boosted, boosted_share, share_error(boosted_share));
   EXPECT_NEAR(mean_uniform, 0.5, 5.0 * std::sqrt(1.0 / 12.0 / (6000.0 * boosted)));
+}
+
+// Nobody asks about surfaces that rays follow, unless the scene has nothing else.
+TEST(LhsSampler, FollowedSurfacesAreNoPoints) {
+  const std::string metal = R"(<bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>)";
+  const FurnaceScene mixed(furnace(
+      kGrey, "",
+      R"(<shape type="sphere"><point name="center" x="0.4" y="0.3" z="0.4"/><float name="radius" value="0.4"/>)" +
+          metal + "</shape>"));
+  LhsOptions options;
+  const auto followed = [&](const FurnaceScene& setup, double walks, float follow_below) {
+    options.walks = walks;
+    options.follow_below = follow_below;
+    std::vector<ShadingPoint> points(2000);
+    LhsSampler(setup.prepared, options).sample(1, points);
+    return std::count_if(points.begin(), points.end(),
+                         [&](const ShadingPoint& p) { return is_followed(p.bsdf, 0.4f); });
+  };
+  for (const double walks : {0.0, 1.0}) {
+    EXPECT_GT(followed(mixed, walks, 0.0f), 50);
+    EXPECT_GT(followed(mixed, walks, 0.3f), 50);  // below is exclusive
+    EXPECT_EQ(followed(mixed, walks, 0.31f), 0);
+  }
+  EXPECT_EQ(followed(FurnaceScene(furnace(metal, "")), 0.9, 0.31f), 2000);
 }
 
 TEST(LhsSampler, AreaPointsAreUniform) {

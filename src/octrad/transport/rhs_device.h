@@ -13,7 +13,7 @@ struct Memory;
 }
 
 struct DeviceRhsOptions {
-  int directions = 16;           // M
+  int directions = 16;                // M
   float follow_below = kFollowDelta;  // as in RhsOptions
   bool split_coats = false;
   int max_chain = 16;            // delta surfaces passed by a BSDF ray

@@ -15,10 +15,10 @@ namespace octrad {
 using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::span<Vec3f>)>;
 
 struct RhsOptions {
-  int directions = 16;  // M
-  int max_chain = 16;   // surfaces passed by a BSDF ray
+  int directions = 16;                // M
+  int max_chain = 16;                 // surfaces passed by a BSDF ray
   float follow_below = kFollowDelta;  // of is_followed(): which are passed
-  bool split_coats = false;  // one lobe of coated surfaces is asked for at the end (lookup.coats = split)
+  bool split_coats = false;           // one lobe of coated surfaces is asked for at the end (lookup.coats = split)
   bool emission_inside =
       false;       // predictions of emitters hold their emission (target.emission = inside): it is taken off again
   QueryRays rays;  // traced from the points of the queries

@@ -22,7 +22,6 @@ OCTRAD_HD inline float coat_probability(const Bsdf& b, float specular) {
   return s + d > 0.0f ? s / (s + d) : 0.0f;
 }
 
-
 struct PlasticModel {
   static constexpr bool kDeltaOnly = false;
 
