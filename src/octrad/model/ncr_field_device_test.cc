@@ -19,9 +19,10 @@ using testing::TrainingBatch;
 
 constexpr std::size_t kPoints = 140;
 
-// As in field_gradient_device_test.cc. Those of GPUs are a first guess.
+// As in field_gradient_device_test.cc, but that rounding adds up over two networks: beyond 1e-3 lie up to 0.56 %
+// (world positions, whose halves are coarse). Those of GPUs are a first guess.
 const testing::Limits kAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
-const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.005, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
+const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.015, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
 constexpr double kLoss[2] = {1e-5, 1e-3};
 
 // Far from the edges of ReLU.
