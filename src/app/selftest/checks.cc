@@ -88,7 +88,7 @@ CheckResult check_clusters(const Context& c) {
 
 CheckResult check_rhs(const Context& c) {
   constexpr RhsCase kCases[] = {
-      {16, false, false, false, true, true}, {5, true, true, true, true}, {4, false, false, false, false}};
+      {16, false, false, false, true, true}, {5, true, true, true, true, false, 0.3f}, {4, false, false, false, false}};
   return check_right_hand_sides(c.stream, c.open, kCases, c.items(1 << 13, 1 << 8), c.seed);
 }
 
@@ -102,7 +102,7 @@ CheckResult check_g_buffer(const Context& c) {
   std::vector<FirstHitCase> cases;
   for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
     FirstHitOptions options;
-    options.follow_below = bounce != Bounce::none ? kFollowDelta : 0.0f;
+    options.follow_below = bounce == Bounce::none ? 0.0f : bounce == Bounce::glossy ? kFollowDelta : 0.3f;
     options.bounce = bounce;
     options.emission_inside = bounce == Bounce::glossy;
     options.max_chain = 6;

@@ -55,6 +55,8 @@ float follow_below(const Config& config) {
   return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
 }
 
+float rhs_follow_below(const Config& config) { return std::max(kFollowDelta, follow_below(config)); }
+
 QueryRays query_rays(const Config& config, bool training) {
   const FieldEntry& field = field_entry(config.field);
   return field.rays == nullptr ? QueryRays{} : field.rays(config, training);

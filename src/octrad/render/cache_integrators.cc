@@ -19,7 +19,7 @@ class CacheIntegrator : public Integrator {
         rays_(query_rays(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
     rhs_.max_chain = options_.max_chain;
-    rhs_.follow_below = std::max(kFollowDelta, options_.follow_below);
+    rhs_.follow_below = rhs_follow_below(input.config);
     rhs_.split_coats = options_.split_coats;
     rhs_.emission_inside = options_.emission_inside;
     rhs_.rays = rays_;

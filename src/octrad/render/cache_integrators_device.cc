@@ -19,6 +19,7 @@ class CacheIntegrator : public DeviceIntegrator {
     if (bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = options_.max_chain;
+    rhs_options_.follow_below = rhs_follow_below(input.config);
     rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = input.seed;
     rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, query_rays(input.config));

@@ -41,7 +41,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
-  rhs.follow_below = std::max(kFollowDelta, follow_below(config_));
+  rhs.follow_below = rhs_follow_below(config_);
   rhs.split_coats = config_.lookup_coats == Coats::split;
   rhs.emission_inside = config_.target_emission == TargetEmission::inside;
   rhs.rays = query_rays(config_);

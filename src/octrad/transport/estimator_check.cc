@@ -216,8 +216,10 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
   EstimateErrors errors;
   for (const RhsCase& c : cases) {
     RhsOptions options;
+    DeviceRhsOptions device_options;
     options.directions = c.directions;
     options.max_chain = 6;
+    options.follow_below = device_options.follow_below = c.follow_below;
     options.emission_inside = c.emission_inside;
     options.rays = wanted_rays(c.traced_disparity, c.lobes);
     options.seed = seed;
@@ -229,7 +231,6 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       if (points[i].surface.emitter >= 0) expected[i] += context.emitted(points[i].surface, points[i].wo);
     }
 
-    DeviceRhsOptions device_options;
     device_options.directions = c.directions;
     device_options.max_chain = options.max_chain;
     device_options.emission_inside = device_options.own_emission = c.emission_inside;

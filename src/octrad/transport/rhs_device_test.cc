@@ -91,9 +91,9 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
 }
 
 TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
-  const std::pair<testing::OpenRoom, RhsCase> cases[] = {{{true, true}, {16, false, false, false, true, true}},
+  const std::pair<testing::OpenRoom, RhsCase> cases[] = {{{true, true}, {16, false, false, false, true, true, 0.3f}},
                                                          {{true, false}, {5, true, true, true, true, true}},
-                                                         {{false, true}, {8, true, false, true, true}},
+                                                         {{false, true}, {8, true, false, true, true, false, 0.3f}},
                                                          {{false, true}, {8, false, false, false, false}},
                                                          {{false, false}, {4, false, false, false, true}}};
   for (const auto& [room, c] : cases) {
