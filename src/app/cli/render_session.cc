@@ -42,11 +42,11 @@ RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& int
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
   Config config = info.config;
   for (const auto& [key, value] : definitions.config_definitions()) {
-    if (key != "render.delta") {
+    if (!key.starts_with("render.")) {
       Config scratch = config;
       set(scratch, key, value);  // an unknown key is refused with a suggestion
-      throw UsageError(
-          fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
+      throw UsageError(fmt::format(
+          "-D {}: the model fixes this key; only render.delta and render.trace_below can change after training", key));
     }
     set(config, key, value);
   }

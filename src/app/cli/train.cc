@@ -53,7 +53,8 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   apply_options(wanted, o, common);
   if (wanted.target_scale == 0.0) wanted.target_scale = model.info.config.target_scale;  // chosen by the first run
   const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
-  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta",
+                                                      "render.trace_below"};
   for (std::size_t i = 0; i < was.size(); ++i) {
     if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
       continue;

@@ -251,8 +251,10 @@ const std::vector<Key>& keys() {
       duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
       choice("render.delta", &C::render_delta, {{"cache", DeltaSurfaces::cache}, {"trace", DeltaSurfaces::trace}},
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
-      number("render.trace_below", &C::render_trace_below, {0, 1},
-             "surfaces of one lobe with less roughness are followed like mirrors where render.delta is trace"),
+      number(
+          "render.trace_below", &C::render_trace_below, {0, 1},
+          "alpha below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission "
+          "= outside"),
       choice("lookup.coats", &C::lookup_coats, {{"joined", Coats::joined}, {"split", Coats::split}},
              "coated surfaces: one response, or one for the base and one for the coat"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
@@ -416,6 +418,7 @@ Config preset(const std::string& name) {
   c.loss_epsilon_first = 0.1;
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
+  c.render_trace_below = 0.0;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;

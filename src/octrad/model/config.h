@@ -118,7 +118,7 @@ struct Config {
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
-  double render_trace_below = 0.0;  // alpha
+  double render_trace_below = 0.05;  // alpha
   Coats lookup_coats = Coats::joined;
   long long seed = 0;
 

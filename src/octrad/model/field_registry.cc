@@ -52,6 +52,8 @@ std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomai
 
 float follow_below(const Config& config) {
   if (config.render_delta != DeltaSurfaces::trace) return 0.0f;
+  // Light sampled at a near mirror would be counted again by a response that holds the emission.
+  if (config.target_emission == TargetEmission::inside) return kFollowDelta;
   return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
 }
 
