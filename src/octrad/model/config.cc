@@ -214,7 +214,7 @@ const std::vector<Key>& keys() {
       number("train.glossy_boost", &C::train_glossy_boost, {1, 100},
              "how much likelier a glossy point is taken than a rough one"),
       number("train.stop_probability", &C::train_stop_probability, {0, 1, true},
-             "probability of stopping a walk at a vertex"),
+             "probability of stopping a walk at a vertex, divided by train.glossy_boost on rough surfaces"),
       number("train.max_walk", &C::train_max_walk, {1, 64}, "longest walk"),
       number(
           "train.poses", &C::train_poses, {0, 100000},
@@ -413,6 +413,7 @@ Config preset(const std::string& name) {
   c.train_poses = 64;
   c.train_fresh_direction = FreshDirection::cosine;
   c.train_glossy_boost = 1.0;
+  c.train_stop_probability = 0.3;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
   c.loss_epsilon_first = 0.1;

@@ -97,7 +97,7 @@ struct Config {
   double train_keep_direction = 0.0;  // share of walk vertices that keep the walk's own wo
   FreshDirection train_fresh_direction = FreshDirection::uniform;
   double train_glossy_boost = 3.0;  // how much likelier a glossy point is taken than a rough one
-  double train_stop_probability = 0.3;
+  double train_stop_probability = 0.6;
   int train_max_walk = 16;
   int train_poses = 0;        // camera poses drawn once; 0: a fresh one for every walk
   std::string train_cameras;  // JSON file with more camera poses

@@ -12,7 +12,7 @@ namespace octrad {
 struct LhsOptions {
   double walks = 0.9;             // random walks from camera poses
   double view = 0.0;              // primary hits of the first camera
-  double stop_probability = 0.3;  // of a walk at each vertex
+  double stop_probability = 0.3;  // of a walk at each vertex, divided by glossy_boost on rough surfaces
   int max_walk = 16;
   double keep_direction = 0.0;   // share of walk vertices that keep the direction they were reached by as wo
   bool uniform_glossy = false;   // fresh directions of glossy points: uniform over the hemisphere instead of cosine
