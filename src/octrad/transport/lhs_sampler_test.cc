@@ -68,6 +68,28 @@ TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
   EXPECT_NEAR(mean_uniform, 0.5, 5.0 * std::sqrt(1.0 / 12.0 / (6000.0 * boosted)));
 }
 
+TEST(LhsSampler, WalksStopAtGlossySurfacesMoreReadily) {
+  const FurnaceScene setup(furnace(
+      kGrey, "",
+      R"(<shape type="sphere"><point name="center" x="0.4" y="0.3" z="0.4"/><float name="radius" value="0.4"/>
+         <bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>)"));
+  const auto glossy = [&](double boost) {
+    LhsOptions options;
+    options.walks = 1.0;
+    options.stop_probability = 0.6;
+    options.glossy_boost = boost;
+    std::vector<ShadingPoint> points(6000);
+    LhsSampler(setup.prepared, options).sample(1, points);
+    return static_cast<double>(std::count_if(points.begin(), points.end(),
+                                             [](const ShadingPoint& p) { return roughness_bsdf(p.bsdf) < 0.5f; })) /
+           6000.0;
+  };
+  // Long walks meet the sphere at a share p of their vertices, and stop there with odds of boost p : 1 - p.
+  const double p = glossy(1.0), odds = p / (1.0 - p), boosted = glossy(3.0);
+  EXPECT_GT(p, 0.02);
+  EXPECT_NEAR(boosted / (1.0 - boosted) / odds, 3.0, 0.6);
+}
+
 // Nobody asks about surfaces that rays follow, unless the scene has nothing else.
 TEST(LhsSampler, FollowedSurfacesAreNoPoints) {
   const std::string metal = R"(<bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>)";
