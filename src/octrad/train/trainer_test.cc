@@ -133,7 +133,7 @@ TEST(Train, UnitsOfRadianceDoNotMatter) {
   const float scales[] = {1.0f, std::ldexp(1.0f, -10), std::ldexp(1.0f, 17)};
   for (int k = 0; k < 3; ++k) {
     Box box(8.0 * static_cast<double>(scales[k]));
-    if (probes.empty()) probes = surface_probes(box.scene, 200, 1);
+    if (probes.empty()) probes = surface_probes(box.scene, 200, 1, short_run(20));
     radiance[k].resize(probes.size());
     train(box.scene, short_run(20), {}).field->radiance(probes, radiance[k]);
     std::size_t lit = 0;
