@@ -11,6 +11,8 @@
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/base/printable.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
 
@@ -82,7 +84,13 @@ void CommonOptions::apply() const {
   if (verbose > 1) throw UsageError("-v is given twice: there is one level of detail");
   set_log_level(quiet > 0 ? LogLevel::quiet : verbose > 0 ? LogLevel::verbose : LogLevel::normal);
   if (threads > 0) set_thread_count(threads);
-  memory_budget();  // refuses nonsense before any work
+  // TBB cannot go on when a thread is refused, so that is found out before.
+  if (const int wanted = thread_count(), given = startable_threads(wanted); given < wanted) {
+    log_warning(
+        fmt::format("only {} of {} threads can be started (a limit of the user or of the container)", given, wanted));
+    set_thread_count(given);
+  }
+  set_memory_limit(memory_budget());  // refuses nonsense before any work
   if (!support.cuda) choose_device();
   else if (parse_device(device).kind == DeviceRequest::Kind::cuda) octrad::choose_device(parse_device(device), support);
 }
@@ -150,7 +158,8 @@ void print_json(const nlohmann::json& object) {
   print_text(object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-void print_text(const std::string& text) {
+void print_text(const std::string& raw) {
+  const std::string text = printable(raw);
   std::fwrite(text.data(), 1, text.size(), stdout);
   if (text.empty() || text.back() != '\n') std::fputc('\n', stdout);
   flush_stdout();

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "app/cli/compare.h"
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/read_file.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"
@@ -32,7 +32,7 @@ std::vector<std::string> frames_of(const std::string& sequence) {
     if (error) throw IoError(fmt::format("cannot read folder {}: {}", sequence, error.message()));
     std::sort(files.begin(), files.end());
   } else {
-    std::istringstream lines(read_text_file(sequence));
+    std::istringstream lines(read_file(sequence));
     if (fs::path(sequence).extension() != ".txt")
       throw InputError(
           fmt::format("{}: --temporal takes folders of frames, or text files (.txt) with their names", sequence));

@@ -11,6 +11,7 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/read_file.h"
 
 namespace octrad {
 namespace {
@@ -38,9 +39,9 @@ TEST_F(AtomicFiles, AtomicFileReplacesOrLeaves) {
     AtomicFile out(path("a"));
     out.write(std::string("half"));
   }  // no commit
-  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(read_file(path("a")), "old");
   write_text_file(path("a"), "new");
-  EXPECT_EQ(read_text_file(path("a")), "new");
+  EXPECT_EQ(read_file(path("a")), "new");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 
@@ -52,11 +53,11 @@ TEST_F(AtomicFiles, AtomicFilesOfTwoWritersNeverMix) {
     two.write(std::string(50, '2'));
     one.write(std::string(100, '1'));
     two.commit();
-    EXPECT_EQ(read_text_file(path("a")), std::string(50, '2'));
+    EXPECT_EQ(read_file(path("a")), std::string(50, '2'));
     one.commit();
   }
-  EXPECT_EQ(read_text_file(path("a")), std::string(200, '1'));
-  EXPECT_EQ(read_text_file(path("a.tmp")), "somebody's own");
+  EXPECT_EQ(read_file(path("a")), std::string(200, '1'));
+  EXPECT_EQ(read_file(path("a.tmp")), "somebody's own");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 2);
 }
 
@@ -88,15 +89,15 @@ TEST_F(AtomicFiles, AtomicFileFollowsLinks) {
   std::filesystem::create_symlink(path("target"), path("link"));
   write_text_file(path("link"), "new");
   EXPECT_TRUE(std::filesystem::is_symlink(path("link")));
-  EXPECT_EQ(read_text_file(path("target")), "new");
+  EXPECT_EQ(read_file(path("target")), "new");
 }
 
 TEST_F(AtomicFiles, AtomicFileNamesWhatIsWrong) {
   EXPECT_THROW(AtomicFile(path("none/x")), IoError);
   EXPECT_THROW(AtomicFile(folder_.string()), IoError);
   EXPECT_THROW(AtomicFile(""), IoError);
-  EXPECT_THROW(read_text_file(path("none")), IoError);
-  EXPECT_THROW(read_text_file(folder_.string()), IoError);
+  EXPECT_THROW(read_file(path("none")), IoError);
+  EXPECT_THROW(read_file(folder_.string()), IoError);
   write_text_file(path("file"), "");
   EXPECT_THROW(require_writable(path("file/x")), IoError);
   try {
@@ -120,7 +121,7 @@ TEST_F(AtomicFiles, AtomicFileReportsAFullDisk) {
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
   EXPECT_THROW(write_text_file(path("a"), std::string(1000, 'x')), IoError);
   setrlimit(RLIMIT_FSIZE, &before);
-  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(read_file(path("a")), "old");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 

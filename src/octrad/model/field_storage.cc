@@ -1,5 +1,8 @@
 #include "octrad/model/field_storage.h"
 
+#include <algorithm>
+#include <atomic>
+#include <cmath>
 #include <cstring>
 
 #include "octrad/base/error.h"
@@ -10,11 +13,27 @@
 namespace octrad {
 namespace {
 
-template <typename T>
-void read_into(const TensorReader& in, const std::string& name, DType type, const std::vector<std::int64_t>& shape,
-               T* out) {
-  const auto t = in.get(name, type, shape);
-  std::memcpy(out, t.data, t.bytes);
+constexpr std::size_t kBlock = 1 << 18;
+
+// Copies a tensor; `value(i)` is its i-th number.
+template <typename Value>
+void copy_finite(const TensorReader& in, const std::string& name, std::span<float> out, const Value& value) {
+  std::atomic<bool> finite = true;
+  parallel_blocks(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    bool good = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      out[i] = value(i);
+      good &= std::isfinite(out[i]);
+    }
+    if (!good) finite = false;
+  });
+  if (!finite) throw InputError(in.file() + " is not a usable model file: tensor \"" + name + "\" is not finite");
+}
+
+void read_count(const TensorReader& in, const std::string& name, std::int64_t& count) {
+  const auto t = in.get(name, DType::i64, {1});
+  std::memcpy(&count, t.data, t.bytes);
+  if (count < 0) throw InputError(in.file() + " is not a usable model file: tensor \"" + name + "\" is negative");
 }
 
 }  // namespace
@@ -43,14 +62,19 @@ void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long
 
 void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
                  std::span<float> out) {
-  const auto any = in.get(name);
-  if (any.type != DType::f16) {
-    read_into(in, name, DType::f32, shape, out.data());
-    return;
+  if (in.get(name).type == DType::f16) {
+    const auto* half = static_cast<const std::uint16_t*>(in.get(name, DType::f16, shape).data);
+    copy_finite(in, name, out, [&](std::size_t i) { return to_float(Half{half[i]}); });
+  } else {
+    const auto* data = static_cast<const float*>(in.get(name, DType::f32, shape).data);
+    copy_finite(in, name, out, [&](std::size_t i) { return data[i]; });
   }
-  const auto t = in.get(name, DType::f16, shape);
-  const auto* half = static_cast<const std::uint16_t*>(t.data);
-  for (std::int64_t i = 0; i < t.count; ++i) out[static_cast<std::size_t>(i)] = to_float(Half{half[i]});
+}
+
+bool has_optimizer(const TensorReader& in) {
+  const std::vector<std::string> names = in.names();
+  return std::any_of(names.begin(), names.end(),
+                     [](const std::string& name) { return name.starts_with("optimizer."); });
 }
 
 void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
@@ -67,15 +91,15 @@ void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam*
 
 void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
   for (int i = 0; i < mlp.layer_count(); ++i) {
-    read_into(in, prefix + "." + std::to_string(i) + ".weight", DType::f32, {mlp.layer_outputs(i), mlp.layer_inputs(i)},
-              mlp.layer(i).data());
+    read_floats(in, prefix + "." + std::to_string(i) + ".weight", {mlp.layer_outputs(i), mlp.layer_inputs(i)},
+                mlp.layer(i));
   }
   mlp.prepare();
-  if (!adam || !in.has("optimizer." + prefix + ".m")) return;
+  if (!adam) return;
   const auto n = static_cast<std::int64_t>(mlp.parameter_count());
-  read_into(in, "optimizer." + prefix + ".m", DType::f32, {n}, adam->m().data());
-  read_into(in, "optimizer." + prefix + ".v", DType::f32, {n}, adam->v().data());
-  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam->count());
+  read_floats(in, "optimizer." + prefix + ".m", {n}, adam->m());
+  read_floats(in, "optimizer." + prefix + ".v", {n}, adam->v());
+  read_count(in, "optimizer." + prefix + ".count", adam->count());
 }
 
 void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid) {
@@ -99,9 +123,10 @@ void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, s
 
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries,
                int features) {
-  read_into(in, "optimizer." + prefix + ".moments", DType::f32, {entries, 2, features}, adam.moments().data());
-  read_into(in, "optimizer." + prefix + ".counts", DType::u16, {entries}, adam.counts().data());
-  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
+  read_floats(in, "optimizer." + prefix + ".moments", {entries, 2, features}, adam.moments());
+  const auto counts = in.get("optimizer." + prefix + ".counts", DType::u16, {entries});
+  if (counts.bytes > 0) std::memcpy(adam.counts().data(), counts.data, counts.bytes);
+  read_count(in, "optimizer." + prefix + ".count", adam.global_count());
 }
 
 void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span<const float> d_inputs, int stride,

@@ -15,6 +15,7 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 namespace {
@@ -200,6 +201,7 @@ void TensorReader::Impl::parse_header() {
         fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated",
                     length, size));
   }
+  ask_memory(length * 32, file);  // what JSON becomes in memory, at most
   const char* text = base + sizeof(length);
   if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");
 
@@ -250,6 +252,7 @@ void TensorReader::Impl::parse_header() {
     const std::size_t position = sizeof(length) + length + begin;
     tensor.data = base + position;
     if (tensor.bytes > 0 && position % size_of(tensor.type) != 0) {  // the mapping begins on a page
+      ask_memory(tensor.bytes, file);
       copies.push_back(std::make_unique<std::uint64_t[]>(tensor.bytes / 8 + 1));
       std::memcpy(copies.back().get(), base + position, tensor.bytes);
       tensor.data = copies.back().get();
