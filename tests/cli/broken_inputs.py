@@ -78,7 +78,7 @@ bad("include-too-deep", scene('<include filename="0.xml"/>'), "nested more than 
 bad("include-too-many", scene('<include filename="t.xml"/>' * 1001), "more than 1000 files", t_xml=scene(""))
 bad("include-a-folder", scene('<include filename="."/>'), "is a folder")
 bad("include-outside", scene('<include filename="../../../../../../etc/hostname"/>'), "", 2)
-bad("include-a-device", scene('<include filename="/dev/zero"/>'), "not a regular file", 3)
+bad("include-a-device", scene('<include filename="/dev/zero"/>'), "a device, not a file", 3)
 bad("path-to-nothing", scene('<path value="none"/>'), "is not a folder")
 bad("alias-of-nothing", scene('<alias id="a" as="b"/>'), 'nothing has the id "a"')
 bad("alias-taken", scene('<bsdf type="diffuse" id="a"/><bsdf type="diffuse" id="b"/><alias id="a" as="b"/>'), "taken already")
@@ -147,7 +147,7 @@ body("ellipsoid", '<shape type="sphere"><transform name="to_world"><scale x="2"/
 body("mesh-missing", '<shape type="obj"><string name="filename" value="none.obj"/></shape>', "does not exist")
 body("mesh-unnamed", '<shape type="obj"><string name="filename" value=""/></shape>', "is empty")
 body("mesh-a-folder", '<shape type="ply"><string name="filename" value="."/></shape>', "is a folder")
-body("mesh-a-device", '<shape type="ply"><string name="filename" value="/dev/zero"/></shape>', "not a regular file", 3)
+body("mesh-a-device", '<shape type="ply"><string name="filename" value="/dev/zero"/></shape>', "a device, not a file", 3)
 body("two-materials", '<shape type="cube"><bsdf type="diffuse"/><bsdf type="diffuse"/></shape>', "at most one bsdf")
 bad("many-cubes", scene(SENSOR + CUBE * 400000), "the budget is", 4)
 
@@ -296,7 +296,7 @@ for name, data, message in (
         ("shape-huge", tensors({"a": {"dtype": "F64", "shape": [2 ** 62, 2 ** 62], "data_offsets": [0, 1]}}, b"a"), "overflow"), ("outside", tensors({"a": {"dtype": "U8", "shape": [9], "data_offsets": [0, 9]}}, b"a"), "truncated or damaged")):
     case(f"model-{name}", {"m.octrad": data, "p.csv": POINTS}, ["query", "m.octrad", "--points", "p.csv"], 2, message)
 case("model-info-deep", {"m.octrad": tensors(model_header(config=DEEP))}, ["info", "m.octrad"], 0, "")
-case("model-a-device", {"p.csv": POINTS}, ["query", "/dev/zero", "--points", "p.csv"], 3, "not a regular file")
+case("model-a-device", {"p.csv": POINTS}, ["query", "/dev/zero", "--points", "p.csv"], 3, "a device, not a file")
 
 # What is odd and right
 odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))

@@ -9,7 +9,7 @@
 
 #include "app/cli/compare.h"
 #include "octrad/base/error.h"
-#include "octrad/base/read_file.h"
+#include "octrad/base/input_file.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"

@@ -8,9 +8,9 @@
 #include <cstdlib>
 
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/read_file.h"
 #include "octrad/scene/limits.h"
 
 namespace octrad::cli {

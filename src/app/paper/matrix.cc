@@ -9,9 +9,9 @@
 
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/json_file.h"
-#include "octrad/base/read_file.h"
 #include "octrad/model/config.h"
 
 namespace octrad::paper {

@@ -6,8 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/read_file.h"
 
 namespace octrad {
 
@@ -38,6 +39,30 @@ nlohmann::json parse_json_or_discard(const std::string& text) {
     return parse_json(text, "JSON");
   } catch (const InputError&) {
     return nlohmann::json::value_t::discarded;
+  }
+}
+
+namespace {
+
+nlohmann::json escaped(const nlohmann::json& value) {
+  if (value.is_string()) return escape_bytes(value.get_ref<const std::string&>());
+  nlohmann::json out = value;
+  if (value.is_array()) {
+    for (nlohmann::json& element : out) element = escaped(element);
+  } else if (value.is_object()) {
+    out.clear();
+    for (const auto& [key, element] : value.items()) out[escape_bytes(key)] = escaped(element);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string json_text(const nlohmann::json& value, int indent) {
+  try {
+    return value.dump(indent);
+  } catch (const nlohmann::json::type_error&) {  // bytes that are no UTF-8
+    return escaped(value).dump(indent);
   }
 }
 

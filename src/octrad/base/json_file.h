@@ -14,4 +14,7 @@ nlohmann::json parse_json_or_discard(const std::string& text);
 // Of a file. Throws IoError when it cannot be read.
 nlohmann::json read_json_file(const std::string& file);
 
+// As value.dump(indent), but texts and keys may be any bytes, such as names of files: see escape_bytes().
+std::string json_text(const nlohmann::json& value, int indent = -1);
+
 }  // namespace octrad

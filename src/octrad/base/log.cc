@@ -9,7 +9,7 @@
 #include <cstring>
 #include <mutex>
 
-#include "octrad/base/printable.h"
+#include "octrad/base/escape.h"
 
 namespace octrad {
 namespace {

@@ -1,13 +1,17 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <signal.h>
+#include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/base/log.h"
 #include "octrad/base/progress.h"
 
@@ -15,9 +19,8 @@ namespace octrad {
 namespace {
 
 TEST(JsonLines, CanBeFollowedAndAppended) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "octrad-log-XXXXXX").string();
-  const std::filesystem::path folder = mkdtemp(pattern.data());
-  const auto path = [&](const std::string& name) { return (folder / name).string(); };
+  const TestFolder folder;
+  const auto path = [&](const std::string& name) { return folder.file(name); };
   {
     JsonLines log(path("log"));
     std::vector<std::thread> threads;
@@ -37,7 +40,43 @@ TEST(JsonLines, CanBeFollowedAndAppended) {
   for (std::string line; std::getline(in, line); ++lines) EXPECT_TRUE(nlohmann::json::accept(line)) << line;
   EXPECT_EQ(lines, 201);
   EXPECT_THROW(JsonLines(path("none/log")), IoError);
-  std::filesystem::remove_all(folder);
+}
+
+// The work must go on without its log, and say so at the end.
+TEST(JsonLines, LinesThatCannotBeWrittenAreTriedAgain) {
+  const TestFolder folder;
+  const std::string file = folder.file("log");
+  JsonLines log(file);
+  log.write({{"line", 1}});
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = std::filesystem::file_size(file) + 5;  // a piece of the next line
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  log.write({{"line", 2}});
+  log.write({{"line", 3}});
+  setrlimit(RLIMIT_FSIZE, &before);
+  log.write({{"line", 4}});
+  std::ifstream in(file);
+  std::string text((std::istreambuf_iterator<char>(in)), {});
+  EXPECT_EQ(text, "{\"line\":1}\n{\"line\":4}\n");
+  try {
+    log.finish();
+    ADD_FAILURE() << "two lines are missing";
+  } catch (const IoError& error) {
+    EXPECT_NE(std::string(error.what()).find("2 of its lines"), std::string::npos) << error.what();
+  }
+}
+
+TEST(JsonLines, OneWarningForAllLines) {
+  JsonLines log("/dev/full");
+  testing::internal::CaptureStderr();
+  for (int i = 0; i < 3; ++i) log.write({{"line", i}});
+  const std::string warnings = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), '\n'), 1) << warnings;
+  EXPECT_NE(warnings.find("/dev/full"), std::string::npos) << warnings;
+  EXPECT_THROW(log.finish(), IoError);
 }
 
 TEST(Progress, EstimatesFromWhereItStarted) {

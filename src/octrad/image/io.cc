@@ -8,8 +8,8 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/read_file.h"
 #include "octrad/image/io_internal.h"
 #include "octrad/image/tonemap.h"
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 
 #include "octrad/base/error.h"
 #include "octrad/base/half.h"
@@ -13,16 +12,19 @@
 namespace octrad {
 namespace {
 
-constexpr std::size_t kBlock = 1 << 18;
+constexpr std::size_t kBlock = 1 << 16;
 
-// Copies a tensor; `value(i)` is its i-th number.
-template <typename Value>
-void copy_finite(const TensorReader& in, const std::string& name, std::span<float> out, const Value& value) {
+// Copies a tensor whose numbers are of type T in the file.
+template <typename T, typename Convert>
+void read_finite(const TensorReader& in, const TensorReader::Tensor& tensor, const std::string& name,
+                 std::span<float> out, const Convert& convert) {
   std::atomic<bool> finite = true;
   parallel_blocks(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    std::vector<T> block(end - begin);
+    in.read(tensor, static_cast<std::int64_t>(begin), static_cast<std::int64_t>(end - begin), block.data());
     bool good = true;
     for (std::size_t i = begin; i < end; ++i) {
-      out[i] = value(i);
+      out[i] = convert(block[i - begin]);
       good &= std::isfinite(out[i]);
     }
     if (!good) finite = false;
@@ -31,14 +33,25 @@ void copy_finite(const TensorReader& in, const std::string& name, std::span<floa
 }
 
 void read_count(const TensorReader& in, const std::string& name, std::int64_t& count) {
-  const auto t = in.get(name, DType::i64, {1});
-  std::memcpy(&count, t.data, t.bytes);
+  in.read(in.get(name, DType::i64, {1}), &count);
   if (count < 0) throw InputError(in.file() + " is not a usable model file: tensor \"" + name + "\" is negative");
 }
 
 }  // namespace
 
 AdamOptions adam_options(const Config& config) { return {config.adam_beta1, config.adam_beta2, config.adam_epsilon}; }
+
+std::unique_ptr<SparseAdam> make_table_adam(std::int64_t entries, int features, const Config& config) {
+  auto adam = std::make_unique<SparseAdam>(entries, features, adam_options(config));
+  adam->set_dense(config.adam_mode == AdamMode::dense);
+  return adam;
+}
+
+void copy_features(std::span<const float> rows, int stride, std::size_t points, std::size_t count, float* out) {
+  for (std::size_t i = 0; i < points; ++i) {
+    for (std::size_t f = 0; f < count; ++f) out[i * count + f] = rows[f * static_cast<std::size_t>(stride) + i];
+  }
+}
 
 long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate) {
   std::vector<float> sum(mlp.parameter_count());
@@ -62,13 +75,10 @@ void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long
 
 void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
                  std::span<float> out) {
-  if (in.get(name).type == DType::f16) {
-    const auto* half = static_cast<const std::uint16_t*>(in.get(name, DType::f16, shape).data);
-    copy_finite(in, name, out, [&](std::size_t i) { return to_float(Half{half[i]}); });
-  } else {
-    const auto* data = static_cast<const float*>(in.get(name, DType::f32, shape).data);
-    copy_finite(in, name, out, [&](std::size_t i) { return data[i]; });
-  }
+  if (in.get(name).type == DType::f16)
+    read_finite<std::uint16_t>(in, in.get(name, DType::f16, shape), name, out,
+                               [](std::uint16_t bits) { return to_float(Half{bits}); });
+  else read_finite<float>(in, in.get(name, DType::f32, shape), name, out, [](float v) { return v; });
 }
 
 bool has_optimizer(const TensorReader& in) {
@@ -108,8 +118,9 @@ void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid
 }
 
 void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid) {
-  const auto offsets = in.get(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(grid.offsets().size())});
-  if (std::memcmp(offsets.data, grid.offsets().data(), offsets.bytes) != 0) {
+  std::vector<std::int64_t> offsets(grid.offsets().size());
+  in.read(in.get(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(offsets.size())}), offsets.data());
+  if (!std::equal(offsets.begin(), offsets.end(), grid.offsets().begin())) {
     throw InputError(in.file() + ": " + prefix + ".offsets does not fit the configuration stored beside it");
   }
   read_floats(in, prefix + ".table", {grid.entry_count(), grid.options().features}, grid.table());
@@ -124,8 +135,7 @@ void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, s
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries,
                int features) {
   read_floats(in, "optimizer." + prefix + ".moments", {entries, 2, features}, adam.moments());
-  const auto counts = in.get("optimizer." + prefix + ".counts", DType::u16, {entries});
-  if (counts.bytes > 0) std::memcpy(adam.counts().data(), counts.data, counts.bytes);
+  in.read(in.get("optimizer." + prefix + ".counts", DType::u16, {entries}), adam.counts().data());
   read_count(in, "optimizer." + prefix + ".count", adam.global_count());
 }
 

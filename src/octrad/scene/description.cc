@@ -7,9 +7,9 @@
 #include <set>
 
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/read_file.h"
 
 namespace octrad {
 namespace {

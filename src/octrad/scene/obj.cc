@@ -4,8 +4,8 @@
 #include <limits>
 #include <map>
 
+#include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/read_file.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "octrad/base/threads.h"
+#include "octrad/transport/lobe_math.h"
 #include "octrad/transport/query_point.h"
 
 namespace octrad {
@@ -33,13 +34,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   shading_.resize(n);
   points_.resize(n);
   targets_.resize(n);
-  std::vector<char> given(n, 0);
-  for (std::size_t k = 0; k < std::min(far_end_count(config_, s.points), far_ends_.size()); ++k) {
-    if (!far_ends_[k].hit.valid()) continue;
-    shading_[k] = shade_far_end(context_, far_ends_[k]);
-    given[k] = 1;
-  }
-  sampler_.sample(stream, shading_, given);
+  const std::size_t far_ends = far_end_count(config_, s.points);
+  sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
@@ -47,13 +43,13 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
-  far_ends_.resize(query ? far_end_count(config_, s.points) : 0);
+  far_ends_.resize(query ? far_ends : 0);
   rhs.far_ends = far_ends_;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   const QueryRays rays = query_rays(config_, true);
   parallel_blocks(n, 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      Rng rng(rhs.seed, RngPurpose::lobe, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ i);
+      Rng rng = lobe_generator(rhs.seed, stream, i);
       points_[i] = field_query_point(context_, shading_[i], rays, rng);
       const SurfaceInteraction& surface = shading_[i].surface;
       if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);

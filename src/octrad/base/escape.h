@@ -1,0 +1,18 @@
+// Text that may be any bytes, such as names of files, as text that can be kept and shown.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace octrad {
+
+// UTF-8 of which unescape_bytes() makes the same bytes again: bytes that are no UTF-8, and a backslash that would be
+// taken for the beginning of such an escape, become \xNN.
+std::string escape_bytes(std::string_view text);
+std::string unescape_bytes(std::string_view text);
+
+// For a terminal: control characters too (all but newline and tab) become \xNN, so that text of a stranger's file
+// cannot move the cursor, set the title or hide what was printed.
+std::string printable(const std::string& text);
+
+}  // namespace octrad
