@@ -1,12 +1,13 @@
 """Broken, hostile and odd inputs (broken_inputs.py): message, exit code, memory, time; nothing is left behind."""
 import concurrent.futures
+import json
 import os
 import subprocess
 import time
 import unittest
 
 from broken_inputs import CASES
-from support import PROGRAM, SMALL, Case, read_safetensors, write_safetensors
+from support import PROGRAM, ROOM, SMALL, Case, read_safetensors, write_safetensors
 
 BUDGET_MB = 200
 SECONDS = 10
@@ -40,7 +41,7 @@ class BrokenInputs(Case):
             results = list(pool.map(lambda case: attempt(self.path(case[0]), case[1], case[2]), CASES))
         peak = max(results, key=lambda result: result[2])
         print(f"\n{len(CASES)} inputs: largest peak {peak[2]:.0f} MB ({CASES[results.index(peak)][0]}), {peak[2] / BUDGET_MB:.2f} of --max-memory")
-        for (name, files, _, code, text), (got, err, megabytes, seconds) in zip(CASES, results):
+        for (name, files, arguments, code, text), (got, err, megabytes, seconds) in zip(CASES, results):
             with self.subTest(case=name):
                 self.assertEqual(got, code, err)
                 if code != 0:
@@ -51,21 +52,19 @@ class BrokenInputs(Case):
                 self.assertLess(megabytes, 1.1 * BUDGET_MB + 100)
                 self.assertLess(seconds, SECONDS)
                 left = set(os.listdir(self.path(name))) - set(files) - {".stderr"}
-                self.assertEqual(left, set() if code or "render" not in _ else {"a.exr"})
+                self.assertEqual(left, set() if code or "render" not in arguments else {"a.exr"})
 
 
 class BrokenModels(Case):
     """A model as it is trained, with one thing wrong."""
 
     def test_tensors(self):
-        from support import ROOM
         scene = self.write("room.xml", ROOM)
         self.ok("train", scene, "-o", self.path("m.octrad"), "--steps", "2", *SMALL)
         metadata, _ = read_safetensors(self.path("m.octrad"))
         with open(self.path("m.octrad"), "rb") as file:
             raw = file.read()
         size = int.from_bytes(raw[:8], "little")
-        import json
         header = json.loads(raw[8:8 + size])
         header.pop("__metadata__")
         tensors = {name: (t["dtype"], t["shape"], raw[8 + size + t["data_offsets"][0]:8 + size + t["data_offsets"][1]]) for name, t in header.items()}

@@ -19,6 +19,7 @@ template <typename T, typename Convert>
 void read_finite(const TensorReader& in, const TensorReader::Tensor& tensor, const std::string& name,
                  std::span<float> out, const Convert& convert) {
   std::atomic<bool> finite = true;
+  out = out.first(static_cast<std::size_t>(tensor.count));
   parallel_blocks(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
     std::vector<T> block(end - begin);
     in.read(tensor, static_cast<std::int64_t>(begin), static_cast<std::int64_t>(end - begin), block.data());
