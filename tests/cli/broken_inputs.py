@@ -248,6 +248,13 @@ for name, where, value, message in (
         ("sky-negative", '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>', -1, "a radiance must")):
     body(f"bitmap-{name}", where, message, t_pfm=pfm(value))
 
+BIG = png(2600, 2600, bytes(2600 * (2600 * 3 + 1)), 2)
+case("compared", {"a.png": BIG}, ["compare", "a.png", "a.png"], 4, "a.png: comparing")
+case("shown", {"a.png": BIG}, ["info", "a.png"], 0, "")
+for name, inside in (("texture", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="a.png"/></texture></bsdf>'),
+                     ("envmap", '<emitter type="envmap"><string name="filename" value="a.png"/></emitter>')):
+    odd(f"large-{name}", scene(SENSOR + CUBE + inside), a_png=BIG)
+
 # JSON
 DEEP = "[" * 200000 + "]" * 200000
 for name, text, message in (

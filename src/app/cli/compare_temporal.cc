@@ -10,6 +10,7 @@
 #include "app/cli/compare.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"
@@ -53,6 +54,7 @@ struct Frame {
 // Where one of a pair is for the screen (PNG, JPEG), both are limited to what it shows.
 std::pair<Frame, Frame> read_pair(const std::string& reference_file, const std::string& file) {
   const Image reference = read_image(reference_file), image = read_image(file);
+  ask_memory(reference.pixel_count() * 8 * sizeof(Vec3f), reference_file + ": comparing");  // two frames of each kind
   const bool shown = is_display_referred(reference) || is_display_referred(image);
   const auto frame = [&](const Image& from) {
     Frame made = {shown ? shown_linear_color(from) : linear_color(from), display_color(from)};

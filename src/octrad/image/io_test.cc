@@ -14,9 +14,13 @@
 #include <csignal>
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+
+// After <cstdio>, which it needs and does not include.
+#include <jpeglib.h>
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -359,6 +363,52 @@ TEST_F(IoTest, ReadsEveryLayoutOfPng) {
   // Interlaced, 2 x 2: the passes hold (0, 0), (1, 0) and the second row.
   EXPECT_EQ(values(png({2, 2, 8, 0, 1}, std::string("\0\x01\0\x02\0\x03\x04", 7))),
             std::pair(Names{"Y"}, Values({1, 2, 3, 4})));
+}
+
+// 16 x 16 pixels of one colour: 1 value grey, 3 RGB, 4 CMYK, as Adobe's programs store it (inverted) or not.
+std::string flat_jpeg(const std::vector<JSAMPLE>& color, bool progressive, bool adobe = true) {
+  jpeg_compress_struct jpeg;
+  jpeg_error_mgr errors;
+  jpeg.err = jpeg_std_error(&errors);
+  jpeg_create_compress(&jpeg);
+  unsigned char* data = nullptr;
+  unsigned long size = 0;
+  jpeg_mem_dest(&jpeg, &data, &size);
+  jpeg.image_width = jpeg.image_height = 16;
+  jpeg.input_components = static_cast<int>(color.size());
+  jpeg.in_color_space = color.size() == 1 ? JCS_GRAYSCALE : color.size() == 3 ? JCS_RGB : JCS_CMYK;
+  jpeg_set_defaults(&jpeg);
+  jpeg_set_quality(&jpeg, 100, TRUE);
+  if (progressive) jpeg_simple_progression(&jpeg);
+  if (!adobe) jpeg.write_Adobe_marker = FALSE;
+  jpeg_start_compress(&jpeg, TRUE);
+  std::vector<JSAMPLE> row;
+  for (int i = 0; i < 16; ++i) row.insert(row.end(), color.begin(), color.end());
+  JSAMPROW line = row.data();
+  for (int y = 0; y < 16; ++y) jpeg_write_scanlines(&jpeg, &line, 1);
+  jpeg_finish_compress(&jpeg);
+  jpeg_destroy_compress(&jpeg);
+  std::string bytes(reinterpret_cast<const char*>(data), size);
+  std::free(data);
+  return bytes;
+}
+
+TEST_F(IoTest, ReadsProgressiveJpegAndInks) {
+  const Image image = parse_image("a.jpg", flat_jpeg({200, 100, 50}, true));
+  EXPECT_EQ(image.channels, (std::vector<std::string>{"R", "G", "B"}));
+  EXPECT_NEAR(image.rgb(3, 9).x * 255.0f, 200.0f, 1.5f);
+  EXPECT_NEAR(image.rgb(3, 9).z * 255.0f, 50.0f, 1.5f);
+  EXPECT_EQ(parse_image("a.jpg", flat_jpeg({100}, true)).channels, std::vector<std::string>{"Y"});
+  // A picture of inks: cyan 102 of 255, key 51 of 255.
+  const Vec3f expected(0.6f * 0.8f, 0.8f, 0.8f);
+  const Image inverted = parse_image("a.jpg", flat_jpeg({153, 255, 255, 204}, false)),
+              plain = parse_image("a.jpg", flat_jpeg({102, 0, 0, 51}, false, false));
+  for (const Image& inks : {inverted, plain}) {
+    EXPECT_EQ(inks.channels, (std::vector<std::string>{"R", "G", "B"}));
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(inks.rgb(8, 8)[c], expected[c], 0.01f);
+  }
+  const std::string whole = flat_jpeg({200, 100, 50}, true);
+  for (std::size_t cut = 3; cut < whole.size(); ++cut) EXPECT_NE(error_of_bytes(whole.substr(0, cut)), "") << cut;
 }
 
 TEST_F(IoTest, JpegOfTooManyHuffmanCodesIsRefused) {
