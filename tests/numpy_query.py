@@ -266,7 +266,8 @@ class Model:
             radiance = np.where(rough[:, None], radiance, softplus(merged))
         radiance = radiance * c["target"]["scale"]
         if c["target"]["demodulate"] == "albedo":
-            radiance = np.where(rough[:, None], radiance * albedo, radiance)
+            lobes = c["lookup"].get("coats") == "split"
+            radiance = np.where(lobes | rough[:, None], radiance * albedo, radiance)
         return disparity, features, radiance
 
 

@@ -16,11 +16,11 @@ enum class RoughDirection { normal, mirror };           // direction of queries 
 enum class DisparityUnit { extent, world };             // 1/(largest side of the domain) or 1/world unit
 enum class DecoderPosition { normalized, world };       // position input in [-1, 1] or in world units
 enum class TargetEmission { outside, inside };          // own emission added to the network's output, or learned
-enum class TargetDemodulation { none, albedo, lobe };  // the network predicts radiance / albedo of rough, of all points
-enum class Coats { joined, split };                    // split: a response for each lobe of a coated surface
-enum class FreshDirection { cosine, uniform };         // density of the directions that glossy points are seen from
-enum class TrainSampler { walks, area, mixture };      // left-hand-side points
-enum class AdamMode { touched, dense };                // entries of a table that a step updates
-enum class DeltaSurfaces { cache, trace };             // perfect mirrors and glass when rendering
+enum class TargetDemodulation { none, albedo };         // albedo: the network predicts radiance / albedo
+enum class Coats { joined, split };                     // split: a response for each lobe of a coated surface
+enum class FreshDirection { cosine, uniform };          // density of the directions that glossy points are seen from
+enum class TrainSampler { walks, area, mixture };       // left-hand-side points
+enum class AdamMode { touched, dense };                 // entries of a table that a step updates
+enum class DeltaSurfaces { cache, trace };              // perfect mirrors and glass when rendering
 
 }  // namespace octrad

@@ -18,6 +18,7 @@
 #include "octrad/base/join.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/model/field_registry.h"
+#include "octrad/shading/bsdf_types.h"
 
 namespace octrad {
 namespace {
@@ -111,6 +112,9 @@ const std::vector<Key>& keys() {
       choice("lookup.direction", &C::lookup_direction,
              {{"mirror", LookupDirection::mirror}, {"outgoing", LookupDirection::outgoing}},
              "direction of the query on glossy surfaces: mirror direction or wo"),
+      choice(
+          "lookup.coats", &C::lookup_coats, {{"joined", Coats::joined}, {"split", Coats::split}},
+          "coated surfaces: one response, or one for the base and one for the coat (needs target.emission = outside)"),
       choice("lookup.offset", &C::lookup_offset,
              {{"predicted", LookupOffset::predicted}, {"none", LookupOffset::none}, {"traced", LookupOffset::traced}},
              "disparity of the query: learned, 0, or 1/distance of a traced ray"),
@@ -188,10 +192,8 @@ const std::vector<Key>& keys() {
              {{"outside", TargetEmission::outside}, {"inside", TargetEmission::inside}},
              "own emission added outside the network, or learned"),
       choice("target.demodulate", &C::target_demodulate,
-             {{"none", TargetDemodulation::none},
-              {"albedo", TargetDemodulation::albedo},
-              {"lobe", TargetDemodulation::lobe}},
-             "albedo: the network predicts radiance / albedo on rough surfaces"),
+             {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
+             "albedo: the network predicts radiance / albedo on rough surfaces, with lookup.coats = split on all"),
       number("target.scale", &C::target_scale, {0, 1e6},
              "exposure of the network's output; 0: chosen from the first batches and stored"),
 
@@ -255,8 +257,6 @@ const std::vector<Key>& keys() {
           "render.trace_below", &C::render_trace_below, {0, 1},
           "alpha below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission "
           "= outside"),
-      choice("lookup.coats", &C::lookup_coats, {{"joined", Coats::joined}, {"split", Coats::split}},
-             "coated surfaces: one response, or one for the base and one for the coat"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;
@@ -420,6 +420,7 @@ Config preset(const std::string& name) {
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
   c.render_trace_below = 0.0;
+  c.lookup_coats = Coats::joined;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;
@@ -428,6 +429,20 @@ Config preset(const std::string& name) {
   c.adam_decay_to = 1.0;
   return c;
 }
+
+float follow_below(const Config& config) {
+  if (config.render_delta != DeltaSurfaces::trace) return 0.0f;
+  // Light sampled at a near mirror would be counted again by a response that holds the emission.
+  if (config.target_emission == TargetEmission::inside) return kFollowDelta;
+  return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
+}
+
+// Responses of both lobes would hold the emission of the surface.
+bool split_coats(const Config& config) {
+  return config.lookup_coats == Coats::split && config.target_emission == TargetEmission::outside;
+}
+
+float rhs_follow_below(const Config& config) { return std::max(kFollowDelta, follow_below(config)); }
 
 void set(Config& config, const std::string& name, const std::string& value) {
   const Key& key = find(name);

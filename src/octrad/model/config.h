@@ -119,7 +119,7 @@ struct Config {
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
   double render_trace_below = 0.05;  // alpha
-  Coats lookup_coats = Coats::joined;
+  Coats lookup_coats = Coats::split;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;
@@ -142,6 +142,12 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
 
 // The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
+
+// The surfaces that pictures follow rays over (is_followed()); right-hand sides pass perfect mirrors in any case.
+float follow_below(const Config& config);
+float rhs_follow_below(const Config& config);
+// Whether each lobe of a coated surface is a point of its own (lookup.coats).
+bool split_coats(const Config& config);
 
 // Every key with its current value and one line of help, in the order of the struct.
 struct ConfigKey {

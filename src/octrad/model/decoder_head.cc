@@ -12,11 +12,9 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
       adam_(mlp_.parameter_count(), adam_options(config)) {
   rules_.activation = activation;
   rules_.normalizer = config.loss_normalizer;
-  if (config.target_emission == TargetEmission::outside) {  // emission does not scale with albedo
-    if (config.target_demodulate == TargetDemodulation::albedo)
-      rules_.demodulate_from = static_cast<float>(config.lookup_rough_threshold);
-    if (config.target_demodulate == TargetDemodulation::lobe) rules_.demodulate_from = 0.0f;
-  }
+  // Emission does not scale with albedo; nor does a coated surface as a whole, while each of its lobes does.
+  if (config.target_emission == TargetEmission::outside && config.target_demodulate == TargetDemodulation::albedo)
+    rules_.demodulate_from = split_coats(config) ? 0.0f : static_cast<float>(config.lookup_rough_threshold);
   rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   if (config.decoder_position == DecoderPosition::normalized) {
     rules_.position_scale = Vec3f(2.0f) / size;

@@ -108,6 +108,7 @@ class FieldReference {
     unit_ = is("disparity.unit", "extent") ? 1.0 / static_cast<double>(max_component(size_)) : 1.0;
     normalized_ = is("decoder.position", "normalized");
     demodulate_ = is("target.demodulate", "albedo") && is("target.emission", "outside");
+    split_coats_ = is("lookup.coats", "split");
     normalizer_ = is("loss.normalizer", "symmetric") ? LossNormalizer::symmetric : LossNormalizer::prediction;
     const std::string output = octaoctree_ != nullptr ? "decoder.output" : "nr.output";
     activation_ = is(output, "exp")          ? Activation::exp
@@ -267,7 +268,7 @@ class FieldReference {
     return Vec3d(mirror_ ? reflect(point.wo, point.n) : point.wo);
   }
   Vec3d factor(const SurfacePoint& point) const {
-    return demodulate_ && point.alpha >= rough_threshold_ ? Vec3d(point.albedo) * scale_ : Vec3d(scale_);
+    return demodulate_ && (split_coats_ || point.alpha >= rough_threshold_) ? Vec3d(point.albedo) * scale_ : Vec3d(scale_);
   }
   Vec3d normalized(Vec3d x) const { return (x - Vec3d(origin_)) / Vec3d(size_); }
 
@@ -369,7 +370,7 @@ class FieldReference {
   HashGridView grid_;
   Vec3f origin_, size_;
   bool predicted_ = false, traced_ = false, mirror_ = false, rough_normal_ = false, harmonics_ = false,
-       normalized_ = false, demodulate_ = false;
+       normalized_ = false, demodulate_ = false, split_coats_ = false;
   double unit_ = 1.0;
   float rough_threshold_ = 0.5f;
   LossNormalizer normalizer_ = LossNormalizer::prediction;

@@ -7,7 +7,6 @@
 #include "octrad/model/ncr_field.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
-#include "octrad/shading/bsdf_types.h"
 
 namespace octrad {
 namespace {
@@ -49,15 +48,6 @@ bool ignores_key(const FieldEntry& field, const std::string& key) {
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain) {
   return field_entry(config.field).make(config, domain);
 }
-
-float follow_below(const Config& config) {
-  if (config.render_delta != DeltaSurfaces::trace) return 0.0f;
-  // Light sampled at a near mirror would be counted again by a response that holds the emission.
-  if (config.target_emission == TargetEmission::inside) return kFollowDelta;
-  return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
-}
-
-float rhs_follow_below(const Config& config) { return std::max(kFollowDelta, follow_below(config)); }
 
 QueryRays query_rays(const Config& config, bool training) {
   const FieldEntry& field = field_entry(config.field);

@@ -51,6 +51,7 @@ inline std::vector<FieldCase> field_cases() {
                      {{"decoder.output", "squareplus"}},
                      {{"decoder.position", "world"}},
                      {{"target.demodulate", "none"}},
+                     {{"lookup.coats", "joined"}},
                      {{"target.emission", "inside"}},
                      {{"loss.normalizer", "symmetric"}},
                      {{"adam.mode", "dense"}},
@@ -71,6 +72,7 @@ inline std::vector<FieldCase> field_cases() {
              {{"nr.features", "4"}},
              {{"decoder.position", "world"}},
              {{"target.demodulate", "none"}},
+             {{"lookup.coats", "joined"}},
              {{"target.emission", "inside"}},
              {{"loss.normalizer", "symmetric"}},
              {{"adam.mode", "dense"}}});

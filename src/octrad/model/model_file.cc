@@ -36,7 +36,10 @@ ModelInfo info_of(const TensorReader& in) {
                      kFormatVersion);
   ModelInfo info;
   try {
-    apply(info.config, parse_json(text("config"), in.file()), in.file());
+    const nlohmann::json config = parse_json(text("config"), in.file());
+    apply(info.config, config, in.file());
+    // Models of version 0.1.0 know no lobes.
+    if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
@@ -96,7 +99,7 @@ constexpr const char* kFarEndHits = "optimizer.far_ends.hits";
 void read_far_ends(const TensorReader& in, TrainingState& state) {
   if (!in.has(kFarEndRays)) return;
   const auto rays = in.get(kFarEndRays, DType::f32, {-1, 9});
-  const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 2});
+  const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 3});
   state.far_end_rays.resize(static_cast<std::size_t>(rays.shape[0]));
   state.far_end_hits.resize(state.far_end_rays.size());
   in.read(rays, state.far_end_rays.data());
@@ -129,7 +132,7 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   field.save(out, optimizer);
   if (const auto count = static_cast<std::int64_t>(info.state.far_end_rays.size()); optimizer && count > 0) {
     out.add(kFarEndRays, DType::f32, {count, 9}, info.state.far_end_rays.data());
-    out.add(kFarEndHits, DType::i32, {count, 2}, info.state.far_end_hits.data());
+    out.add(kFarEndHits, DType::i32, {count, 3}, info.state.far_end_hits.data());
   }
   out.write(file);
 }

@@ -22,7 +22,7 @@ struct TrainingState {
   // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
   // ray; shape and primitive that it hit, -1 for no point.
   std::vector<std::array<float, 9>> far_end_rays;
-  std::vector<std::array<std::int32_t, 2>> far_end_hits;
+  std::vector<std::array<std::int32_t, 3>> far_end_hits;
 };
 
 struct ModelInfo {

@@ -115,7 +115,7 @@ class NcrReference {
     q.merge = merge_;
     const std::vector<double> merged = q.merge.forward(rounded(merge), parameters[kMerge]);
     q.margin = std::min(q.margin, q.merge.margin);
-    for (int c = 0; c < 3; ++c) q.radiance[c] = std::log1p(std::exp(merged[static_cast<std::size_t>(c)])) * scale_;
+    for (int c = 0; c < 3; ++c) q.radiance[c] = std::log1p(std::exp(merged[static_cast<std::size_t>(c)])) * factor(p)[c];
     return q;
   }
   Vec3d radiance(const SurfacePoint& p) { return evaluate(p).radiance; }
@@ -158,7 +158,7 @@ class NcrReference {
       const Query& q = queries.back();
       const Vec3d t(batch.targets[i]), l = q.radiance;
       const ChromaTerm<double> chroma = chroma_loss(l, t, batch.epsilon);
-      const Vec3d f = q.glossy ? Vec3d(scale_) : factor(batch.points[i]);
+      const Vec3d f = factor(batch.points[i]);
       for (std::size_t c = 0; c < 3; ++c) {
         const int k = static_cast<int>(c);
         const double linear = (q.glossy ? q.merge : q.decoder).activations.back()[c],
@@ -218,8 +218,10 @@ class NcrReference {
   }
   Activated<double> output(double v) const { return activate(config_.ncr_output, v); }
   Vec3d factor(const SurfacePoint& p) const {
-    const bool demodulate =
-        config_.target_demodulate == TargetDemodulation::albedo && config_.target_emission == TargetEmission::outside;
+    const bool demodulate = config_.target_demodulate == TargetDemodulation::albedo &&
+                            config_.target_emission == TargetEmission::outside &&
+                            (config_.lookup_coats == Coats::split ||
+                             static_cast<double>(p.alpha) >= config_.lookup_rough_threshold);
     return (demodulate ? Vec3d(p.albedo) : Vec3d(1.0)) * scale_;
   }
   // visit(level, weight): two levels by bracketing, in double.
@@ -290,6 +292,7 @@ inline const std::vector<FieldKeys> kNcrSwitches = {{},
                                                     {{"ncr.lobe_share", "0.5"}},
                                                     {{"decoder.position", "world"}},
                                                     {{"target.demodulate", "none"}},
+                                                    {{"lookup.coats", "joined"}},
                                                     {{"target.emission", "inside"}},
                                                     {{"loss.normalizer", "symmetric"}},
                                                     {{"lookup.rough_threshold", "1.5"}},

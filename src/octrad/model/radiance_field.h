@@ -67,10 +67,6 @@ class RadianceField {
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain);
 std::vector<std::string> field_names();
 
-// The surfaces that pictures follow rays over (is_followed()); right-hand sides pass perfect mirrors in any case.
-float follow_below(const Config& config);
-float rhs_follow_below(const Config& config);
-
 // What it needs traced from the points that it is given: radiance() and inspect(), or with `training` train().
 QueryRays query_rays(const Config& config, bool training = false);
 

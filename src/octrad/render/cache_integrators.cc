@@ -91,7 +91,7 @@ class CacheIntegrator : public Integrator {
 FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce bounce) {
   FirstHitOptions options;
   options.follow_below = follow_below(config);
-  options.split_coats = config.lookup_coats == Coats::split;
+  options.split_coats = split_coats(config);
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   options.bounce = bounce;

@@ -14,12 +14,14 @@ class CacheIntegrator : public DeviceIntegrator {
                   std::size_t capacity, FirstHitOptions::Bounce bounce)
       : field_(field),
         options_(first_hit_options(input.config, bounce)),
-        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, query_rays(input.config)),
-        responses_(stream, capacity, "answers of the cache") {
+        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, query_rays(input.config),
+                 split_coats(input.config)),
+        responses_(stream, gbuffer_.queries_of(capacity), "answers of the cache") {
     if (bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = options_.max_chain;
     rhs_options_.follow_below = rhs_follow_below(input.config);
+    rhs_options_.split_coats = options_.split_coats;
     rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = input.seed;
     rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, query_rays(input.config));
@@ -31,7 +33,7 @@ class CacheIntegrator : public DeviceIntegrator {
   void run(std::size_t samples, const StageMark& mark) override {
     gbuffer_.run(options_, samples);
     mark("first hits");
-    field_.radiance(gbuffer_.queries(), gbuffer_.query_count(), samples, responses_.data());
+    field_.radiance(gbuffer_.queries(), gbuffer_.query_count(), gbuffer_.queries_of(samples), responses_.data());
     mark("field");
     if (rhs_) {
       const DeviceRhsPoints points{gbuffer_.bounce_points(), gbuffer_.bounce_count(), samples, nullptr,
@@ -78,7 +80,9 @@ std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorI
 std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
                                           FirstHitOptions::Bounce bounce) {
   const bool bounces = bounce != FirstHitOptions::Bounce::none;
-  return DeviceGBuffer::bytes(capacity, bounces, query_rays(input.config)) + capacity * sizeof(Vec3f) +
+  const bool split = split_coats(input.config);
+  return DeviceGBuffer::bytes(capacity, bounces, query_rays(input.config), split) +
+         (split ? 2 * capacity : capacity) * sizeof(Vec3f) +
          (bounces ? DeviceRhs::bytes(capacity, query_rays(input.config)) + 2 * capacity * sizeof(Vec3f) : 0);
 }
 

@@ -83,8 +83,9 @@ TEST(Bsdf, SamplesFollowTheirDensity) {
   constexpr double kSignificance = 0.01 / 100.0;
   std::uint64_t seed = 1;
   for (const Named& entry : zoo().entries) {
-    const Bsdf b = zoo().materials->at(entry.material, {0, 0});
+    Bsdf b = zoo().materials->at(entry.material, {0, 0});
     if (is_delta_bsdf(b)) continue;
+    if (b.type == BsdfType::roughplastic) b.lobe = static_cast<Lobe>(seed % 3);
     for (const Vec3f wo : kViews) {
       const auto result = testing::chi_square(
           [&](Rng& rng, Vec3f& w) {
@@ -99,6 +100,50 @@ TEST(Bsdf, SamplesFollowTheirDensity) {
       EXPECT_NEAR(result.integral, result.share, 0.008) << entry.name << " wo.z " << wo.z;
     }
   }
+}
+
+// The whole is the sum of its lobes, each of which reflects its albedo under even light.
+TEST(Bsdf, LobesOfCoatsAreTheWhole) {
+  int coated = 0;
+  for (const Named& entry : zoo().entries) {
+    const Bsdf whole = zoo().materials->at(entry.material, {0, 0});
+    if (!is_coated(whole)) continue;
+    ++coated;
+    Bsdf base = whole, coat = whole;
+    base.lobe = Lobe::base;
+    coat.lobe = Lobe::coat;
+    EXPECT_EQ(roughness_bsdf(base), 1.0f);
+    EXPECT_EQ(roughness_bsdf(coat), roughness_bsdf(whole));
+    for (const Vec3f wo : kViews) {
+      Rng rng(3, RngPurpose::test, static_cast<std::uint64_t>(coated));
+      constexpr int kSamples = 40000;
+      Vec3f reflected[2];
+      double chosen[2] = {0.0, 0.0};
+      for (int i = 0; i < kSamples; ++i) {
+        const Vec3f wi = cosine_direction({0, 0, 1}, rng.uniform2());
+        const Vec3f sum = evaluate_bsdf(base, wo, wi).value + evaluate_bsdf(coat, wo, wi).value;
+        EXPECT_LE(
+            max_component(max(sum - evaluate_bsdf(whole, wo, wi).value, evaluate_bsdf(whole, wo, wi).value - sum)),
+            1e-5f * max_component(sum));
+        for (const Bsdf* lobe : {&base, &coat}) {
+          const float u_lobe = rng.uniform();
+          const BsdfSample s = sample_bsdf(*lobe, wo, u_lobe, rng.uniform2());
+          if (s.valid) reflected[lobe == &coat] += s.weight / static_cast<float>(kSamples);
+        }
+        Bsdf one = whole;
+        const float weight = choose_lobe(one, wo, rng.uniform());
+        chosen[one.lobe == Lobe::coat] += static_cast<double>(weight) / kSamples;
+      }
+      for (const Bsdf* lobe : {&base, &coat}) {
+        const Vec3f expected = lobe_albedo(*lobe, wo), found = reflected[lobe == &coat];
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], 0.02f) << entry.name << " wo.z " << wo.z;
+        EXPECT_NEAR(chosen[lobe == &coat], 1.0, 0.05) << entry.name;  // each counts once on average
+      }
+      Bsdf below = base;
+      EXPECT_GE(min_component(lobe_albedo(below, {0.6f, 0, -0.8f})), 0.0f);  // a view that bumps have tilted under
+    }
+  }
+  EXPECT_GE(coated, 6);
 }
 
 TEST(Bsdf, WeightsAreValueOverDensity) {

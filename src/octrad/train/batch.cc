@@ -21,7 +21,7 @@ LhsOptions lhs_options(const Config& config) {
   options.glossy_boost = config.train_glossy_boost;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   options.follow_below = follow_below(config);
-  options.split_coats = config.lookup_coats == Coats::split;
+  options.split_coats = split_coats(config);
   options.poses = config.train_poses;
   options.seed = static_cast<unsigned long long>(config.seed);
   return options;
@@ -42,7 +42,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
   rhs.follow_below = rhs_follow_below(config_);
-  rhs.split_coats = config_.lookup_coats == Coats::split;
+  rhs.split_coats = split_coats(config_);
   rhs.emission_inside = config_.target_emission == TargetEmission::inside;
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);

@@ -100,6 +100,7 @@ class DeviceEngine : public TrainEngine {
     set_far_ends({});
     rhs_options_.max_chain = config.train_max_chain;
     rhs_options_.follow_below = rhs_follow_below(config);
+    rhs_options_.split_coats = split_coats(config);
     rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);

@@ -78,7 +78,7 @@ void set_far_ends(const std::vector<FarEnd>& ends, TrainingState& state) {
   for (const FarEnd& end : ends) {
     const Vec3f &o = end.origin, &d = end.direction;
     state.far_end_rays.push_back({o.x, o.y, o.z, d.x, d.y, d.z, end.hit.t, end.hit.u, end.hit.v});
-    state.far_end_hits.push_back({end.hit.shape, end.hit.primitive});
+    state.far_end_hits.push_back({end.hit.shape, end.hit.primitive, static_cast<std::int32_t>(end.lobe)});
   }
 }
 
@@ -87,8 +87,9 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
   std::vector<FarEnd> ends;
   for (std::size_t i = 0; i < state.far_end_rays.size(); ++i) {
     const auto& r = state.far_end_rays[i];
-    const auto [shape, primitive] = state.far_end_hits[i];
-    ends.push_back({{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {shape, primitive, r[6], r[7], r[8]}});
+    const auto [shape, primitive, lobe] = state.far_end_hits[i];
+    ends.push_back(
+        {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {shape, primitive, r[6], r[7], r[8]}, static_cast<Lobe>(lobe)});
     if (shape < 0) continue;
     std::size_t primitives = 0;
     if (static_cast<std::size_t>(shape) < scene.shapes.size()) {
@@ -96,7 +97,8 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
       primitives =
           s.kind == Shape::Kind::sphere ? 1 : scene.meshes[static_cast<std::size_t>(s.geometry)].triangles.size();
     }
-    if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives)
+    if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives || lobe < 0 ||
+        lobe > static_cast<std::int32_t>(Lobe::coat))
       throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
   }
   return ends;

@@ -119,7 +119,7 @@ TEST(Train, FarEndsOffTheSceneAreRefusedOnResume) {
     Model model = load_model(file, true);
     ASSERT_EQ(model.info.state.far_end_hits.size(), 64u);
     model.info.config.train_steps = 4;
-    model.info.state.far_end_hits[5] = {shape, primitive};
+    model.info.state.far_end_hits[5] = {shape, primitive, 0};
     options.resume = &model;
     EXPECT_THROW(train(box.scene, model.info.config, options), InputError) << shape << ' ' << primitive;
   }

@@ -15,7 +15,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const Camera& camera = context.scene.cameras.front();
   FirstHitOptions options;
   options.follow_below = follow_below(config);
-  options.split_coats = config.lookup_coats == Coats::split;
+  options.split_coats = split_coats(config);
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   const QueryRays rays = query_rays(config);

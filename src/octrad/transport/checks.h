@@ -85,6 +85,7 @@ struct RhsCase {
   bool ask;            // false: a black cache
   bool lobes = false;  // queries have rays of the BSDF traced
   float follow_below = kFollowDelta;
+  bool split_coats = false;
 };
 CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, std::span<const RhsCase> cases,
                                    std::size_t n, std::uint64_t seed);

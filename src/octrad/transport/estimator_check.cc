@@ -201,6 +201,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
   for (const ShadingPoint& p : fetch(stream, lhs.points(), n)) {
     points.push_back(context.shade(p.surface, p.wo));
     points.back().bsdf.opacity = p.bsdf.opacity;
+    points.back().bsdf.lobe = p.bsdf.lobe;
   }
   std::vector<unsigned long long> keys;
   for (std::size_t i = 0; i < n; ++i) keys.push_back(mix64(seed + i));
@@ -220,6 +221,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     options.directions = c.directions;
     options.max_chain = 6;
     options.follow_below = device_options.follow_below = c.follow_below;
+    options.split_coats = device_options.split_coats = c.split_coats;
     options.emission_inside = c.emission_inside;
     options.rays = wanted_rays(c.traced_disparity, c.lobes);
     options.seed = seed;
@@ -288,10 +290,14 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
         radiance[k] += end.throughput * right_hand_side(end.point, query.key);
         bounces[k] = 1;
       } else if (query.next == FirstHitQuery::Next::query) {
-        const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
-        radiance[k] += end.throughput * cache(asked);
-        of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
-        of[k].queries = 1;
+        const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+        for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
+          end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+          const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
+          radiance[k] += end.throughput * cache(asked);
+          of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
+          ++of[k].queries;
+        }
       }
     });
     TraceCounts expected;
@@ -301,7 +307,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     }
 
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
-                         rays);
+                         rays, options.split_coats);
     buffer.set(job);
     const auto run = stream.capture([&] { buffer.run(options); });
     for (int again = 0; again < 2; ++again) {

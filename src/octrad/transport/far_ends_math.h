@@ -16,6 +16,7 @@ namespace octrad {
 struct FarEnd {
   Vec3f origin, direction;
   Hit hit;  // invalid: there is none, as no response contributed to the target
+  Lobe lobe = Lobe::all;
 };
 
 // A step keeps far ends of the points first, first + 1, ..., first + count - 1, modulo the number of its points: others
@@ -59,6 +60,7 @@ template <typename World>
 OCTRAD_HD inline ShadingPoint shade_far_end(const World& world, const FarEnd& end) {
   ShadingPoint point = world.shade(world.interact(end.hit, end.origin, end.direction), -end.direction);
   point.bsdf.opacity = 1.0f;
+  point.bsdf.lobe = end.lobe;
   return point;
 }
 

@@ -43,8 +43,11 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t k, const Hit& hit) const { memory.hits[k] = hit; }
 };
 
+// In query_owner: this query and the one before it are of the same sample.
+constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
+
 // The ray of sample `k` has ended, with `segment`.
-OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, const RayEnd& end,
+OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, RayEnd& end,
                              const FirstHit& first, const Segment& segment, Rng& rng) {
   const FirstHitQuery query = first_hit_query(options, end, rng);
   memory.samples.set_radiance(k, query.known);
@@ -58,12 +61,17 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
     memory.bounce_owner[b] = k;
     return;
   }
-  const std::uint32_t q = atomic_append(memory.query_count);
-  memory.queries.store(q, surface_point(end.point));
-  if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
-  memory.lobes.store(q, segment, memory.hits[k], rng);
-  memory.query_weight.set3(0, q, end.throughput);
-  memory.query_owner[q] = k;
+  const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+  const bool two = lobes.first != lobes.last;
+  std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
+  for (int lobe = lobes.first; lobe <= lobes.last; ++lobe, ++q) {
+    end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+    memory.queries.store(q, surface_point(end.point));
+    if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
+    memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
+    memory.query_weight.set3(0, q, end.throughput);
+    memory.query_owner[q] = lobe == lobes.first ? k : k | kSecondLobe;
+  }
 }
 
 // As rhs_kernels::Arrive.
@@ -107,7 +115,7 @@ struct Disparity : Kernel {
   }
 };
 
-// A sample has one query or one bounce point at most.
+// A sample has one query, two queries one after the other, or one bounce point.
 struct Add : Kernel {
   SamplePlanes samples;
   FloatPlanes weight;
@@ -119,7 +127,10 @@ struct Add : Kernel {
     if (q >= *count) return;
     if (q == 0 && total) *total += *count;
     const std::uint32_t k = owner[q];
-    samples.set_radiance(k, samples.radiance(k) + weight.get3(0, q) * values[q]);
+    if (k & kSecondLobe) return;
+    Vec3f radiance = samples.radiance(k) + weight.get3(0, q) * values[q];
+    if (q + 1 < *count && owner[q + 1] == (k | kSecondLobe)) radiance += weight.get3(0, q + 1) * values[q + 1];
+    samples.set_radiance(k, radiance);
   }
 };
 
@@ -128,35 +139,38 @@ struct Add : Kernel {
 using namespace gbuffer_kernels;
 
 DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces,
-                             const QueryRays& rays)
+                             const QueryRays& rays, bool split_coats)
     : stream_(&stream),
       world_(world),
       capacity_(capacity),
       query_rays_(rays),
+      split_(split_coats),
       job_(stream, 1, "the camera"),
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of queues"),
       chains_(stream, capacity, "camera rays"),
-      query_owner_(stream, capacity, "queries"),
+      query_owner_(stream, queries_of(capacity), "queries"),
       bounce_owner_(stream, bounces ? capacity : 0, "right-hand-side points"),
       hits_(stream, capacity, "hits of camera rays"),
       bounce_points_(stream, bounces ? capacity : 0, "right-hand-side points"),
       bounce_keys_(stream, bounces ? capacity : 0, "right-hand-side points"),
       samples_(stream, kSampleNumbers, capacity, "samples"),
-      queries_(stream, kSurfacePointNumbers, capacity, "queries"),
-      query_weight_(stream, 3, capacity, "queries"),
+      queries_(stream, kSurfacePointNumbers, queries_of(capacity), "queries"),
+      query_weight_(stream, 3, queries_of(capacity), "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
-      normals_(rays.mirror ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()),
-      lobes_(stream, world, capacity, rays, true) {
+      normals_(rays.mirror ? PlaneArray(stream, 3, queries_of(capacity), "queries") : PlaneArray()),
+      lobes_(stream, world, queries_of(capacity), rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays) {
-  const std::size_t numbers =
-      static_cast<std::size_t>(kSampleNumbers + kSurfacePointNumbers + 3 + (bounces ? 3 : 0) + (rays.mirror ? 3 : 0));
-  return capacity * (numbers * sizeof(float) + sizeof(Hit) + 2 * sizeof(std::uint32_t) +
+std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats) {
+  const std::size_t queries = split_coats ? 2 * capacity : capacity,
+                    query_numbers = static_cast<std::size_t>(kSurfacePointNumbers + 3 + (rays.mirror ? 3 : 0)),
+                    sample_numbers = static_cast<std::size_t>(kSampleNumbers + (bounces ? 3 : 0));
+  return queries * (query_numbers * sizeof(float) + sizeof(std::uint32_t)) +
+         capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + sizeof(std::uint32_t) +
                      (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0)) +
-         DeviceLobes::bytes(capacity, rays, true);
+         DeviceLobes::bytes(queries, rays, true);
 }
 
 void DeviceGBuffer::set(const CameraJob& job) { job_.upload(std::span<const CameraJob>(&job, 1)); }
@@ -171,19 +185,20 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
       sizes + kQueries,      sizes + kBounces};
   FirstHitOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
+  checked.split_coats = options.split_coats && split_;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
-  if (query_rays_.mirror) launch(*stream_, n, Disparity{{}, world_, memory});
-  lobes_.trace(queries_.points(), query_count(), n, counts_.data());
+  if (query_rays_.mirror) launch(*stream_, queries_of(n), Disparity{{}, world_, memory});
+  lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
 }
 
 void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
   if (responses) {
-    launch(*stream_, n,
+    launch(*stream_, queries_of(n),
            Add{{},
                {samples_.planes()},
                query_weight_.planes(),

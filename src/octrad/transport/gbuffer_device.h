@@ -16,9 +16,9 @@ namespace octrad {
 class DeviceGBuffer {
  public:
   // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `rays`: what is
-  // traced from the queries.
+  // traced from the queries; `split_coats`: whether a sample may have two queries (FirstHitOptions::split_coats).
   DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces = false,
-                const QueryRays& rays = {});
+                const QueryRays& rays = {}, bool split_coats = false);
 
   // What the next run() sees; not while the stream records.
   void set(const CameraJob& job);
@@ -45,7 +45,9 @@ class DeviceGBuffer {
 
   TraceCounts take_counts();  // since the last call
   std::size_t capacity() const { return capacity_; }
-  static std::size_t bytes(std::size_t capacity, bool bounces, const QueryRays& rays);
+  // Most queries of so many samples.
+  std::size_t queries_of(std::size_t samples) const { return split_ ? 2 * samples : samples; }
+  static std::size_t bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats = false);
 
  private:
   enum { kChains, kQueries, kBounces, kSizes };
@@ -54,6 +56,7 @@ class DeviceGBuffer {
   DeviceWorld world_;
   std::size_t capacity_;
   QueryRays query_rays_;
+  bool split_;
   DeviceArray<CameraJob> job_;
   DeviceArray<TraceCounts> counts_;
   DeviceArray<std::uint32_t> sizes_, chains_, query_owner_, bounce_owner_;

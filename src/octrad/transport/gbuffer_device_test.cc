@@ -21,6 +21,7 @@ TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
       FirstHitCase c{{}, bounce == Bounce::glossy, bounce != Bounce::all};
       c.options.follow_below = follow ? 0.3f : 0.0f;
       c.options.bounce = bounce;
+      c.options.split_coats = bounce != Bounce::all;
       c.options.emission_inside = follow;
       c.options.max_chain = 5;
       EXPECT_TRUE(testing::passed(check_first_hits(*stream, scene_, camera_job(scene_, 24, 18, 3, 3), {&c, 1})))
@@ -52,9 +53,9 @@ TEST_P(DeviceGBuffers, MemoryIsWhatWasSaid) {
     QueryRays rays;
     rays.mirror = all;
     rays.lobe = all ? 64 : 0;
-    const DeviceGBuffer buffer(*stream, world, n, all, rays);
+    const DeviceGBuffer buffer(*stream, world, n, all, rays, all);
     const auto taken = static_cast<double>(stream->allocated_bytes() - before),
-               said = static_cast<double>(DeviceGBuffer::bytes(n, all, rays));
+               said = static_cast<double>(DeviceGBuffer::bytes(n, all, rays, all));
     EXPECT_NEAR(taken, said, 0.01 * said);
   }
 }

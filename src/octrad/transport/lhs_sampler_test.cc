@@ -69,9 +69,9 @@ TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
 }
 
 TEST(LhsSampler, WalksStopAtGlossySurfacesMoreReadily) {
-  const FurnaceScene setup(furnace(
-      kGrey, "",
-      R"(<shape type="sphere"><point name="center" x="0.4" y="0.3" z="0.4"/><float name="radius" value="0.4"/>
+  const FurnaceScene setup(
+      furnace(kGrey, "",
+              R"(<shape type="sphere"><point name="center" x="0.4" y="0.3" z="0.4"/><float name="radius" value="0.4"/>
          <bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>)"));
   const auto glossy = [&](double boost) {
     LhsOptions options;

@@ -17,9 +17,9 @@ struct LobeStarts {
   FarEnd* ends = nullptr;
   SobolSet* samples = nullptr;
 
-  OCTRAD_HD void store(std::uint32_t q, const Segment& segment, const Hit& hit, Rng& rng) const {
+  OCTRAD_HD void store(std::uint32_t q, const Segment& segment, const Hit& hit, Lobe lobe, Rng& rng) const {
     if (ends == nullptr) return;
-    ends[q] = {segment.origin, segment.direction, hit};
+    ends[q] = {segment.origin, segment.direction, hit, lobe};
     samples[q] = SobolSet(rng);
   }
 };

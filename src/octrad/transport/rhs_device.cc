@@ -12,8 +12,8 @@ namespace rhs_kernels {
 
 // State of a slot: contribution of emitter sampling 0..2, emission met by the BSDF ray 3..5, weight of the BSDF sample,
 // later times the chain's throughput 6..8, its density 9 (negative for a delta lobe), emission included in the response
-// 10..12.
-inline constexpr int kSlotNumbers = 13;
+// 10..12, lobe of the query 13.
+inline constexpr int kSlotNumbers = 14;
 
 struct Memory {
   TraceCounts* counts;
@@ -99,15 +99,17 @@ struct Extend : Kernel {
 
 // The BSDF ray of `slot`, which is at `place` in the ray queue, has ended: with `segment` and `hit`.
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
-                             std::uint32_t place, const RayEnd& end, const Segment& segment, const Hit& hit, Rng& rng) {
+                             std::uint32_t place, RayEnd& end, const Segment& segment, const Hit& hit, Rng& rng) {
   const Vec3f weight = memory.slots.get3(6, slot);
   const float pdf = memory.slots.get(9, slot);
   memory.slots.set3(3, slot, bounce_emission(weight, std::fabs(pdf), std::signbit(pdf), end));
   if (!end.surface || !options.ask) return;
+  if (options.split_coats) ask_one_lobe(end, rng);
   const std::uint32_t q = atomic_append(memory.query_count);
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
-  memory.lobes.store(q, segment, hit, rng);
+  memory.lobes.store(q, segment, hit, end.point.bsdf.lobe, rng);
+  memory.slots.set(13, slot, static_cast<float>(end.point.bsdf.lobe));
   memory.query_of[slot] = q;
   memory.places[slot] = place;
   memory.slots.set3(6, slot, weight * end.throughput);
@@ -202,7 +204,8 @@ struct Reduce : Kernel {
       else ++dropped;
       if (place < range.count && choice.take(contribution)) {
         const RayQuery ray = memory.rays.load(memory.places[slot]);
-        chosen = {ray.origin, ray.direction, memory.hits[memory.places[slot]]};
+        chosen = {ray.origin, ray.direction, memory.hits[memory.places[slot]],
+                  static_cast<Lobe>(static_cast<int>(memory.slots.get(13, slot)))};
       }
     }
     if (place < range.count) options.far_ends[place] = chosen;

@@ -91,11 +91,12 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
 }
 
 TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
-  const std::pair<testing::OpenRoom, RhsCase> cases[] = {{{true, true}, {16, false, false, false, true, true, 0.3f}},
-                                                         {{true, false}, {5, true, true, true, true, true}},
-                                                         {{false, true}, {8, true, false, true, true, false, 0.3f}},
-                                                         {{false, true}, {8, false, false, false, false}},
-                                                         {{false, false}, {4, false, false, false, true}}};
+  const std::pair<testing::OpenRoom, RhsCase> cases[] = {
+      {{true, true}, {16, false, false, false, true, true, 0.3f, true}},
+      {{true, false}, {5, true, true, true, true, true}},
+      {{false, true}, {8, true, false, true, true, false, 0.3f}},
+      {{false, true}, {8, false, false, false, false}},
+      {{false, false}, {4, false, false, false, true}}};
   for (const auto& [room, c] : cases) {
     const PreparedScene scene(testing::open_room(room), PreparedScene::CpuTree::bvh8);
     EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&c, 1}, 300, 11))) << c.directions;

@@ -68,14 +68,13 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       statistics.rays += end.rays;
       add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
       if (!end.surface || !query) continue;
-      if (options.split_coats && is_coated(end.point.bsdf))
-        end.throughput *= choose_lobe(end.point.bsdf, end.point.to_local(end.point.wo), chain.uniform());
+      if (options.split_coats) ask_one_lobe(end, chain);
       queried.push_back(field_query_point(context, end.point, options.rays, chain));
       statistics.rays += options.rays.count(queried.back().alpha);
       pending.push_back({i,
                          bounce.weight * end.throughput,
                          options.emission_inside ? end.own_emitted : Vec3f(0.0f),
-                         {segment.origin, segment.direction, hit}});
+                         {segment.origin, segment.direction, hit, end.point.bsdf.lobe}});
     }
   }
   if (!queried.empty()) {

@@ -145,6 +145,43 @@ TEST(RhsEstimator, MirrorChainsReachTheCacheBehindThem) {
   EXPECT_GT(mirrors, 20);
 }
 
+// One of two lobes is asked for at the end of a ray, and counts for both.
+TEST(RhsEstimator, LobesOfCoatsAddUp) {
+  const FurnaceScene setup(furnace(
+      kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.6"/><point name="center" x="0.3" y="0.2" z="0"/>
+    <bsdf type="roughplastic"><float name="alpha" value="0.2"/><rgb name="diffuse_reflectance" value="0.1,0,0.7"/></bsdf></shape>)"));
+  std::vector<ShadingPoint> points = area_points(setup, 64);
+  RhsOptions options;
+  options.directions = 4096;
+  const auto target = [&](bool split) {
+    std::vector<Vec3f> targets(points.size());
+    options.split_coats = split;
+    int lobes[3] = {0, 0, 0};
+    estimate_rhs_serial(
+        setup.context, points, options,
+        [&](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
+          for (std::size_t i = 0; i < asked.size(); ++i) {
+            const float alpha = asked[i].alpha;
+            const bool coated = asked[i].x.x * asked[i].x.x < 0.9f && length(asked[i].x - Vec3f(0.3f, 0.2f, 0)) < 0.61f;
+            ++lobes[!coated ? 0 : alpha == 1.0f ? 1 : 2];
+            EXPECT_EQ(coated && split && alpha == 1.0f, coated && split && alpha != 0.2f);
+            out[i] = coated && !split ? Vec3f(3.0f) : coated ? Vec3f(alpha == 1.0f ? 1.0f : 2.0f) : Vec3f(0.5f);
+          }
+        },
+        targets);
+    EXPECT_EQ(lobes[1] > 1000, split);
+    EXPECT_GT(lobes[2], 1000);
+    return targets;
+  };
+  const std::vector<Vec3f> whole = target(false), split = target(true);
+  double a = 0.0, b = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    a += static_cast<double>(whole[i].y);
+    b += static_cast<double>(split[i].y);
+  }
+  EXPECT_NEAR(b / a, 1.0, 0.01);
+}
+
 TEST(RhsEstimator, SameBitsAtAnyThreadCount) {
   const FurnaceScene setup(furnace(kGrey, kGlow));
   const auto points = area_points(setup, 256);

@@ -38,6 +38,12 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
   return sample;
 }
 
+// Where a coated surface ends a ray and its lobes are points of their own, one of them is asked for by chance.
+OCTRAD_HD inline void ask_one_lobe(RayEnd& end, Rng& rng) {
+  if (!is_coated(end.point.bsdf)) return;
+  end.throughput *= choose_lobe(end.point.bsdf, end.point.to_local(end.point.wo), rng.uniform());
+}
+
 // Emission met by the BSDF ray. At the end of the first segment it is weighted against emitter sampling (MIS); not
 // after a delta lobe, nor behind a surface that the ray passed, where emitter sampling cannot find it.
 OCTRAD_HD inline Vec3f bounce_emission(Vec3f weight, float pdf, bool delta, const RayEnd& end) {
