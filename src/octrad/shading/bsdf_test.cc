@@ -120,7 +120,7 @@ TEST(Bsdf, LobesOfCoatsAreTheWhole) {
       Vec3f reflected[2];
       double chosen[2] = {0.0, 0.0};
       for (int i = 0; i < kSamples; ++i) {
-        const Vec3f wi = cosine_direction({0, 0, 1}, rng.uniform2());
+        const Vec3f wi = square_to_cosine_hemisphere(rng.uniform2());
         const Vec3f sum = evaluate_bsdf(base, wo, wi).value + evaluate_bsdf(coat, wo, wi).value;
         EXPECT_LE(
             max_component(max(sum - evaluate_bsdf(whole, wo, wi).value, evaluate_bsdf(whole, wo, wi).value - sum)),
