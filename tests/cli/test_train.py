@@ -190,7 +190,7 @@ class Train(Case):
         self.assert_same_tensors(whole, self.model)
 
     def test_kills_at_random_moments(self):
-        """Whatever there is loads and continues, to the same bits. OCTRAD_KILLS=50 takes minutes."""
+        """Whatever there is loads and continues, to the same bits. OCTRAD_KILLS=50 takes a minute."""
         whole, kills = self.path("whole.octrad"), int(os.environ.get("OCTRAD_KILLS", "4"))
         steps, chance, killed, saved = 200 * kills, random.Random(), 0, 0
         seconds = self.train("--steps", steps, model=whole)["seconds"]
