@@ -225,17 +225,4 @@ void require_writable(const std::string& file) {
   if (access(folder.c_str(), W_OK | X_OK) != 0) fail("write", file, errno);
 }
 
-std::string read_text_file(const std::string& file) {
-  std::FILE* in = std::fopen(file.c_str(), "rb");
-  if (!in) fail("read", file, errno);
-  std::string text;
-  char buffer[1 << 16];
-  std::size_t n = 0;
-  while ((n = std::fread(buffer, 1, sizeof(buffer), in)) > 0) text.append(buffer, n);
-  const int error = std::ferror(in) ? errno : 0;
-  std::fclose(in);
-  if (error != 0) fail("read", file, error);
-  return text;
-}
-
 }  // namespace octrad
