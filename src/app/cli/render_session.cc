@@ -160,6 +160,7 @@ RenderResult RenderSession::render_picture(double begin, double share) {
   if (result.interrupted || begin + share > 1.0 - 1e-9) progress_.finish();
   if (result.counts.non_finite > 0)
     log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
+  if (result.counts.empty_lookups > 0) log_info("{}", empty_lookups_text(result.counts.empty_lookups));
   return result;
 }
 
@@ -235,6 +236,7 @@ nlohmann::json RenderSession::report(const RenderResult& result, const View& vie
                            {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
                            {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
                            {"non_finite", result.counts.non_finite},
+                           {"empty_lookups", result.counts.empty_lookups},
                            {"interrupted", result.interrupted}};
   report["device"] = device.name;
   if (denoiser) report["denoise_seconds"] = denoise_seconds;

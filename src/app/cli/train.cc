@@ -213,6 +213,11 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
   };
 
+  options.placed = [&](const DomainFit& fit) {
+    log_info("{}", domain_text(fit));
+    if (const std::string warning = domain_warning(fit); !warning.empty()) log_warning(warning);
+  };
+
   const TrainResult result = train(scene, config, options);
   progress.finish();
   if (result.dropped_contributions > 0) {
@@ -220,12 +225,15 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                             format_count(result.dropped_contributions)));
   }
 
+  if (result.empty_lookups > 0) log_info("{}", empty_lookups_text(result.empty_lookups));
+
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"steps", result.steps},
                            {"seconds", result.seconds},
                            {"lhs_samples", result.lhs_samples},
                            {"rhs_queries", result.rhs_queries},
                            {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds},
+                           {"empty_lookups", result.empty_lookups},
                            {"loss", result.loss < 0.0 ? nlohmann::json(nullptr) : nlohmann::json(result.loss)},
                            {"validation_mape", nullptr},
                            {"model", o.output},

@@ -50,6 +50,20 @@ struct Grid {
   int clamp(double v) const {
     return static_cast<int>(std::clamp(std::floor(v), 0.0, static_cast<double>(resolution - 1)));
   }
+  // A cell on the rim also holds what lies outside the domain beside it: positions there are moved to it.
+  bool on_rim(Vec3i c) const { return min_component(c) == 0 || max_component(c) == resolution - 1; }
+  // Corners of the cell, grown; where it is on the rim as far out as `least` and `most`.
+  Vec3d lower(Vec3i c, Vec3d least) const {
+    Vec3d r;
+    for (int a = 0; a < 3; ++a) r[a] = c[a] == 0 ? std::min(-kGrow, least[a]) : c[a] - kGrow;
+    return r;
+  }
+  Vec3d upper(Vec3i c, Vec3d most) const {
+    Vec3d r;
+    for (int a = 0; a < 3; ++a)
+      r[a] = c[a] == resolution - 1 ? std::max(resolution + kGrow, most[a]) : c[a] + 1.0 + kGrow;
+    return r;
+  }
 };
 
 void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
@@ -57,6 +71,7 @@ void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
   const int x0 = grid.clamp(low.x), y0 = grid.clamp(low.y), z0 = grid.clamp(low.z);
   const int x1 = grid.clamp(high.x), y1 = grid.clamp(high.y), z1 = grid.clamp(high.z);
   const bool single = x0 == x1 && y0 == y1 && z0 == z1;
+  const bool inside = min_component(low) >= 0.0 && max_component(high) <= grid.resolution;
   const Vec3d n = cross(b - a, c - a);
   const double n_reach = (std::abs(n.x) + std::abs(n.y) + std::abs(n.z)) * (0.5 + kGrow), n_offset = dot(n, a);
   for (int z = z0; z <= z1; ++z) {
@@ -64,9 +79,13 @@ void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
       for (int x = x0; x <= x1; ++x) {
         const Vec3d corner(x, y, z);
         if (!single) {
-          if (std::abs(dot(n, corner + Vec3d(0.5)) - n_offset) > n_reach)
-            continue;  // most cells of a large triangle's box fail here
-          if (!overlaps(corner - Vec3d(kGrow), corner + Vec3d(1.0 + kGrow), a, b, c)) continue;
+          if (!inside && grid.on_rim({x, y, z})) {
+            if (!overlaps(grid.lower({x, y, z}, low), grid.upper({x, y, z}, high), a, b, c)) continue;
+          } else {
+            if (std::abs(dot(n, corner + Vec3d(0.5)) - n_offset) > n_reach)
+              continue;  // most cells of a large triangle's box fail here
+            if (!overlaps(corner - Vec3d(kGrow), corner + Vec3d(1.0 + kGrow), a, b, c)) continue;
+          }
         }
         bits.set({x, y, z});
       }
@@ -86,10 +105,10 @@ void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
     for (int y = grid.clamp(low.y); y <= grid.clamp(high.y); ++y) {
       for (int x = grid.clamp(low.x); x <= grid.clamp(high.x); ++x) {
         double nearest = 0.0, farthest = 0.0;
-        const double corner[3] = {x - kGrow, y - kGrow, z - kGrow};
+        const Vec3d first = grid.lower({x, y, z}, low), last = grid.upper({x, y, z}, high);
         for (int i = 0; i < 3; ++i) {
-          const double lower = static_cast<double>(grid.domain.origin[i]) + corner[i] * cell[i] - center[i];
-          const double upper = lower + (1.0 + 2.0 * kGrow) * cell[i];
+          const double origin = static_cast<double>(grid.domain.origin[i]) - center[i];
+          const double lower = origin + first[i] * cell[i], upper = origin + last[i] * cell[i];
           const double gap = std::max({lower, -upper, 0.0}), reach = std::max(std::abs(lower), std::abs(upper));
           nearest += gap * gap;
           farthest += reach * reach;

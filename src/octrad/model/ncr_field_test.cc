@@ -46,11 +46,19 @@ class NcrReference {
   Vec3d radiance(const SurfacePoint& p) {
     const Vec3d x(p.x), w(reflect(p.wo, p.n)), origin(origin_), size(size_);
     const double extent = std::max({size.x, size.y, size.z});
-    const Vec3d unit = (x - origin) / size;
+    const Vec3d inside = (x - origin) / size;
     const bool world = config_.decoder_position == DecoderPosition::world;
-    const auto position = [&](Vec3d at) { return world ? at : (at - origin) / size * 2.0 - Vec3d(1.0); };
+    const auto position = [&](Vec3d at) {
+      if (world) return at;
+      Vec3d unit = (at - origin) / size * 2.0 - Vec3d(1.0);
+      for (int a = 0; a < 3; ++a) {
+        const double far = std::abs(unit[a]);
+        if (far > 1.0) unit[a] = std::copysign(2.0 - 1.0 / far, unit[a]);
+      }
+      return unit;
+    };
     std::vector<double> in;
-    for (int l = 0; l < grid_.levels; ++l) add_features(grid_, l, unit, 1.0, parameters[kGrid], in, true);
+    for (int l = 0; l < grid_.levels; ++l) add_features(grid_, l, inside, 1.0, parameters[kGrid], in, true);
     append(in, position(x));
     append(in, w);
     append(in, Vec3d(p.n));
@@ -269,7 +277,7 @@ TEST(NcrField, SaysWhatItNeedsTraced) {
   EXPECT_EQ(render.iterations, 3);
   EXPECT_EQ(render.clusters, 4);
   EXPECT_EQ(render.count(0.5f), 0);
-  EXPECT_FALSE(render.mirror);
+  EXPECT_FALSE(render.offset.traced);
   config.field = "nr";
   config.lookup_offset = LookupOffset::traced;  // a key of another field
   EXPECT_EQ(query_rays(config).count(0.0f), 0);

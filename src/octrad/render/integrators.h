@@ -32,7 +32,7 @@ FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce 
 // views.cc, views_device.cc: what a field holds at the first hit.
 enum class FieldView {
   disparity,  // predicted
-  traced,     // 1 / distance along the mirror direction
+  traced,     // 1 / distance along the look-up direction
   features,   // of a level: the first three principal components over the picture
   occupancy,  // of a level: cells that hold surfaces, coloured by a hash of their index
 };

@@ -85,10 +85,10 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        traced_(query_rays(config).mirror),
+        offset_(query_rays(config).offset),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options)),
-        rhs_(stream, scene.world(stream), most_slots(config), traced_),
+        rhs_(stream, scene.world(stream), most_slots(config), offset_),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
@@ -138,6 +138,7 @@ class DeviceEngine : public TrainEngine {
     report.rhs_queries = static_cast<long long>(traced.queries);
     report.dropped = static_cast<long long>(traced.non_finite);
     report.non_finite = trained.non_finite;
+    report.empty_lookups = device_field_->take_empty_lookups();
     return report;
   }
 
@@ -217,7 +218,7 @@ class DeviceEngine : public TrainEngine {
     const int steps = group_steps(last_points_, options_);
     const std::pair<std::size_t, long long> group{last_points_, step / steps};
     if (group == drawn_) return;
-    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
+    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, offset_); });
     drawn_ = group;
   }
 
@@ -225,7 +226,7 @@ class DeviceEngine : public TrainEngine {
     const auto n = static_cast<std::size_t>(s.points);
     const std::size_t far_ends = far_end_count(config_, s.points);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_));
-    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, traced_);
+    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, offset_);
     mark("left-hand side");
     rhs_options_.directions = s.directions;
     rhs_options_.far_ends = far_ends_.data();
@@ -247,7 +248,7 @@ class DeviceEngine : public TrainEngine {
   long long next_timed_ = -1;  // step; below 0 before the first
   const Config config_;
   const DeviceEngineOptions options_;
-  bool traced_;
+  OffsetRay offset_;
   DeviceLhs lhs_;
   DeviceRhs rhs_;
   DeviceRhsOptions rhs_options_;
@@ -271,8 +272,8 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
                                                  const DeviceEngineOptions& options) {
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
-  parts.push_back(
-      {"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config).mirror) + slots * sizeof(Vec3f)});
+  parts.push_back({"rays and queries of a step",
+                   DeviceRhs::bytes(slots, query_rays(config).offset.traced) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) +
                                                 points * sizeof(Vec3f) +
                                                 far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});

@@ -95,7 +95,9 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
                 n * static_cast<std::size_t>(group), rounds);
   DeviceArray<unsigned long long> step(stream, 1, "check");
-  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, true); }),
+  OffsetRay offset;
+  offset.traced = true;
+  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, offset); }),
              take = stream.capture([&] { lhs.take(step.data(), n, group); });
   CheckErrors errors;
   const auto steps = static_cast<unsigned long long>(group);
@@ -111,7 +113,7 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
     const SurfacePointArray surface_points{numbers.data(), lhs.surface_points().stride};
     for (std::size_t i = 0; i < n; ++i) {
       const ShadingPoint &a = found[i], &b = expected[i];
-      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, true);
+      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, offset);
       const auto near = [&](float disparity) { return 1.0f / (1.0f + disparity * size); };
       errors.add(
           std::max({distance(p.x, q.x, size), distance(p.wo, q.wo), distance(p.n, q.n), distance(p.albedo, q.albedo),
@@ -163,7 +165,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     options.directions = c.directions;
     options.max_chain = 6;
     options.emission_inside = c.emission_inside;
-    options.rays.mirror = c.traced_disparity;
+    options.rays.offset.traced = c.traced_disparity;
     options.seed = seed;
     options.stream = number;
     if (c.keys) options.keys = keys;
@@ -184,7 +186,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     device_points.most = n;
     device_points.stream = step.data();
     device_points.keys = c.keys ? device_keys.data() : nullptr;
-    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), c.traced_disparity);
+    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays.offset);
     const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });
     DeviceArray<Vec3f> answers(stream, rhs.capacity(), "check");
     const DeviceArray<Vec3f> targets(stream, n, "check");
@@ -216,7 +218,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   EstimateErrors errors;
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
-    const bool traced = one.traced_disparity;
+    OffsetRay offset;
+    offset.traced = one.traced_disparity;
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());
@@ -231,8 +234,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
         radiance[k] += end.throughput * right_hand_side(end.point, query.key);
         bounces[k] = 1;
       } else if (query.next == FirstHitQuery::Next::query) {
-        radiance[k] += end.throughput * cache(field_query_point(context, end.point, traced));
-        of[k].rays += traced ? 1 : 0;
+        radiance[k] += end.throughput * cache(field_query_point(context, end.point, offset));
+        of[k].rays += offset.traced ? 1 : 0;
         of[k].queries = 1;
       }
     });
@@ -243,7 +246,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     }
 
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
-                         traced);
+                         offset);
     buffer.set(job);
     const auto run = stream.capture([&] { buffer.run(options); });
     for (int again = 0; again < 2; ++again) {

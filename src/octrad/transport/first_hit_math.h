@@ -51,13 +51,14 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
   return first_hit_query(options, end, sample.rng);
 }
 
-// The point as it is given to a field; `traced`: with SurfacePoint::disparity, at the cost of one ray (lookup.offset =
-// traced).
+// The point as it is given to a field, with SurfacePoint::disparity where `offset` is traced (lookup.offset = traced),
+// at the cost of one ray.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading, bool traced) {
+OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
+                                                const OffsetRay& offset) {
   SurfacePoint point = surface_point(shading);
-  if (traced) point.disparity = traced_disparity(world, point, shading.surface.geometric_normal);
+  if (offset.traced) point.disparity = traced_disparity(world, offset.rule, point, shading.surface.geometric_normal);
   return point;
 }
 

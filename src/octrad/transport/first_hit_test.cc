@@ -109,8 +109,8 @@ TEST(FirstHit, GlossySurfacesBounceBelowTheThreshold) {
 TEST(FirstHit, DisparityIsTracedOnRequest) {
   const PreparedScene scene = scene_around();
   const Found mirror = look_along(scene, {0, 0, 1});
-  EXPECT_EQ(field_query_point(scene.context(), mirror.end.point, false).disparity, 0.0f);
-  EXPECT_NEAR(field_query_point(scene.context(), mirror.end.point, true).disparity, 0.25f,
+  EXPECT_EQ(field_query_point(scene.context(), mirror.end.point, OffsetRay{}).disparity, 0.0f);
+  EXPECT_NEAR(field_query_point(scene.context(), mirror.end.point, OffsetRay{true, {}}).disparity, 0.25f,
               5e-5f);  // the ray starts a little off the surface
 }
 

@@ -96,11 +96,12 @@ struct Arrive : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
     if (q == 0) memory.counts->rays += *memory.query_count;
-    const float disparity = traced_disparity(world, memory.queries.load(q), memory.normals.get3(0, q));
+    const float disparity = traced_disparity(world, rule, memory.queries.load(q), memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
   }
 };
@@ -126,11 +127,11 @@ struct Add : Kernel {
 using namespace gbuffer_kernels;
 
 DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces,
-                             bool traced_disparity)
+                             const OffsetRay& offset)
     : stream_(&stream),
       world_(world),
       capacity_(capacity),
-      traced_(traced_disparity),
+      offset_(offset),
       job_(stream, 1, "the camera"),
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of queues"),
@@ -144,7 +145,7 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       queries_(stream, kSurfacePointNumbers, capacity, "queries"),
       query_weight_(stream, 3, capacity, "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
-      normals_(traced_disparity ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()) {
+      normals_(offset.traced ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()) {
   counts_.fill(0);
 }
 
@@ -170,7 +171,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
-  if (traced_) launch(*stream_, n, Disparity{{}, world_, memory});
+  if (offset_.traced) launch(*stream_, n, Disparity{{}, world_, offset_.rule, memory});
 }
 
 void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {

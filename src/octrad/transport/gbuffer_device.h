@@ -14,10 +14,10 @@ namespace octrad {
 // Everything is allocated by the constructor; run() and add() can be recorded.
 class DeviceGBuffer {
  public:
-  // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `traced_disparity`:
-  // fill SurfacePoint::disparity of the queries.
+  // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `offset`: where it
+  // is traced, fill SurfacePoint::disparity of the queries.
   DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces = false,
-                bool traced_disparity = false);
+                const OffsetRay& offset = {});
 
   // What the next run() sees; not while the stream records.
   void set(const CameraJob& job);
@@ -48,7 +48,7 @@ class DeviceGBuffer {
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
-  bool traced_;
+  OffsetRay offset_;
   DeviceArray<CameraJob> job_;
   DeviceArray<TraceCounts> counts_;
   DeviceArray<std::uint32_t> sizes_, chains_, query_owner_, bounce_owner_;

@@ -49,7 +49,7 @@ TEST_P(DeviceGBuffers, MemoryIsWhatWasSaid) {
   const DeviceWorld& world = scene_.world(*stream);
   for (const bool all : {false, true}) {
     const std::size_t before = stream->allocated_bytes(), n = 100'000;
-    const DeviceGBuffer buffer(*stream, world, n, all, all);
+    const DeviceGBuffer buffer(*stream, world, n, all, OffsetRay{all, {}});
     const auto taken = static_cast<double>(stream->allocated_bytes() - before),
                said = static_cast<double>(DeviceGBuffer::bytes(n, all, all));
     EXPECT_NEAR(taken, said, 0.01 * said);

@@ -151,12 +151,13 @@ struct Arrive : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
     if (q == 0) memory.counts->rays += *memory.query_count;
     SurfacePoint point = memory.queries.load(q);
-    point.disparity = traced_disparity(world, point, memory.normals.get3(0, q));
+    point.disparity = traced_disparity(world, rule, point, memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] =
         point.disparity;
   }
@@ -223,11 +224,11 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 
 using namespace rhs_kernels;
 
-DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, bool traced_disparity)
+DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const OffsetRay& offset)
     : stream_(&stream),
       world_(world),
       capacity_(slots),
-      traced_(traced_disparity),
+      offset_(offset),
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of ray queues"),
       owners_(stream, slots, "rays"),
@@ -240,7 +241,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, kSlotNumbers, slots, "right-hand-side samples"),
       queries_(stream, kSurfacePointNumbers, slots, "queries"),
-      normals_(traced_disparity ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()) {
+      normals_(offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()) {
   counts_.fill(0);
 }
 
@@ -269,7 +270,7 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
-  if (traced_ && options.ask) launch(*stream_, n, Disparity{{}, world_, memory});
+  if (offset_.traced && options.ask) launch(*stream_, n, Disparity{{}, world_, offset_.rule, memory});
 }
 
 void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,

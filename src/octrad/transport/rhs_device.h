@@ -36,8 +36,9 @@ struct DeviceRhsPoints {
 // in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 class DeviceRhs {
  public:
-  // For up to `slots` points times directions. `traced_disparity`: fill SurfacePoint::disparity of the queries.
-  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, bool traced_disparity = false);
+  // For up to `slots` points times directions. `offset`: where it is traced, fill SurfacePoint::disparity of the
+  // queries.
+  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const OffsetRay& offset = {});
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const { return queries_.points(); }
@@ -57,7 +58,7 @@ class DeviceRhs {
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
-  bool traced_;
+  OffsetRay offset_;
   DeviceArray<TraceCounts> counts_;
   DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_, places_;
   DeviceArray<Hit> hits_;

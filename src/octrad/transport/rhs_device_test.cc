@@ -111,7 +111,7 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   options.directions = 4;
   EXPECT_THROW(rhs.trace(points, options), UsageError);
   const std::size_t before = stream->allocated_bytes(), n = 100'000;
-  const DeviceRhs large(*stream, scene.world(*stream), n, true);
+  const DeviceRhs large(*stream, scene.world(*stream), n, OffsetRay{true, {}});
   const auto taken = static_cast<double>(stream->allocated_bytes() - before),
              said = static_cast<double>(DeviceRhs::bytes(n, true));
   EXPECT_NEAR(taken, said, 0.01 * said);
