@@ -95,9 +95,7 @@ void PlanesField::inspect(std::span<const SurfacePoint> points, std::span<float>
 }
 
 void PlanesField::make_optimizer() {
-  if (adam_) return;
-  adam_ = std::make_unique<SparseAdam>(planes_.entry_count(), kFeatures, adam_options(config_));
-  adam_->set_dense(config_.adam_mode == AdamMode::dense);
+  if (!adam_) adam_ = make_table_adam(planes_.entry_count(), kFeatures, config_);
 }
 
 // Groups depend on the batch alone, and their gradients are added in order: the same bits at any thread count.

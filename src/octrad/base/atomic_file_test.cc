@@ -11,6 +11,7 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 
 namespace octrad {
 namespace {
@@ -23,13 +24,9 @@ void write_text_file(const std::string& file, const std::string& text) {
 
 class AtomicFiles : public ::testing::Test {
  protected:
-  AtomicFiles() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "octrad-file-XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~AtomicFiles() override { std::filesystem::remove_all(folder_); }
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-  std::filesystem::path folder_;
+  TestFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
+  std::string path(const std::string& name) const { return temporary_.file(name); }
 };
 
 TEST_F(AtomicFiles, AtomicFileReplacesOrLeaves) {

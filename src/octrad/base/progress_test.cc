@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -8,6 +7,7 @@
 #include <thread>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/base/log.h"
 #include "octrad/base/progress.h"
 
@@ -15,9 +15,8 @@ namespace octrad {
 namespace {
 
 TEST(JsonLines, CanBeFollowedAndAppended) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "octrad-log-XXXXXX").string();
-  const std::filesystem::path folder = mkdtemp(pattern.data());
-  const auto path = [&](const std::string& name) { return (folder / name).string(); };
+  const TestFolder folder;
+  const auto path = [&](const std::string& name) { return folder.file(name); };
   {
     JsonLines log(path("log"));
     std::vector<std::thread> threads;
@@ -37,7 +36,6 @@ TEST(JsonLines, CanBeFollowedAndAppended) {
   for (std::string line; std::getline(in, line); ++lines) EXPECT_TRUE(nlohmann::json::accept(line)) << line;
   EXPECT_EQ(lines, 201);
   EXPECT_THROW(JsonLines(path("none/log")), IoError);
-  std::filesystem::remove_all(folder);
 }
 
 TEST(Progress, EstimatesFromWhereItStarted) {

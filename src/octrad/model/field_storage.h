@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -31,6 +32,12 @@ class GroupedBatch {
 };
 
 AdamOptions adam_options(const Config& config);
+
+// Of a table of features: [entries][features].
+std::unique_ptr<SparseAdam> make_table_adam(std::int64_t entries, int features, const Config& config);
+
+// A field's inspect(): out[i][f] = rows[f][i] for the first `count` of the encoding's rows, each `stride` long.
+void copy_features(std::span<const float> rows, int stride, std::size_t points, std::size_t count, float* out);
 
 // Sums the groups' gradients in order, takes one Adam step and repacks the kernels. Returns dropped gradients.
 long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate);

@@ -263,10 +263,7 @@ void NcrField::inspect(std::span<const SurfacePoint> points, std::span<float> fe
   for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kChunk) {
     const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
     encode(chunk, e, false);
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      for (std::size_t f = 0; f < count; ++f)
-        features[(begin + i) * count + f] = e.inputs[f * static_cast<std::size_t>(e.stride) + i];
-    }
+    copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
   }
   std::fill(disparity.begin(), disparity.end(), 0.0f);
 }
@@ -356,13 +353,8 @@ void NcrField::backward(std::size_t points, std::size_t first, Encoded& e, Gradi
 
 void NcrField::make_optimizers() {
   if (grid_adam_) return;
-  const auto make = [&](const HashGrid& grid) {
-    auto adam = std::make_unique<SparseAdam>(grid.entry_count(), grid.options().features, adam_options(config_));
-    adam->set_dense(config_.adam_mode == AdamMode::dense);
-    return adam;
-  };
-  grid_adam_ = make(grid_);
-  cone_grid_adam_ = make(cone_grid_);
+  grid_adam_ = make_table_adam(grid_.entry_count(), grid_.options().features, config_);
+  cone_grid_adam_ = make_table_adam(cone_grid_.entry_count(), cone_grid_.options().features, config_);
 }
 
 FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,

@@ -100,18 +100,13 @@ void NrField::inspect(std::span<const SurfacePoint> points, std::span<float> fea
   for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kChunk) {
     const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
     encode(chunk, e, false);
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      for (std::size_t f = 0; f < count; ++f)
-        features[(begin + i) * count + f] = e.inputs[f * static_cast<std::size_t>(e.stride) + i];
-    }
+    copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
   }
   std::fill(disparity.begin(), disparity.end(), 0.0f);
 }
 
 void NrField::make_optimizer() {
-  if (grid_adam_) return;
-  grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
-  grid_adam_->set_dense(config_.adam_mode == AdamMode::dense);
+  if (!grid_adam_) grid_adam_ = make_table_adam(grid_.entry_count(), grid_.options().features, config_);
 }
 
 FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,

@@ -179,16 +179,12 @@ void OctaOctreeField::radiance(std::span<const SurfacePoint> points, std::span<V
 void OctaOctreeField::inspect(std::span<const SurfacePoint> points, std::span<float> features,
                               std::span<float> disparity) const {
   Encoded e;
+  const auto count = static_cast<std::size_t>(feature_count());
   for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
     const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
     encode(chunk, e, false);
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      for (int f = 0; f < feature_count() && !features.empty(); ++f) {
-        features[(begin + i) * static_cast<std::size_t>(feature_count()) + static_cast<std::size_t>(f)] =
-            row(e.inputs, f, e.stride)[i];
-      }
-      if (!disparity.empty()) disparity[begin + i] = e.disparity[i];
-    }
+    if (!features.empty()) copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
+    if (!disparity.empty()) std::copy_n(e.disparity.begin(), chunk.size(), disparity.data() + begin);
   }
 }
 
@@ -239,10 +235,8 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
 
 void OctaOctreeField::make_optimizers() {
   if (octree_adam_) return;
-  octree_adam_ = std::make_unique<SparseAdam>(octree_.entry_count(), octree_.options().features, adam_options(config_));
-  grid_adam_ = std::make_unique<SparseAdam>(grid_.entry_count(), grid_.options().features, adam_options(config_));
-  octree_adam_->set_dense(config_.adam_mode == AdamMode::dense);
-  grid_adam_->set_dense(config_.adam_mode == AdamMode::dense);
+  octree_adam_ = make_table_adam(octree_.entry_count(), octree_.options().features, config_);
+  grid_adam_ = make_table_adam(grid_.entry_count(), grid_.options().features, config_);
 }
 
 FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,

@@ -9,19 +9,13 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 
 namespace octrad {
 namespace {
 
 class Safetensors : public ::testing::Test {
  protected:
-  Safetensors() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "octrad-tensors-XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-    file_ = (folder_ / "m.octrad").string();
-  }
-  ~Safetensors() override { std::filesystem::remove_all(folder_); }
-
   void put(const std::string& header, const std::string& data, std::int64_t length = -1) const {
     std::ofstream out(file_, std::ios::binary);
     const std::uint64_t n = length == -1 ? header.size() : static_cast<std::uint64_t>(length);
@@ -44,8 +38,9 @@ class Safetensors : public ::testing::Test {
     }
   }
 
-  std::filesystem::path folder_;
-  std::string file_;
+  TestFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
+  const std::string file_ = temporary_.file("m.octrad");
 };
 
 TEST_F(Safetensors, RoundTrip) {

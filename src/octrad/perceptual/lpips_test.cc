@@ -3,7 +3,6 @@
 #include "octrad/perceptual/lpips.h"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include <fstream>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/safetensors.h"
@@ -23,8 +23,6 @@ namespace {
 class Weights {
  public:
   explicit Weights(LpipsNet net) : net_(net) {
-    std::string pattern = ::testing::TempDir() + "octrad-lpips-XXXXXX";
-    folder_ = mkdtemp(pattern.data());
     if (net == LpipsNet::alex) {
       const int layers[5][4] = {{0, 3, 64, 11}, {3, 64, 192, 5}, {6, 192, 384, 3}, {8, 384, 256, 3}, {10, 256, 256, 3}};
       for (const auto& l : layers) convolution("features." + std::to_string(l[0]), l[1], l[2], l[3]);
@@ -42,7 +40,6 @@ class Weights {
       for (const int channels : {64, 128, 256, 384, 384, 512, 512}) linear(channels);
     }
   }
-  ~Weights() { std::filesystem::remove_all(folder_); }
 
   std::vector<float>& operator[](const std::string& name) {
     return std::find_if(tensors_.begin(), tensors_.end(), [&](const Tensor& t) { return t.name == name; })->values;
@@ -60,10 +57,10 @@ class Weights {
     TensorWriter writer;
     for (const Tensor& t : tensors_) writer.add(t.name, DType::f32, t.shape, t.values.data());
     writer.write(file());
-    return Lpips(folder_, net_);
+    return Lpips(folder(), net_);
   }
-  std::string file() const { return folder_ + "/" + lpips_file_name(net_); }
-  const std::string& folder() const { return folder_; }
+  std::string file() const { return folder_.file(lpips_file_name(net_)); }
+  std::string folder() const { return folder_.path().string(); }
 
  private:
   struct Tensor {
@@ -83,7 +80,7 @@ class Weights {
   void linear(int channels) { add("lin" + std::to_string(linears_++) + ".model.1.weight", {1, channels, 1, 1}); }
 
   LpipsNet net_;
-  std::string folder_;
+  TestFolder folder_;
   std::deque<Tensor> tensors_;
   int linears_ = 0;
 };

@@ -1,39 +1,12 @@
-// Files for tests: a temporary folder that is removed at the end, and the shared scenes.
+// Files for tests: a temporary folder, and the shared scenes.
 #pragma once
-
-#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <string>
+
+#include "octrad/base/folder_test_helper.h"
 
 namespace octrad {
-
-class TestFolder {
- public:
-  TestFolder() {
-    static int count = 0;
-    path_ = std::filesystem::temp_directory_path() /
-            ("octrad_test_" + std::to_string(::getpid()) + "_" + std::to_string(count++));
-    std::filesystem::create_directories(path_);
-  }
-  ~TestFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TestFolder(const TestFolder&) = delete;
-  TestFolder& operator=(const TestFolder&) = delete;
-
-  std::string file(const std::string& name) const { return (path_ / name).string(); }
-  std::string write(const std::string& name, const std::string& bytes) const {
-    std::ofstream(path_ / name, std::ios::binary) << bytes;
-    return file(name);
-  }
-
- private:
-  std::filesystem::path path_;
-};
 
 // Folder of the shared scenes: $OCTRAD_SHARED, else ../shared of the project (tests run in the project's root).
 inline std::filesystem::path shared_folder() {

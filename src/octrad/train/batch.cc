@@ -33,13 +33,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   shading_.resize(n);
   points_.resize(n);
   targets_.resize(n);
-  std::vector<char> given(n, 0);
-  for (std::size_t k = 0; k < std::min(far_end_count(config_, s.points), far_ends_.size()); ++k) {
-    if (!far_ends_[k].hit.valid()) continue;
-    shading_[k] = shade_far_end(context_, far_ends_[k]);
-    given[k] = 1;
-  }
-  sampler_.sample(stream, shading_, given);
+  const std::size_t far_ends = far_end_count(config_, s.points);
+  sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
   RhsOptions rhs;
   rhs.directions = s.directions;
   rhs.max_chain = config_.train_max_chain;
@@ -47,7 +42,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;
-  far_ends_.resize(query ? far_end_count(config_, s.points) : 0);
+  far_ends_.resize(query ? far_ends : 0);
   rhs.far_ends = far_ends_;
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   const QueryRays rays = query_rays(config_, true);

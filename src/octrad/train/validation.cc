@@ -14,6 +14,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const Image colors = extract_rgb(reference);
   const Camera& camera = context.scene.cameras.front();
   FirstHitOptions options;
+  options.follow_delta = config.render_delta == DeltaSurfaces::trace;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   const QueryRays rays = query_rays(config);
@@ -40,7 +41,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
       known += query.known;
       if (query.next != FirstHitQuery::Next::query) continue;
       points_.push_back(field_query_point(context, end.point, rays, rng));
-      owner_.push_back(known_.size());
+      owners_.push_back({known_.size(), end.throughput});
     }
     known_.push_back(known);
   }
@@ -52,7 +53,7 @@ double Validation::mape(TrainEngine& engine) const {
   std::vector<Vec3f> predicted(points_.size());
   engine.radiance(points_, predicted);
   std::vector<Vec3f> sum = known_;
-  for (std::size_t i = 0; i < points_.size(); ++i) sum[owner_[i]] += predicted[i];
+  for (std::size_t i = 0; i < points_.size(); ++i) sum[owners_[i].pixel] += owners_[i].weight * predicted[i];
   Image image = reference_;
   for (std::size_t i = 0; i < sum.size(); ++i) image.set_rgb(static_cast<int>(i), 0, sum[i] / static_cast<float>(spp_));
   return compare(reference_, image).mape;

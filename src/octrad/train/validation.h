@@ -1,4 +1,5 @@
 // Error of a field against a reference picture while it trains: a fixed set of primary hits, queried again and again.
+// Mirrors and glass are passed as in pictures (render.delta).
 #pragma once
 
 #include <vector>
@@ -23,7 +24,11 @@ class Validation {
   Image reference_;           // the chosen pixels, in one row
   std::vector<Vec3f> known_;  // radiance of each pixel that needs no field, summed over its samples
   std::vector<SurfacePoint> points_;
-  std::vector<std::size_t> owner_;  // pixel of each point
+  struct Owner {
+    std::size_t pixel;
+    Vec3f weight;  // of the delta surfaces passed before the point
+  };
+  std::vector<Owner> owners_;  // of each point
 };
 
 }  // namespace octrad

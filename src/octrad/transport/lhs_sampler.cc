@@ -40,13 +40,14 @@ LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, co
   for (const Camera& camera : poses_) views_.push_back(view(camera));
 }
 
-void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const char> given) const {
+void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
+                        std::span<const FarEnd> far_ends) const {
   const SampledWorld world{context_, surfaces_};
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
   parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!given.empty() && given[i] != 0) continue;
-      if (!lhs_point(world, options_, poses, step, i, points[i])) throw InputError(no_lhs_point());
+      if (i < far_ends.size() && far_ends[i].hit.valid()) points[i] = shade_far_end(world, far_ends[i]);
+      else if (!lhs_point(world, options_, poses, step, i, points[i])) throw InputError(no_lhs_point());
     }
   });
 }

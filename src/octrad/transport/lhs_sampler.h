@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/transport/far_ends_math.h"
 #include "octrad/transport/lhs_math.h"
 #include "octrad/transport/prepared_scene.h"
 
@@ -16,9 +17,9 @@ class LhsSampler {
   // sampler.
   LhsSampler(const PreparedScene& scene, const LhsOptions& options, const std::vector<Camera>& cameras = {});
 
-  // The points of step `step`; masks decided, never black. Those with given[i] != 0 are left as they are (empty: none).
-  // Parallel; same bits at any thread count.
-  void sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const char> given = {}) const;
+  // The points of step `step`; masks decided, never black. Point i is far_ends[i] where that is valid, and drawn
+  // otherwise. Parallel; same bits at any thread count.
+  void sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const FarEnd> far_ends = {}) const;
 
   const std::vector<Camera>& poses() const { return poses_; }
   // The poses as lhs_point() takes them, and whether every walk starts from a fresh pose instead.

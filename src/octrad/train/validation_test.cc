@@ -1,0 +1,61 @@
+// What is measured while training is what `lhs` shows.
+#include "octrad/train/validation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "octrad/scene/files_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/transport/prepared_scene.h"
+
+namespace octrad {
+namespace {
+
+// Radiance 1 everywhere; keeps what was asked.
+class Ones : public TrainEngine {
+ public:
+  std::vector<SurfacePoint> asked;
+
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
+    asked.assign(points.begin(), points.end());
+    std::fill(out.begin(), out.end(), Vec3f(1.0f));
+  }
+  void step(long long, const ScheduleState&) override {}
+  int steps_between_reports() const override { return 1; }
+  StepReport collect() override { return {}; }
+  RadianceField& field() override { throw std::logic_error("there is no field"); }
+  std::unique_ptr<RadianceField> release_field() override { return nullptr; }
+  std::vector<FarEnd> far_ends() override { return {}; }
+  void set_far_ends(const std::vector<FarEnd>&) override {}
+  void last_batch(std::vector<SurfacePoint>&, std::vector<Vec3f>&) override {}
+};
+
+TEST(Validation, MirrorsAreFollowedAsInPictures) {
+  TestFolder folder;
+  const PreparedScene scene(load_scene(folder.write("mirror.xml", R"(<scene version="3.0.0">
+    <sensor type="perspective"><transform name="to_world"><lookat origin="0,0,-0.9" target="0,0,1" up="0,1,0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>
+    <shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"/></shape>
+    <shape type="sphere"><float name="radius" value="0.4"/><bsdf type="conductor"><string name="material" value="none"/>
+    <rgb name="specular_reflectance" value="0.5"/></bsdf></shape></scene>)")));
+  Image reference(16, 16, {"R", "G", "B"});
+  std::fill(reference.data.begin(), reference.data.end(), 1.0f);
+  Config config = preset("cpu");
+  Ones engine;
+  const auto on_mirror = [&] {
+    return std::count_if(engine.asked.begin(), engine.asked.end(), [](const SurfacePoint& p) { return p.alpha == 0; });
+  };
+
+  config.render_delta = DeltaSurfaces::cache;
+  EXPECT_NEAR(Validation(scene.context(), reference, config, 1000, 1).mape(engine), 0.0, 1e-6);
+  const double mirror = static_cast<double>(on_mirror()) / 256.0;
+  EXPECT_GT(mirror, 0.1);
+
+  config.render_delta = DeltaSurfaces::trace;  // the mirror reflects half of the wall behind it
+  EXPECT_NEAR(Validation(scene.context(), reference, config, 1000, 1).mape(engine), mirror * 0.5 / 1.01, 1e-5);
+  EXPECT_EQ(on_mirror(), 0);
+}
+
+}  // namespace
+}  // namespace octrad
