@@ -53,9 +53,10 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   apply_options(wanted, o, common);
   if (wanted.target_scale == 0.0) wanted.target_scale = model.info.config.target_scale;  // chosen by the first run
   const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
-  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every"};
   for (std::size_t i = 0; i < was.size(); ++i) {
-    if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
+    if (was[i].value == now[i].value || was[i].key.starts_with("render.") ||
+        std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
       continue;
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "

@@ -20,5 +20,6 @@ enum class FreshDirection { cosine, uniform };          // density of the direct
 enum class TrainSampler { walks, area, mixture };       // left-hand-side points
 enum class AdamMode { touched, dense };                 // entries of a table that a step updates
 enum class DeltaSurfaces { cache, trace };              // perfect mirrors and glass when rendering
+enum class Highlights { automatic, cache, bounce };     // glossy first hits of `lhs` below render.bounce_below
 
 }  // namespace octrad

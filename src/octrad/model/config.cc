@@ -279,6 +279,12 @@ const std::vector<Key>& keys() {
       duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
       choice("render.delta", &C::render_delta, {{"cache", DeltaSurfaces::cache}, {"trace", DeltaSurfaces::trace}},
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
+      choice(
+          "render.highlights", &C::render_highlights,
+          {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
+          "lhs on surfaces of roughness below render.bounce_below: from the cache, by one bounce, or that where small lamps shine"),
+      number("render.bounce_below", &C::render_bounce_below, {0, 2},
+             "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;
@@ -443,6 +449,7 @@ Config preset(const std::string& name) {
   c.loss_epsilon_first = 0.1;
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
+  c.render_highlights = Highlights::cache;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;

@@ -15,10 +15,10 @@ class CacheIntegrator : public DeviceIntegrator {
   CacheIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& field,
                   std::size_t capacity, FirstHitOptions::Bounce bounce)
       : field_(field),
-        options_(first_hit_options(input.config, bounce)),
-        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, offset(input)),
+        options_(first_hit_options(input, bounce)),
+        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, offset(input)),
         responses_(stream, capacity, "answers of the cache") {
-    if (bounce == FirstHitOptions::Bounce::none) return;
+    if (options_.bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = options_.max_chain;
     rhs_options_.emission_inside = options_.emission_inside;
@@ -78,7 +78,7 @@ std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorI
 
 std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
                                           FirstHitOptions::Bounce bounce) {
-  const bool bounces = bounce != FirstHitOptions::Bounce::none;
+  const bool bounces = first_hit_options(input, bounce).bounce != FirstHitOptions::Bounce::none;
   return DeviceGBuffer::bytes(capacity, bounces, offset(input).traced) + capacity * sizeof(Vec3f) +
          (bounces ? DeviceRhs::bytes(capacity, offset(input).traced) + 2 * capacity * sizeof(Vec3f) : 0);
 }

@@ -13,6 +13,7 @@ struct FirstHitOptions {
   bool emission_inside = false;  // the field's response about an emitter holds its emission (target.emission = inside)
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
+  bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass
 };
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
@@ -30,7 +31,8 @@ OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, c
   query.known = end.first_emitted + end.emitted;
   if (!end.surface) return query;
   if (options.bounce == Bounce::all ||
-      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold)) {
+      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold &&
+       (options.bounce_delta || !is_delta_bsdf(end.point.bsdf)))) {
     query.next = FirstHitQuery::Next::bounce;
     const unsigned long long high = rng.bits();
     query.key = (high << 32) | rng.bits();

@@ -106,6 +106,17 @@ TEST(FirstHit, GlossySurfacesBounceBelowTheThreshold) {
   EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::query);
 }
 
+TEST(FirstHit, MirrorsBounceOnlyWhereTheyAreAskedTo) {
+  const PreparedScene scene = scene_around();
+  FirstHitOptions options;
+  options.bounce = Bounce::glossy;
+  options.rough_threshold = 0.3f;
+  EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::bounce);
+  options.bounce_delta = false;
+  EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::query);
+  EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::bounce);  // glossy
+}
+
 TEST(FirstHit, DisparityIsTracedOnRequest) {
   const PreparedScene scene = scene_around();
   const Found mirror = look_along(scene, {0, 0, 1});
