@@ -18,6 +18,7 @@
 #include "octrad/model/model_file.h"
 #include "octrad/model/safetensors.h"
 #include "octrad/network/mlp_simd.h"
+#include "octrad/render/highlights.h"
 #include "octrad/scene/camera.h"
 #include "octrad/train/domain.h"
 
@@ -223,6 +224,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const OctreeLevels levels = octree ? octree_levels(scene, domain, config, options.sampled) : OctreeLevels{};
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
+  const double small_lamps = small_lamp_share(prepared, static_cast<float>(config.render_bounce_below));
   const std::size_t lights = scene.area_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
@@ -244,6 +246,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                 {"lights", lights},
                 {"area_lights", scene.area_lights.size()},
                 {"environments", scene.environments.size()},
+                {"small_lamps", small_lamps},
                 {"cameras", cameras},
                 {"bounds", {{"lower", vector_json(scene.bounds.lower)}, {"upper", vector_json(scene.bounds.upper)}}},
                 {"domain",
@@ -276,6 +279,9 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
   out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(),
                      scene.environments.size());
+  out += fmt::format("highlights {:.0f} % of the light on surfaces of roughness below {} is from small lamps: lhs {}\n",
+                     100.0 * small_lamps, config.render_bounce_below,
+                     bounce_below(prepared, config) > 0.0f ? "takes a bounce there" : "asks the cache there too");
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
     out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),

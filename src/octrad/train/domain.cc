@@ -19,7 +19,7 @@ constexpr std::size_t kFewest = 256;  // points that say something
 constexpr double kCells = 256.0;
 constexpr double kLeftOut[] = {0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1};
 constexpr float kMargin = 0.05f;  // of a side, on each side of the points
-constexpr double kWorthIt = 1.5;  // times finer
+constexpr double kWorthIt = 2.0;  // times finer
 constexpr double kCoarse = 0.1;   // cells above this share of the distance: about 6 degrees
 
 double largest_side(const Domain& box) { return static_cast<double>(max_component(box.size)); }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "octrad/base/threads.h"
+#include "octrad/scene/files_test_helper.h"
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/trainer.h"
 
@@ -46,6 +47,21 @@ TEST(Domain, ARoomKeepsItsBox) {
       EXPECT_EQ(domain_warning(fit), "");
     }
   }
+}
+
+// What was measured in them stays as it was.
+TEST(Domain, SharedRoomsKeepTheirBoxes) {
+  int found = 0;
+  for (const char* name : {"bathroom", "cornell-box", "kitchen", "living-room", "veach-ajar"}) {
+    const std::filesystem::path file = shared_folder() / "scenes" / name / "scene.xml";
+    if (!std::filesystem::exists(file)) continue;
+    const PreparedScene scene(load_scene(file.string()));
+    const DomainFit fit = fit_domain(scene, preset("cpu"));
+    EXPECT_EQ(fit.box.size, scene_domain(scene.scene().bounds, true).size) << name;
+    EXPECT_EQ(domain_warning(fit), "") << name;
+    ++found;
+  }
+  if (found == 0) GTEST_SKIP() << "no shared scenes";
 }
 
 TEST(Domain, AGroundWithoutEndIsNotCovered) {
