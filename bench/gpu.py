@@ -53,6 +53,9 @@ def plan(folder, scenes):
         baseline = at("nr%d.octrad" % i)
         add("nr: 500 steps of the paper schedule", scene, "train", "--preset", "paper", "--field", "nr", "--steps", "500", "-o", baseline)
         frames(scene, "nr", baseline)
+        cones = at("ncr%d.octrad" % i)
+        add("ncr: 500 steps of the paper schedule", scene, "train", "--preset", "paper", "--field", "ncr", "--steps", "500", "-o", cones)
+        frames(scene, "ncr", cones)
 
     kitchen = scene_file("kitchen") or scenes[0]
     add("path: 256 spp, depth 8", kitchen, "render", "--integrator", "path", *SIZES[0][1], "--spp", "256", "--max-depth", "8", "-o", at("path.exr"), repeat=3)
@@ -86,6 +89,7 @@ def rehearsed(words):
         if "--time" not in out and "--steps" not in out:
             out += ["--steps", "2"]
         out += ["-D", "octree.levels=2", "-D", "train.points=64", "-D", "train.directions=2", "-D", "disparity.log2_table=10", "-D", "nr.log2_table=10"]
+        out += ["-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10", "-D", "ncr.rays.train=8", "-D", "ncr.rays.render=8"]
         out += ["-D", "octree.occupancy=conservative"]
     return out
 

@@ -159,7 +159,7 @@ class Render(Case):
     def test_interrupt_saves_what_is_done(self):
         log = self.path("log.jsonl")
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", log)
-        self.assertTrue(wait_for(lambda: os.path.exists(log) and os.path.getsize(log) > 0))
+        self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, err)

@@ -4,6 +4,7 @@ import os
 import random
 import re
 import signal
+import subprocess
 import unittest
 
 from support import ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
@@ -191,6 +192,29 @@ class Train(Case):
         report = self.train("--steps", steps, "-D", "checkpoint.every=100ms", "--resume", "--log-json", log)
         self.assertEqual((report["steps"], report["lhs_samples"]), (steps, steps * 256))
         self.assert_same_tensors(whole, self.model)
+
+    def test_kills_at_random_moments(self):
+        """Whatever there is loads and continues, to the same bits. OCTRAD_KILLS=50 takes minutes."""
+        whole, kills = self.path("whole.octrad"), int(os.environ.get("OCTRAD_KILLS", "4"))
+        steps, chance, killed, saved = 40 * kills, random.Random(), 0, 0
+        self.train("--steps", steps, model=whole)
+        command = ("train", self.scene, "-o", self.model, *SMALL, "--steps", steps, "-D", "checkpoint.every=10ms")
+        for _ in range(kills):
+            process = start(*command, "--resume")
+            try:
+                process.wait(chance.uniform(0.05, 0.6))
+            except subprocess.TimeoutExpired:
+                killed += 1
+            process.kill()
+            process.communicate()
+            if os.path.exists(self.model):
+                step = self.ok("info", self.model, "--json").json()["metadata"]["step"]
+                self.assertGreaterEqual(step, saved)
+                saved = step
+        self.assertGreater(killed, 0, "the runs were over before they were killed; make them longer")
+        self.ok(*command, "--resume")
+        self.assert_same_tensors(whole, self.model)
+        self.assertEqual([name for name in os.listdir(self.folder) if name.endswith(".tmp")], [])
 
     def test_a_second_training_of_a_file_is_told_at_once(self):
         first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q")

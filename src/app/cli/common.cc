@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -146,9 +147,7 @@ CLI::Validator whole_in_range(long long low, long long high) {
       "");
 }
 
-void print_json(const nlohmann::json& object) {
-  print_text(object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
-}
+void print_json(const nlohmann::json& object) { print_text(json_text(object, 2)); }
 
 void print_text(const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), stdout);
@@ -166,6 +165,19 @@ std::string format_stages(const StageSplit& stages) {
   std::string text;
   for (const auto& [stage, ms] : stages) text += fmt::format("{}{} {:.4g}", text.empty() ? "" : ", ", stage, ms);
   return text;
+}
+
+void refuse_input_as_output(const std::string& option, const std::string& output,
+                            const std::vector<std::string>& inputs) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  if (output.empty() || (fs::exists(output, ignored) && !fs::is_regular_file(output, ignored))) return;  // /dev/null
+  for (const std::string& input : inputs) {
+    if (input.empty()) continue;
+    if (fs::equivalent(input, output, ignored) ||
+        fs::weakly_canonical(input, ignored) == fs::weakly_canonical(output, ignored))
+      throw UsageError(fmt::format("{} {}: is {} too, which it would overwrite", option, output, input));
+  }
 }
 
 std::string format_table(const std::vector<std::vector<std::string>>& rows) {

@@ -102,6 +102,10 @@ void print_text(const std::string& text);
 nlohmann::json stages_json(const StageSplit& stages);
 std::string format_stages(const StageSplit& stages);
 
+// Throws UsageError where `output`, given as `option`, is one of `inputs` by whatever name: it would be overwritten.
+void refuse_input_as_output(const std::string& option, const std::string& output,
+                            const std::vector<std::string>& inputs);
+
 // Rows of cells as aligned columns; the first column to the left, others to the right.
 std::string format_table(const std::vector<std::vector<std::string>>& rows);
 

@@ -47,18 +47,33 @@ ErrorKind error_kind(const std::string& name) {
   return name == "squared" ? ErrorKind::squared : name == "relative" ? ErrorKind::relative_squared : ErrorKind::mape;
 }
 
-// FOLDER/STEM.KIND.exr and .png, with numbers where two pictures have one name.
+// All files that are read.
+std::vector<std::string> inputs_of(const CompareOptions& o) {
+  std::vector<std::string> files = o.images;
+  files.insert(files.end(), {o.reference, o.reference_b, o.mask, o.aux});
+  return files;
+}
+
+// The stems of the pictures' names, with numbers where two have one.
+std::vector<std::string> map_names(const std::vector<std::string>& images) {
+  std::vector<std::string> names;
+  for (const std::string& image : images) names.push_back(std::filesystem::path(image).stem().string());
+  const std::vector<std::string> stems = names;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (std::count(stems.begin(), stems.end(), stems[i]) < 2) continue;
+    do {
+      names[i] += fmt::format("-{}", i + 1);
+    } while (std::count(names.begin(), names.end(), names[i]) > 1);
+  }
+  return names;
+}
+
+// FOLDER/NAME.KIND.exr and .png
 void write_map(const CompareOptions& options, std::size_t index, const std::string& kind, const Image& map,
                const Image8& colors, const std::string& legend) {
-  const auto stem = [&](std::size_t i) { return std::filesystem::path(options.images[i]).stem().string(); };
-  std::string name = stem(index);
-  for (std::size_t i = 0; i < options.images.size(); ++i) {
-    if (i != index && stem(i) == stem(index)) {
-      name += fmt::format("-{}", index + 1);
-      break;
-    }
-  }
-  const std::string base = (std::filesystem::path(options.error_folder) / name).string() + "." + kind;
+  const std::string base =
+      (std::filesystem::path(options.error_folder) / map_names(options.images)[index]).string() + "." + kind;
+  for (const char* ending : {".exr", ".png"}) refuse_input_as_output("--errors", base + ending, inputs_of(options));
   write_exr(base + ".exr", map);
   write_image(base + ".png", colors);
   log_info("wrote {0}.exr and {0}.png ({1})", base, legend);
@@ -256,8 +271,11 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     compare_temporal(common, options.reference, options.images);
     return;
   }
-  for (const std::string& file : {options.csv, options.latex, options.html}) {
+  for (const auto& [option, file] : {std::pair<std::string, std::string>{"--csv", options.csv},
+                                     {"--latex", options.latex},
+                                     {"--html", options.html}}) {
     if (!file.empty()) require_writable(file);
+    refuse_input_as_output(option, file, inputs_of(options));
   }
   const Image file = read_image(options.reference);
   if (!options.error_folder.empty()) {

@@ -30,6 +30,7 @@ Image read_linear(const std::string& file) {
 void denoise_verb(const CommonOptions& common, const DenoiseVerbOptions& o) {
   picture_format(o.output);  // refuses an unknown ending
   require_writable(o.output);
+  refuse_input_as_output("-o", o.output, {o.input, o.layers_from});
   Image image = read_linear(o.input);
   Image layers;
   if (!o.layers_from.empty()) layers = read_linear(o.layers_from);

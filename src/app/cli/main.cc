@@ -1,9 +1,12 @@
 // octrad: the command line. Parses, runs one verb, maps errors to exit codes (docs/manual.md, "Exit codes").
+#include <fcntl.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <iostream>
 #include <new>
 
 #include "app/cli/common.h"
@@ -75,7 +78,9 @@ int run(int argc, char** argv) {
   try {
     program.app.parse(argc, argv);
   } catch (const CLI::Success& success) {
-    return program.app.exit(success);  // --help, --version
+    const int code = program.app.exit(success);  // --help, --version
+    if (!std::cout.flush()) throw IoError("cannot write to standard output");
+    return code;
   } catch (const CLI::ParseError& error) {
     log_error(explain(program.app, error));
     return static_cast<int>(ExitCode::usage);
@@ -87,11 +92,22 @@ int run(int argc, char** argv) {
   return interrupted() ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
+// Where a standard stream is closed, the next file that is opened would take its place and get its text. What is opened
+// here cannot be used: to print is then an error.
+void fill_standard_streams() {
+  for (int descriptor = STDIN_FILENO; descriptor <= STDERR_FILENO; ++descriptor) {
+    if (fcntl(descriptor, F_GETFD) >= 0) continue;
+    const int opened = open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY);
+    if (opened != descriptor && opened >= 0) close(opened);
+  }
+}
+
 }  // namespace
 }  // namespace octrad::cli
 
 int main(int argc, char** argv) {
   using octrad::ExitCode;
+  octrad::cli::fill_standard_streams();
   octrad::install_interrupt_handler();
   signal(SIGPIPE, SIG_IGN);  // a closed pipe is a failed write, with a message
   signal(SIGXFSZ, SIG_IGN);  // so is a file above the size limit

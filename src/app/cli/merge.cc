@@ -119,6 +119,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   std::vector<Part> parts;
   for (const std::string& word : o.inputs) {
     parts.push_back(read_part(word));
+    refuse_input_as_output("-o", o.output, {parts.back().file, o.aux});
     for (std::size_t i = 0; i + 1 < parts.size(); ++i) check_alike(parts[i], parts.back());
   }
   const bool same_layers = std::all_of(parts.begin(), parts.end(),

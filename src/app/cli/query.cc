@@ -120,6 +120,7 @@ std::vector<SurfacePoint> read_points(const std::string& file, const QueryRays& 
 void query_verb(const CommonOptions& common, const QueryOptions& o) {
   if (o.output.empty() && common.json) throw UsageError("--json needs -o: standard output cannot hold both");
   if (!o.output.empty()) require_writable(o.output);
+  refuse_input_as_output("-o", o.output, {o.model, o.points});
   const Model model = load_model(o.model);
   const DeviceChoice device = common.choose_device(model.info.config.field);
   const std::unique_ptr<Stream> stream = device.make_stream();

@@ -7,7 +7,6 @@
 
 #include "app/cli/common.h"
 #include "app/cli/render_session.h"
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
@@ -60,7 +59,6 @@ class Continuation {
     if (!session.o.resume) return;
     if (std::filesystem::exists(session.o.output) && !std::filesystem::is_regular_file(session.o.output))
       throw UsageError(fmt::format("--resume: {} is not a file that a state could lie beside", session.o.output));
-    lock_.emplace(file_);
     if (std::filesystem::exists(file_)) {
       from_ = read_film_state(file_, identity_);
       if (session.budget.spp > 0 && from_->samples > session.budget.spp)
@@ -85,6 +83,7 @@ class Continuation {
 
   // Whether the result may replace what is on disk: an interrupted run leaves a picture of more samples alone.
   bool replaces(const RenderResult& result, const View& view) const {
+    if (result.spp == 0) return false;  // interrupted in its first pass
     if (!session_.o.resume || !result.interrupted) return true;
     const std::optional<Image> image = on_disk();
     return !image || !session_.difference(*image, view, session_.settings.seed, result.spp).empty();
@@ -127,7 +126,6 @@ class Continuation {
   RenderSession& session_;
   const std::string file_;
   const FilmIdentity identity_;
-  std::optional<WriterLock> lock_;
   std::optional<FilmState> from_;
   std::string failure_;  // of the last save
 };
@@ -182,10 +180,12 @@ void render_picture(RenderSession& s) {
   s.log_event("done", report);
   print_picture(s, result, report, frames,
                 !result.interrupted        ? ""
+                : result.spp == 0          ? "; interrupted before every pixel had a sample: nothing is saved"
                 : !replaces                ? "; interrupted, and kept for --resume: the file has more samples"
                 : s.integrator.needs_model ? "; interrupted, what was done is saved"
                                            : "; interrupted, what was done is saved, and --resume goes on");
   continuation.check();
+  if (s.log) s.log->finish();
 }
 
 void render_verb(const CommonOptions& common, const RenderVerbOptions& o) {

@@ -85,14 +85,13 @@ void render_frames(RenderSession& s) {
                     {"skipped", skipped},
                     {"fps", path.fps()}};
   s.log_event("done", report);
-  if (s.common.json) {
-    print_json(report);
-    return;
-  }
-  log_info("{}: {} of {} frames rendered in {}{}, {} there before{}", pattern, rendered, path.frames(),
-           format_duration(total.seconds),
-           s.denoiser ? fmt::format(", denoised in {}", format_duration(s.denoise_seconds)) : "", skipped,
-           total.interrupted ? "; interrupted: the same command goes on" : "");
+  if (s.common.json) print_json(report);
+  else
+    log_info("{}: {} of {} frames rendered in {}{}, {} there before{}", pattern, rendered, path.frames(),
+             format_duration(total.seconds),
+             s.denoiser ? fmt::format(", denoised in {}", format_duration(s.denoise_seconds)) : "", skipped,
+             total.interrupted ? "; interrupted: the same command goes on" : "");
+  if (s.log) s.log->finish();
 }
 
 }  // namespace octrad::cli

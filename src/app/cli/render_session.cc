@@ -10,6 +10,7 @@
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
@@ -18,10 +19,11 @@
 namespace octrad::cli {
 namespace {
 
-// What is in memory already counts. The picture's sums are doubles, twice while tiles are merged, and
-// once more to be saved for --resume; then the picture itself, in memory and while it is written.
+// What is in memory already counts. The picture's sums are doubles, three times: while tiles are merged, and as they
+// were before a pass, in case it is interrupted; once more to be saved for --resume. Then the picture itself, in memory
+// and while it is written.
 void require_picture_memory(const CommonOptions& common, const View& view, bool resume) {
-  const double bytes = pixels_of(view) * kFilmNumbers * ((resume ? 3 : 2) * sizeof(double) + 2 * sizeof(float));
+  const double bytes = pixels_of(view) * kFilmNumbers * ((resume ? 4 : 3) * sizeof(double) + 2 * sizeof(float));
   require_memory(common.memory_budget(), fmt::format("a picture of {} x {} pixels", view.width, view.height),
                  {{"picture", static_cast<std::uint64_t>(bytes)},
                   {"the program, the scene and the model, in memory already", resident_bytes()}},
@@ -78,13 +80,17 @@ void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator)
 }
 
 // The options with what follows from others; refuses what cannot be done before anything is loaded.
-RenderVerbOptions checked(RenderVerbOptions o) {
+RenderVerbOptions checked(RenderVerbOptions o, const std::string& log) {
   if (o.integrator.empty()) o.integrator = o.model.empty() ? "path" : "lhs";
   const IntegratorInfo& integrator = *find_integrator(o.integrator).info;
   o.denoise = o.denoise || integrator.denoised;
   check_options(o, integrator);
   picture_format(o.output);  // refuses an unknown ending
   require_writable(o.output);
+  const std::vector<std::string> inputs = {o.scene, o.model, o.view.camera_file, o.view.path_file};
+  refuse_input_as_output("-o", o.output, inputs);
+  refuse_input_as_output("--log-json", log, inputs);
+  refuse_input_as_output("--log-json", log, {o.output});
   return o;
 }
 
@@ -105,7 +111,8 @@ ConfigOptions definitions_of(const RenderVerbOptions& o) {
 
 RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOptions options)
     : common(common_options),
-      o(checked(std::move(options))),
+      o(checked(std::move(options), common.log_json)),
+      lock(o.output),
       integrator(*find_integrator(o.integrator).info),
       model(open_model(o)),
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
@@ -175,7 +182,7 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
   std::map<std::string, std::string>& metadata = result.image.metadata;
   metadata["octrad.version"] = kVersion;
-  metadata["octrad.scene"] = nlohmann::json{{"file", scene().file}, {"fingerprint", scene().fingerprint}}.dump();
+  metadata["octrad.scene"] = json_text({{"file", scene().file}, {"fingerprint", scene().fingerprint}});
   metadata["octrad.camera"] = camera_json(view.camera).dump();
   metadata["octrad.render"] = nlohmann::json{
       {"integrator", o.integrator},
@@ -184,8 +191,8 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
       {"seed", seed},
       {"seconds", result.seconds}}.dump();
   if (model) {
-    metadata["octrad.config"] = to_json(config).dump();
-    metadata["octrad.model"] = nlohmann::json{{"file", o.model}, {"step", model->info.state.step}}.dump();
+    metadata["octrad.config"] = json_text(to_json(config));
+    metadata["octrad.model"] = json_text({{"file", o.model}, {"step", model->info.state.step}});
   }
   if (view.crop.width > 0) {
     metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
@@ -225,7 +232,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
   if (number("spp", 0) < least_spp) return "spp";
-  if (model && (text("octrad.config") != to_json(config).dump() ||
+  if (model && (text("octrad.config") != json_text(to_json(config)) ||
                 metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))
     return "model";
   if (text("octrad.denoise").empty() == (denoiser != nullptr)) return "denoiser";

@@ -9,6 +9,7 @@
 #include "app/cli/common.h"
 #include "app/cli/denoise_options.h"
 #include "app/cli/render_view.h"
+#include "octrad/base/atomic_file.h"
 #include "octrad/model/model_file.h"
 #include "octrad/render/renderer.h"
 
@@ -39,6 +40,7 @@ struct RenderSession {
 
   const CommonOptions& common;
   const RenderVerbOptions o;  // with what follows from others filled in
+  const WriterLock lock;      // of o.output
   const IntegratorInfo& integrator;
   std::optional<Model> model;
   const DeviceChoice device;

@@ -14,6 +14,13 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o) {
   for (const std::string& file : {o.camera_file, o.path_file}) {
     if (!file.empty() && o.fov > 0.0) throw UsageError(fmt::format("--fov: {} says the field of view", file));
   }
+  const auto from_options = [](const auto& make) {  // what is wrong there is the command line
+    try {
+      return make();
+    } catch (const InputError& error) {
+      throw UsageError(error.what());
+    }
+  };
   Camera camera;
   if (!o.camera_file.empty()) {
     const std::vector<Camera> cameras = read_cameras(o.camera_file);
@@ -24,10 +31,12 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o) {
     if (o.origin.empty() || o.target.empty()) throw UsageError("--origin and --target belong together");
     const Camera& first = scene.cameras.front();
     const bool own_fov = o.fov > 0.0;
-    camera = look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
+    camera = from_options([&] {
+      return look_at(parse_vector(o.origin, "--origin"), parse_vector(o.target, "--target"),
                      o.up.empty() ? Vec3f{0, 1, 0} : parse_vector(o.up, "--up"),
                      own_fov ? static_cast<float>(o.fov) : first.fov_degrees,
                      own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
+    });
     camera.near_clip = first.near_clip;
     camera.far_clip = first.far_clip;
   } else {
@@ -37,7 +46,7 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o) {
     camera = scene.cameras[static_cast<std::size_t>(o.sensor)];
     if (o.fov > 0.0) {
       camera.fov_degrees = static_cast<float>(o.fov);
-      camera.fov_axis = parse_fov_axis(o.fov_axis);
+      camera.fov_axis = from_options([&] { return parse_fov_axis(o.fov_axis); });
     }
   }
   if (!look && !o.up.empty()) throw UsageError("--up belongs to --origin and --target");

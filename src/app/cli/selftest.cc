@@ -14,6 +14,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
@@ -74,6 +75,7 @@ std::string row(const std::string& name, const std::string& text) { return fmt::
 
 void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   if (!o.output.empty()) require_writable(o.output);
+  refuse_input_as_output("-o", o.output, {o.scene});
   const Stopwatch watch;
   const DeviceChoice choice = common.choose_device();
   const std::unique_ptr<Stream> stream = choice.cuda ? choice.make_stream() : make_host_stream();
@@ -186,7 +188,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                                  {"seconds", watch.seconds()}};
   if (!o.output.empty()) {
     AtomicFile out(o.output);
-    out.write(report.dump(2) + "\n");
+    out.write(json_text(report, 2) + "\n");
     out.commit();
   }
   if (common.json) print_json(report);

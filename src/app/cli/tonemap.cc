@@ -68,8 +68,8 @@ Image8 displayed(const TonemapOptions& o, const std::string& file) {
   const std::vector<double> range = !o.range.empty() ? parse_numbers(o.range, 2, "--range")
                                     : vectors        ? std::vector<double>{-1.0, 1.0}
                                                      : std::vector<double>{0.0, 1.0};
-  if (range[0] >= range[1]) throw UsageError("--range: the first number must be below the second");
   const auto lower = static_cast<float>(range[0]), upper = static_cast<float>(range[1]);
+  if (!(lower < upper)) throw UsageError("--range: the first number must be below the second, also as 32-bit floats");
   if (vectors) return vector_color(image, o.layer, lower, upper);
   const int channel = image.channel(o.channel);
   if (channel < 0) {
@@ -86,6 +86,7 @@ void tonemap_verb(const CommonOptions& common, const TonemapOptions& o) {
     throw UsageError(fmt::format("-o {}: tonemap writes pictures for the screen, .png or .jpg", o.output));
   const std::vector<std::string> labels = labels_of(o);
   require_writable(o.output);
+  refuse_input_as_output("-o", o.output, o.inputs);
   const bool sheet = o.inputs.size() > 1 || !o.labels.empty();
   if (!sheet && o.columns > 0) throw UsageError("--columns belongs to several pictures");
   std::vector<LabelledImage> pictures;

@@ -111,6 +111,10 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     throw UsageError(fmt::format("{} exists: --resume continues it, --overwrite replaces it", o.output));
   Config config = o.config.resolve();
   apply_options(config, o, common);
+  const std::vector<std::string> inputs = {o.scene, o.reference, o.config.file, config.train_cameras};
+  refuse_input_as_output("-o", o.output, inputs);
+  refuse_input_as_output("--log-json", common.log_json, inputs);
+  refuse_input_as_output("--log-json", common.log_json, {o.output});
   warn_of_ignored_keys(o.config, config);
 
   std::optional<Model> resumed;
@@ -213,6 +217,10 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     log_verbose("saved {} at step {}", file, format_count(step));
     if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
   };
+  options.not_saved = [&](const std::string& why, long long step) {
+    log_warning(why + "; training goes on, and the next checkpoint tries again");
+    if (log) log->write({{"event", "not_saved"}, {"error", why}, {"step", step}});
+  };
 
   options.placed = [&](const DomainFit& fit) {
     log_info("{}", domain_text(fit));
@@ -270,6 +278,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                format_bytes(size.total - size.optimizer));
     if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
   }
+  if (log) log->finish();
 }
 
 }  // namespace

@@ -311,9 +311,13 @@ nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
   const nlohmann::json all = store_.command(base + ".compare.json", compare);
   const nlohmann::json glossy =
       store_.command(base + ".glossy.json", {"compare", reference.picture(), picture, "--alpha-below", "0.5"});
+  // Scores of blocks need the halves of the reference, which tell its noise.
+  const nlohmann::json halves = store_.command(base + ".halves.json", {"compare", reference.folder + "/a.exr", picture,
+                                                                       "--reference-b", reference.folder + "/b.exr"});
 
   nlohmann::json view = all["output"]["images"][0];
   view.erase("image");
+  view["blocks"] = halves["output"]["images"][0]["blocks"];
   const nlohmann::json& r = render["output"];
   view["view"] = reference.view.name;
   view["picture"] = picture;
@@ -328,8 +332,10 @@ nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
   }
   view["frame_ms"] = r.contains("frames") ? r["frames"]["median_ms"] : nlohmann::json(1e3 * r["seconds"].get<double>());
   view["stages_ms"] = r.contains("frames") ? r["frames"]["stages_ms"] : nlohmann::json::object();
-  view["commands"] = {
-      {"render", render["command"]}, {"compare", all["command"]}, {"compare_glossy", glossy["command"]}};
+  view["commands"] = {{"render", render["command"]},
+                      {"compare", all["command"]},
+                      {"compare_glossy", glossy["command"]},
+                      {"compare_halves", halves["command"]}};
   return view;
 }
 

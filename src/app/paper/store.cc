@@ -8,6 +8,7 @@
 #include "app/paper/child.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 
 namespace octrad::paper {
 namespace fs = std::filesystem;
@@ -52,7 +53,7 @@ nlohmann::json Store::read(const std::string& name) const {
 }
 
 void Store::write(const std::string& name, const nlohmann::json& value) const {
-  write_text(name, value.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write_text(name, json_text(value, 1) + "\n");
 }
 
 void Store::write_text(const std::string& name, const std::string& text) const {

@@ -219,6 +219,30 @@ Table stages(const Matrix& m, const json& results, const std::string& equal, con
   return t;
 }
 
+// Where the error is: by the roughness of what a pixel sees, and how many standard errors of both pictures the means
+// of blocks of pixels are off (1: noise alone).
+Table by_roughness(const Matrix& m, const json& results, const std::string& equal, const std::string& scene) {
+  Table t;
+  t.name = fmt::format("{}-{}-{}-roughness", m.name, equal, scene);
+  t.title = fmt::format("{}: MAPE by the roughness of the first hit, and bias of blocks, first view", scene);
+  for (const RowKey& key : rows_of(m)) {
+    const auto cells = find_cells(results, m.name, equal, scene, key.method->name, key.switch_name);
+    if (cells.empty() || !cells.front()->value("by_roughness", json()).is_array()) continue;
+    const json& cell = *cells.front();
+    Table::Row row{key.title, cell_anchor(cell), {}};
+    for (const json& bin : cell["by_roughness"]) {
+      const std::string title =
+          bin["below"].is_number() ? fmt::format("below {}", bin["below"].get<double>()) : "above";
+      if (t.rows.empty()) t.columns.push_back({"roughness", title, -1, false});
+      row.values.push_back(bin["mape"]);
+    }
+    row.values.push_back(cell.value("/blocks/z_rms"_json_pointer, json()));
+    t.rows.push_back(row);
+  }
+  t.columns.push_back({"blocks", "z", -1, false});
+  return t;
+}
+
 std::string latex_text(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -267,7 +291,9 @@ std::vector<Table> make_tables(const Plan& plan, const json& results) {
       tables.push_back(summary(m, results, equal_name(e), scenes));
       for (const std::string& scene : scenes) {
         tables.push_back(details(m, results, equal_name(e), scene));
-        if (e == m.equal.front()) tables.push_back(stages(m, results, equal_name(e), scene));
+        if (e != m.equal.front()) continue;
+        tables.push_back(by_roughness(m, results, equal_name(e), scene));
+        tables.push_back(stages(m, results, equal_name(e), scene));
       }
       for (Table& t : tables) {
         if (m.switches.size() > 1) t.row_title = "switch";

@@ -155,6 +155,27 @@ BenchmarkResult look_up(const Context& c, bool sorted) {
   return r;
 }
 
+// With footprints of all sizes, at the size of Neural Cone Radiosity's grid; entries are halves.
+BenchmarkResult look_up_footprints(const Context& c) {
+  const std::size_t n = c.items(1 << 22, 1 << 14);
+  const HashGrid grid(HashGridOptions{8, 8, c.large() ? 19 : 12, 4, 2.0});
+  DeviceArray<Half> table(c.stream, grid.table().size(), "selftest");
+  table.fill(0);
+  const Vec3f origin = c.soup.scene().bounds.lower;
+  const float size = max_component(c.soup.scene().bounds.extent());
+  const LookupQueries places = surface_queries(c, n, false);
+  std::vector<Vec3f> p;
+  for (std::size_t i = 0; i < n; ++i) p.push_back((places.position(i) - origin) / size);
+  const FootprintQueries queries(c.stream, p, c.seed);
+  const DevicePrefilteredGrid device(grid);
+  const DeviceArray<std::uint32_t> out(c.stream, static_cast<std::size_t>(device.features()) / 2 * n, "selftest");
+  BenchmarkResult r = measure(c, static_cast<double>(n), "queries/s", [&] {
+    device.lookup(c.stream, {nullptr, table.data()}, queries.view, HalfRows{out.data(), n}, 0);
+  });
+  r.sizes = {{"queries", static_cast<double>(n)}, {"table_bytes", static_cast<double>(table.bytes())}};
+  return r;
+}
+
 // The decoder's network forward, or also backward with gradients of the weights and at all inputs: three times the
 // products.
 BenchmarkResult decode(const Context& c, bool training) {
@@ -200,6 +221,7 @@ constexpr Benchmark kBenchmarks[] = {
     {"rays, occlusion, incoherent", [](const Context& c) { return trace(c, true); }},
     {"feature lookup", [](const Context& c) { return look_up(c, false); }},
     {"feature lookup, sorted queries", [](const Context& c) { return look_up(c, true); }},
+    {"lookup with footprints", look_up_footprints},
     {"decoder", [](const Context& c) { return decode(c, false); }},
     {"decoder, forward and backward", [](const Context& c) { return decode(c, true); }},
 };

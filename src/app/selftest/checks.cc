@@ -43,6 +43,15 @@ CheckResult check_hash_grid(const Context& c) {
                                 surface_queries(c, c.items(1 << 18, 1 << 14)), false, c.seed);
 }
 
+CheckResult check_prefiltered(const Context& c) {
+  HashGrid grid(HashGridOptions{8, 8, c.large() ? 19 : 12, 4, 2.0});
+  const Domain domain = scene_domain(c.soup.scene().bounds, true);
+  const LookupQueries queries = surface_queries(c, c.items(1 << 18, 1 << 12));
+  std::vector<Vec3f> p;
+  for (std::size_t i = 0; i < queries.n; ++i) p.push_back((queries.position(i) - domain.origin) / domain.size);
+  return check_prefiltered_lookup(c.stream, grid, p, true, c.seed);
+}
+
 CheckResult check_lookup(const Context& c, bool halves) {
   OctaOctree tree = make_octree(c, 5);
   return check_octree_lookup(c.stream, tree, surface_queries(c, c.items(1 << 16, 1 << 12)), halves, c.seed + 1);
@@ -69,9 +78,17 @@ CheckResult check_lhs(const Context& c) {
   return check_left_hand_sides(c.stream, c.open, options, c.items(1 << 15, 1 << 10), c.seed % 1000 * 2, 2);
 }
 
+CheckResult check_clusters(const Context& c) {
+  QueryRays rays;
+  rays.lobe = c.large() ? 128 : 32;
+  rays.lobe_below = 0.5f;
+  rays.iterations = 10;
+  return check_lobes(c.stream, c.open, c.items(1 << 14, 1 << 9), rays, c.seed);
+}
+
 CheckResult check_rhs(const Context& c) {
   constexpr RhsCase kCases[] = {
-      {16, false, false, false, true}, {5, true, true, true, true}, {4, false, false, false, false}};
+      {16, false, false, false, true, true}, {5, true, true, true, true}, {4, false, false, false, false}};
   return check_right_hand_sides(c.stream, c.open, kCases, c.items(1 << 13, 1 << 8), c.seed);
 }
 
@@ -89,7 +106,7 @@ CheckResult check_g_buffer(const Context& c) {
     options.bounce = bounce;
     options.emission_inside = bounce == Bounce::glossy;
     options.max_chain = 6;
-    cases.push_back({options, bounce == Bounce::glossy});
+    cases.push_back({options, bounce == Bounce::glossy, bounce == Bounce::none});
   }
   return check_first_hits(c.stream, c.open, small_picture(c, 3), cases);
 }
@@ -114,6 +131,7 @@ constexpr Check kChecks[] = {
     {"spherical harmonics",
      [](const Context& c) { return check_spherical_harmonics(c.stream, c.items(1 << 18, 1 << 14), c.seed); }},
     {"hash grid", check_hash_grid},
+    {"prefiltered grid", check_prefiltered},
     {"Adam", [](const Context& c) { return check_adam_update(c.stream, c.items(1 << 20, 1 << 15), c.seed); }},
     {"closest hit, Embree",
      [](const Context& c) { return check_hits(c, Traversal::warps, make_embree_tracer(c.soup.scene()).get()); }},
@@ -135,6 +153,7 @@ constexpr Check kChecks[] = {
     {"materials and lights",
      [](const Context& c) { return check_world(c.stream, c.materials, c.items(1 << 18, 1 << 13), c.seed); }},
     {"left-hand-side points", check_lhs},
+    {"clusters of hits", check_clusters},
     {"right-hand sides", check_rhs},
     {"first hits", check_g_buffer},
     {"paths", [](const Context& c) { return check_path_tracer(c, 16); }},

@@ -8,8 +8,10 @@
 namespace octrad::selftest {
 namespace {
 
-Config short_run(const Context& c) {
+Config short_run(const Context& c, const std::string& field = "octaoctree") {
   Config config = preset("cpu");
+  config.field = field;
+  config.ncr_log2_table = config.ncr_cone_log2_table = c.large() ? 17 : 12;
   config.seed = static_cast<long long>(c.seed % 1'000'000'000);
   config.octree_levels = c.large() ? 6 : 4;
   config.disparity_log2_table = c.large() ? 17 : 12;
@@ -21,12 +23,12 @@ Config short_run(const Context& c) {
 }
 
 // The distance of two seeds on the CPU shows what that of stream and CPU is worth.
-StageResult short_training(const Context& c) {
+StageResult short_training(const Context& c, const std::string& field) {
   constexpr double kTolerance = 0.05;
-  const Config config = short_run(c);
+  const Config config = short_run(c, field);
   Config other = config;
   ++other.seed;
-  const std::vector<SurfacePoint> probes = surface_probes(c.closed, 4096, c.seed + 3);
+  const std::vector<SurfacePoint> probes = surface_probes(c.closed, 4096, c.seed + 3, config);
   const TrainingPair pair = train_on_both(c.stream, c.closed, config, probes);
   const TrainResult& on_stream = pair.on_stream;
   const double seeds = mean_difference(*train(c.closed, other, TrainOptions{}).field, *pair.on_cpu.field, probes);
@@ -36,6 +38,7 @@ StageResult short_training(const Context& c) {
       pair.difference <= kTolerance && pair.loss_difference <= kTolerance && on_stream.steps == pair.on_cpu.steps;
   r.stages = on_stream.stages;
   r.report = {{"scene", c.closed.scene().file},
+              {"field", field},
               {"steps", on_stream.steps},
               {"points", config.train_points},
               {"directions", config.train_directions},
@@ -56,9 +59,9 @@ StageResult short_training(const Context& c) {
 }
 
 // A cache trained on the stream, asked by both: the picture, and the time that frames take.
-StageResult frame(const Context& c) {
+StageResult frame(const Context& c, const std::string& field) {
   constexpr double kTolerance = 2e-3;
-  const Config config = short_run(c);
+  const Config config = short_run(c, field);
   TrainOptions options;
   options.stream = &c.stream;
   const TrainResult trained = train(c.closed, config, options);
@@ -85,6 +88,7 @@ StageResult frame(const Context& c) {
   StageResult r;
   r.passed = mape <= kTolerance;
   r.report = {{"scene", c.closed.scene().file},
+              {"field", field},
               {"integrator", "lhs"},
               {"compared", {{"width", view.width}, {"height", view.height}, {"spp", budget.spp}}},
               {"mape", mape},
@@ -103,8 +107,10 @@ StageResult frame(const Context& c) {
 }
 
 constexpr Stage kStages[] = {
-    {"short training", short_training},
-    {"frame", frame},
+    {"short training", [](const Context& c) { return short_training(c, "octaoctree"); }},
+    {"frame", [](const Context& c) { return frame(c, "octaoctree"); }},
+    {"short training, ncr", [](const Context& c) { return short_training(c, "ncr"); }},
+    {"frame, ncr", [](const Context& c) { return frame(c, "ncr"); }},
 };
 
 }  // namespace

@@ -9,13 +9,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <climits>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <random>
 #include <utility>
 
 #include "octrad/base/error.h"
+#include "octrad/base/log.h"
 
 namespace octrad {
 namespace {
@@ -29,20 +32,38 @@ std::string folder_of(const std::string& file) {
   return folder.empty() ? "." : folder;
 }
 
-// Follows a symbolic link, so that the rename replaces what it points to and not the link.
+// Follows symbolic links, so that the rename replaces what they point to, or makes it, and not the link.
 std::string resolve(const std::string& file) {
-  std::error_code error;
-  if (!std::filesystem::is_symlink(file, error)) return file;
-  const std::filesystem::path target = std::filesystem::canonical(file, error);
-  return error ? file : target.string();
+  struct stat info {};
+  if (lstat(file.c_str(), &info) != 0 || !S_ISLNK(info.st_mode)) return file;
+  if (stat(file.c_str(), &info) == 0) {
+    std::error_code error;
+    const std::filesystem::path target = std::filesystem::canonical(file, error);
+    return S_ISREG(info.st_mode) && !error ? target.string() : file;  // /dev/stdout points to what has no name
+  }
+  std::filesystem::path path = file;
+  for (int links = 0; lstat(path.c_str(), &info) == 0 && S_ISLNK(info.st_mode); ++links) {
+    std::error_code error;
+    const std::filesystem::path target = std::filesystem::read_symlink(path, error);
+    if (error || links == 40) fail("write", file, error ? error.value() : ELOOP);
+    path = path.parent_path() / target;
+  }
+  return path.string();
 }
 
-// A name beside `file` that nobody uses yet, most likely.
+// A name in the folder of `file` that nobody uses yet, most likely; short, whatever the length of the file's name.
 std::string unused_name(const std::string& file) {
   static std::atomic<unsigned> count = 0;
   std::random_device random;
-  return fmt::format("{}.octrad-{:08x}{:04x}.tmp", file, random(), ++count & 0xffffu);
+  return fmt::format("{}/.octrad-{:08x}{:04x}.tmp", folder_of(file), random(), ++count & 0xffffu);
 }
+
+// The names of new files, for a signal handler, which may neither allocate nor wait: in fixed memory.
+struct Slot {
+  std::atomic<bool> taken{false}, filled{false};
+  char name[PATH_MAX];
+};
+Slot g_slots[16];
 
 // A new file of that name, never one that is there or that a link points to. Sets `opened` to the name where it worked.
 int open_new(const std::string& name, std::string& opened) {
@@ -53,23 +74,56 @@ int open_new(const std::string& name, std::string& opened) {
 
 }  // namespace
 
-AtomicFile::AtomicFile(const std::string& file) : file_(resolve(file)) {
-  require_writable(file_);
+AtomicFile::AtomicFile(const std::string& file) : name_(file) {
+  require_writable(file);
+  file_ = resolve(file);
   struct stat info {};
   direct_ = stat(file_.c_str(), &info) == 0 && !S_ISREG(info.st_mode);
   if (direct_) {
-    descriptor_ = open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+    descriptor_ = open(file_.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);  // a pipe must not be waited for
+    if (descriptor_ < 0 && errno == ENXIO)
+      throw IoError(fmt::format("cannot write {}: it is a pipe that nobody reads", file));
+    if (descriptor_ >= 0) fcntl(descriptor_, F_SETFL, fcntl(descriptor_, F_GETFL) & ~O_NONBLOCK);
   } else {
     if (access("/proc/self/fd", X_OK) == 0)  // commit() needs it
       descriptor_ = open(folder_of(file_).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) descriptor_ = open_new(unused_name(file_), temporary_);
+    if (descriptor_ < 0) {
+      std::string name;
+      descriptor_ = open_new(unused_name(file_), name);
+      if (descriptor_ >= 0) name_temporary(name);
+    }
   }
   if (descriptor_ < 0) fail("write", file, errno);
 }
 
 AtomicFile::~AtomicFile() {
   if (descriptor_ >= 0) close(descriptor_);
-  if (!temporary_.empty()) unlink(temporary_.c_str());
+  if (temporary_.empty()) return;
+  unlink(temporary_.c_str());
+  forget_temporary();
+}
+
+void AtomicFile::name_temporary(const std::string& name) {
+  temporary_ = name;
+  for (int i = 0; i < static_cast<int>(std::size(g_slots)) && slot_ < 0 && name.size() < PATH_MAX; ++i) {
+    if (g_slots[i].taken.exchange(true)) continue;
+    std::memcpy(g_slots[i].name, name.c_str(), name.size() + 1);
+    g_slots[i].filled.store(true);
+    slot_ = i;
+  }
+}
+
+void AtomicFile::forget_temporary() {
+  temporary_.clear();
+  if (slot_ < 0) return;
+  g_slots[slot_].filled.store(false);
+  g_slots[std::exchange(slot_, -1)].taken.store(false);
+}
+
+void remove_temporary_files() {
+  for (const Slot& slot : g_slots) {
+    if (slot.filled.load()) unlink(slot.name);
+  }
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -78,7 +132,7 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
     const ssize_t n = ::write(descriptor_, p, std::min<std::size_t>(bytes, std::size_t{1} << 30));
     if (n < 0) {
       if (errno == EINTR) continue;
-      fail("write", file_, errno);
+      fail("write", name_, errno);
     }
     p += n;
     bytes -= static_cast<std::size_t>(n);
@@ -86,21 +140,22 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
 }
 
 void AtomicFile::commit() {
-  if (!direct_ && fsync(descriptor_) != 0) fail("write", file_, errno);
+  // EINVAL: a file system that cannot sync
+  if (!direct_ && fsync(descriptor_) != 0 && errno != EINVAL) fail("write", name_, errno);
   if (!direct_ && temporary_.empty()) {
     // The only way to give it a name; it must be a new one, which is then renamed.
     const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
     std::string name = unused_name(file_);
     while (linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-      if (errno != EEXIST) fail("write", file_, errno);
+      if (errno != EEXIST) fail("write", name_, errno);
       name = unused_name(file_);
     }
-    temporary_ = name;
+    name_temporary(name);
   }
-  if (close(std::exchange(descriptor_, -1)) != 0) fail("write", file_, errno);
+  if (close(std::exchange(descriptor_, -1)) != 0) fail("write", name_, errno);
   if (direct_) return;
-  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) fail("replace", file_, errno);
-  temporary_.clear();
+  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) fail("replace", name_, errno);
+  forget_temporary();
   // The new name itself must survive a power failure too. Not every file system can sync a folder: best effort.
   const int folder = open(folder_of(file_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder >= 0) {
@@ -121,17 +176,20 @@ std::unique_ptr<WriterLock> WriterLock::try_to_take(const std::string& file) {
 }
 
 bool WriterLock::take(const std::string& file) {
-  lock_ = resolve(file) + ".lock";
   require_writable(file);
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return true;  // /dev/null
+  lock_ = resolve(file) + ".lock";
   for (;;) {
-    descriptor_ = open(lock_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) fail("write", lock_, errno);
-    if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+    descriptor_ = open(lock_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0666);
+    if (descriptor_ < 0) descriptor_ = open(lock_.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+    if (descriptor_ < 0 || flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
       const int error = errno;
-      close(std::exchange(descriptor_, -1));
-      return error != EWOULDBLOCK;  // another error: a file system without locks
+      if (descriptor_ >= 0) close(std::exchange(descriptor_, -1));
+      if (error == EWOULDBLOCK) return false;
+      log_warning(
+          fmt::format("{}: {}; nothing keeps another process from writing {} too", lock_, std::strerror(error), file));
+      return true;
     }
     // Whoever held it before may have removed the file in between.
     struct stat mine {
@@ -156,8 +214,10 @@ void require_writable(const std::string& file) {
     if (S_ISDIR(info.st_mode)) throw IoError(fmt::format("cannot write {}: it is a folder", file));
     if (access(file.c_str(), W_OK) != 0) fail("write", file, errno);
     if (!S_ISREG(info.st_mode)) return;
+  } else if (errno != ENOENT && errno != ENOTDIR) {
+    fail("write", file, errno);  // a name that is too long, links in a circle
   }
-  const std::string folder = folder_of(file);
+  const std::string folder = folder_of(resolve(file));
   if (stat(folder.c_str(), &info) != 0)
     throw IoError(fmt::format("cannot write {}: folder {} does not exist", file, folder));
   if (!S_ISDIR(info.st_mode)) throw IoError(fmt::format("cannot write {}: {} is not a folder", file, folder));

@@ -9,10 +9,11 @@ namespace octrad {
 
 // Writes to a file without a name where the system has such (O_TMPFILE), else to a new one beside `file`; commit()
 // syncs it to disk and renames it over `file`. Without commit() (an exception, a killed program) the old file stays,
-// and nothing is left of the new one; where the system has no files without a name, a killed program leaves
-// `file`.octrad-XXXXXX.tmp. No existing file is ever opened for writing, so that two writers never mix; the last to
-// commit() wins. A `file` that exists and is not a regular file
-// (/dev/null, a pipe) is written directly. All functions throw IoError with the file's name and the system's reason.
+// and nothing is left of the new one; where the system has no files without a name, kill -9 leaves
+// .octrad-XXXXXX.tmp in that folder. No existing file is ever opened for writing, so that two writers never mix; the
+// last to commit() wins. A symbolic link stays, and what it points to is replaced or made. A `file` that exists and is
+// not a regular file (/dev/null, a pipe that somebody reads) is written directly. Permissions are those of a new file
+// (umask). All functions throw IoError with the file's name and the system's reason.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& file);
@@ -25,14 +26,22 @@ class AtomicFile {
   void commit();
 
  private:
-  std::string file_;
-  std::string temporary_;  // empty while the new file has no name
+  void name_temporary(const std::string& name);
+  void forget_temporary();
+
+  std::string name_, file_;  // as given, and where its links lead to
+  std::string temporary_;    // empty while the new file has no name
+  int slot_ = -1;            // of the list that remove_temporary_files() reads
   int descriptor_ = -1;
   bool direct_ = false;
 };
 
-// Keeps other processes from writing the same result: holds an exclusive lock on `file`.lock, which is removed at the
-// end (a killed program leaves it, without the lock). Throws IoError at once when another process holds it.
+// For a signal handler that ends the process: removes the new files that have a name already.
+void remove_temporary_files();
+
+// Keeps other processes from writing the same result: holds an exclusive lock (flock) on `file`.lock, which is removed
+// at the end (kill -9 leaves it, without the lock). Throws IoError at once when another process holds it. Where there
+// can be no lock (a file system without locks, a name that is too long) there is a warning, and no lock.
 class WriterLock {
  public:
   explicit WriterLock(const std::string& file);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -86,6 +87,76 @@ TEST_F(AtomicFiles, AtomicFileFollowsLinks) {
   write_text_file(path("link"), "new");
   EXPECT_TRUE(std::filesystem::is_symlink(path("link")));
   EXPECT_EQ(read_text_file(path("target")), "new");
+}
+
+TEST_F(AtomicFiles, LinksThatLeadNowhereAreMadeAndCirclesRefused) {
+  std::filesystem::create_directory(path("folder"));
+  std::filesystem::create_symlink("folder/second", path("first"));
+  std::filesystem::create_symlink("target", path("folder/second"));
+  write_text_file(path("first"), "new");
+  EXPECT_TRUE(std::filesystem::is_symlink(path("first")));
+  EXPECT_EQ(read_text_file(path("folder/target")), "new");
+  std::filesystem::create_symlink("circle", path("circle"));
+  EXPECT_THROW(require_writable(path("circle")), IoError);
+  EXPECT_THROW(AtomicFile{path("circle")}, IoError);
+  std::filesystem::create_symlink("none/target", path("astray"));
+  EXPECT_THROW(require_writable(path("astray")), IoError);
+}
+
+TEST_F(AtomicFiles, NamesAreAsLongAsTheSystemTakes) {
+  const std::string longest = path(std::string(255, 'n'));
+  write_text_file(longest, "x");
+  EXPECT_EQ(read_text_file(longest), "x");
+  EXPECT_THROW(require_writable(path(std::string(256, 'n'))), IoError);
+}
+
+TEST_F(AtomicFiles, PermissionsAreThoseOfANewFile) {
+  const mode_t before = umask(027);
+  write_text_file(path("a"), "x");
+  std::filesystem::permissions(path("a"), std::filesystem::perms::all);
+  write_text_file(path("a"), "y");
+  umask(before);
+  EXPECT_EQ(std::filesystem::status(path("a")).permissions(), static_cast<std::filesystem::perms>(0640));
+}
+
+TEST_F(AtomicFiles, APipeThatNobodyReadsIsNotWaitedFor) {
+  ASSERT_EQ(mkfifo(path("pipe").c_str(), 0600), 0);
+  EXPECT_THROW(AtomicFile{path("pipe")}, IoError);
+  const int reader = open(path("pipe").c_str(), O_RDONLY | O_NONBLOCK);
+  write_text_file(path("pipe"), "text");
+  char text[8] = {};
+  EXPECT_EQ(read(reader, text, sizeof(text)), 4);
+  close(reader);
+}
+
+// As the handler of a signal does that ends the process.
+TEST_F(AtomicFiles, WhatHasANameIsRemovedAtTheEnd) {
+  write_text_file(path("a"), "old");
+  const pid_t child = fork();
+  if (child == 0) {
+    AtomicFile out(path("a"));
+    out.write(std::string("half"));
+    remove_temporary_files();
+    _exit(0);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
+}
+
+// kill -9 leaves the file, and its owner may be another user.
+TEST_F(AtomicFiles, ALockFileWithoutALockIsTaken) {
+  write_text_file(path("a.lock"), "");
+  std::filesystem::permissions(path("a.lock"), std::filesystem::perms::owner_read);
+  EXPECT_TRUE(WriterLock::try_to_take(path("a")));
+  EXPECT_FALSE(std::filesystem::exists(path("a.lock")));
+}
+
+TEST_F(AtomicFiles, WhereNoLockCanBeThereIsAWarning) {
+  testing::internal::CaptureStderr();
+  { const WriterLock lock(path(std::string(252, 'n'))); }
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("nothing keeps another process"), std::string::npos);
 }
 
 TEST_F(AtomicFiles, AtomicFileNamesWhatIsWrong) {

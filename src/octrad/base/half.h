@@ -15,6 +15,11 @@ namespace octrad {
 
 inline constexpr float kLargestHalf = 65504.0f;
 
+// What a half holds, and NaN for what is not finite.
+OCTRAD_HD inline float bounded_half(float a) {
+  return (a > kLargestHalf ? kLargestHalf : (a < -kLargestHalf ? -kLargestHalf : a)) + (a - a);
+}
+
 struct Half {
   std::uint16_t bits = 0;
 };

@@ -6,6 +6,8 @@
 #include <atomic>
 #include <cstddef>
 
+#include "octrad/base/atomic_file.h"
+
 namespace octrad {
 namespace {
 std::atomic<bool> g_interrupted{false}, g_deferred{false};
@@ -13,14 +15,15 @@ static_assert(std::atomic<bool>::is_always_lock_free, "used in a signal handler"
 
 template <std::size_t N>
 [[noreturn]] void end_at_once(const char (&message)[N]) {
+  remove_temporary_files();
   const ssize_t ignored = write(STDERR_FILENO, message, N - 1);
   static_cast<void>(ignored);
   _exit(130);
 }
 
-void on_signal(int) {
+void on_signal(int signal) {
   if (!g_deferred.load()) end_at_once("\noctrad: interrupted before there was anything to save\n");
-  if (g_interrupted.exchange(true))
+  if (g_interrupted.exchange(true) && signal != SIGHUP)
     end_at_once("\noctrad: stopped at once by a second signal; nothing more was saved\n");
 }
 }  // namespace
@@ -33,6 +36,8 @@ void install_interrupt_handler() {
   action.sa_flags = SA_RESTART;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
 void defer_interrupts() { g_deferred.store(true); }

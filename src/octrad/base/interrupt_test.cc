@@ -10,14 +10,14 @@ namespace octrad {
 namespace {
 
 // The exit code of a process that gets `count` signals and would end with 7 by itself, or 8 when interrupted().
-int exit_code_after_signals(int count, bool defer) {
+int exit_code_after_signals(int count, bool defer, int which = SIGINT) {
   const pid_t child = fork();
   if (child == 0) {
     const int null = open("/dev/null", O_WRONLY);
     dup2(null, STDERR_FILENO);
     install_interrupt_handler();
     if (defer) defer_interrupts();
-    for (int i = 0; i < count; ++i) raise(SIGINT);
+    for (int i = 0; i < count; ++i) raise(which);
     _exit(interrupted() ? 8 : 7);
   }
   int status = 0;
@@ -33,6 +33,18 @@ TEST(Interrupt, DeferredSignalSetsAFlag) {
 }
 
 TEST(Interrupt, SecondSignalEndsWith130) { EXPECT_EQ(exit_code_after_signals(2, true), 130); }
+
+// A terminal that is closed sends several.
+TEST(Interrupt, HangUpSavesAndNeverEndsAtOnce) {
+  EXPECT_EQ(exit_code_after_signals(1, false, SIGHUP), 130);
+  EXPECT_EQ(exit_code_after_signals(3, true, SIGHUP), 8);
+}
+
+TEST(Interrupt, HangUpStaysIgnored) {
+  const auto before = signal(SIGHUP, SIG_IGN);  // nohup
+  EXPECT_EQ(exit_code_after_signals(1, false, SIGHUP), 7);
+  signal(SIGHUP, before);
+}
 
 }  // namespace
 }  // namespace octrad

@@ -7,6 +7,7 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 
 namespace octrad {
 
@@ -24,6 +25,30 @@ nlohmann::json parse_json(const std::string& text, const std::string& name) {
     const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
     const std::size_t column = start == std::string::npos ? end + 1 : end - start;
     throw InputError(fmt::format("{}:{}:{}: not valid JSON", name, line, column));
+  }
+}
+
+namespace {
+
+nlohmann::json escaped(const nlohmann::json& value) {
+  if (value.is_string()) return escape_bytes(value.get_ref<const std::string&>());
+  nlohmann::json out = value;
+  if (value.is_array()) {
+    for (nlohmann::json& element : out) element = escaped(element);
+  } else if (value.is_object()) {
+    out.clear();
+    for (const auto& [key, element] : value.items()) out[escape_bytes(key)] = escaped(element);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string json_text(const nlohmann::json& value, int indent) {
+  try {
+    return value.dump(indent);
+  } catch (const nlohmann::json::type_error&) {  // bytes that are no UTF-8
+    return escaped(value).dump(indent);
   }
 }
 

@@ -1,14 +1,18 @@
 #include "octrad/base/progress.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <string_view>
+#include <utility>
 
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 
 namespace octrad {
@@ -62,24 +66,64 @@ void Progress::finish() { log_status_line(""); }
 
 struct JsonLines::Impl {
   std::string file;
-  std::FILE* out = nullptr;
+  int descriptor = -1;
+  off_t end = -1;         // of its last whole line; -1: a pipe or device
+  bool whole = true;      // it ends with a whole line
+  long long dropped = 0;  // lines
+  int error = 0;          // of the last of them
   std::mutex mutex;
+
+  // Returns false, with errno, when not all could be written.
+  bool put(std::string_view text) {
+    while (!text.empty()) {
+      const ssize_t n = ::write(descriptor, text.data(), text.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return false;
+      whole = false;
+      text.remove_prefix(static_cast<std::size_t>(n));
+    }
+    return true;
+  }
 };
 
 JsonLines::JsonLines(const std::string& file, bool append) : impl_(std::make_unique<Impl>()) {
   impl_->file = file;
-  impl_->out = std::fopen(file.c_str(), append ? "ab" : "wb");
-  if (!impl_->out) throw IoError(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
+  // Non-blocking only while it is opened: a pipe that nobody reads is an error.
+  impl_->descriptor = open(
+      file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (append ? 0 : O_TRUNC), 0666);
+  if (impl_->descriptor < 0)
+    throw IoError(fmt::format("cannot write {}: {}", file,
+                              errno == ENXIO ? "it is a pipe that nobody reads" : std::strerror(errno)));
+  fcntl(impl_->descriptor, F_SETFL, fcntl(impl_->descriptor, F_GETFL) & ~O_NONBLOCK);
+  impl_->end = lseek(impl_->descriptor, 0, SEEK_END);
 }
 
-JsonLines::~JsonLines() { std::fclose(impl_->out); }
+JsonLines::~JsonLines() {
+  if (impl_->descriptor >= 0) close(impl_->descriptor);
+}
 
 void JsonLines::write(const nlohmann::json& object) {
-  const std::string line = object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  const std::string line = json_text(object) + "\n";
   const std::lock_guard lock(impl_->mutex);
-  if (std::fwrite(line.data(), 1, line.size(), impl_->out) != line.size() || std::fflush(impl_->out) != 0) {
-    throw IoError(fmt::format("cannot write {}: {}", impl_->file, std::strerror(errno)));
+  // In a pipe, what there is of a line that broke off ends with a line end; in a file it is cut off.
+  if ((impl_->whole || impl_->put("\n")) && impl_->put(line)) {
+    impl_->whole = true;
+    impl_->end = lseek(impl_->descriptor, 0, SEEK_CUR);
+    return;
   }
+  impl_->error = errno;
+  if (impl_->end >= 0 && ftruncate(impl_->descriptor, impl_->end) == 0) impl_->whole = true;
+  if (impl_->dropped++ == 0)
+    log_warning(fmt::format("cannot write {}: {}; the work goes on", impl_->file, std::strerror(impl_->error)));
+}
+
+void JsonLines::finish() {
+  const std::lock_guard lock(impl_->mutex);
+  if (impl_->descriptor >= 0 && close(std::exchange(impl_->descriptor, -1)) != 0 && impl_->dropped++ == 0)
+    impl_->error = errno;
+  if (impl_->dropped > 0)
+    throw IoError(fmt::format("cannot write {}: {}; {} of its lines are missing, everything else is saved", impl_->file,
+                              std::strerror(impl_->error), impl_->dropped));
 }
 
 }  // namespace octrad

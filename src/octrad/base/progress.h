@@ -38,14 +38,16 @@ class Progress {
   double first_fraction_ = -1.0, first_seconds_ = 0.0;
 };
 
-// A file with one JSON object a line (--log-json), flushed after every line so that it can be followed.
+// A file with one JSON object a line (--log-json), written at once so that it can be followed. Work must not be lost
+// for its log: a line that cannot be written is dropped, with one warning; later lines are tried again. Thread-safe.
 class JsonLines {
  public:
   // Truncates `file`, or appends to it. Throws IoError.
   explicit JsonLines(const std::string& file, bool append = false);
   ~JsonLines();
-  // Thread-safe. Throws IoError.
   void write(const nlohmann::json& object);
+  // At the end of the work: throws IoError when lines are missing.
+  void finish();
 
  private:
   struct Impl;

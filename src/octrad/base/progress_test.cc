@@ -1,8 +1,12 @@
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -36,6 +40,43 @@ TEST(JsonLines, CanBeFollowedAndAppended) {
   for (std::string line; std::getline(in, line); ++lines) EXPECT_TRUE(nlohmann::json::accept(line)) << line;
   EXPECT_EQ(lines, 201);
   EXPECT_THROW(JsonLines(path("none/log")), IoError);
+}
+
+// The work must go on without its log, and say so at the end.
+TEST(JsonLines, LinesThatCannotBeWrittenAreTriedAgain) {
+  const TestFolder folder;
+  const std::string file = folder.file("log");
+  JsonLines log(file);
+  log.write({{"line", 1}});
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = std::filesystem::file_size(file) + 5;  // a piece of the next line
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  log.write({{"line", 2}});
+  log.write({{"line", 3}});
+  setrlimit(RLIMIT_FSIZE, &before);
+  log.write({{"line", 4}});
+  std::ifstream in(file);
+  std::string text((std::istreambuf_iterator<char>(in)), {});
+  EXPECT_EQ(text, "{\"line\":1}\n{\"line\":4}\n");
+  try {
+    log.finish();
+    ADD_FAILURE() << "two lines are missing";
+  } catch (const IoError& error) {
+    EXPECT_NE(std::string(error.what()).find("2 of its lines"), std::string::npos) << error.what();
+  }
+}
+
+TEST(JsonLines, OneWarningForAllLines) {
+  JsonLines log("/dev/full");
+  testing::internal::CaptureStderr();
+  for (int i = 0; i < 3; ++i) log.write({{"line", i}});
+  const std::string warnings = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), '\n'), 1) << warnings;
+  EXPECT_NE(warnings.find("/dev/full"), std::string::npos) << warnings;
+  EXPECT_THROW(log.finish(), IoError);
 }
 
 TEST(Progress, EstimatesFromWhereItStarted) {

@@ -14,6 +14,7 @@ struct HitCluster {
   float share = 0.0f;      // of all rays drawn, also of those that met nothing; 0: an empty cluster
 };
 inline constexpr int kHitClusters = 4, kMostLobeRays = 512;
+inline constexpr int kHitClusterNumbers = 3 * kHitClusters;
 
 struct SurfacePoint {
   Vec3f x;                        // world position
@@ -57,12 +58,35 @@ struct QueryRays {
   int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
 };
 
-// Many of them as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.
+// Clusters of many points: number c of cluster k of point i at [3 k + c][stride] + i.
+struct HitClusterArray {
+  float* data = nullptr;  // [kHitClusterNumbers][stride]
+  std::size_t stride = 0;
+
+  OCTRAD_HD HitCluster get(int k, std::size_t i) const {
+    const float* at = data + static_cast<std::size_t>(3 * k) * stride + i;
+    return {at[0], at[stride], at[2 * stride]};
+  }
+  OCTRAD_HD void set(int k, std::size_t i, const HitCluster& cluster) const {
+    float* at = data + static_cast<std::size_t>(3 * k) * stride + i;
+    at[0] = cluster.distance;
+    at[stride] = cluster.deviation;
+    at[2 * stride] = cluster.share;
+  }
+};
+
+// Many points as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.
 inline constexpr int kSurfacePointNumbers = 14;
 
 struct SurfacePointArray {
   float* data = nullptr;  // [kSurfacePointNumbers][stride]
   std::size_t stride = 0;
+  HitClusterArray lobe = {};  // SurfacePoint::lobe; data null: not known, and load() and store() leave it alone
+
+  // Point i of the result is point `begin` + i.
+  OCTRAD_HD SurfacePointArray from(std::size_t begin) const {
+    return {data + begin, stride, {lobe.data != nullptr ? lobe.data + begin : nullptr, lobe.stride}};
+  }
 
   OCTRAD_HD float get(int number, std::size_t i) const { return data[static_cast<std::size_t>(number) * stride + i]; }
   OCTRAD_HD Vec3f get3(int number, std::size_t i) const {
@@ -84,6 +108,25 @@ struct SurfacePointArray {
                                                  p.albedo.y, p.albedo.z, p.alpha, p.disparity};
     for (int n = 0; n < kSurfacePointNumbers; ++n) data[static_cast<std::size_t>(n) * stride + i] = numbers[n];
   }
+  // With the clusters, where there are any.
+  SurfacePoint load_all(std::size_t i) const {
+    SurfacePoint p = load(i);
+    for (int k = 0; k < kHitClusters && lobe.data != nullptr; ++k) p.lobe[k] = lobe.get(k, i);
+    return p;
+  }
+  void store_all(std::size_t i, const SurfacePoint& p) const {
+    store(i, p);
+    for (int k = 0; k < kHitClusters && lobe.data != nullptr; ++k) lobe.set(k, i, p.lobe[k]);
+  }
 };
+
+// Arrays for points that are one piece of memory, with clusters behind them or without: how many numbers a point has
+// there, and the arrays.
+constexpr int surface_point_numbers(bool lobes) { return kSurfacePointNumbers + (lobes ? kHitClusterNumbers : 0); }
+inline SurfacePointArray surface_point_array(float* data, std::size_t stride, bool lobes) {
+  SurfacePointArray points{data, stride};
+  if (lobes) points.lobe = {data + static_cast<std::size_t>(kSurfacePointNumbers) * stride, stride};
+  return points;
+}
 
 }  // namespace octrad

@@ -23,6 +23,17 @@ struct LookupQueries {
   Vec3f direction(std::size_t i) const { return {w[i], w[n + i], w[2 * n + i]}; }
 };
 
+// The same with footprints from 2^-9 to 1, a few of them 0; at every seventh nothing is looked up.
+struct FootprintQueries {
+  std::size_t n;
+  std::vector<float> p, r;  // [3][n], [n]
+  DeviceArray<float> device_p, device_r;
+  DeviceFootprints view;
+
+  FootprintQueries(Stream& stream, std::span<const Vec3f> positions, std::uint64_t seed);
+  Vec3f position(std::size_t i) const { return {p[i], p[n + i], p[2 * n + i]}; }
+};
+
 // A copy of a table of features in a stream's memory: of floats, or of halves, to which `values` are rounded then.
 struct UploadedFeatures {
   DeviceArray<float> floats;
@@ -39,5 +50,8 @@ CheckResult check_octree_lookup(Stream& stream, OctaOctree& tree, const LookupQu
 // Of a domain (origin, size) that holds the queries or not.
 CheckResult check_hash_grid_lookup(Stream& stream, HashGrid& grid, Vec3f origin, Vec3f size,
                                    const LookupQueries& queries, bool halves, std::uint64_t seed);
+// At positions of the unit cube, or outside.
+CheckResult check_prefiltered_lookup(Stream& stream, HashGrid& grid, std::span<const Vec3f> p, bool halves,
+                                     std::uint64_t seed);
 
 }  // namespace octrad

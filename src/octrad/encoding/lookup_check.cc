@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "octrad/base/random_inputs.h"
 #include "octrad/encoding/checks.h"
@@ -65,6 +66,20 @@ LookupQueries::LookupQueries(Stream& stream, std::span<const Vec3f> positions, f
   view = {device_x.data(), n, device_w.data(), n, device_d.data(), {}, static_cast<std::uint32_t>(n)};
 }
 
+FootprintQueries::FootprintQueries(Stream& stream, std::span<const Vec3f> positions, std::uint64_t seed)
+    : n(positions.size()),
+      p(3 * n),
+      r(n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    Rng rng(seed, RngPurpose::test, i);
+    for (int a = 0; a < 3; ++a) p[static_cast<std::size_t>(a) * n + i] = positions[i][a];
+    r[i] = i % 7 == 0 ? -1.0f : i % 31 == 1 ? 0.0f : std::exp2(-9.0f * rng.uniform());
+  }
+  device_p = DeviceArray<float>(stream, std::span<const float>(p), "queries");
+  device_r = DeviceArray<float>(stream, std::span<const float>(r), "queries");
+  view = {device_p.data(), device_r.data(), n, {}, static_cast<std::uint32_t>(n)};
+}
+
 UploadedFeatures::UploadedFeatures(Stream& stream, std::span<float> values, bool as_halves) {
   if (!as_halves) {
     floats = DeviceArray<float>(stream, values, "features");
@@ -116,6 +131,33 @@ CheckResult check_hash_grid_lookup(Stream& stream, HashGrid& grid, Vec3f origin,
         }
       },
       5e-7 * static_cast<double>(view.level[view.levels - 1].scale));  // positions are rounded: a share of a cell
+}
+
+CheckResult check_prefiltered_lookup(Stream& stream, HashGrid& grid, std::span<const Vec3f> p, bool halves,
+                                     std::uint64_t seed) {
+  testing::fill_random(grid.table(), seed);
+  const UploadedFeatures table(stream, grid.table(), halves);
+  const FootprintQueries queries(stream, p, seed + 1);
+  const DevicePrefilteredGrid device(grid);
+  const HashGridView view = grid.view();
+  const auto width = static_cast<std::size_t>(view.features);
+  return compare_features(
+      stream, queries.n, width,
+      [&](auto rows, int first) { device.lookup(stream, table.view(), queries.view, rows, first); },
+      [&](std::size_t i, float* value) {
+        std::fill_n(value, width, 0.0f);
+        if (!(queries.r[i] >= 0.0f)) return;
+        // As the CPU adds them: level by level.
+        visit_prefiltered(view, queries.position(i), queries.r[i],
+                          [&](int, const std::uint32_t* entry, const float* weight, float of_level) {
+                            for (std::size_t c = 0; c < width; ++c) {
+                              float level = 0.0f;
+                              for (int k = 0; k < 8; ++k) level += weight[k] * view.table[entry[k] * width + c];
+                              value[c] += of_level * level;
+                            }
+                          });
+      },
+      5e-7 * static_cast<double>(view.level[view.levels - 1].scale));
 }
 
 }  // namespace octrad

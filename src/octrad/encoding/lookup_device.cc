@@ -121,6 +121,66 @@ struct GridScatter : Kernel {
   }
 };
 
+template <int F, typename E, typename Rows>
+struct PrefilteredLookup : Kernel {
+  HashGridView view;
+  const E* table;
+  DeviceFootprints queries;
+  Rows out;
+  int first;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!queries.slice.holds(i)) return;
+    float sum[F];
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; ++c) sum[c] = 0.0f;
+    if (const float r = queries.r[i]; r >= 0.0f) {
+      visit_prefiltered(view, queries.position(i), r,
+                        [&](int, const std::uint32_t* entry, const float* weight, float of_level) {
+                          float level[F];
+                          OCTRAD_UNROLL
+                          for (int c = 0; c < F; ++c) level[c] = 0.0f;
+                          OCTRAD_UNROLL
+                          for (int k = 0; k < 8; ++k) {
+                            float value[F];
+                            load_row<F>(table, entry[k], value);
+                            OCTRAD_UNROLL
+                            for (int c = 0; c < F; ++c) level[c] += weight[k] * value[c];
+                          }
+                          OCTRAD_UNROLL
+                          for (int c = 0; c < F; ++c) sum[c] += of_level * level[c];
+                        });
+    }
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; c += 2) out.store2(first + c, i, sum[c], sum[c + 1]);
+  }
+};
+
+template <int F, typename Sink>
+struct PrefilteredScatter : Kernel {
+  HashGridView view;
+  DeviceFootprints queries;
+  const float* upstream;
+  std::size_t upstream_stride;
+  Sink sink;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!queries.slice.holds(i) || !(queries.r[i] >= 0.0f)) return;
+    float up[F];
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; ++c) up[c] = upstream[static_cast<std::size_t>(c) * upstream_stride + i];
+    visit_prefiltered(
+        view, queries.position(i), queries.r[i],
+        [&](int side, const std::uint32_t* entry, const float* weight, float of_level) {
+          const std::uint64_t slot =
+              static_cast<std::uint64_t>(i) * kPrefilteredTaps + static_cast<std::uint64_t>(side * kHashGridTaps);
+          OCTRAD_UNROLL
+          for (int k = 0; k < 8; ++k)
+            sink.template add<F>(slot + static_cast<std::uint64_t>(k), entry[k], weight[k] * of_level, up);
+        });
+  }
+};
+
 // Calls f with the number of features as a constant.
 template <typename F>
 void with_width(int features, F&& f) {
@@ -188,6 +248,26 @@ void grid_scatter(Stream& stream, const HashGridView& view, Vec3f origin, Vec3f 
   });
 }
 
+template <typename Rows>
+void prefiltered(Stream& stream, const HashGridView& view, DeviceFeatures table, const DeviceFootprints& queries,
+                 Rows out, int first) {
+  with_width(view.features, [&](auto width) {
+    constexpr int F = decltype(width)::value;
+    if (table.halves != nullptr)
+      launch(stream, queries.n, PrefilteredLookup<F, Half, Rows>{{}, view, table.halves, queries, out, first});
+    else launch(stream, queries.n, PrefilteredLookup<F, float, Rows>{{}, view, table.floats, queries, out, first});
+  });
+}
+
+template <typename Sink>
+void prefiltered_scatter(Stream& stream, const HashGridView& view, const DeviceFootprints& queries,
+                         const float* upstream, std::size_t upstream_stride, const Sink& sink) {
+  with_width(view.features, [&](auto width) {
+    constexpr int F = decltype(width)::value;
+    launch(stream, queries.n, PrefilteredScatter<F, Sink>{{}, view, queries, upstream, upstream_stride, sink});
+  });
+}
+
 }  // namespace
 
 DeviceOctree::DeviceOctree(Stream& stream, const OctaOctree& octree) : view_(octree.view()) {
@@ -246,6 +326,24 @@ void DeviceHashGrid::scatter(Stream& stream, const DeviceQueries& queries, const
 void DeviceHashGrid::scatter(Stream& stream, const DeviceQueries& queries, const float* upstream,
                              std::size_t upstream_stride, const KeepForSort& sink) const {
   grid_scatter(stream, view_, origin_, size_, queries, upstream, upstream_stride, sink);
+}
+
+DevicePrefilteredGrid::DevicePrefilteredGrid(const HashGrid& grid) : view_(grid.view()) { view_.table = nullptr; }
+void DevicePrefilteredGrid::lookup(Stream& stream, DeviceFeatures table, const DeviceFootprints& queries, HalfRows out,
+                                   int first) const {
+  prefiltered(stream, view_, table, queries, out, first);
+}
+void DevicePrefilteredGrid::lookup(Stream& stream, DeviceFeatures table, const DeviceFootprints& queries, FloatRows out,
+                                   int first) const {
+  prefiltered(stream, view_, table, queries, out, first);
+}
+void DevicePrefilteredGrid::scatter(Stream& stream, const DeviceFootprints& queries, const float* upstream,
+                                    std::size_t upstream_stride, const AddNow& sink) const {
+  prefiltered_scatter(stream, view_, queries, upstream, upstream_stride, sink);
+}
+void DevicePrefilteredGrid::scatter(Stream& stream, const DeviceFootprints& queries, const float* upstream,
+                                    std::size_t upstream_stride, const KeepForSort& sink) const {
+  prefiltered_scatter(stream, view_, queries, upstream, upstream_stride, sink);
 }
 
 }  // namespace octrad

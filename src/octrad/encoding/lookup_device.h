@@ -12,6 +12,7 @@
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/encoding/octaoctree_math.h"
+#include "octrad/encoding/prefiltered_grid_math.h"
 
 namespace octrad {
 
@@ -38,6 +39,19 @@ struct DeviceQueries {
 
 // Taps of one (query, level): slot s of (level, query i) is (level n + i) taps + s.
 inline constexpr int kOctreeTaps = 24, kHashGridTaps = 8;
+// Taps of one look-up with a footprint: slot s of query i is 16 i + s.
+inline constexpr int kPrefilteredTaps = 16;
+
+// Look-ups with footprints, in device memory.
+struct DeviceFootprints {
+  const float* p = nullptr;  // positions in [0,1]^3 (clamped), components `stride` items apart
+  const float* r = nullptr;  // footprints in the same unit; below 0: nothing is looked up there
+  std::size_t stride = 0;
+  QueueSlice slice;
+  std::uint32_t n = 0;  // items of a launch
+
+  OCTRAD_HD Vec3f position(std::size_t i) const { return {p[i], p[stride + i], p[2 * stride + i]}; }
+};
 
 // The cells of an OctaOctree in device memory.
 class DeviceOctree {
@@ -80,6 +94,23 @@ class DeviceHashGrid {
  private:
   HashGridView view_;
   Vec3f origin_, size_;
+};
+
+// A hash grid looked up with footprints (prefiltered_grid_math.h). F features a query, 0 where nothing is looked up.
+class DevicePrefilteredGrid {
+ public:
+  explicit DevicePrefilteredGrid(const HashGrid& grid);
+  int features() const { return view_.features; }
+  void lookup(Stream& stream, DeviceFeatures table, const DeviceFootprints& queries, HalfRows out, int first) const;
+  void lookup(Stream& stream, DeviceFeatures table, const DeviceFootprints& queries, FloatRows out, int first) const;
+  // upstream: gradient at the features [F][upstream_stride].
+  void scatter(Stream& stream, const DeviceFootprints& queries, const float* upstream, std::size_t upstream_stride,
+               const AddNow& sink) const;
+  void scatter(Stream& stream, const DeviceFootprints& queries, const float* upstream, std::size_t upstream_stride,
+               const KeepForSort& sink) const;
+
+ private:
+  HashGridView view_;
 };
 
 }  // namespace octrad

@@ -11,6 +11,7 @@
 #include "octrad/base/random_inputs.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/encoding/checks.h"
+#include "octrad/encoding/prefiltered_grid.h"
 #include "octrad/encoding/shell_cells_test_helper.h"
 
 namespace octrad {
@@ -170,6 +171,69 @@ TEST_P(DeviceLookup, HashGridGradientsReachTheEntriesThatWereRead) {
     const std::vector<float> sums = gradient.download();
     for (std::size_t k = 0; k < sums.size(); ++k)
       ASSERT_NEAR(sums[k], expected[k], 2e-4 * (1.0 + std::abs(expected[k]))) << k;
+  }
+}
+
+TEST_P(DeviceLookup, PrefilteredFeaturesAreThoseOfTheDefinition) {
+  std::vector<Vec3f> p = positions(scene_, 900);
+  for (Vec3f& v : p) v = (v - kOrigin) / kSize;
+  for (const int features : {2, 4, 8}) {
+    for (const bool halves : {false, true}) {
+      HashGrid grid(HashGridOptions{6, features, 10, 4, 2.0});
+      EXPECT_TRUE(testing::passed(check_prefiltered_lookup(*stream, grid, p, halves, 9)))
+          << features << " features, halves " << halves;
+    }
+  }
+}
+
+// Against the taps that the CPU trains with.
+TEST_P(DeviceLookup, PrefilteredGradientsReachTheEntriesThatWereRead) {
+  std::vector<Vec3f> p = positions(scene_, 700);
+  for (Vec3f& v : p) v = (v - kOrigin) / kSize;
+  const FootprintQueries b(*stream, p, 5);
+  for (const int features : {2, 4, 8}) {
+    const HashGrid grid(HashGridOptions{6, features, 10, 4, 2.0});
+    const DevicePrefilteredGrid device(grid);
+    const std::size_t width = static_cast<std::size_t>(features), slots = b.n * kPrefilteredTaps;
+    std::vector<float> upstream(width * b.n), values(width * b.n);
+    testing::fill_random(upstream, 4);
+    PrefilteredRecord record;
+    prefiltered_lookup(grid.view(), p.data(), b.r.data(), static_cast<int>(b.n), values.data(), static_cast<int>(b.n),
+                       &record);
+    std::vector<double> expected(grid.table().size(), 0.0);
+    for (std::size_t i = 0; i < b.n; ++i) {
+      if (!(b.r[i] >= 0.0f)) continue;
+      const std::size_t taps = record.blends[i].weight < 1.0f ? 16 : 8;
+      for (std::size_t t = i * 16; t < i * 16 + taps; ++t) {
+        for (std::size_t c = 0; c < width; ++c) {
+          expected[record.taps[t].entry * width + c] +=
+              static_cast<double>(record.taps[t].weight) * static_cast<double>(upstream[c * b.n + i]);
+        }
+      }
+    }
+    const DeviceArray<float> d_features(*stream, std::span<const float>(upstream), "upstream");
+    DeviceArray<float> gradient(*stream, grid.table().size(), "gradient");
+    gradient.fill(0);
+    device.scatter(*stream, b.view, d_features.data(), b.n, AddNow{gradient.data(), {}});
+    const std::vector<float> sums = gradient.download();
+    DeviceArray<std::uint32_t> rows(*stream, slots, "rows");
+    DeviceArray<float> scales(*stream, slots, "scales");
+    rows.fill(0xff);
+    device.scatter(*stream, b.view, d_features.data(), b.n, KeepForSort{rows.data(), scales.data()});
+    std::vector<double> kept(grid.table().size(), 0.0);
+    const std::vector<std::uint32_t> entries = rows.download();
+    const std::vector<float> factors = scales.download();
+    for (std::size_t s = 0; s < slots; ++s) {
+      if (entries[s] == kNoRow) continue;
+      for (std::size_t c = 0; c < width; ++c) {
+        kept[entries[s] * width + c] +=
+            static_cast<double>(factors[s]) * static_cast<double>(upstream[c * b.n + s / kPrefilteredTaps]);
+      }
+    }
+    for (std::size_t k = 0; k < sums.size(); ++k) {
+      ASSERT_NEAR(sums[k], expected[k], 2e-4 * (1.0 + std::abs(expected[k]))) << k;
+      ASSERT_NEAR(kept[k], expected[k], 2e-4 * (1.0 + std::abs(expected[k]))) << k;
+    }
   }
 }
 

@@ -33,4 +33,19 @@ OCTRAD_HD inline LevelBlend<T> blend_levels(const HashGridView& grid, T r) {
   return {grid.levels - 1, T(1)};
 }
 
+// visit(side, entry, weight, of_level) for the blend's level (side 0) and, where it has any weight, the next one (side
+// 1): taps of a hash grid's level as hash_grid_taps() gives them, and the level's own weight. p in [0,1]^3 (clamped).
+OCTRAD_HD_OR_HOST
+template <typename T, typename Visitor>
+OCTRAD_HD inline void visit_prefiltered(const HashGridView& grid, Vec3<T> p, T r, Visitor&& visit) {
+  const LevelBlend<T> blend = blend_levels(grid, r);
+  const int sides = blend.weight < T(1) ? 2 : 1;
+  for (int side = 0; side < sides; ++side) {  // a loop, so that kernels contain the look-up once
+    std::uint32_t entry[8];
+    T weight[8];
+    hash_grid_taps(grid.level[blend.level + side], p, entry, weight);
+    visit(side, entry, weight, side == 0 ? blend.weight : T(1) - blend.weight);
+  }
+}
+
 }  // namespace octrad

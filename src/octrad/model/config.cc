@@ -15,6 +15,7 @@
 
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/join.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/model/field_registry.h"
@@ -398,7 +399,7 @@ std::string text_of(const Config& config, const Key& key) {
 }
 
 std::string text_of(const nlohmann::json& value, const std::string& key) {
-  if (value.is_string()) return value.get<std::string>();
+  if (value.is_string()) return unescape_bytes(value.get_ref<const std::string&>());
   if (value.is_boolean() || value.is_number()) return value.dump();
   throw UsageError(fmt::format("{} must be a number, a text or true/false, not {}", key, value.type_name()));
 }

@@ -74,4 +74,37 @@ OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, float f
   return term;
 }
 
+// Loss of a point from its linear outputs, and the gradient there, times `norm`. The loss of colours without brightness
+// counts times `chroma`; with 0 it is not computed.
+struct PointLoss {
+  float value[3];
+  float chroma;  // already times its weight
+  float gradient[3];
+  int dropped;  // channels with something that is not finite
+};
+OCTRAD_HD inline PointLoss decoder_point_loss(const DecoderRules& rules, Vec3f factor, Vec3f linear, Vec3f target,
+                                              float epsilon, float norm, float chroma) {
+  PointLoss loss{};
+  Vec3f prediction, slope;
+  OCTRAD_UNROLL
+  for (int c = 0; c < 3; ++c) {
+    const LossTerm<float> term = decoder_loss(rules, factor[c], linear[c], target[c], epsilon, norm);
+    loss.value[c] = term.value;
+    loss.gradient[c] = term.gradient;
+    loss.dropped += term.finite ? 0 : 1;
+    if (!(chroma > 0.0f)) continue;
+    const Activated<float> output = activate(rules.activation, linear[c]);
+    prediction[c] = factor[c] * output.value;
+    slope[c] = factor[c] * output.derivative;
+  }
+  if (!(chroma > 0.0f)) return loss;
+  const ChromaTerm<float> term = chroma_loss(prediction, target, epsilon);
+  const Vec3f gradient = term.gradient * slope * (chroma * norm);
+  if (!std::isfinite(term.value) || !is_finite(gradient)) return loss;  // counted above
+  loss.chroma = chroma * term.value;
+  OCTRAD_UNROLL
+  for (int c = 0; c < 3; ++c) loss.gradient[c] += gradient[c];
+  return loss;
+}
+
 }  // namespace octrad

@@ -17,12 +17,12 @@ struct DeviceBatch {
   DeviceBatch(Stream& stream, const std::vector<SurfacePoint>& p, const std::vector<Vec3f>& t = {})
       : n(p.size()),
         targets(stream, std::span<const Vec3f>(t), "targets") {
-    std::vector<float> numbers(kSurfacePointNumbers * n);
-    const SurfacePointArray host{numbers.data(), n};
-    for (std::size_t i = 0; i < n; ++i) host.store(i, p[i]);
+    std::vector<float> numbers(static_cast<std::size_t>(surface_point_numbers(true)) * n);
+    const SurfacePointArray host = surface_point_array(numbers.data(), n, true);
+    for (std::size_t i = 0; i < n; ++i) host.store_all(i, p[i]);
     data = DeviceArray<float>(stream, std::span<const float>(numbers), "points");
   }
-  SurfacePointArray points() const { return {data.data(), n}; }
+  SurfacePointArray points() const { return surface_point_array(data.data(), n, true); }
   std::size_t n;
   DeviceArray<float> data;
   DeviceArray<Vec3f> targets;

@@ -21,12 +21,12 @@ FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& c
 
   DeviceFieldOptions options;
   options.half_features = false;
+  const bool lobes = query_rays(config).lobe > 0;
+  const auto numbers = static_cast<std::size_t>(surface_point_numbers(lobes));
   const auto memory = [&](std::size_t chunk) {
     options.max_points = chunk;
     std::vector<MemoryPart> parts = estimate_device_memory(config, field.cells_per_level(), options);
-    parts.push_back(
-        {"points and answers",
-         chunk * ((static_cast<std::size_t>(kSurfacePointNumbers) + width + 1) * sizeof(float) + sizeof(Vec3f))});
+    parts.push_back({"points and answers", chunk * ((numbers + width + 1) * sizeof(float) + sizeof(Vec3f))});
     return parts;
   };
   const auto total = [&](std::size_t chunk) {
@@ -41,17 +41,18 @@ FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& c
   options.max_points = chunk;
 
   const std::unique_ptr<DeviceField> device = make_device_field(stream, field, config, options);
-  std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * chunk), columns(width * chunk);
-  const SurfacePointArray host{planes.data(), chunk};
+  std::vector<float> planes(numbers * chunk), columns(width * chunk);
+  const SurfacePointArray host = surface_point_array(planes.data(), chunk, lobes);
   DeviceArray<float> asked(stream, planes.size(), "points"), features(stream, columns.size(), "features"),
       disparity(stream, chunk, "disparities");
   const DeviceArray<Vec3f> radiance(stream, chunk, "answers");
+  const SurfacePointArray there = surface_point_array(asked.data(), chunk, lobes);
   for (std::size_t begin = 0; begin < points.size(); begin += chunk) {
     const std::size_t n = std::min(chunk, points.size() - begin);
-    for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
+    for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);
     asked.upload(planes);
-    device->inspect({asked.data(), chunk}, n, {features.data(), chunk}, disparity.data());
-    device->radiance({asked.data(), chunk}, nullptr, n, radiance.data());
+    device->inspect(there, n, {features.data(), chunk}, disparity.data());
+    device->radiance(there, nullptr, n, radiance.data());
     features.download(columns);
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t f = 0; f < width; ++f) answers.features[(begin + i) * width + f] = columns[f * chunk + i];

@@ -21,7 +21,7 @@ Config small(const std::string& field) {
   config.field = field;
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
-  config.nr_log2_table = 12;
+  config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
   config.adam_warmup = 1;
   return config;
 }
@@ -39,7 +39,7 @@ std::unique_ptr<RadianceField> trained(const Config& config) {
 }
 
 TEST_P(DeviceQuery, SaysWhatTheCpuSays) {
-  for (const char* name : {"octaoctree", "nr"}) {
+  for (const char* name : {"octaoctree", "nr", "ncr"}) {
     const Config config = small(name);
     const auto field = trained(config);
     const auto width = static_cast<std::size_t>(field->feature_count());

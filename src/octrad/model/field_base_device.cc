@@ -23,17 +23,20 @@ struct Prepare : Kernel {
   std::size_t x_stride;
   std::uint32_t* valid;  // training
 
-  // What a half holds, and NaN for what is not finite.
-  OCTRAD_HD static float bounded(float a) {
-    return (a > kLargestHalf ? kLargestHalf : (a < -kLargestHalf ? -kLargestHalf : a)) + (a - a);
-  }
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
     SurfacePoint p = points.load(i);
     if (valid != nullptr) {
       // One infinite number would be one in the sum of all rows' gradients.
-      const bool good = is_finite(p.x) && is_finite(p.n) && is_finite(p.wo) && is_finite(p.albedo) &&
-                        std::isfinite(p.alpha) && std::isfinite(p.disparity);
+      bool good = is_finite(p.x) && is_finite(p.n) && is_finite(p.wo) && is_finite(p.albedo) &&
+                  std::isfinite(p.alpha) && std::isfinite(p.disparity);
+      if (points.lobe.data != nullptr) {
+        OCTRAD_UNROLL
+        for (int k = 0; k < kHitClusters; ++k) {
+          const HitCluster c = points.lobe.get(k, i);
+          good = good && is_finite(Vec3f(c.distance, c.deviation, c.share));
+        }
+      }
       valid[i] = good ? 1u : 0u;
       if (!good) {
         p = SurfacePoint{};
@@ -52,25 +55,35 @@ struct Prepare : Kernel {
     numbers[kPointInputs] = 0.0f;
     OCTRAD_UNROLL
     for (int k = 0; k <= kPointInputs; k += 2)
-      inputs.store2(features + k, i, bounded(numbers[k]), bounded(numbers[k + 1]));
+      inputs.store2(features + k, i, bounded_half(numbers[k]), bounded_half(numbers[k + 1]));
   }
 };
+
+// The rules of a point: glossy ones may have another activation.
+OCTRAD_HD inline DecoderRules rules_at(const DecoderRules& rules, Activation glossy, float alpha) {
+  DecoderRules result = rules;
+  if (alpha < rules.rough_threshold) result.activation = glossy;
+  return result;
+}
 
 struct Radiance : Kernel {
   SurfacePointArray points;
   QueueSlice slice;
   DecoderRules rules;
+  Activation glossy;
   const float* scalars;
   FloatRows linear;
   Vec3f* out;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
-    const Vec3f f = decoder_factor(rules, points.get3(9, i), points.get(12, i), scalars[0]);
+    const float alpha = points.get(12, i);
+    const DecoderRules here = rules_at(rules, glossy, alpha);
+    const Vec3f f = decoder_factor(here, points.get3(9, i), alpha, scalars[0]);
     Vec3f radiance;
     OCTRAD_UNROLL
     for (int c = 0; c < 3; ++c)
-      radiance[c] = decoder_radiance(rules, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
+      radiance[c] = decoder_radiance(here, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
     out[i] = radiance;
   }
 };
@@ -100,6 +113,8 @@ struct Loss : Kernel {
   const std::uint32_t* valid;
   const Vec3f* targets;
   DecoderRules rules;
+  Activation glossy;
+  float chroma;
   const float* scalars;
   const StepConstants* constants;
   FloatRows linear;
@@ -111,21 +126,23 @@ struct Loss : Kernel {
   unsigned long long* non_finite;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    const bool good = valid[i] != 0;
-    const Vec3f f = good ? decoder_factor(rules, points.get3(9, i), points.get(12, i), scalars[0]) : Vec3f(1.0f);
-    const Vec3f target = targets[i];
-    float sum = 0.0f, most = 0.0f;
-    unsigned long long dropped = 0;
+    PointLoss loss{};
+    loss.dropped = 3;
+    if (valid[i] != 0) {
+      const float alpha = points.get(12, i);
+      const DecoderRules here = rules_at(rules, glossy, alpha);
+      const Vec3f of_point(linear.data[i], linear.data[linear.stride + i], linear.data[2 * linear.stride + i]);
+      loss = decoder_point_loss(here, decoder_factor(here, points.get3(9, i), alpha, scalars[0]), of_point, targets[i],
+                                constants->epsilon, norm, chroma);
+    }
+    float sum = loss.chroma, most = 0.0f;
     OCTRAD_UNROLL
     for (int c = 0; c < 3; ++c) {
-      const std::size_t at = static_cast<std::size_t>(c) * linear.stride + i;
-      LossTerm<float> term{0.0f, 0.0f, false};
-      if (good) term = decoder_loss(rules, f[c], linear.data[at], target[c], constants->epsilon, norm);
-      sum += term.value;
-      d_linear[static_cast<std::size_t>(c) * d_stride + i] = term.gradient;
-      most = std::abs(term.gradient) > most ? std::abs(term.gradient) : most;
-      dropped += term.finite ? 0 : 1;
+      sum += loss.value[c];
+      d_linear[static_cast<std::size_t>(c) * d_stride + i] = loss.gradient[c];
+      most = std::abs(loss.gradient[c]) > most ? std::abs(loss.gradient[c]) : most;
     }
+    const auto dropped = static_cast<unsigned long long>(loss.dropped);
     row_losses[i] = sum;
     if (dropped > 0) atomic_add(non_finite, dropped);
     atomic_largest(largest, magnitude_bits(most));
@@ -133,10 +150,12 @@ struct Loss : Kernel {
 };
 
 struct Largest : Kernel {
-  const float* values;
+  FloatRows values;
   std::uint32_t* largest;
 
-  OCTRAD_HD void operator()(std::uint32_t i) const { atomic_largest(largest, magnitude_bits(values[i])); }
+  OCTRAD_HD void operator()(std::uint32_t row, std::uint32_t i) const {
+    atomic_largest(largest, magnitude_bits(values.data[row * values.stride + i]));
+  }
 };
 
 // A power of 2 that brings the largest gradient to 16 .. 32: layers may make it 2,000 times as large before it is
@@ -209,6 +228,7 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
       config_(config),
       options_(options),
       rules_(head.rules()),
+      glossy_activation_(rules_.activation),
       features_(head.mlp().shape().inputs - kPointInputs),
       rows_(rows(options)),
       train_rows_(train_rows(options)),
@@ -261,14 +281,14 @@ void DeviceFieldBase::prepare(const Chunk& chunk) {
                  chunk.training ? valid_.data() : nullptr});
 }
 
-void DeviceFieldBase::choose_scale(const float* values, std::uint32_t n, float* scale) {
-  launch(stream_, n, Largest{{}, values, largest_.data()});
+void DeviceFieldBase::choose_scale(FloatRows values, int rows, std::uint32_t n, float* scale) {
+  launch_levels(stream_, n, rows, Largest{{}, values, largest_.data()});
   launch(stream_, 1, ChooseScale{{}, largest_.data(), scale});
 }
 
 void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) {
   for (std::size_t begin = 0; begin < capacity; begin += options_.max_points) {
-    const Chunk chunk{{points.data + begin, points.stride},
+    const Chunk chunk{points.from(begin),
                       {count, static_cast<std::uint32_t>(begin)},
                       static_cast<std::uint32_t>(std::min(options_.max_points, capacity - begin)),
                       false};
@@ -276,7 +296,9 @@ void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* co
     encode(chunk);
     const FloatRows linear{linear_.data(), rows_};
     decoder_.forward(stream_, {inputs_.data(), rows_}, linear, chunk.n, chunk.slice);
-    launch(stream_, chunk.n, Radiance{{}, chunk.points, chunk.slice, rules_, scalars_.data(), linear, out + begin});
+    refine(chunk, linear);
+    launch(stream_, chunk.n,
+           Radiance{{}, chunk.points, chunk.slice, rules_, glossy_activation_, scalars_.data(), linear, out + begin});
   }
 }
 
@@ -290,18 +312,20 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
   const std::size_t chunk_rows = train_rows_;
   TrainCounters* counters = counters_.data();
   for (std::size_t begin = 0; begin < n; begin += chunk_rows) {
-    const Chunk chunk{
-        {points.data + begin, points.stride}, {}, static_cast<std::uint32_t>(std::min(chunk_rows, n - begin)), true};
+    const Chunk chunk{points.from(begin), {}, static_cast<std::uint32_t>(std::min(chunk_rows, n - begin)), true};
     const bool first = begin == 0, last = begin + chunk_rows >= n;
     prepare(chunk);
     encode(chunk);
     decoder_.forward_keep(stream_, inputs, linear, chunk.n);
+    refine(chunk, linear);
     launch(stream_, chunk.n,
            Loss{{},
                 chunk.points,
                 valid_.data(),
                 targets + begin,
                 rules_,
+                glossy_activation_,
+                chroma_,
                 scalars_.data(),
                 constants,
                 linear,
@@ -314,6 +338,7 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
     launch(stream_, 1, ChooseScale{{}, largest_.data(), scale_.data()});
     sum(stream_, sum_workspace_, chunk.n, row_losses_.data(), loss_sum_.data());
     launch(stream_, 1, EndChunk{{}, loss_sum_.data(), first, last, norm, counters});
+    refine_backward(chunk, first);
     decoder_.backward(stream_, inputs, {d_linear_.data(), train_rows_}, scale_.data(), {d_inputs_.data(), train_rows_},
                       features_, chunk.n, !first);
     encode_backward(chunk, first);
@@ -340,10 +365,8 @@ DeviceTrainReport DeviceFieldBase::collect() {
 
 void DeviceFieldBase::inspect(SurfacePointArray points, std::size_t n, FloatRows out, float* disparity) {
   for (std::size_t begin = 0; begin < n; begin += options_.max_points) {
-    const Chunk chunk{{points.data + begin, points.stride},
-                      {},
-                      static_cast<std::uint32_t>(std::min(options_.max_points, n - begin)),
-                      false};
+    const Chunk chunk{
+        points.from(begin), {}, static_cast<std::uint32_t>(std::min(options_.max_points, n - begin)), false};
     prepare(chunk);
     encode(chunk);
     if (out.data != nullptr) features(chunk, {out.data + begin, out.stride});

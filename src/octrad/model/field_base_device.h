@@ -59,6 +59,11 @@ class DeviceFieldBase : public DeviceField {
   // that the point itself gives are ready; fills inputs_ from number 0 on, keeping what encode_backward needs.
   // Disparities go to d_disparity unless that is null.
   virtual void encode(const Chunk& chunk) = 0;
+  // `linear` [3][..] holds the decoder's outputs; replaces those of points that show something else.
+  virtual void refine(const Chunk&, FloatRows) {}
+  // d_linear_ holds the gradient at the outputs after refine(), and scale_ its loss scale; makes of it the gradient at
+  // those before, and its scale.
+  virtual void refine_backward(const Chunk&, bool) {}
   // d_inputs_ holds the gradient at the features.
   virtual void encode_backward(const Chunk& chunk, bool first) = 0;
   virtual void encode_step(const StepConstants* constants) = 0;
@@ -71,8 +76,8 @@ class DeviceFieldBase : public DeviceField {
   // Copies decoder and counters back.
   void upload_decoder(DecoderHead& head);
   void download_decoder(DecoderHead& head);
-  // Loss scale, and its inverse, for gradients `values` [n] (finite) in a backward pass of halves.
-  void choose_scale(const float* values, std::uint32_t n, float* scale);
+  // Loss scale, and its inverse, for gradients `values` [rows][n] (finite) in a backward pass of halves.
+  void choose_scale(FloatRows values, int rows, std::uint32_t n, float* scale);
   // Sums gradients of table rows, in a fixed order where the options say so.
   template <typename Scatter>
   void scatter(DeviceTable& table, const Scatter& scatter, int taps, std::uint32_t n, int levels, const float* upstream,
@@ -90,9 +95,11 @@ class DeviceFieldBase : public DeviceField {
   const Config config_;
   const DeviceFieldOptions options_;
   const DecoderRules rules_;
-  const int features_;      // the encoding's, at the front of the decoder's inputs
-  std::size_t rows_;        // stride of the arrays below
-  std::size_t train_rows_;  // stride of those that only training has
+  Activation glossy_activation_;  // of the outputs of points below rules_.rough_threshold, after refine()
+  float chroma_ = 0.0f;           // weight of the loss of colours without brightness
+  const int features_;            // the encoding's, at the front of the decoder's inputs
+  std::size_t rows_;              // stride of the arrays below
+  std::size_t train_rows_;        // stride of those that only training has
   DeviceMlp decoder_;
   DeviceDenseAdam decoder_adam_;
   float target_scale_ = 1.0f;

@@ -13,6 +13,7 @@
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/model/device_field_test_helper.h"
 #include "octrad/model/field_reference_test_helper.h"
+#include "octrad/model/ncr_reference_test_helper.h"
 #include "octrad/model/nr_field.h"
 #include "octrad/model/octaoctree_field.h"
 
@@ -36,7 +37,9 @@ Config small_config(const std::string& field) {
   config.field = field;
   config.octree_levels = kLevels;
   config.disparity_log2_table = 10;
-  config.nr_log2_table = 12;
+  config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
+  config.ncr_width = 64;
+  config.ncr_hidden = 2;
   config.nr_width = config.decoder_width = 64;
   config.decoder_hidden = config.nr_hidden = 2;
   config.target_scale = 1.0;
@@ -63,6 +66,21 @@ std::vector<float> ask(RadianceField& field, const std::vector<SurfacePoint>& po
   std::vector<Vec3f> out(points.size());
   field.radiance(points, out);
   return as_floats(out);
+}
+
+// What the field's definition in double, with a device's roundings, says of the points.
+std::vector<double> definition(const Config& config, RadianceField& field, bool half_tables,
+                               const std::vector<SurfacePoint>& points) {
+  std::vector<double> result;
+  const auto add = [&](auto reference) {
+    for (const SurfacePoint& p : points) {
+      const Vec3d r = reference.evaluate(p).radiance;
+      result.insert(result.end(), {r.x, r.y, r.z});
+    }
+  };
+  if (auto* ncr = dynamic_cast<NcrField*>(&field)) add(testing::NcrReference(config, *ncr, {true, half_tables}));
+  else add(FieldReference(config, field, {true, half_tables}));
+  return result;
 }
 
 DeviceFieldOptions training_options(bool deterministic = false) {
@@ -123,12 +141,7 @@ TEST_P(DeviceFields, AnswerAsTheDefinition) {
     const auto field = trained_field(c);
     field->set_target_scale(1.7f);
     for (const bool halves : {true, false}) {
-      FieldReference reference(c, *field, {true, halves});
-      std::vector<double> expected;
-      for (const SurfacePoint& p : points) {
-        const Vec3d r = reference.evaluate(p).radiance;
-        expected.insert(expected.end(), {r.x, r.y, r.z});
-      }
+      const std::vector<double> expected = definition(c, *field, halves, points);
       DeviceFieldOptions options;
       options.max_points = 256;  // in turns
       options.half_features = halves;
@@ -176,12 +189,19 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
   const auto device = make_device_field(*stream_, *field, config(), options);
   const auto points = random_points(250, 5);
   const auto count = static_cast<std::size_t>(field->feature_count());
-  FieldReference reference(config(), *field, {true, false});
   std::vector<double> expected, distance;
-  for (const SurfacePoint& p : points) {
-    const FieldReference::Query query = reference.evaluate(p);
-    expected.insert(expected.end(), query.features.begin(), query.features.end());
-    distance.push_back(query.disparity);
+  if (name() == "ncr") {
+    std::vector<float> here(points.size() * count);
+    field->inspect(points, here, {});
+    expected.assign(here.begin(), here.end());
+    distance.resize(points.size());
+  } else {
+    FieldReference reference(config(), *field, {true, false});
+    for (const SurfacePoint& p : points) {
+      const FieldReference::Query query = reference.evaluate(p);
+      expected.insert(expected.end(), query.features.begin(), query.features.end());
+      distance.push_back(query.disparity);
+    }
   }
   const Batch batch(*stream_, points);
   DeviceArray<float> features(*stream_, points.size() * count, "features"),
@@ -263,7 +283,7 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
   }
   Config larger = config();
   larger.octree_levels = kLevels - 1;
-  larger.nr_log2_table = 11;
+  larger.nr_log2_table = larger.ncr_cone_log2_table = 11;
   const auto field = make_field(config(), shell(kLevels)), wrong = make_field(larger, shell(kLevels - 1));
   const auto device = make_device_field(*stream_, *field, config(), training_options());
   EXPECT_THROW(device->upload_from(*wrong), InputError);
@@ -377,7 +397,8 @@ std::string test_name(const ::testing::TestParamInfo<std::tuple<std::string, boo
   return std::get<0>(info.param) + (std::get<1>(info.param) ? "Cuda" : "Host");
 }
 INSTANTIATE_TEST_SUITE_P(All, DeviceFields,
-                         ::testing::Combine(::testing::Values("octaoctree", "nr"), ::testing::Bool()), test_name);
+                         ::testing::Combine(::testing::Values("octaoctree", "nr", "ncr"), ::testing::Bool()),
+                         test_name);
 
 }  // namespace
 }  // namespace octrad

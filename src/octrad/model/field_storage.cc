@@ -1,6 +1,6 @@
 #include "octrad/model/field_storage.h"
 
-#include <cstring>
+#include <algorithm>
 
 #include "octrad/base/error.h"
 #include "octrad/base/half.h"
@@ -13,8 +13,7 @@ namespace {
 template <typename T>
 void read_into(const TensorReader& in, const std::string& name, DType type, const std::vector<std::int64_t>& shape,
                T* out) {
-  const auto t = in.get(name, type, shape);
-  std::memcpy(out, t.data, t.bytes);
+  in.read(in.get(name, type, shape), out);
 }
 
 }  // namespace
@@ -61,8 +60,13 @@ void read_floats(const TensorReader& in, const std::string& name, const std::vec
     return;
   }
   const auto t = in.get(name, DType::f16, shape);
-  const auto* half = static_cast<const std::uint16_t*>(t.data);
-  for (std::int64_t i = 0; i < t.count; ++i) out[static_cast<std::size_t>(i)] = to_float(Half{half[i]});
+  std::vector<std::uint16_t> block(1 << 16);
+  for (std::int64_t first = 0; first < t.count; first += static_cast<std::int64_t>(block.size())) {
+    const std::int64_t n = std::min(static_cast<std::int64_t>(block.size()), t.count - first);
+    in.read(t, first, n, block.data());
+    std::transform(block.begin(), block.begin() + n, out.begin() + first,
+                   [](std::uint16_t bits) { return to_float(Half{bits}); });
+  }
 }
 
 void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
@@ -96,8 +100,9 @@ void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid
 }
 
 void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid) {
-  const auto offsets = in.get(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(grid.offsets().size())});
-  if (std::memcmp(offsets.data, grid.offsets().data(), offsets.bytes) != 0) {
+  std::vector<std::int64_t> offsets(grid.offsets().size());
+  read_into(in, prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(offsets.size())}, offsets.data());
+  if (!std::equal(offsets.begin(), offsets.end(), grid.offsets().begin())) {
     throw InputError(in.file() + ": " + prefix + ".offsets does not fit the configuration stored beside it");
   }
   read_floats(in, prefix + ".table", {grid.entry_count(), grid.options().features}, grid.table());

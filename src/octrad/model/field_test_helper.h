@@ -109,8 +109,9 @@ inline std::map<std::string, SavedTensor> tensors_of(RadianceField& field) {
     SavedTensor& to = result[name];
     to.shape = tensor.shape;
     const auto copy = [&](auto number) {
-      const auto* from = static_cast<const decltype(number)*>(tensor.data);
-      for (std::int64_t i = 0; i < tensor.count; ++i) to.values.push_back(static_cast<double>(from[i]));
+      std::vector<decltype(number)> from(static_cast<std::size_t>(tensor.count));
+      saved.reader().read(tensor, from.data());
+      to.values.assign(from.begin(), from.end());
     };
     switch (tensor.type) {
       case DType::f32: copy(float{}); break;

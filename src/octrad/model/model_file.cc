@@ -1,10 +1,10 @@
 #include "octrad/model/model_file.h"
 
 #include <cmath>
-#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/version.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/field_registry.h"
@@ -53,7 +53,7 @@ ModelInfo info_of(const TensorReader& in) {
 
 Vec3f read_vec3(const TensorReader& in, const std::string& name) {
   float v[3];
-  std::memcpy(v, in.get(name, DType::f32, {3}).data, sizeof(v));
+  in.read(in.get(name, DType::f32, {3}), v);
   const Vec3f result{v[0], v[1], v[2]};
   if (!is_finite(result)) throw InputError(in.file() + ": " + name + " is not finite");
   return result;
@@ -69,7 +69,7 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
     const std::string name = "octree.level" + std::to_string(l) + ".cells";
     const auto t = in.get(name, DType::i32, {-1, 3});
     std::vector<Vec3i> cells(static_cast<std::size_t>(t.shape[0]));
-    std::memcpy(cells.data(), t.data, t.bytes);
+    in.read(t, cells.data());
     const int resolution = spatial_resolution(l);
     for (const Vec3i& c : cells) {
       if (min_component(c) < 0 || max_component(c) >= resolution)
@@ -89,8 +89,8 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
   const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 2});
   state.far_end_rays.resize(static_cast<std::size_t>(rays.shape[0]));
   state.far_end_hits.resize(state.far_end_rays.size());
-  if (rays.bytes > 0) std::memcpy(state.far_end_rays.data(), rays.data, rays.bytes);
-  if (hits.bytes > 0) std::memcpy(state.far_end_hits.data(), hits.data, hits.bytes);
+  in.read(rays, state.far_end_rays.data());
+  in.read(hits, state.far_end_hits.data());
   for (const auto& ray : state.far_end_rays) {
     for (const float number : ray)
       if (!std::isfinite(number)) throw InputError(in.file() + ": " + kFarEndRays + " is not finite");
@@ -105,8 +105,8 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
   out.metadata("version", kFormatVersion);
   Config config = info.config;
   config.target_scale = static_cast<double>(field.target_scale());
-  out.metadata("config", to_json(config).dump());
-  out.metadata("scene", nlohmann::json{{"file", info.scene_file}, {"fingerprint", info.scene_fingerprint}}.dump());
+  out.metadata("config", json_text(to_json(config)));
+  out.metadata("scene", json_text({{"file", info.scene_file}, {"fingerprint", info.scene_fingerprint}}));
   out.metadata("program", std::string("octrad ") + kVersion);
   out.metadata("step", std::to_string(info.state.step));
   out.metadata("seed", std::to_string(config.seed));
@@ -154,6 +154,7 @@ Model load_model(const std::string& file, bool optimizer) {
   model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
   model.has_optimizer = model.field->load(in, optimizer) && optimizer;
   if (model.has_optimizer) read_far_ends(in, model.info.state);
+  in.require_unchanged();
   return model;
 }
 

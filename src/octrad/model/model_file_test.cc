@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <list>
 
 #include "octrad/base/error.h"
 #include "octrad/model/field_test_helper.h"
@@ -34,11 +35,13 @@ TEST(ModelFile, RefusesBrokenFiles) {
   for (const std::string broken :
        {"octree.level2.cells", "decoder.mlp.1.weight", "octree.origin", "disparity.grid.table"}) {
     TensorWriter out;
+    std::list<std::vector<char>> tensors;  // until they are written
     for (const auto& [key, value] : in.metadata()) out.metadata(key, value);
     const std::vector<std::int32_t> outside(static_cast<std::size_t>(in.get("octree.level2.cells").count), 1000);
     for (const std::string& name : in.names()) {
       const auto t = in.get(name);
-      if (name != broken) out.add(name, t.type, t.shape, t.data);
+      in.read(t, tensors.emplace_back(t.bytes).data());
+      if (name != broken) out.add(name, t.type, t.shape, tensors.back().data());
       else if (name == "octree.level2.cells") out.add(name, t.type, t.shape, outside.data());
     }
     const std::string copy = (folder / (name_of_run + "_copy.octrad")).string();

@@ -7,24 +7,29 @@
 #include "octrad/encoding/prefiltered_grid.h"
 
 namespace octrad {
+
+HashGridOptions ncr_grid_options(const Config& c) {
+  return {c.ncr_levels, c.ncr_features, c.ncr_log2_table, c.ncr_base, c.ncr_scale};
+}
+HashGridOptions ncr_cone_grid_options(const Config& c) {
+  return {c.ncr_cone_levels, c.ncr_cone_features, c.ncr_cone_log2_table, c.ncr_cone_base, c.ncr_cone_scale};
+}
+MlpShape ncr_cone_shape(const Config& c) {
+  return {c.ncr_cone_features + kConePointInputs, c.ncr_cone_width, c.ncr_cone_hidden, 3};
+}
+MlpShape ncr_merge_shape(const Config& c) { return {kMergeInputs, c.ncr_merge_width, c.ncr_merge_hidden, 3}; }
+
 namespace {
 
 constexpr int kChunk = 128;
 
 constexpr std::string_view kOwnKeys[] = {"ncr."};
 
-HashGridOptions diffuse_grid(const Config& c) {
-  return {c.ncr_levels, c.ncr_features, c.ncr_log2_table, c.ncr_base, c.ncr_scale};
-}
-HashGridOptions cone_grid(const Config& c) {
-  return {c.ncr_cone_levels, c.ncr_cone_features, c.ncr_cone_log2_table, c.ncr_cone_base, c.ncr_cone_scale};
-}
-
 std::vector<MemoryPart> ncr_memory(const Config& config, const std::vector<long long>&, bool training) {
   std::vector<MemoryPart> parts;
-  add_table_memory(parts, "diffuse grid", static_cast<double>(hash_grid_entries(diffuse_grid(config))),
+  add_table_memory(parts, "diffuse grid", static_cast<double>(hash_grid_entries(ncr_grid_options(config))),
                    config.ncr_features, training);
-  add_table_memory(parts, "cone grid", static_cast<double>(hash_grid_entries(cone_grid(config))),
+  add_table_memory(parts, "cone grid", static_cast<double>(hash_grid_entries(ncr_cone_grid_options(config))),
                    config.ncr_cone_features, training);
   if (training) add_batch_memory(parts, config, config.ncr_levels * 8.0 + config.ncr_clusters * 16.0);
   return parts;
@@ -64,8 +69,8 @@ constinit const FieldEntry kNcrField = {
       return std::make_unique<NcrField>(config, domain);
     },
     .memory = ncr_memory,
-    .make_device = nullptr,
-    .device_memory = nullptr,
+    .make_device = make_device_ncr,
+    .device_memory = device_ncr_memory,
     .smaller =
         [](const Config& config) {
           std::vector<std::pair<std::string, std::string>> changes;
@@ -121,13 +126,13 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
       size_(domain.size),
       extent_(max_component(domain.size)),
       lobe_(lobe_table(config.ncr_lobe_share)),
-      grid_(diffuse_grid(config)),
+      grid_(ncr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.ncr_width, config.ncr_hidden, config.ncr_output, domain.origin,
                domain.size, 6),
       merged_rules_(decoder_.rules()),
-      cone_grid_(octrad::cone_grid(config)),
-      cone_mlp_({config.ncr_cone_features + kConePointInputs, config.ncr_cone_width, config.ncr_cone_hidden, 3}),
-      merge_mlp_({kMergeInputs, config.ncr_merge_width, config.ncr_merge_hidden, 3}),
+      cone_grid_(ncr_cone_grid_options(config)),
+      cone_mlp_(ncr_cone_shape(config)),
+      merge_mlp_(ncr_merge_shape(config)),
       cone_adam_(cone_mlp_.parameter_count(), adam_options(config)),
       merge_adam_(merge_mlp_.parameter_count(), adam_options(config)) {
   merged_rules_.activation = Activation::softplus;
@@ -279,23 +284,15 @@ double NcrField::loss(std::span<const SurfacePoint> points, std::span<const Vec3
     const int i = static_cast<int>(p);
     const DecoderRules& of_point = rules(points[p]);
     const Vec3f factor = decoder_factor(of_point, points[p].albedo, points[p].alpha, target_scale());
-    Vec3f prediction, slope;
+    const Vec3f linear{at(e.linear, 0, e.stride, i), at(e.linear, 1, e.stride, i), at(e.linear, 2, e.stride, i)};
+    const PointLoss term =
+        decoder_point_loss(of_point, factor, linear, targets[p], static_cast<float>(epsilon), norm, chroma_weight);
+    non_finite += term.dropped;
     for (int c = 0; c < 3; ++c) {
-      const float linear = at(e.linear, c, e.stride, i);
-      const LossTerm<float> term =
-          decoder_loss(of_point, factor[c], linear, targets[p][c], static_cast<float>(epsilon), norm);
-      total += static_cast<double>(term.value);
-      at(e.d_linear, c, e.stride, i) = term.gradient;
-      if (!term.finite) ++non_finite;
-      const Activated<float> output = activate(of_point.activation, linear);
-      prediction[c] = factor[c] * output.value;
-      slope[c] = factor[c] * output.derivative;
+      total += static_cast<double>(term.value[c]);
+      at(e.d_linear, c, e.stride, i) = term.gradient[c];
     }
-    const ChromaTerm<float> chroma = chroma_loss(prediction, targets[p], static_cast<float>(epsilon));
-    const Vec3f gradient = chroma.gradient * slope * (chroma_weight * norm);
-    if (!std::isfinite(chroma.value) || !is_finite(gradient)) continue;  // counted above
-    total += static_cast<double>(chroma_weight * chroma.value);
-    for (int c = 0; c < 3; ++c) at(e.d_linear, c, e.stride, i) += gradient[c];
+    total += static_cast<double>(term.chroma);
   }
   return total;
 }

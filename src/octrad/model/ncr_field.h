@@ -12,6 +12,12 @@
 
 namespace octrad {
 
+// The shapes of its parts.
+HashGridOptions ncr_grid_options(const Config& config);
+HashGridOptions ncr_cone_grid_options(const Config& config);
+MlpShape ncr_cone_shape(const Config& config);
+MlpShape ncr_merge_shape(const Config& config);
+
 class NcrField : public RadianceField {
  public:
   NcrField(const Config& config, const FieldDomain& domain);
@@ -32,7 +38,7 @@ class NcrField : public RadianceField {
   bool load(const TensorReader& in, bool optimizer) override;
   std::size_t parameter_count() const override;
 
-  // What the field is made of, for tests.
+  // What the field is made of, for its counterpart on a device.
   Vec3f origin() const { return origin_; }
   Vec3f size() const { return size_; }
   HashGrid& grid() { return grid_; }
@@ -40,6 +46,14 @@ class NcrField : public RadianceField {
   HashGrid& cone_grid() { return cone_grid_; }
   Mlp& cone_mlp() { return cone_mlp_; }
   Mlp& merge_mlp() { return merge_mlp_; }
+  DenseAdam& cone_adam() { return cone_adam_; }
+  DenseAdam& merge_adam() { return merge_adam_; }
+  SparseAdam* grid_adam() { return grid_adam_.get(); }  // null until make_optimizers()
+  SparseAdam* cone_grid_adam() { return cone_grid_adam_.get(); }
+  void make_optimizers();
+  const LobeTable& lobe() const { return lobe_; }
+  float extent() const { return extent_; }  // largest side: the unit of cones
+  Activation merged_activation() const { return merged_rules_.activation; }
 
  private:
   struct Encoded;    // intermediate values of a chunk of queries
@@ -53,11 +67,10 @@ class NcrField : public RadianceField {
   double loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t batch, double epsilon,
               Encoded& e, long long& non_finite) const;
   void backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients);
-  void make_optimizers();
 
   Config config_;
   Vec3f origin_, size_;
-  float extent_;  // largest side: the unit of cones
+  float extent_;
   LobeTable lobe_;
   HashGrid grid_;
   DecoderHead decoder_;        // of the diffuse branch
@@ -70,5 +83,9 @@ class NcrField : public RadianceField {
 };
 
 extern const FieldEntry kNcrField;
+std::unique_ptr<DeviceField> make_device_ncr(Stream& stream, RadianceField& field, const Config& config,
+                                             const DeviceFieldOptions& options);
+std::vector<MemoryPart> device_ncr_memory(const Config& config, const std::vector<long long>& cells_per_level,
+                                          const DeviceFieldOptions& options);
 
 }  // namespace octrad

@@ -60,21 +60,4 @@ OCTRAD_HD inline ConeEnd cone_end(const SurfacePoint& point, Vec3f mirror, const
 inline constexpr int kConePointInputs = 7;  // beside the features: position (3), direction back (3), radius (1)
 inline constexpr int kMergeInputs = 10;     // diffuse (3), glossy (3), alpha (1), albedo (3)
 
-// Squared difference of two colours without their brightness, summed over the channels: of L / (|L| + epsilon) and the
-// same of the target, |.| being the length. With its gradient by L, u = L / (|L| + epsilon), e = u - u of the target:
-//     2 (e - L (e . u) / |L|) / (|L| + epsilon)    because du/dL = (I - L u^T / |L|) / (|L| + epsilon).
-template <typename T>
-struct ChromaTerm {
-  T value;
-  Vec3<T> gradient;
-};
-
-template <typename T>
-OCTRAD_HD inline ChromaTerm<T> chroma_loss(Vec3<T> prediction, Vec3<T> target, T epsilon) {
-  const T size = length(prediction), norm = T(1) / (size + epsilon);
-  const Vec3<T> u = prediction * norm, e = u - target * (T(1) / (length(target) + epsilon));
-  const T along = size > T(0) ? dot(e, u) / size : T(0);
-  return {dot(e, e), (e - prediction * along) * (T(2) * norm)};
-}
-
 }  // namespace octrad

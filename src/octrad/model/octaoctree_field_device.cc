@@ -181,7 +181,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                              unit_,
                              d_disparity_linear_.data(),
                              &counters_.data()->non_finite});
-    choose_scale(d_disparity_linear_.data(), chunk.n, disparity_scale_.data());
+    choose_scale({d_disparity_linear_.data(), train_rows_}, 1, chunk.n, disparity_scale_.data());
     disparity_.backward(stream_, {disparity_inputs_.data(), rows_}, {d_disparity_linear_.data(), train_rows_},
                         disparity_scale_.data(), {d_disparity_inputs_.data(), train_rows_}, grid_.feature_count(),
                         chunk.n, !first);

@@ -1,20 +1,15 @@
 #include "octrad/model/safetensors.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 
 namespace octrad {
 namespace {
@@ -112,40 +107,22 @@ void TensorWriter::write(const std::string& file) const {
 }
 
 struct TensorReader::Impl {
-  std::string file;
+  InputFile in;
+  const std::string& file = in.name();
+  const std::uint64_t size = in.size();
   std::map<std::string, std::string> metadata;
   std::map<std::string, Tensor> tensors;
-  std::vector<std::unique_ptr<std::uint64_t[]>> copies;  // of tensors that are not aligned in the file
-  void* mapping = MAP_FAILED;
-  std::size_t size = 0;
 
-  ~Impl() {
-    if (mapping != MAP_FAILED) munmap(mapping, size);
-  }
+  explicit Impl(const std::string& name) : in(name) {}
 
   [[noreturn]] void refuse(const std::string& why) const {
     throw InputError(fmt::format("{} is not a usable model file: {}", file, why));
   }
 
-  void open_and_map();
   void parse_header();
   Tensor parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes, std::size_t& begin,
                       std::size_t& end) const;
 };
-
-void TensorReader::Impl::open_and_map() {
-  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // non-blocking: a pipe must not hang
-  if (descriptor < 0) throw IoError(fmt::format("cannot read {}: {}", file, std::strerror(errno)));
-  struct stat info {};
-  const bool regular = fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode);
-  size = regular ? static_cast<std::size_t>(info.st_size) : 0;
-  if (size > 0) mapping = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, descriptor, 0);
-  const int error = errno;
-  close(descriptor);
-  if (!regular) throw IoError(fmt::format("cannot read {}: not a regular file", file));
-  if (size == 0) refuse("it is empty");
-  if (mapping == MAP_FAILED) throw IoError(fmt::format("cannot map {}: {}", file, std::strerror(error)));
-}
 
 TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, const nlohmann::json& entry,
                                                       std::size_t data_bytes, std::size_t& begin,
@@ -160,7 +137,7 @@ TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, c
     broken(fmt::format("has dtype {}; supported are F16, F32, F64, I32, I64, U8, U16, U32, U64", dtype.dump()));
   const nlohmann::json& shape = entry["shape"];
   if (!shape.is_array() || shape.size() > kMaxRank) broken("has a shape that is not a list of at most 16 numbers");
-  Tensor tensor{*type, {}, nullptr, size_of(*type), 1};
+  Tensor tensor{*type, {}, 0, size_of(*type), 1};
   for (const nlohmann::json& d : shape) {
     if (!d.is_number_unsigned() || d.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX))
       broken("has a shape with something else than non-negative whole numbers");
@@ -191,16 +168,17 @@ TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, c
 }
 
 void TensorReader::Impl::parse_header() {
-  const char* base = static_cast<const char*>(mapping);
   std::uint64_t length = 0;
+  if (size == 0) refuse("it is empty");
   if (size < sizeof(length)) refuse("it has only a few bytes");
-  std::memcpy(&length, base, sizeof(length));
+  in.read(&length, sizeof(length), 0);
   if (length > kMaxHeader || length > size - sizeof(length)) {
     refuse(
         fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated",
                     length, size));
   }
-  const char* text = base + sizeof(length);
+  std::string text(static_cast<std::size_t>(length), '\0');
+  in.read(text.data(), text.size(), sizeof(length));
   if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");
 
   // Two levels of objects with one list inside are all that a header has; a key twice would hide what was checked.
@@ -216,12 +194,10 @@ void TensorReader::Impl::parse_header() {
   nlohmann::json header;
   std::vector<std::string> top;
   try {
-    header = nlohmann::json::parse(text, text + length,
-                                   [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-                                     if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1)
-                                       top = names.back();
-                                     return check(depth, event, parsed);
-                                   });
+    header = nlohmann::json::parse(text, [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+      if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1) top = names.back();
+      return check(depth, event, parsed);
+    });
   } catch (const nlohmann::json::exception& error) {
     refuse(fmt::format("its header is not valid JSON ({})", error.what()));
   }
@@ -247,13 +223,7 @@ void TensorReader::Impl::parse_header() {
     }
     std::size_t begin = 0, end = 0;
     Tensor tensor = parse_tensor(name, entry, data_bytes, begin, end);
-    const std::size_t position = sizeof(length) + length + begin;
-    tensor.data = base + position;
-    if (tensor.bytes > 0 && position % size_of(tensor.type) != 0) {  // the mapping begins on a page
-      copies.push_back(std::make_unique<std::uint64_t[]>(tensor.bytes / 8 + 1));
-      std::memcpy(copies.back().get(), base + position, tensor.bytes);
-      tensor.data = copies.back().get();
-    }
+    tensor.position = sizeof(length) + length + begin;
     const auto where = tensors.emplace(name, std::move(tensor)).first;
     extents.push_back({begin, end, &where->first});
   }
@@ -271,11 +241,7 @@ void TensorReader::Impl::parse_header() {
     refuse(fmt::format("{} bytes after the last tensor belong to no tensor", data_bytes - reached));
 }
 
-TensorReader::TensorReader(const std::string& file) : impl_(std::make_unique<Impl>()) {
-  impl_->file = file;
-  impl_->open_and_map();
-  impl_->parse_header();
-}
+TensorReader::TensorReader(const std::string& file) : impl_(std::make_unique<Impl>(file)) { impl_->parse_header(); }
 
 TensorReader::~TensorReader() = default;
 
@@ -307,5 +273,15 @@ TensorReader::Tensor TensorReader::get(const std::string& name, DType type,
   }
   return tensor;
 }
+
+void TensorReader::read(const Tensor& tensor, void* to) const { impl_->in.read(to, tensor.bytes, tensor.position); }
+
+void TensorReader::read(const Tensor& tensor, std::int64_t first, std::int64_t count, void* to) const {
+  const std::size_t size = size_of(tensor.type);
+  impl_->in.read(to, static_cast<std::size_t>(count) * size,
+                 tensor.position + static_cast<std::uint64_t>(first) * size);
+}
+
+void TensorReader::require_unchanged() const { impl_->in.require_unchanged(); }
 
 }  // namespace octrad

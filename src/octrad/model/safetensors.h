@@ -1,4 +1,4 @@
-// Reading and writing safetensors files (docs/formats.md), memory-bounded: tensors are streamed.
+// Reading and writing safetensors files (docs/formats.md), memory-bounded: tensors are streamed to and from the file.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +36,7 @@ class TensorWriter {
 
 class TensorReader {
  public:
-  // Maps the file and checks the whole header (sizes, offsets, overlaps, overflow). Throws IoError or InputError.
+  // Opens the file and checks the whole header (sizes, offsets, overlaps, overflow). Throws IoError or InputError.
   explicit TensorReader(const std::string& file);
   ~TensorReader();
   const std::map<std::string, std::string>& metadata() const;
@@ -45,13 +45,19 @@ class TensorReader {
   struct Tensor {
     DType type;
     std::vector<std::int64_t> shape;
-    const void* data;
+    std::uint64_t position;  // of its first byte in the file
     std::size_t bytes;
     std::int64_t count;
   };
   // Throws InputError naming the tensor when it is missing, or when type or shape (-1: any) differ.
   Tensor get(const std::string& name) const;
   Tensor get(const std::string& name, DType type, const std::vector<std::int64_t>& shape) const;
+  // Copies a tensor, or the values [first, first + count) of it, from the file. Throws IoError, also when the file has
+  // become shorter.
+  void read(const Tensor& tensor, void* to) const;
+  void read(const Tensor& tensor, std::int64_t first, std::int64_t count, void* to) const;
+  // After the last tensor: throws IoError when the file was written in the meantime.
+  void require_unchanged() const;
   const std::string& file() const;
 
  private:

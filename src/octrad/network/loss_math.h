@@ -1,9 +1,10 @@
-// The relative squared loss of method section 7 (paper equation 14), per point and channel. float or double.
+// The relative squared loss of method section 7 (paper equation 14), per point and channel, and the loss of colours
+// without brightness. float or double.
 #pragma once
 
 #include <cmath>
 
-#include "octrad/base/hd.h"
+#include "octrad/base/vec.h"
 
 namespace octrad {
 
@@ -28,6 +29,24 @@ OCTRAD_HD inline LossTerm<T> relative_squared_loss(T prediction, T target, T eps
   const T value = relative * relative, gradient = T(-2) * relative / denominator;
   if (!(std::isfinite(value) && std::isfinite(gradient))) return {T(0), T(0), false};
   return {value, gradient, true};
+}
+
+// Squared difference of two colours without their brightness (method section 9), summed over the channels: of L / (|L|
+// + epsilon) and the same of the target, |.| being the length. With its gradient by L, u = L / (|L| + epsilon), e = u -
+// u of the target:
+//     2 (e - L (e . u) / |L|) / (|L| + epsilon)    because du/dL = (I - L u^T / |L|) / (|L| + epsilon).
+template <typename T>
+struct ChromaTerm {
+  T value;
+  Vec3<T> gradient;
+};
+
+template <typename T>
+OCTRAD_HD inline ChromaTerm<T> chroma_loss(Vec3<T> prediction, Vec3<T> target, T epsilon) {
+  const T size = length(prediction), norm = T(1) / (size + epsilon);
+  const Vec3<T> u = prediction * norm, e = u - target * (T(1) / (length(target) + epsilon));
+  const T along = size > T(0) ? dot(e, u) / size : T(0);
+  return {dot(e, e), (e - prediction * along) * (T(2) * norm)};
 }
 
 }  // namespace octrad

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
@@ -19,7 +18,7 @@ std::size_t size(int n) { return static_cast<std::size_t>(n); }
 std::vector<float> read(const TensorReader& file, const std::string& name, const std::vector<std::int64_t>& shape) {
   const TensorReader::Tensor tensor = file.get(name, DType::f32, shape);
   std::vector<float> values(static_cast<std::size_t>(tensor.count));
-  std::memcpy(values.data(), tensor.data, tensor.bytes);
+  file.read(tensor, values.data());
   if (!std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); }))
     throw InputError(fmt::format("{}: tensor {} has values that are not finite", file.file(), name));
   return values;

@@ -8,22 +8,20 @@
 namespace octrad {
 namespace {
 
-OffsetRay offset(const IntegratorInput& input) { return query_rays(input.config).offset; }
-
 class CacheIntegrator : public DeviceIntegrator {
  public:
   CacheIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& field,
                   std::size_t capacity, FirstHitOptions::Bounce bounce)
       : field_(field),
         options_(first_hit_options(input, bounce)),
-        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, offset(input)),
+        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, query_rays(input.config)),
         responses_(stream, capacity, "answers of the cache") {
     if (options_.bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = options_.max_chain;
     rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = input.seed;
-    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, offset(input));
+    rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, query_rays(input.config));
     rhs_responses_ = DeviceArray<Vec3f>(stream, capacity, "answers of the cache");
     targets_ = DeviceArray<Vec3f>(stream, capacity, "right-hand sides");
   }
@@ -79,8 +77,8 @@ std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorI
 std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
                                           FirstHitOptions::Bounce bounce) {
   const bool bounces = first_hit_options(input, bounce).bounce != FirstHitOptions::Bounce::none;
-  return DeviceGBuffer::bytes(capacity, bounces, offset(input).traced) + capacity * sizeof(Vec3f) +
-         (bounces ? DeviceRhs::bytes(capacity, offset(input).traced) + 2 * capacity * sizeof(Vec3f) : 0);
+  return DeviceGBuffer::bytes(capacity, bounces, query_rays(input.config)) + capacity * sizeof(Vec3f) +
+         (bounces ? DeviceRhs::bytes(capacity, query_rays(input.config)) + 2 * capacity * sizeof(Vec3f) : 0);
 }
 
 }  // namespace octrad

@@ -1,6 +1,9 @@
 #include "octrad/render/cpu_renderer.h"
 
 #include <algorithm>
+#include <atomic>
+#include <limits>
+#include <mutex>
 #include <vector>
 
 #include "octrad/base/stopwatch.h"
@@ -13,6 +16,8 @@ namespace {
 constexpr int kTile = 16;  // pixels a side; at least twice the reach of a filter
 // Camera samples of a pass: few enough to stop in time, enough to keep all threads busy.
 constexpr long long kPassSamples = 1 << 17;
+constexpr double kUnknown = std::numeric_limits<double>::infinity();
+constexpr double kLongPass = 0.3;  // seconds; a pass of a large picture is longer
 
 // Tiles lie on a grid fixed to the picture. With filters that reach over a tile's rim they are added to the film in
 // four rounds, in each of which no two touch the same pixel: every pixel is summed in the same order whatever the
@@ -71,6 +76,8 @@ class CpuRenderer : public Renderer {
  private:
   void view_changed() override {
     const PixelRect &crop = window_.crop, &window = window_.sampled;
+    seconds_per_sample_ = kUnknown;
+    before_ = {};
     film_ = FilmBuffer(crop.x0, crop.y0, crop.width(), crop.height());
     tiles_.clear();
     rounds_.assign(filter_.reach() > 0 ? 4 : 1, {});
@@ -96,10 +103,24 @@ class CpuRenderer : public Renderer {
     integrator_->begin(view_);
   }
 
-  void sample(int first, int count) override {
+  bool sample(int first, int count, const std::function<bool()>& stop) override {
     const int reach = filter_.reach();
+    const bool long_pass = first == 0 || seconds_per_sample_ * count > kLongPass;
+    if (stop && long_pass && first > 0) remember();
+    const std::vector<SampleCounts> counts_before = counts_;
+    std::atomic<bool> stopped = false;
+    std::mutex asking;
+    const auto must_stop = [&] {
+      if (stop && long_pass && !stopped) {
+        const std::unique_lock one(asking, std::try_to_lock);
+        if (one && stop()) stopped = true;
+      }
+      return stopped.load();
+    };
+    const Stopwatch watch;
     for (const std::vector<std::size_t>& round : rounds_) {
       parallel_for(round.size(), [&](std::size_t i) {
+        if (must_stop()) return;
         const PixelRect& tile = tiles_[round[i]];
         SampleCounts& counts = counts_[round[i]];
         if (reach == 0) {
@@ -113,6 +134,22 @@ class CpuRenderer : public Renderer {
         }
       });
     }
+    if (stopped) {
+      counts_ = counts_before;
+      if (first > 0) film_.sums().swap(before_);
+      else film_.clear();
+      return false;
+    }
+    seconds_per_sample_ = watch.seconds() / count;
+    return true;
+  }
+
+  void remember() {
+    const std::vector<double>& sums = film_.sums();
+    before_.resize(sums.size());
+    parallel_blocks(sums.size(), 1 << 18, [&](std::size_t begin, std::size_t end) {
+      std::copy(sums.data() + begin, sums.data() + end, before_.data() + begin);
+    });
   }
 
   // Samples [first, first + count) of every pixel of a tile; put(x, y, position, sample) gets them pixel by pixel.
@@ -150,7 +187,9 @@ class CpuRenderer : public Renderer {
   FilmBuffer film_;
   std::vector<PixelRect> tiles_;
   std::vector<std::vector<std::size_t>> rounds_;
-  std::vector<SampleCounts> counts_;  // of each tile
+  std::vector<SampleCounts> counts_;      // of each tile
+  double seconds_per_sample_ = kUnknown;  // a pixel, in the last pass
+  std::vector<double> before_;            // the film's sums before a long pass
 };
 
 }  // namespace

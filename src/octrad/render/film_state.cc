@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/version.h"
 #include "octrad/model/safetensors.h"
 
@@ -22,7 +23,7 @@ void write_film_state(const std::string& file, const FilmState& state, const Fil
   out.metadata("format", kFormat);
   out.metadata("version", kVersionOfFormat);
   out.metadata("program", kVersion);
-  out.metadata("identity", nlohmann::json(identity).dump());
+  out.metadata("identity", json_text(identity));
   out.metadata("state", nlohmann::json{{"samples", state.samples},
                                        {"largest_pass", state.largest_pass},
                                        {"seconds", state.seconds},
@@ -68,8 +69,9 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
   if (state.samples < 1 || state.largest_pass < 1 || !(state.seconds >= 0.0))
     throw InputError(fmt::format("{}: broken: {} samples in passes of {}", file, state.samples, state.largest_pass));
   const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
-  const auto* values = static_cast<const double*>(sums.data);
-  state.sums.assign(values, values + sums.count);
+  state.sums.resize(static_cast<std::size_t>(sums.count));
+  in.read(sums, state.sums.data());
+  in.require_unchanged();
   for (const double v : state.sums) {
     if (!std::isfinite(v)) throw InputError(fmt::format("{}: broken: a sum is not finite", file));
   }

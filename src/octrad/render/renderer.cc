@@ -90,9 +90,10 @@ void Renderer::clear() {
   samples_ = 0;
 }
 
-void Renderer::add_samples(int count) {
-  sample(samples_, count);
+bool Renderer::add_samples(int count, const std::function<bool()>& stop) {
+  if (!sample(samples_, count, stop)) return false;
   samples_ += count;
+  return true;
 }
 
 std::unique_ptr<Renderer> make_renderer(const PreparedScene& scene, const std::string& integrator,
@@ -149,7 +150,10 @@ RenderResult render(Renderer& renderer, const RenderBudget& asked) {
     } else if (since_save.seconds() >= budget.save_every) {
       save();
     }
-    renderer.add_samples(count);
+    if (!renderer.add_samples(count, budget.interrupted)) {
+      result.interrupted = true;
+      break;
+    }
     if (budget.progress) budget.progress(renderer.samples(), before + watch.seconds());
   }
   if (whole) save();

@@ -69,8 +69,9 @@ class Renderer {
   // Throws InputError where the passes or the number of pixels are others: the bits would not be those of one run.
   void restore(const FilmState& state);
 
-  // Adds the next `count` samples of every pixel to the film. Needs a view.
-  void add_samples(int count);
+  // Adds the next `count` samples of every pixel to the film. Needs a view. Where that takes long on the CPU, `stop` is
+  // asked in between, by one thread at a time; when it says so the film stays as it was, and the result is false.
+  bool add_samples(int count, const std::function<bool()>& stop = {});
   int samples() const { return samples_; }  // a pixel, in the film
   // Samples a pixel that one call should ask for at most, to be stopped in time.
   virtual int largest_pass() const = 0;
@@ -97,7 +98,7 @@ class Renderer {
   virtual void seed_changed() = 0;
   virtual void clear_film() = 0;
   virtual void set_sums(std::span<const double> sums) = 0;
-  virtual void sample(int first, int count) = 0;
+  virtual bool sample(int first, int count, const std::function<bool()>& stop) = 0;
   // What integrators are made from.
   IntegratorInput input() const {
     return {scene_, choice_, settings_.max_depth, settings_.rr_depth, settings_.seed, field_, config_};
@@ -128,9 +129,9 @@ std::unique_ptr<Renderer> make_renderer(const PreparedScene& scene, std::unique_
 
 // When a picture is done.
 struct RenderBudget {
-  int spp = 16;          // samples a pixel; 0: until `seconds` are over
-  double seconds = 0.0;  // stop after this time, between passes; 0: no limit
-  std::function<bool()> interrupted = {};
+  int spp = 16;                            // samples a pixel; 0: until `seconds` are over
+  double seconds = 0.0;                    // stop after this time, between passes; 0: no limit
+  std::function<bool()> interrupted = {};  // asked before each pass, and in long ones: see Renderer::add_samples()
   std::function<void(int spp_done, double seconds)> progress = {};  // after each pass
   const FilmState* from = nullptr;                                  // goes on from here, to the same totals
   // Gets what a later run can go on from: every `save_every` seconds, before a pass that `spp` cuts short, and at the

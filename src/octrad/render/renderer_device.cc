@@ -184,7 +184,8 @@ class StreamRenderer : public Renderer {
     integrator_->begin(view_);
   }
 
-  void sample(int first, int count) override {
+  // A pass is short there: never stopped.
+  bool sample(int first, int count, const std::function<bool()>&) override {
     const auto rows =
         static_cast<int>(std::max<std::size_t>(1, job_samples_ / (columns() * static_cast<std::size_t>(count))));
     for (int y = window_.sampled.y0; y < window_.sampled.y1; y += rows) {
@@ -194,6 +195,7 @@ class StreamRenderer : public Renderer {
       film_->add(integrator_->job(), integrator_->samples());
     }
     stream_.synchronize();  // time limits and interrupts count what is done
+    return true;
   }
 
   Stream& stream_;

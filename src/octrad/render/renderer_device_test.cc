@@ -26,10 +26,12 @@ struct Box {
   Config config = preset("cpu");
   std::unique_ptr<RadianceField> field;
 
-  explicit Box(const std::string& filter = "gaussian", int levels = 3)
+  explicit Box(const std::string& filter = "gaussian", int levels = 3, const std::string& name = "octaoctree")
       : prepared(load(filter), PreparedScene::CpuTree::bvh8) {
+    config.field = name;
     config.octree_levels = levels;
     config.disparity_log2_table = 10;
+    config.ncr_log2_table = config.ncr_cone_log2_table = 12;
     const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
     field = make_field(config, {box.origin, box.size, occupied_cells(scene, box, config.octree_levels)});
     field->set_target_scale(1.0f);
@@ -44,6 +46,8 @@ struct Box {
         points[i].n = {0, 0, -1};
         points[i].wo = {0, 0, -1};
         points[i].albedo = {0.5f, 0.5f, 0.5f};
+        points[i].alpha = i % 2 == 0 ? 1.0f : 0.1f;
+        points[i].lobe[i % kHitClusters] = {2.0f * u.x, 0.1f * u.y, 0.7f};
         targets[i] = Vec3f(0.5f + u.x, 0.5f, 0.2f + u.y);
       }
       field->train(points, targets, 0.05, 1.0);
@@ -179,27 +183,34 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
 
 // Views have a test of their own.
 TEST_P(RenderOnStream, PicturesOfAllIntegratorsAreThoseOfTheCpu) {
-  Box box;
-  for (const std::string& name : integrator_names(box.field.get())) {
-    const IntegratorInfo& info = *find_integrator(name).info;
-    if (!info.recordable || info.make_device == nullptr) continue;
-    for (const DeltaSurfaces delta : {DeltaSurfaces::cache, DeltaSurfaces::trace}) {
-      box.config.render_delta = delta;
-      // Glossy surfaces by a bounce, perfect mirrors from the cache, in one picture.
-      box.config.render_highlights = delta == DeltaSurfaces::cache ? Highlights::bounce : Highlights::cache;
-      box.config.render_bounce_below = 0.5;
-      const RenderResult cpu = box.picture(name, 4, nullptr), device = box.picture(name, 4, stream.get());
-      for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
-        EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 2e-2 : 5e-3)
-            << name << " " << get(box.config, "render.delta") << " " << channel;
+  for (const char* field : {"octaoctree", "ncr"}) {
+    Box box("gaussian", 3, field);
+    for (const std::string& name : integrator_names(box.field.get())) {
+      const IntegratorInfo& info = *find_integrator(name).info;
+      if (!info.recordable || info.make_device == nullptr) continue;
+      for (const DeltaSurfaces delta : {DeltaSurfaces::cache, DeltaSurfaces::trace}) {
+        box.config.render_delta = delta;
+        // Glossy surfaces by a bounce, perfect mirrors from the cache, in one picture.
+        box.config.render_highlights = delta == DeltaSurfaces::cache ? Highlights::bounce : Highlights::cache;
+        box.config.render_bounce_below = 0.5;
+        const RenderResult cpu = box.picture(name, 4, nullptr), device = box.picture(name, 4, stream.get());
+        for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
+          EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 2e-2 : 5e-3)
+              << field << " " << name << " " << get(box.config, "render.delta") << " " << channel;
+        }
+        EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << get(box.config, "render.delta");
+        EXPECT_NEAR(static_cast<double>(device.counts.rays), static_cast<double>(cpu.counts.rays),
+                    1e-3 * static_cast<double>(cpu.counts.rays));
       }
-      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << get(box.config, "render.delta");
     }
   }
 }
 
 TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
-  Box box;
+  Box box, cones("gaussian", 3, "ncr");
+  EXPECT_LT(
+      difference(cones.picture("features2", 1, stream.get()).image, cones.picture("features2", 1, nullptr).image, "R"),
+      3e-2);
   for (const std::string& view : integrator_names(box.field.get())) {
     if (find_integrator(view).info->recordable) continue;  // not a view
     for (const bool cropped : {false, true}) {
@@ -287,7 +298,8 @@ TEST_P(RenderOnStream, SceneIsUploadedOnce) {
 }
 
 TEST_P(RenderOnStream, FramesAreTimedByStage) {
-  Box box;
+  Box box, cones("box", 3, "ncr");
+  EXPECT_GT(cones.renderer("deferred", 1, stream.get())->time_frames(2, 1).median, 0.0);
   const FrameTimes times = box.renderer("lhs", 1, stream.get())->time_frames(5, 1);
   EXPECT_GT(times.median, 0.0);
   EXPECT_GE(times.p95, times.median);

@@ -136,9 +136,8 @@ TEST(Renderer, StopsWhenAsked) {
   // The same number of samples without a clock gives the same picture.
   EXPECT_EQ(picture(small(Film::Filter::box, timed.spp), noisy).image.data, timed.image.data);
   o = small(Film::Filter::gaussian, 1000000);
-  int asked = 0;
-  o.budget.interrupted = [&] { return ++asked > 3; };
   std::vector<int> reported;
+  o.budget.interrupted = [&] { return reported.size() >= 3; };
   o.budget.progress = [&](int spp, double) { reported.push_back(spp); };
   const RenderResult stopped = picture(o, noisy);
   EXPECT_TRUE(stopped.interrupted);
@@ -205,6 +204,47 @@ TEST(PathIntegrator, PictureWithLayers) {
       brightest = std::max(brightest, r.image.rgb(x, row).x);
   }
   EXPECT_GE(brightest, 1.9999f);
+}
+
+// A long pass that is interrupted leaves the film as it was: what is saved and continued has the bits of one run.
+TEST(Renderer, AStoppedPassLeavesTheFilmAsItWas) {
+  const PreparedScene nothing{Scene()};
+  const Picture p = small(Film::Filter::gaussian, 4);
+  const auto make = [&] {
+    auto renderer = make_renderer(nothing, std::make_unique<FunctionIntegrator>(noisy), p.settings);
+    renderer->set_view(p.view);
+    return renderer;
+  };
+  const auto whole = make();
+  ASSERT_TRUE(whole->add_samples(1));
+  const FilmState first{1, whole->largest_pass(), 0.0, whole->take_counts(), whole->sums()};
+  ASSERT_TRUE(whole->add_samples(2));
+
+  const auto stopped = make();
+  std::atomic<int> asked = 0;
+  const auto third = [&] { return ++asked == 3; };
+  EXPECT_FALSE(stopped->add_samples(1, third));  // in the first pass
+  EXPECT_GE(asked, 3);
+  EXPECT_EQ(stopped->samples(), 0);
+  EXPECT_EQ(stopped->take_counts().queries, 0);
+  for (const double v : stopped->sums()) ASSERT_EQ(v, 0.0);
+
+  stopped->restore(first);
+  asked = 0;
+  EXPECT_FALSE(stopped->add_samples(2, third));
+  EXPECT_EQ(stopped->samples(), 1);
+  EXPECT_EQ(stopped->sums(), first.sums);
+  EXPECT_TRUE(stopped->add_samples(2, [] { return false; }));
+  EXPECT_EQ(stopped->sums(), whole->sums());
+  EXPECT_EQ(stopped->take_counts().queries, whole->take_counts().queries);
+
+  RenderBudget budget = p.budget;
+  asked = 0;
+  budget.interrupted = third;
+  const auto picture = make();
+  const RenderResult result = render(*picture, budget);
+  EXPECT_TRUE(result.interrupted);
+  EXPECT_EQ(result.spp, 0);
 }
 
 }  // namespace

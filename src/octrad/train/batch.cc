@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "octrad/base/threads.h"
+#include "octrad/transport/lobe_math.h"
 #include "octrad/transport/query_point.h"
 
 namespace octrad {
@@ -48,7 +49,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   const QueryRays rays = query_rays(config_, true);
   parallel_blocks(n, 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      Rng rng(rhs.seed, RngPurpose::lobe, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ i);
+      Rng rng = lobe_generator(rhs.seed, stream, i);
       points_[i] = field_query_point(context_, shading_[i], rays, rng);
       const SurfaceInteraction& surface = shading_[i].surface;
       if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);

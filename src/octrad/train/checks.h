@@ -5,8 +5,10 @@
 
 namespace octrad {
 
-// Points uniform by area, seen from uniform directions of the hemisphere.
-std::vector<SurfacePoint> surface_probes(const PreparedScene& scene, std::size_t n, std::uint64_t seed);
+// Points uniform by area, seen from uniform directions of the hemisphere, with what the configuration's field wants
+// traced from them.
+std::vector<SurfacePoint> surface_probes(const PreparedScene& scene, std::size_t n, std::uint64_t seed,
+                                         const Config& config);
 
 // Mean relative difference of the luminance of two fields, with an absolute part of 0.01.
 double mean_difference(const RadianceField& a, const RadianceField& b, std::span<const SurfacePoint> points);

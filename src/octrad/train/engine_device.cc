@@ -14,6 +14,7 @@
 #include "octrad/train/engine_device.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/lhs_device.h"
+#include "octrad/transport/lobes_device.h"
 #include "octrad/transport/rhs_device.h"
 
 namespace octrad {
@@ -85,10 +86,11 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        offset_(query_rays(config).offset),
+        offset_(query_rays(config, true).offset),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options)),
-        rhs_(stream, scene.world(stream), most_slots(config), offset_),
+        lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
+        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
@@ -145,17 +147,20 @@ class DeviceEngine : public TrainEngine {
   StageSplit stages() const override { return times_.means(); }
 
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
+    const bool lobes = query_rays(config_).lobe > 0;
     if (query_points_.stride() == 0) {
-      query_points_ = PlaneArray(stream_, kSurfacePointNumbers, kQueryChunk, "validation points");
+      query_points_ = PlaneArray(stream_, surface_point_numbers(lobes), kQueryChunk, "validation points");
       query_radiance_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
     }
-    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * query_points_.stride());
-    const SurfacePointArray host{planes.data(), query_points_.stride()};
+    const std::size_t stride = query_points_.stride();
+    std::vector<float> planes(static_cast<std::size_t>(surface_point_numbers(lobes)) * stride);
+    const SurfacePointArray host = surface_point_array(planes.data(), stride, lobes),
+                            there = surface_point_array(query_points_.points().data, stride, lobes);
     for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
       const std::size_t n = std::min(kQueryChunk, points.size() - begin);
-      for (std::size_t i = 0; i < n; ++i) host.store(i, points[begin + i]);
-      stream_.upload(query_points_.points().data, planes.data(), planes.size() * sizeof(float));
-      device_field_->radiance(query_points_.points(), nullptr, n, query_radiance_.data());
+      for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);
+      stream_.upload(there.data, planes.data(), planes.size() * sizeof(float));
+      device_field_->radiance(there, nullptr, n, query_radiance_.data());
       query_radiance_.download(out.subspan(begin, n));
     }
   }
@@ -182,12 +187,7 @@ class DeviceEngine : public TrainEngine {
   }
 
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
-    const SurfacePointArray device = lhs_.surface_points();
-    std::vector<float> planes(static_cast<std::size_t>(kSurfacePointNumbers) * device.stride);
-    stream_.download(planes.data(), device.data, planes.size() * sizeof(float));
-    const SurfacePointArray host{planes.data(), device.stride};
-    points.clear();
-    for (std::size_t i = 0; i < last_points_; ++i) points.push_back(host.load(i));
+    points = download_points(stream_, training_points(), last_points_);
     targets.resize(last_points_);
     targets_.download(std::span<Vec3f>(targets));
   }
@@ -213,6 +213,12 @@ class DeviceEngine : public TrainEngine {
     return found != graphs.end() && found->second;
   }
 
+  SurfacePointArray training_points() const {
+    SurfacePointArray points = lhs_.surface_points();
+    points.lobe = lobes_.clusters();
+    return points;
+  }
+
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
   void draw_group(long long step) {
     const int steps = group_steps(last_points_, options_);
@@ -227,6 +233,7 @@ class DeviceEngine : public TrainEngine {
     const std::size_t far_ends = far_end_count(config_, s.points);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_));
     if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, offset_);
+    lobes_.trace(lhs_.surface_points(), lhs_.points(), rhs_options_.seed, &input_.data()->step, n);
     mark("left-hand side");
     rhs_options_.directions = s.directions;
     rhs_options_.far_ends = far_ends_.data();
@@ -239,7 +246,7 @@ class DeviceEngine : public TrainEngine {
     mark("field");
     rhs_.reduce(points, rhs_options_, responses_.data(), targets_.data());
     mark("targets");
-    device_field_->train(lhs_.surface_points(), targets_.data(), n, &input_.data()->constants);
+    device_field_->train(training_points(), targets_.data(), n, &input_.data()->constants);
     mark("gradient step");
   }
 
@@ -250,6 +257,7 @@ class DeviceEngine : public TrainEngine {
   const DeviceEngineOptions options_;
   OffsetRay offset_;
   DeviceLhs lhs_;
+  DeviceLobes lobes_;  // of left-hand-side points
   DeviceRhs rhs_;
   DeviceRhsOptions rhs_options_;
   std::unique_ptr<RadianceField> field_;
@@ -272,9 +280,9 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
                                                  const DeviceEngineOptions& options) {
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
-  parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, query_rays(config).offset.traced) + slots * sizeof(Vec3f)});
+  parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config)) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) +
+                                                DeviceLobes::bytes(points, query_rays(config, true), false) +
                                                 points * sizeof(Vec3f) +
                                                 far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
   return parts;

@@ -27,7 +27,11 @@ Config short_run(const std::string& field, int steps) {
   config.train_directions = 4;
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
-  config.nr_log2_table = 12;
+  config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
+  config.ncr_width = 64;
+  config.ncr_hidden = 2;
+  config.ncr_rays_train = 16;
+  config.ncr_rays_render = 8;
   config.decoder_width = 64;
   config.decoder_hidden = 2;
   config.nr_width = 64;
@@ -51,11 +55,11 @@ std::string temporary(const std::string& name) {
 class TrainOnStream : public testing::StreamTest {
  protected:
   Box box;
-  const std::vector<SurfacePoint> probes_ = surface_probes(box.scene, 400, 1);
+  const std::vector<SurfacePoint> probes_ = surface_probes(box.scene, 400, 1, short_run("ncr", 1));
 };
 
 TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
-  for (const char* field : {"octaoctree", "nr"}) {
+  for (const char* field : {"octaoctree", "nr", "ncr"}) {
     const Config config = short_run(field, 60);
     const TrainingPair pair = train_on_both(*stream, box.scene, config, probes_);
     const TrainResult &on_stream = pair.on_stream, &on_cpu = pair.on_cpu;
@@ -92,10 +96,12 @@ TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
   TrainOptions options;
   options.stream = stream.get();
   options.deterministic = true;
-  const Config config = short_run("octaoctree", 20);
-  const std::vector<Vec3f> a = radiance(*train(box.scene, config, options).field, probes_),
-                           b = radiance(*train(box.scene, config, options).field, probes_);
-  for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << i;
+  for (const char* field : {"octaoctree", "ncr"}) {
+    const Config config = short_run(field, 20);
+    const std::vector<Vec3f> a = radiance(*train(box.scene, config, options).field, probes_),
+                             b = radiance(*train(box.scene, config, options).field, probes_);
+    for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << field << " " << i;
+  }
 }
 
 // However many steps' left-hand-side points are drawn at once, and wherever a run begins, changes its shape or asks for
@@ -143,9 +149,10 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
 }
 
 TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
-  const Config config = short_run("octaoctree", 40);
-  const TrainResult whole = train(box.scene, config, TrainOptions{});
-  for (const bool starts_on_cpu : {true, false}) {
+  for (const auto& [field, starts_on_cpu] :
+       {std::pair{"octaoctree", true}, {"octaoctree", false}, {"ncr", true}, {"ncr", false}}) {
+    const Config config = short_run(field, 40);
+    const TrainResult whole = train(box.scene, config, TrainOptions{});
     TrainOptions options;
     options.output = temporary("moves.octrad");
     options.stream = starts_on_cpu ? nullptr : stream.get();
@@ -176,12 +183,17 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
     EXPECT_NE(std::string(error.what()).find("octree.levels=2"), std::string::npos) << error.what();
   }
   EXPECT_EQ(stream->peak_bytes(), 0u);
-  double estimate = 0.0;
-  options.max_memory = 0.0;
-  options.progress = [&](const TrainProgress& p) { estimate = p.bytes; };
-  train(box.scene, short_run("octaoctree", 20), options);
-  EXPECT_GT(estimate, 0.8 * static_cast<double>(stream->peak_bytes()));
-  EXPECT_LT(estimate, 1.3 * static_cast<double>(stream->peak_bytes()));
+  for (const char* field : {"octaoctree", "ncr"}) {
+    const auto fresh = GetParam() ? make_cuda_stream(0) : make_host_stream();
+    options.stream = fresh.get();
+    double estimate = 0.0;
+    options.max_memory = 0.0;
+    options.progress = [&](const TrainProgress& p) { estimate = p.bytes; };
+    train(box.scene, short_run(field, 20), options);
+    EXPECT_GT(estimate, 0.8 * static_cast<double>(fresh->peak_bytes())) << field;
+    EXPECT_LT(estimate, 1.3 * static_cast<double>(fresh->peak_bytes())) << field;
+    box.scene.release(*fresh);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(All, TrainOnStream, ::testing::Bool(), testing::stream_name);

@@ -6,8 +6,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
+#include <sstream>
 
+#include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/model/field_registry.h"
@@ -112,6 +113,7 @@ class Run {
     if (options.resume) {
       field = std::move(options.resume->field);
       state_ = options.resume->info.state;
+      saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
     } else {
       const DomainFit fit = fit_domain(scene, config, options.cameras);
@@ -140,6 +142,8 @@ class Run {
 
  private:
   void checkpoint(bool optimizer);
+  void try_checkpoint();
+  void save_result(bool optimizer);
   double fraction() const { return spent_budget(config_, state_); }
   void settle();
   [[noreturn]] void stop_non_finite(long long step, const std::string& why);
@@ -152,6 +156,7 @@ class Run {
   TrainingState state_;
   double bytes_ = 0.0;
   double exposure_ = 1.0;         // of the field: the unit of the loss's epsilon
+  long long saved_step_ = -1;     // what the file holds; -1: nothing of this run
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
   long long non_finite_ = 0;  // gradients dropped
@@ -168,7 +173,27 @@ void Run::checkpoint(bool optimizer) {
   info.state = state_;
   if (optimizer) set_far_ends(engine_->far_ends(), info.state);
   save_model(options_.output, engine_->field(), info, optimizer);
+  saved_step_ = state_.step;
   if (options_.saved) options_.saved(options_.output, state_.step);
+}
+
+void Run::save_result(bool optimizer) {
+  try {
+    checkpoint(optimizer);
+  } catch (const IoError& error) {
+    throw IoError(std::string(error.what()) + (saved_step_ < 0
+                                                   ? "; nothing of this run is saved"
+                                                   : "; what is saved is step " + std::to_string(saved_step_)));
+  }
+}
+
+void Run::try_checkpoint() {
+  try {
+    checkpoint(true);
+  } catch (const IoError& error) {
+    if (!options_.not_saved) throw;
+    options_.not_saved(error.what(), state_.step);
+  }
 }
 
 // Takes over what the engine's steps since the last call reported.
@@ -193,7 +218,7 @@ void Run::stop_non_finite(long long step, const std::string& why) {
   std::string message = "step " + std::to_string(step) + ": " + why;
   if (!options_.output.empty()) {
     const std::string file = options_.output + ".bad-batch.csv";
-    std::ofstream out(file);
+    std::ostringstream out;
     std::vector<SurfacePoint> points;
     std::vector<Vec3f> targets;
     engine_->last_batch(points, targets);
@@ -203,8 +228,15 @@ void Run::stop_non_finite(long long step, const std::string& why) {
       for (const Vec3f& v : {p.x, p.wo, p.n, p.albedo}) out << v.x << ',' << v.y << ',' << v.z << ',';
       out << p.alpha << ',' << targets[i].x << ',' << targets[i].y << ',' << targets[i].z << '\n';
     }
-    message +=
-        "; the batch is in " + file + ", and " + options_.output + " is the last good checkpoint, if one was written";
+    try {
+      AtomicFile csv(file);
+      csv.write(out.str());
+      csv.commit();
+      message += "; the batch is in " + file;
+    } catch (const IoError& error) {
+      message += std::string("; ") + error.what();
+    }
+    message += ", and " + options_.output + " is the last good checkpoint, if one was written";
   }
   throw InputError(message + "; try a lower adam.rate.features or adam.rate.networks, or another target.scale");
 }
@@ -261,11 +293,11 @@ TrainResult Run::go() {
       next_progress = seconds + 0.2;
     }
     if (seconds >= next_checkpoint && fraction() < 1.0) {
-      checkpoint(true);
+      try_checkpoint();
       next_checkpoint = seconds_since(start_) + config_.checkpoint_seconds;
     }
   }
-  checkpoint(options_.save_optimizer || result.interrupted);
+  save_result(options_.save_optimizer || result.interrupted);
   if (options_.reference)
     result.validation_mape = Validation(scene_.context(), *options_.reference, config_, 1 << 20, 4).mape(*engine_);
   result.steps = state_.step;

@@ -43,6 +43,8 @@ struct TrainOptions {
   std::function<void(const TrainProgress&)> progress;  // several times a second
   std::function<void(long long step, double seconds, double mape)> validated;  // each time it is measured
   std::function<void(const std::string& file, long long step)> saved;
+  // A checkpoint could not be written, and why: training goes on, and the next one tries again. Null: train() throws.
+  std::function<void(const std::string& why, long long step)> not_saved;
 };
 
 struct TrainResult {
@@ -59,7 +61,8 @@ struct TrainResult {
 };
 
 // Throws MemoryError before allocating when the estimate is over max_memory (naming what each knob saves), and
-// InputError when the loss turns non-finite (the last good model stays in `output`).
+// InputError when the loss turns non-finite (the last good model stays in `output`), and IoError when the finished
+// model cannot be written.
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options);
 
 // Batch shape and loss epsilon at a fraction of the budget.

@@ -2,11 +2,14 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/train/checks.h"
+#include "octrad/transport/query_point.h"
 
 namespace octrad {
 
-std::vector<SurfacePoint> surface_probes(const PreparedScene& scene, std::size_t n, std::uint64_t seed) {
+std::vector<SurfacePoint> surface_probes(const PreparedScene& scene, std::size_t n, std::uint64_t seed,
+                                         const Config& config) {
   const TransportContext context = scene.context();
+  const QueryRays rays = query_rays(config);
   std::vector<SurfacePoint> points(n);
   for (std::size_t i = 0; i < n; ++i) {
     Rng rng(seed, RngPurpose::test, i);
@@ -14,7 +17,7 @@ std::vector<SurfacePoint> surface_probes(const PreparedScene& scene, std::size_t
     const SurfaceInteraction surface = scene.surfaces().sample(pick, rng.uniform2());
     Vec3f wo = uniform_direction(rng.uniform2());
     if (dot(wo, surface.geometric_normal) < 0.0f) wo = -wo;
-    points[i] = surface_point(context.shade(surface, wo));
+    points[i] = field_query_point(context, context.shade(surface, wo), rays, rng);
   }
   return points;
 }

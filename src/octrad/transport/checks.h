@@ -73,12 +73,17 @@ CheckResult check_world(Stream& stream, const PreparedScene& scene, std::size_t 
 CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, const LhsOptions& options, std::size_t n,
                                   unsigned long long first, int group, int rounds = -1);
 
+// Clusters of hits (DeviceLobes) of left-hand-side points and of what camera rays see.
+CheckResult check_lobes(Stream& stream, const PreparedScene& scene, std::size_t n, const QueryRays& rays,
+                        std::uint64_t seed);
+
 // A cache is imitated by a function of the query, some of whose responses are no numbers.
 struct RhsCase {
   int directions;
   bool emission_inside, traced_disparity;
-  bool keys;  // every point has a random stream of its own
-  bool ask;   // false: a black cache
+  bool keys;           // every point has a random stream of its own
+  bool ask;            // false: a black cache
+  bool lobes = false;  // queries have rays of the BSDF traced
 };
 CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, std::span<const RhsCase> cases,
                                    std::size_t n, std::uint64_t seed);
@@ -86,6 +91,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
 struct FirstHitCase {
   FirstHitOptions options;
   bool traced_disparity;
+  bool lobes = false;
 };
 CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const CameraJob& job,
                              std::span<const FirstHitCase> cases);

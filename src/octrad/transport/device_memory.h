@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "octrad/base/surface_point.h"
 #include "octrad/device/array.h"
@@ -26,6 +27,22 @@ class PlaneArray {
   std::size_t stride_ = 0;
   DeviceArray<float> memory_;
 };
+
+// Points 0 .. n - 1 of arrays in a stream's memory.
+inline std::vector<SurfacePoint> download_points(Stream& stream, const SurfacePointArray& points, std::size_t n) {
+  const auto planes = [&](const float* data, std::size_t numbers, std::size_t stride) {
+    std::vector<float> values(data != nullptr ? numbers * stride : 0);
+    if (!values.empty()) stream.download(values.data(), data, values.size() * sizeof(float));
+    return values;
+  };
+  std::vector<float> numbers = planes(points.data, kSurfacePointNumbers, points.stride),
+                     clusters = planes(points.lobe.data, kHitClusterNumbers, points.lobe.stride);
+  SurfacePointArray host{numbers.data(), points.stride};
+  if (!clusters.empty()) host.lobe = {clusters.data(), points.lobe.stride};
+  std::vector<SurfacePoint> result(n);
+  for (std::size_t i = 0; i < n; ++i) result[i] = host.load_all(i);
+  return result;
+}
 
 // What was counted since the last call.
 inline TraceCounts take_counts(DeviceArray<TraceCounts>& counts) {

@@ -9,8 +9,11 @@
 #include "octrad/transport/gbuffer_device.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/lobe_math.h"
+#include "octrad/transport/lobes_device.h"
 #include "octrad/transport/path.h"
 #include "octrad/transport/path_device.h"
+#include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_device.h"
 #include "octrad/transport/rhs_estimator.h"
 
@@ -33,8 +36,10 @@ struct Cache {
   float size;
   Vec3f operator()(const SurfacePoint& p) const {
     const float d = p.disparity * size;
+    float far = 0.0f;  // changes little where a ray joins another cluster
+    for (const HitCluster& c : p.lobe) far += c.share * (c.distance + c.deviation) / size;
     return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y),
-            0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d)};
+            0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d) + far};
   }
 };
 
@@ -42,11 +47,20 @@ struct Cache {
 template <typename Answer>
 std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, const std::uint32_t* count,
                               const Answer& answer) {
-  std::vector<float> numbers = fetch(stream, queries.data, queries.stride * kSurfacePointNumbers);
-  std::vector<Vec3f> answers(fetch(stream, count, 1)[0]);
-  for (std::size_t q = 0; q < answers.size(); ++q)
-    answers[q] = answer(SurfacePointArray{numbers.data(), queries.stride}.load(q));
+  std::vector<Vec3f> answers;
+  for (const SurfacePoint& p : download_points(stream, queries, fetch(stream, count, 1)[0]))
+    answers.push_back(answer(p));
   return answers;
+}
+
+// What is traced from queries in a check.
+QueryRays wanted_rays(bool traced_disparity, bool lobes) {
+  QueryRays rays;
+  rays.offset.traced = traced_disparity;
+  rays.lobe = lobes ? 24 : 0;
+  rays.lobe_below = 0.5f;
+  rays.iterations = 5;
+  return rays;
 }
 
 void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const Vec3f> radiance,
@@ -131,6 +145,48 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   return r;
 }
 
+CheckResult check_lobes(Stream& stream, const PreparedScene& scene, std::size_t n, const QueryRays& rays,
+                        std::uint64_t seed) {
+  const float size = size_of(scene);
+  const TransportContext context = scene.context();
+  LhsOptions draw;
+  draw.glossy_boost = 4.0;
+  draw.seed = seed;
+  const LhsSampler sampler(scene, draw);
+  const unsigned long long number = seed % 1000;
+  const DeviceArray<unsigned long long> step(stream, std::span(&number, 1), "check");
+  DeviceLhs lhs(stream, scene.world(stream), draw, sampler.views(), sampler.fresh_poses(), n);
+  DeviceLobes lobes(stream, scene.world(stream), n, rays, false,
+                    n * static_cast<std::size_t>(rays.lobe) / 3);  // in turns
+  lhs.run(step.data(), n);
+  SurfacePointArray points = lhs.surface_points();
+  points.lobe = lobes.clusters();
+  const auto trace = stream.capture([&] { lobes.trace(points, lhs.points(), seed, step.data(), n); });
+  EstimateErrors errors;
+  std::size_t glossy = 0, met = 0;
+  for (int again = 0; again < 2; ++again) {  // nothing is left over from the first time
+    stream.replay(*trace);
+    const std::vector<ShadingPoint> shading = fetch(stream, lhs.points(), n);
+    const std::vector<SurfacePoint> found = download_points(stream, points, n);
+    for (std::size_t i = 0; i < n; ++i) {
+      ShadingPoint point = context.shade(shading[i].surface, shading[i].wo);  // tables are the CPU's own
+      point.bsdf.opacity = shading[i].bsdf.opacity;
+      Rng rng = lobe_generator(seed, number, i);
+      const SurfacePoint expected = field_query_point(context, point, rays, rng);
+      glossy += rays.lobe_rays(expected.alpha) > 0;
+      for (int k = 0; k < kHitClusters; ++k) {
+        const HitCluster &a = found[i].lobe[k], &b = expected.lobe[k];
+        errors.add({a.distance / size, a.deviation / size, a.share}, {b.distance / size, b.deviation / size, b.share});
+        met += b.share > 0.0f;
+      }
+    }
+  }
+  // A ray may meet something else, or join another cluster.
+  CheckResult r = errors.result(stream, "relative error of clusters", 1e-3, 0.03);
+  r.require(glossy > 0 && met > glossy, "no clusters to compare");
+  return r;
+}
+
 CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, std::span<const RhsCase> cases,
                                    std::size_t n, std::uint64_t seed) {
   const TransportContext context = scene.context();
@@ -165,7 +221,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     options.directions = c.directions;
     options.max_chain = 6;
     options.emission_inside = c.emission_inside;
-    options.rays.offset.traced = c.traced_disparity;
+    options.rays = wanted_rays(c.traced_disparity, c.lobes);
     options.seed = seed;
     options.stream = number;
     if (c.keys) options.keys = keys;
@@ -186,7 +242,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     device_points.most = n;
     device_points.stream = step.data();
     device_points.keys = c.keys ? device_keys.data() : nullptr;
-    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays.offset);
+    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays);
     const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });
     DeviceArray<Vec3f> answers(stream, rhs.capacity(), "check");
     const DeviceArray<Vec3f> targets(stream, n, "check");
@@ -218,8 +274,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   EstimateErrors errors;
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
-    OffsetRay offset;
-    offset.traced = one.traced_disparity;
+    const QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());
@@ -234,8 +289,9 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
         radiance[k] += end.throughput * right_hand_side(end.point, query.key);
         bounces[k] = 1;
       } else if (query.next == FirstHitQuery::Next::query) {
-        radiance[k] += end.throughput * cache(field_query_point(context, end.point, offset));
-        of[k].rays += offset.traced ? 1 : 0;
+        const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
+        radiance[k] += end.throughput * cache(asked);
+        of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
         of[k].queries = 1;
       }
     });
@@ -246,7 +302,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     }
 
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
-                         offset);
+                         rays);
     buffer.set(job);
     const auto run = stream.capture([&] { buffer.run(options); });
     for (int again = 0; again < 2; ++again) {

@@ -19,6 +19,7 @@ struct Memory {
   FloatPlanes query_weight;
   std::uint32_t* query_owner;  // samples
   FloatPlanes normals;         // geometric, of the queries; only for traced disparity
+  LobeStarts lobes;            // of the queries
   ShadingPoint* bounce_points;
   unsigned long long* bounce_keys;
   FloatPlanes bounce_weight;
@@ -42,9 +43,9 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t k, const Hit& hit) const { memory.hits[k] = hit; }
 };
 
-// The ray of sample `k` has ended.
+// The ray of sample `k` has ended, with `segment`.
 OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, const RayEnd& end,
-                             const FirstHit& first, Rng& rng) {
+                             const FirstHit& first, const Segment& segment, Rng& rng) {
   const FirstHitQuery query = first_hit_query(options, end, rng);
   memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
@@ -60,6 +61,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   const std::uint32_t q = atomic_append(memory.query_count);
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
+  memory.lobes.store(q, segment, memory.hits[k], rng);
   memory.query_weight.set3(0, q, end.throughput);
   memory.query_owner[q] = k;
 }
@@ -90,7 +92,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, k, end, first, sample.rng);
+    finish(memory, options, k, end, first, segment, sample.rng);
   }
 };
 
@@ -127,11 +129,11 @@ struct Add : Kernel {
 using namespace gbuffer_kernels;
 
 DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces,
-                             const OffsetRay& offset)
+                             const QueryRays& rays)
     : stream_(&stream),
       world_(world),
       capacity_(capacity),
-      offset_(offset),
+      query_rays_(rays),
       job_(stream, 1, "the camera"),
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of queues"),
@@ -145,15 +147,17 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       queries_(stream, kSurfacePointNumbers, capacity, "queries"),
       query_weight_(stream, 3, capacity, "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
-      normals_(offset.traced ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()) {
+      normals_(rays.offset.traced ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()),
+      lobes_(stream, world, capacity, rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, bool traced_disparity) {
+std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays) {
   const std::size_t numbers = static_cast<std::size_t>(kSampleNumbers + kSurfacePointNumbers + 3 + (bounces ? 3 : 0) +
-                                                       (traced_disparity ? 3 : 0));
+                                                       (rays.offset.traced ? 3 : 0));
   return capacity * (numbers * sizeof(float) + sizeof(Hit) + 2 * sizeof(std::uint32_t) +
-                     (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0));
+                     (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0)) +
+         DeviceLobes::bytes(capacity, rays, true);
 }
 
 void DeviceGBuffer::set(const CameraJob& job) { job_.upload(std::span<const CameraJob>(&job, 1)); }
@@ -161,17 +165,19 @@ void DeviceGBuffer::set(const CameraJob& job) { job_.upload(std::span<const Came
 void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
-  const Memory memory{job_.data(),          counts_.data(),        {samples_.planes()},    hits_.data(),
-                      chains_.data(),       queries_.points(),     query_weight_.planes(), query_owner_.data(),
-                      normals_.planes(),    bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(),
-                      bounce_owner_.data(), sizes + kChains,       sizes + kQueries,       sizes + kBounces};
+  const Memory memory{
+      job_.data(),           counts_.data(),         {samples_.planes()},     hits_.data(),         chains_.data(),
+      queries_.points(),     query_weight_.planes(), query_owner_.data(),     normals_.planes(),    lobes_.starts(),
+      bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(), bounce_owner_.data(), sizes + kChains,
+      sizes + kQueries,      sizes + kBounces};
   FirstHitOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
-  if (offset_.traced) launch(*stream_, n, Disparity{{}, world_, offset_.rule, memory});
+  if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
+  lobes_.trace(queries_.points(), query_count(), n, counts_.data());
 }
 
 void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {

@@ -8,16 +8,17 @@
 #include "octrad/transport/camera_job.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/lobes_device.h"
 
 namespace octrad {
 
 // Everything is allocated by the constructor; run() and add() can be recorded.
 class DeviceGBuffer {
  public:
-  // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `offset`: where it
-  // is traced, fill SurfacePoint::disparity of the queries.
+  // For jobs of up to `capacity` samples. `bounces`: whether there will be right-hand-side points; `rays`: what is
+  // traced from the queries.
   DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces = false,
-                const OffsetRay& offset = {});
+                const QueryRays& rays = {});
 
   // What the next run() sees; not while the stream records.
   void set(const CameraJob& job);
@@ -25,7 +26,11 @@ class DeviceGBuffer {
   void run(const FirstHitOptions& options, std::size_t samples = 0);
   const CameraJob* job() const { return job_.data(); }
 
-  SurfacePointArray queries() const { return queries_.points(); }
+  SurfacePointArray queries() const {
+    SurfacePointArray queries = queries_.points();
+    queries.lobe = lobes_.clusters();
+    return queries;
+  }
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }
   const std::uint32_t* query_owners() const { return query_owner_.data(); }  // samples
   const ShadingPoint* bounce_points() const { return bounce_points_.data(); }
@@ -40,7 +45,7 @@ class DeviceGBuffer {
 
   TraceCounts take_counts();  // since the last call
   std::size_t capacity() const { return capacity_; }
-  static std::size_t bytes(std::size_t capacity, bool bounces, bool traced_disparity);
+  static std::size_t bytes(std::size_t capacity, bool bounces, const QueryRays& rays);
 
  private:
   enum { kChains, kQueries, kBounces, kSizes };
@@ -48,7 +53,7 @@ class DeviceGBuffer {
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
-  OffsetRay offset_;
+  QueryRays query_rays_;
   DeviceArray<CameraJob> job_;
   DeviceArray<TraceCounts> counts_;
   DeviceArray<std::uint32_t> sizes_, chains_, query_owner_, bounce_owner_;
@@ -56,6 +61,7 @@ class DeviceGBuffer {
   DeviceArray<ShadingPoint> bounce_points_;
   DeviceArray<unsigned long long> bounce_keys_;
   PlaneArray samples_, queries_, query_weight_, bounce_weight_, normals_;
+  DeviceLobes lobes_;
 };
 
 }  // namespace octrad

@@ -18,7 +18,7 @@ class DeviceGBuffers : public testing::StreamTest {
 TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
   for (const bool follow : {false, true}) {
     for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
-      FirstHitCase c{{}, bounce == Bounce::glossy};
+      FirstHitCase c{{}, bounce == Bounce::glossy, bounce != Bounce::all};
       c.options.follow_delta = follow;
       c.options.bounce = bounce;
       c.options.emission_inside = follow;
@@ -49,9 +49,12 @@ TEST_P(DeviceGBuffers, MemoryIsWhatWasSaid) {
   const DeviceWorld& world = scene_.world(*stream);
   for (const bool all : {false, true}) {
     const std::size_t before = stream->allocated_bytes(), n = 100'000;
-    const DeviceGBuffer buffer(*stream, world, n, all, OffsetRay{all, {}});
+    QueryRays rays;
+    rays.offset.traced = all;
+    rays.lobe = all ? 64 : 0;
+    const DeviceGBuffer buffer(*stream, world, n, all, rays);
     const auto taken = static_cast<double>(stream->allocated_bytes() - before),
-               said = static_cast<double>(DeviceGBuffer::bytes(n, all, all));
+               said = static_cast<double>(DeviceGBuffer::bytes(n, all, rays));
     EXPECT_NEAR(taken, said, 0.01 * said);
   }
 }

@@ -11,8 +11,13 @@ namespace octrad {
 // Clusters of the distances t[0 .. n - 1], finite and in any order, of `rays` >= n rays; the others met nothing and
 // count in the shares alone. Centres start evenly from the smallest to the largest distance; `iterations` times each
 // distance joins the nearest centre (of two as near, the lower) and centres move to the mean of their members. The
-// deviation is that of the last members. Fills out[0 .. kHitClusters - 1], of which `clusters` may have members.
-OCTRAD_HD inline void cluster_hits(const float* t, int n, int rays, int clusters, int iterations, HitCluster* out) {
+// deviation is that of the last members. Fills out[0 .. kHitClusters - 1], of which `clusters` may have members. T: a
+// pointer, or what else is indexed like one. All loops over clusters have the same length, so that a device compiler
+// keeps their arrays in registers.
+OCTRAD_HD_OR_HOST
+template <typename T>
+OCTRAD_HD inline void cluster_hits(const T& t, int n, int rays, int clusters, int iterations, HitCluster* out) {
+  OCTRAD_UNROLL
   for (int k = 0; k < kHitClusters; ++k) out[k] = {};
   if (n == 0) return;
   float low = t[0], high = t[0];
@@ -22,18 +27,21 @@ OCTRAD_HD inline void cluster_hits(const float* t, int n, int rays, int clusters
   }
   // Relative to the smallest distance: sums lose less.
   float center[kHitClusters], members[kHitClusters], edge[kHitClusters] = {}, below[kHitClusters] = {};
+  OCTRAD_UNROLL
   for (int k = 0; k < kHitClusters; ++k) {
     center[k] = clusters > 1 ? (high - low) * static_cast<float>(k) / static_cast<float>(clusters - 1) : 0.0f;
     members[k] = 0.0f;
   }
   for (int step = 0; step < iterations; ++step) {
     // Cluster k has the distances in (below[k], edge[k]]: centres stay in order.
-    for (int k = 0; k < clusters; ++k) {
-      edge[k] = k + 1 < clusters ? 0.5f * (center[k] + center[k + 1]) : high - low;
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) {
+      edge[k] = k + 1 < clusters ? 0.5f * (center[k] + center[k + 1 < kHitClusters ? k + 1 : k]) : high - low;
       below[k] = k > 0 ? edge[k - 1] : -1.0f;
     }
     float sum[kHitClusters] = {};
-    for (int k = 0; k < clusters; ++k) members[k] = 0.0f;
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) members[k] = 0.0f;
     for (int i = 0; i < n; ++i) {
       const float d = t[i] - low;
       OCTRAD_UNROLL
@@ -44,7 +52,8 @@ OCTRAD_HD inline void cluster_hits(const float* t, int n, int rays, int clusters
       }
     }
     bool moved = false;
-    for (int k = 0; k < clusters; ++k) {
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) {
       if (members[k] == 0.0f) continue;  // an empty cluster stays where it is
       const float mean = sum[k] / members[k];
       moved = moved || mean != center[k];
@@ -61,7 +70,8 @@ OCTRAD_HD inline void cluster_hits(const float* t, int n, int rays, int clusters
       square[k] += apart * apart;
     }
   }
-  for (int k = 0; k < clusters; ++k) {
+  OCTRAD_UNROLL
+  for (int k = 0; k < kHitClusters; ++k) {
     if (members[k] == 0.0f) continue;
     out[k] = {low + center[k], std::sqrt(square[k] / members[k]), members[k] / static_cast<float>(rays)};
   }

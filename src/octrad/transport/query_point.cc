@@ -2,15 +2,15 @@
 
 #include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/hit_clusters_math.h"
-#include "octrad/transport/rhs_math.h"
+#include "octrad/transport/lobe_math.h"
 
 namespace octrad {
 namespace {
 
 // A thread's own: to initialise so much for every point would cost as much as its rays.
 struct LobeScratch {
-  RayQuery queries[kMostLobeRays];
-  int drawn[kMostLobeRays];  // how often each was drawn: a delta lobe has one direction, whose ray is cast once
+  RayQuery rays[kMostLobeRays];
+  int ray_of[kMostLobeRays];  // of each that was drawn: a delta lobe has one direction, whose ray is cast once
   Hit hits[kMostLobeRays];
   float distances[kMostLobeRays];
 };
@@ -23,29 +23,24 @@ SurfacePoint field_query_point(const TransportContext& context, const ShadingPoi
   const int n = rays.lobe_rays(point.alpha);
   if (n == 0) return point;
   thread_local LobeScratch scratch;
-  auto& [queries, drawn, hits, distances] = scratch;
   const Vec3f wo = shading.to_local(shading.wo);
   const SobolSet samples(rng);
-  std::size_t cast = 0;
+  int cast = 0, drawn = 0;
   for (int i = 0; i < n; ++i) {
-    const BounceSample bounce = sample_bounce(shading, wo, samples(static_cast<std::uint32_t>(i)));
-    if (!bounce.valid) continue;
-    std::size_t same = 0;
-    while (bounce.delta && same < cast && !(queries[same].direction == bounce.direction)) ++same;
-    if (bounce.delta && same < cast) {
-      ++drawn[same];
-      continue;
-    }
-    drawn[cast] = 1;
-    queries[cast++] = {offset_origin(point.x, shading.surface.geometric_normal, bounce.direction), bounce.direction,
-                       kRayInfinity};
+    const LobeRay one = lobe_ray(shading, wo, samples, static_cast<std::uint32_t>(i));
+    if (!one.valid) continue;
+    int same = one.delta ? 0 : cast;
+    while (same < cast && !(scratch.rays[same].direction == one.ray.direction)) ++same;
+    if (same == cast) scratch.rays[cast++] = one.ray;
+    scratch.ray_of[drawn++] = same;
   }
-  context.tracer.intersect(std::span<const RayQuery>(queries, cast), hits);
+  context.tracer.intersect(std::span<const RayQuery>(scratch.rays, static_cast<std::size_t>(cast)), scratch.hits);
   int met = 0;
-  for (std::size_t i = 0; i < cast; ++i) {
-    for (int k = 0; hits[i].valid() && k < drawn[i]; ++k) distances[met++] = hits[i].t;
+  for (int i = 0; i < drawn; ++i) {
+    const Hit& hit = scratch.hits[scratch.ray_of[i]];
+    if (hit.valid()) scratch.distances[met++] = hit.t;
   }
-  cluster_hits(distances, met, n, rays.clusters, rays.iterations, point.lobe);
+  cluster_hits(scratch.distances, met, n, rays.clusters, rays.iterations, point.lobe);
   return point;
 }
 

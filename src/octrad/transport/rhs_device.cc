@@ -28,6 +28,7 @@ struct Memory {
   std::uint32_t* chains;  // places in the ray queue
   SurfacePointArray queries;
   FloatPlanes normals;  // geometric, of the queries; only for traced disparity
+  LobeStarts lobes;     // of the queries
   std::uint32_t* shadow_count;
   std::uint32_t* ray_count;
   std::uint32_t* chain_count;
@@ -96,9 +97,9 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
-// The BSDF ray of `slot`, which is at `place` in the ray queue, has ended.
+// The BSDF ray of `slot`, which is at `place` in the ray queue, has ended: with `segment` and `hit`.
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
-                             std::uint32_t place, const RayEnd& end) {
+                             std::uint32_t place, const RayEnd& end, const Segment& segment, const Hit& hit, Rng& rng) {
   const Vec3f weight = memory.slots.get3(6, slot);
   const float pdf = memory.slots.get(9, slot);
   memory.slots.set3(3, slot, bounce_emission(weight, std::fabs(pdf), std::signbit(pdf), end));
@@ -106,6 +107,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   const std::uint32_t q = atomic_append(memory.query_count);
   memory.queries.store(q, surface_point(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
+  memory.lobes.store(q, segment, hit, rng);
   memory.query_of[slot] = q;
   memory.places[slot] = place;
   memory.slots.set3(6, slot, weight * end.throughput);
@@ -133,19 +135,19 @@ struct Arrive : Kernel {
     Segment segment{ray.origin, ray.direction, ray.t_max, 0};
     const Vec3f position = points.points[i].surface.position;
     RayEnd end;
+    Hit hit = memory.hits[q];
     if constexpr (kChain) {
-      Hit hit = memory.hits[q];
       follow_from(world, position, hit, rng, true, options.max_chain, segment, end);
       memory.hits[q] = hit;
       memory.rays.store(q, {segment.origin, segment.direction, segment.t_max});
       atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
-      if (follow_hit(world, position, memory.hits[q], rng, true, segment, end, nullptr)) {
+      if (follow_hit(world, position, hit, rng, true, segment, end, nullptr)) {
         memory.chains[atomic_append(memory.chain_count)] = q;
         return;
       }
     }
-    finish(memory, options, slot, q, end);
+    finish(memory, options, slot, q, end, segment, hit, rng);
   }
 };
 
@@ -224,11 +226,11 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 
 using namespace rhs_kernels;
 
-DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const OffsetRay& offset)
+DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays)
     : stream_(&stream),
       world_(world),
       capacity_(slots),
-      offset_(offset),
+      query_rays_(rays),
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of ray queues"),
       owners_(stream, slots, "rays"),
@@ -241,23 +243,25 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, kSlotNumbers, slots, "right-hand-side samples"),
       queries_(stream, kSurfacePointNumbers, slots, "queries"),
-      normals_(offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()) {
+      normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
+      lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceRhs::bytes(std::size_t slots, bool traced_disparity) {
-  return slots *
-         (5 * sizeof(std::uint32_t) + sizeof(Hit) +
-          static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers + (traced_disparity ? 3 : 0)) *
-              sizeof(float));
+std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays) {
+  return slots * (5 * sizeof(std::uint32_t) + sizeof(Hit) +
+                  static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers +
+                                           (rays.offset.traced ? 3 : 0)) *
+                      sizeof(float)) +
+         DeviceLobes::bytes(slots, rays, true);
 }
 
 Memory DeviceRhs::memory() const {
   std::uint32_t* sizes = sizes_.data();
-  return {counts_.data(),        slots_.planes(), query_of_.data(),  places_.data(),
-          rays_.rays(),          owners_.data(),  hits_.data(),      shadow_rays_.rays(),
-          shadow_owners_.data(), chains_.data(),  queries_.points(), normals_.planes(),
-          sizes + kShadows,      sizes + kRays,   sizes + kChains,   sizes + kQueries};
+  return {counts_.data(),    slots_.planes(),   query_of_.data(),    places_.data(),        rays_.rays(),
+          owners_.data(),    hits_.data(),      shadow_rays_.rays(), shadow_owners_.data(), chains_.data(),
+          queries_.points(), normals_.planes(), lobes_.starts(),     sizes + kShadows,      sizes + kRays,
+          sizes + kChains,   sizes + kQueries};
 }
 
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
@@ -270,7 +274,9 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
-  if (offset_.traced && options.ask) launch(*stream_, n, Disparity{{}, world_, offset_.rule, memory});
+  if (!options.ask) return;
+  if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
+  lobes_.trace(queries_.points(), query_count(), n, counts_.data());
 }
 
 void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,

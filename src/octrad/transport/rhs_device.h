@@ -5,6 +5,7 @@
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
 #include "octrad/transport/far_ends_math.h"
+#include "octrad/transport/lobes_device.h"
 #include "octrad/transport/rhs_math.h"
 
 namespace octrad {
@@ -36,12 +37,15 @@ struct DeviceRhsPoints {
 // in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 class DeviceRhs {
  public:
-  // For up to `slots` points times directions. `offset`: where it is traced, fill SurfacePoint::disparity of the
-  // queries.
-  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const OffsetRay& offset = {});
+  // For up to `slots` points times directions. `rays`: what is traced from the queries.
+  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays = {});
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
-  SurfacePointArray queries() const { return queries_.points(); }
+  SurfacePointArray queries() const {
+    SurfacePointArray queries = queries_.points();
+    queries.lobe = lobes_.clusters();
+    return queries;
+  }
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }  // at most capacity()
   // responses[q] for query q; may be null where there are no queries. Needs the points and options of the last trace().
   void reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses, Vec3f* targets);
@@ -49,7 +53,7 @@ class DeviceRhs {
   std::size_t capacity() const { return capacity_; }
   // Since the last call.
   TraceCounts take_counts();
-  static std::size_t bytes(std::size_t slots, bool traced_disparity);
+  static std::size_t bytes(std::size_t slots, const QueryRays& rays);
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kSizes };
@@ -58,11 +62,12 @@ class DeviceRhs {
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
-  OffsetRay offset_;
+  QueryRays query_rays_;
   DeviceArray<TraceCounts> counts_;
   DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_, places_;
   DeviceArray<Hit> hits_;
   PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
+  DeviceLobes lobes_;
 };
 
 }  // namespace octrad

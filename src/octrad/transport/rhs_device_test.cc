@@ -91,8 +91,8 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
 }
 
 TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
-  const std::pair<testing::OpenRoom, RhsCase> cases[] = {{{true, true}, {16, false, false, false, true}},
-                                                         {{true, false}, {5, true, true, true, true}},
+  const std::pair<testing::OpenRoom, RhsCase> cases[] = {{{true, true}, {16, false, false, false, true, true}},
+                                                         {{true, false}, {5, true, true, true, true, true}},
                                                          {{false, true}, {8, true, false, true, true}},
                                                          {{false, true}, {8, false, false, false, false}},
                                                          {{false, false}, {4, false, false, false, true}}};
@@ -100,6 +100,19 @@ TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
     const PreparedScene scene(testing::open_room(room), PreparedScene::CpuTree::bvh8);
     EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&c, 1}, 300, 11))) << c.directions;
   }
+}
+
+TEST_P(DeviceBatches, ClustersOfHitsAreTheCpus) {
+  const PreparedScene scene(testing::open_room(), PreparedScene::CpuTree::bvh8);
+  QueryRays rays;
+  rays.lobe_below = 0.5f;
+  rays.lobe = 32;
+  rays.iterations = 3;
+  EXPECT_TRUE(testing::passed(check_lobes(*stream, scene, 1000, rays, 3)));
+  rays.clusters = 3;
+  rays.iterations = 10;
+  rays.lobe = 7;
+  EXPECT_TRUE(testing::passed(check_lobes(*stream, scene, 500, rays, 4)));
 }
 
 TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
@@ -111,9 +124,12 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   options.directions = 4;
   EXPECT_THROW(rhs.trace(points, options), UsageError);
   const std::size_t before = stream->allocated_bytes(), n = 100'000;
-  const DeviceRhs large(*stream, scene.world(*stream), n, OffsetRay{true, {}});
+  QueryRays rays;
+  rays.offset.traced = true;
+  rays.lobe = 32;
+  const DeviceRhs large(*stream, scene.world(*stream), n, rays);
   const auto taken = static_cast<double>(stream->allocated_bytes() - before),
-             said = static_cast<double>(DeviceRhs::bytes(n, true));
+             said = static_cast<double>(DeviceRhs::bytes(n, rays));
   EXPECT_NEAR(taken, said, 0.01 * said);
 }
 

@@ -1,0 +1,71 @@
+#include "octrad/base/escape.h"
+
+#include <cstddef>
+
+namespace octrad {
+namespace {
+
+constexpr char kDigits[] = "0123456789abcdef";
+
+int hex_value(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  const char lower = static_cast<char>(c | 0x20);
+  return lower >= 'a' && lower <= 'f' ? lower - 'a' + 10 : -1;
+}
+
+// Value of the escape \xNN at `i`; -1 where there is none.
+int escape_at(std::string_view text, std::size_t i) {
+  if (i + 3 >= text.size() || text[i] != '\\' || text[i + 1] != 'x') return -1;
+  const int high = hex_value(text[i + 2]), low = hex_value(text[i + 3]);
+  return high < 0 || low < 0 ? -1 : 16 * high + low;
+}
+
+// Bytes of the character at `i` (RFC 3629: shortest form, no surrogates, at most U+10FFFF); 0 where there is none.
+std::size_t utf8_length(std::string_view text, std::size_t i) {
+  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[i + k]); };
+  const unsigned first = byte(0);
+  if (first < 0x80) return 1;
+  const std::size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  if (first < 0xc2 || first > 0xf4 || i + length > text.size()) return 0;
+  for (std::size_t k = 1; k < length; ++k) {
+    if ((byte(k) & 0xc0u) != 0x80u) return 0;
+  }
+  const unsigned second = byte(1);
+  if ((first == 0xe0 && second < 0xa0) || (first == 0xed && second > 0x9f) || (first == 0xf0 && second < 0x90) ||
+      (first == 0xf4 && second > 0x8f))
+    return 0;
+  return length;
+}
+
+// What unescape_bytes() takes for an escape.
+bool is_escape(int value) { return value == '\\' || value >= 0x80; }
+
+}  // namespace
+
+std::string escape_bytes(std::string_view text) {
+  std::string out;
+  out.reserve(text.size());
+  for (std::size_t i = 0; i < text.size();) {
+    const std::size_t length = utf8_length(text, i);
+    if (length > 0 && !is_escape(escape_at(text, i))) {
+      out.append(text, i, length);
+      i += length;
+    } else {
+      const auto byte = static_cast<unsigned char>(text[i++]);
+      out += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15u]};
+    }
+  }
+  return out;
+}
+
+std::string unescape_bytes(std::string_view text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const int value = escape_at(text, i);
+    out += is_escape(value) ? static_cast<char>(value) : text[i];
+    if (is_escape(value)) i += 3;
+  }
+  return out;
+}
+
+}  // namespace octrad

@@ -1,0 +1,61 @@
+#include "octrad/base/input_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
+
+namespace octrad {
+namespace {
+
+class InputFiles : public ::testing::Test {
+ protected:
+  std::string message(const std::string& file) const {
+    try {
+      InputFile{file};
+    } catch (const IoError& error) {
+      return error.what();
+    }
+    return "";
+  }
+  TestFolder folder_;
+};
+
+TEST_F(InputFiles, ReadsAnyPart) {
+  const std::string file = folder_.file("a");
+  std::ofstream(file) << "0123456789";
+  const InputFile in(file);
+  EXPECT_EQ(in.size(), 10u);
+  char part[3];
+  in.read(part, 3, 4);
+  EXPECT_EQ(std::string(part, 3), "456");
+  EXPECT_NO_THROW(in.require_unchanged());
+}
+
+// Neither waits nor ends.
+TEST_F(InputFiles, PipesAndDevicesAreRefused) {
+  const std::string pipe = folder_.file("pipe");
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(message(pipe), "cannot read " + pipe + ": it is a pipe, not a file");
+  EXPECT_EQ(message("/dev/zero"), "cannot read /dev/zero: it is a device, not a file");
+  EXPECT_NE(message(folder_.file("")).find("it is a folder"), std::string::npos);
+  EXPECT_NE(message(folder_.file("none")).find("No such file"), std::string::npos);
+}
+
+TEST_F(InputFiles, AFileThatChangesIsAnError) {
+  const std::string file = folder_.file("a");
+  std::ofstream(file) << std::string(1000, 'x');
+  const InputFile in(file);
+  std::filesystem::resize_file(file, 500);
+  std::string text(1000, ' ');
+  EXPECT_NO_THROW(in.read(text.data(), 500, 0));
+  EXPECT_THROW(in.read(text.data(), 1000, 0), IoError);
+  EXPECT_THROW(in.require_unchanged(), IoError);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,403 @@
+"""What is written, and how the program ends: faults of files, locks, names, signals, exit codes (docs/safety.md)."""
+import errno
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import time
+import unittest
+
+from exr import read_exr
+from support import PROGRAM, ROOM, SMALL, Case, Result, read_safetensors, run, start, wait_for, write_pfm
+
+FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")
+NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
+
+
+def read(path):
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def run_with(environment, *arguments, timeout=120, **keywords):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=timeout,
+                          env=dict(os.environ, **environment), **keywords)
+    return Result(done)
+
+
+class Files(Case):
+    def setUp(self):
+        super().setUp()
+        self.scene = self.write("room.xml", ROOM)
+        self.out = self.path("out.exr")
+
+    def faulty(self, rules, *arguments):
+        """rules: (call, error, first, count); they hold for files in the test's folder."""
+        text = ";".join(f"{self.folder}:{call}:{error}:{first}:{count}" for call, error, first, count in rules)
+        return run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": text}, *arguments)
+
+    def listing(self):
+        return sorted(os.path.join(root, name) for root, _, names in os.walk(self.folder) for name in names)
+
+    def render(self, *options, out=None):
+        return self.ok("render", self.scene, "-o", out or self.out, "--spp", 1, "-q", *options)
+
+    def train(self, *options, model=None):
+        return self.ok("train", self.scene, "-o", model or self.path("m.octrad"), *SMALL, *options)
+
+    def written(self):
+        """Commands of every verb that writes, with a file that each makes."""
+        self.render(out=self.path("a.exr"))
+        self.render("--seed", 1, out=self.path("b.exr"))
+        self.train("--steps", 2, "--no-optimizer")
+        points = self.write("points.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0,-1,0,0,1,0,0,1,0,.5,.5,.5,1\n")
+        path = self.write("path.json", json.dumps({"fps": 2, "keys": [
+            {"time": t, "origin": [0, 0, 0.9 - 0.1 * t], "target": [0, 0, 0], "fov": 60} for t in (0, 0.5)]}))
+        os.mkdir(self.path("errors"))
+        r, a, b, m = ("render", self.scene, "--spp", 1, "-q"), self.path("a.exr"), self.path("b.exr"), self.path("m.octrad")
+        return {
+            "out.exr": (*r, "-o", self.out),
+            "out.png": (*r, "-o", self.path("out.png")),
+            "out.hdr": (*r, "-o", self.path("out.hdr")),
+            "out.pfm": (*r, "-o", self.path("out.pfm")),
+            "frame0.exr": (*r, "-o", self.path("frame#.exr"), "--path", path, "--overwrite"),
+            "merged.exr": ("merge", a, b, "-o", self.path("merged.exr"), "-q"),
+            "a.jpg": ("tonemap", a, "-o", self.path("a.jpg"), "-q"),
+            "table.csv": ("compare", a, b, "--csv", self.path("table.csv"), "-q"),
+            "table.tex": ("compare", a, b, "--latex", self.path("table.tex"), "-q"),
+            "page.html": ("compare", a, b, "--html", self.path("page.html"), "-q"),
+            "errors/b.error.exr": ("compare", a, b, "--errors", self.path("errors"), "-q"),
+            "points.out": ("query", m, "--points", points, "-o", self.path("points.out"), "-q"),
+            "n.octrad": ("train", self.scene, "-o", self.path("n.octrad"), "--overwrite", "--steps", 2, *SMALL),
+            "checks.json": ("selftest", "-o", self.path("checks.json"), "--only", "sort", "--no-benchmarks", "-q"),
+        }
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_faults_keep_the_old_file(self):
+        unnamed = ("tmpfile", errno.EOPNOTSUPP, 1, 0)  # a file system that has no files without a name
+        faults = [("open", errno.EACCES, 1, 0), ("write", errno.ENOSPC, 1, 0), ("write", errno.EDQUOT, 2, 0), ("fsync", errno.EIO, 1, 0),
+                  ("close", errno.EDQUOT, 2, 0), ("link", errno.ENOSPC, 1, 0), ("rename", errno.EIO, 1, 0)]
+        commands = self.written()
+        for name, command in commands.items():
+            self.ok(*command)
+            before, there = read(self.path(name)), self.listing()
+            all_faults = name in ("out.exr", "n.octrad", "page.html")
+            for fault in faults if all_faults else faults[1:2] + faults[-1:]:
+                for rules in ([fault], [unnamed, fault]) if all_faults and fault[0] != "link" else ([fault],):
+                    if fault[:1] == ("write",) and fault[2] == 2 and name != "n.octrad":
+                        continue  # written in one piece
+                    if fault[0] == "close":  # locks and inputs are closed too: the output's turn
+                        rules = [*rules[:-1], ("close", errno.EDQUOT, self.closes_before(command, rules[:-1]), 1)]
+                    with self.subTest(name, rules=rules):
+                        result = self.faulty(rules, *command)
+                        self.assertEqual(result.code, 3, result.err)
+                        lines = [line for line in result.err.splitlines() if line.startswith("octrad: error: ")]
+                        self.assertEqual(len(lines), 1, result.err)
+                        self.assertIn(self.path(name), lines[0])
+                        self.assertIn(os.strerror(rules[-1][1]), lines[0])
+                        self.assertEqual(read(self.path(name)), before)
+                        self.assertEqual(self.listing(), there, "something was left")
+
+    def closes_before(self, command, rules):
+        """The number of the close() that follows the output's fsync(): the first that fails with exit code 3."""
+        for n in range(1, 40):
+            if self.faulty([*rules, ("close", errno.EDQUOT, n, 1)], *command).code == 3:
+                return n
+        self.fail("no close() is looked at")
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_writes_and_reads_in_pieces(self):
+        commands = self.written()
+        for name in ("merged.exr", "a.jpg", "page.html", "points.out"):
+            self.ok(*commands[name])
+            before = read(self.path(name))
+            os.remove(self.path(name))
+            result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], *commands[name])
+            self.assertEqual(result.code, 0, result.err)
+            self.assertEqual(read(self.path(name)), before)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_reads_that_fail(self):
+        self.train("--steps", 2)
+        model = self.path("m.octrad")
+        for first in (1, 3, 5):
+            result = self.faulty([("read", errno.EIO, first, 0)], "info", model)
+            if first == 1 or result.code != 0:
+                self.assertEqual(result.code, 3, result.err)
+                self.assertIn(model, result.err)
+        scene = self.path("elsewhere.xml")
+        result = self.faulty([("read", errno.EIO, 4, 0)], "render", self.scene, "--model", model, "-o", self.out, "--spp", 1)
+        self.assertEqual(result.code, 3, result.err)
+        self.assertIn("Input/output error", result.err)
+        self.assertFalse(os.path.exists(self.out) or os.path.exists(scene))
+
+    def test_a_model_that_becomes_shorter_is_an_error(self):
+        self.train("--steps", 2)
+        model, whole, ends = self.path("m.octrad"), read(self.path("m.octrad")), set()
+        chance = random.Random(1)
+        for _ in range(8):
+            with open(model, "r+b") as file:
+                process = start("render", self.scene, "--model", model, "-o", self.out, "--spp", 1, "-q")
+                for _ in range(200):
+                    file.truncate(chance.randrange(len(whole)))
+                    file.seek(0)
+                    file.write(whole)
+                    file.flush()
+            process.communicate(timeout=60)
+            ends.add(process.returncode)
+        self.assertLessEqual(ends, {0, 2, 3})
+
+    # ---- training: its log and its checkpoints
+
+    def test_a_log_that_cannot_be_written_does_not_end_the_training(self):
+        log, model = self.path("log.jsonl"), self.path("m.octrad")
+        for full in (log, "/dev/full"):
+            result = self.faulty_log(full, "train", self.scene, "-o", model, "--overwrite", *SMALL, "--steps", 20, "--log-json", full)
+            self.assertEqual(result.code, 3, result.err)
+            self.assertIn("the work goes on", result.err)
+            self.assertIn(full, result.err.splitlines()[-1])
+            self.assertEqual(self.ok("info", model, "--json").json()["metadata"]["step"], 20)
+            result = self.faulty_log(full, "render", self.scene, "-o", self.out, "--spp", 1, "--log-json", full)
+            self.assertEqual(result.code, 3, result.err)
+            read_exr(self.out)
+            os.remove(self.out)
+
+    def faulty_log(self, log, *command):
+        if log == "/dev/full":
+            return run(*command)
+        if NO_FAULTS:
+            self.skipTest(NO_FAULTS)
+        return run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": f"{log}:write:{errno.ENOSPC}:1:0"}, *command)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_a_checkpoint_that_fails_is_tried_again(self):
+        model, log = self.path("m.octrad"), self.path("log.jsonl")
+        command = ("train", self.scene, "-o", model, *SMALL, "--time", "1s", "-D", "checkpoint.every=100ms")
+        # The log is in another folder than the faults.
+        result = self.faulty([("link", errno.ENOSPC, 2, 2)], *command)
+        self.assertEqual(result.code, 0, result.err)
+        self.assertEqual(result.err.count("training goes on, and the next checkpoint tries again"), 2, result.err)
+        self.ok("info", model)
+        before = read(model)
+        result = self.faulty([("link", errno.ENOSPC, 3, 0)], *command, "--overwrite", "--log-json", log)
+        self.assertEqual(result.code, 3, result.err)
+        self.assertRegex(result.err.splitlines()[-1], r"cannot write .*m\.octrad: No space left on device; what is saved is step \d+$")
+        events = [json.loads(line)["event"] for line in read(log).decode().splitlines()]
+        self.assertGreater(events.count("not_saved"), 1)
+        self.assertEqual(events.count("saved"), 2)
+        self.assertNotEqual(read(model), before)
+        self.train("--resume", "--time", "1100ms")
+        result = self.faulty([("link", errno.ENOSPC, 1, 0)], *command, "--overwrite")
+        self.assertIn("nothing of this run is saved", result.err)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_the_time_of_day_does_not_matter(self):
+        model = self.path("m.octrad")
+        for jump in (3600, -7200):
+            begin = time.monotonic()
+            result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "train", self.scene, "-o", model, "--overwrite", *SMALL,
+                              "--time", "1s", "-D", "checkpoint.every=300ms", "--json")
+            self.assertEqual(result.code, 0, result.err)
+            self.assertTrue(0.95 <= result.json()["seconds"] <= 3, result.out)
+            self.assertTrue(0.9 <= time.monotonic() - begin <= 20)
+            result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "render", self.scene, "-o", self.out, "--time", "300ms", "--json")
+            self.assertTrue(0.28 <= result.json()["seconds"] <= 3, result.out)
+
+    # ---- two programs, one file
+
+    def test_a_second_render_is_told_at_once(self):
+        first = start("render", self.scene, "-o", self.out, "--spp", 100000000, "-q")
+        try:
+            self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".lock")))
+            self.fails(3, "another process is writing it", "render", self.scene, "-o", self.out, "--spp", 1)
+            link = self.path("link.exr")
+            os.symlink("out.exr", link)
+            self.fails(3, "another process is writing it", "render", self.scene, "-o", link, "--spp", 1)
+        finally:
+            first.kill()
+            first.communicate()
+        self.assertTrue(os.path.exists(self.out + ".lock"), "kill -9 leaves the file, without the lock")
+        self.render()
+        self.assertFalse(os.path.exists(self.out + ".lock"))
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_file_systems_without_locks(self):
+        result = self.faulty([("flock", errno.ENOLCK, 1, 0)], "train", self.scene, "-o", self.path("m.octrad"), *SMALL, "--steps", 2)
+        self.assertEqual(result.code, 0, result.err)
+        self.assertIn("warning: ", result.err)
+        self.assertIn("nothing keeps another process from writing", result.err)
+
+    def test_files_of_the_user_are_left_alone(self):
+        victim = self.write("victim.txt", "precious")
+        for name in ("out.exr.tmp", ".octrad.tmp", "out.exr.lock"):
+            os.symlink("victim.txt", self.path(name))
+        result = self.render()
+        self.assertIn("nothing keeps another process from writing", result.err)  # what is named .lock is not one
+        self.assertEqual(read(victim), b"precious")
+        self.assertFalse(os.path.islink(self.out))
+
+    # ---- names
+
+    def test_names_are_bytes(self):
+        folder = os.fsencode(self.folder) + b"/sz\xe4ne"
+        os.mkdir(folder)
+        name = lambda n: os.fsdecode(folder + b"/" + n)
+        with open(name(b"r\xe4um.xml"), "w") as file:
+            file.write(ROOM)
+        with open(name(b"cameras\xff.json"), "w") as file:
+            json.dump([{"origin": [0, 0, 0.9], "target": [0, 0, 0], "fov": 60}], file)
+        scene, model, out = name(b"r\xe4um.xml"), name(b"m\xff.octrad"), name(b"\xfe.exr")
+        call = lambda *words: subprocess.run([os.fsencode(PROGRAM), *(os.fsencode(str(w)) for w in words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        train = ("train", scene, "-o", model, *SMALL, "-D", "train.cameras=" + name(b"cameras\xff.json"), "--log-json", name(b"log\xff"))
+        for command in ((*train, "--steps", 2), (*train, "--steps", 4, "--resume"), ("render", scene, "--model", model, "-o", out, "--spp", 1, "--json"),
+                        ("render", scene, "-o", name(b"p.exr"), "--spp", 1, "--resume"), ("info", model, "--json"), ("info", out, "--json"),
+                        ("compare", name(b"p.exr"), out, "--json", "--html", name(b"\xff.html")), ("tonemap", out, "-o", name(b"\xff.png"))):
+            done = call(*command)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            done.stdout.decode()  # is UTF-8
+        self.assertIn("/sz\\xe4ne/r\\xe4um.xml", json.loads(read_safetensors(model)[0]["scene"])["file"])
+        self.assertIn("/sz\\xe4ne/cameras\\xff.json", json.loads(read_safetensors(model)[0]["config"])["train"]["cameras"])
+        self.assertIn("/sz\\xe4ne/m\\xff.octrad", json.loads(read_exr(out)[3]["octrad.model"])["file"])
+        for line in read(name(b"log\xff")).decode().splitlines():
+            json.loads(line)
+
+    def test_long_names(self):
+        longest = self.path("n" * 251 + ".exr")
+        self.assertIn("File name too long", self.render(out=longest).err)  # of the lock: only a warning
+        read_exr(longest)
+        begin = time.monotonic()
+        self.fails(3, "File name too long", "render", self.scene, "-o", self.path("n" * 252 + ".exr"), "--spp", 100000000)
+        self.assertLess(time.monotonic() - begin, 5)
+
+    def test_links(self):
+        os.mkdir(self.path("folder"))
+        os.symlink("folder/target.exr", self.out)
+        self.render()
+        self.assertTrue(os.path.islink(self.out))
+        read_exr(self.path("folder/target.exr"))
+        os.symlink("circle.exr", self.path("circle.exr"))
+        self.fails(3, "circle.exr", "render", self.scene, "-o", self.path("circle.exr"), "--spp", 1)
+        os.symlink("none/out.exr", self.path("astray.exr"))
+        self.fails(3, "does not exist", "render", self.scene, "-o", self.path("astray.exr"), "--spp", 1)
+
+    def test_pipes_as_outputs(self):
+        pipe = self.path("pipe.exr")
+        os.mkfifo(pipe)
+        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", pipe, "--spp", 1, timeout=20)
+        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", self.out, "--spp", 1, "--log-json", pipe, timeout=20)
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        self.render(out=pipe)
+        self.assertEqual(os.read(reader, 4), b"\x76\x2f\x31\x01")
+        os.close(reader)
+
+    def test_inputs_are_not_overwritten(self):
+        self.train("--steps", 2)
+        self.render(out=self.path("a.exr"))
+        self.render("--seed", 1, out=self.path("b.exr"))
+        os.link(self.path("a.exr"), self.path("same.exr"))
+        os.symlink("room.xml", self.path("link.xml"))
+        write_pfm(self.path("b.error.exr"), 32, 24, lambda x, y: (1, 1, 1))
+        model, a, b, out = self.path("m.octrad"), self.path("a.exr"), self.path("b.exr"), self.out
+        camera = self.write("camera.json", json.dumps({"origin": [0, 0, 0.9], "target": [0, 0, 0]}))
+        before = {file: read(file) for file in self.listing()}
+        for command in (("render", self.scene, "-o", out, "--log-json", self.scene), ("render", self.scene, "-o", out, "--log-json", self.path("link.xml")),
+                        ("render", self.scene, "-o", out, "--log-json", out), ("render", self.scene, "-o", out, "--camera", camera, "--log-json", camera),
+                        ("render", self.scene, "--model", model, "-o", out, "--log-json", model),
+                        ("train", self.scene, "-o", model, "--resume", "--log-json", model), ("train", self.scene, "-o", self.scene, "--overwrite"),
+                        ("merge", a, b, "-o", self.path("same.exr")), ("merge", a, b, "-o", b), ("denoise", a, "-o", a),
+                        ("compare", a, b, "--csv", b), ("compare", a, b, "--html", a), ("compare", b, self.path("b.error.exr"), b, "--errors", self.folder),
+                        ("query", model, "--points", self.scene, "-o", self.scene), ("selftest", self.scene, "-o", self.scene)):
+            with self.subTest(command):
+                self.fails(1, "too, which it would overwrite", *command)
+        write_pfm(self.path("p.png"), 4, 4, lambda x, y: (1, 1, 1))
+        self.fails(1, "too, which it would overwrite", "tonemap", self.path("p.png"), "-o", self.path("p.png"))
+        self.assertEqual({file: read(file) for file in before}, before)
+
+    def test_error_pictures_have_names_of_their_own(self):
+        for folder in ("A", "B"):
+            os.mkdir(self.path(folder))
+        pictures = [self.path(name) for name in ("B/a.exr", "A/a.exr", "a-2.exr", "a.exr")]
+        for seed, picture in enumerate(pictures):
+            self.render("--seed", seed, out=picture)
+        self.render("--seed", 9)
+        self.ok("compare", self.out, *pictures, "--errors", self.path("E"))
+        written = [name for name in os.listdir(self.path("E")) if name.endswith(".exr")]
+        self.assertEqual(len(written), 4, written)
+        self.assertEqual(len({read(self.path("E/" + name)) for name in written}), 4)
+
+    # ---- how it ends
+
+    def test_exit_codes(self):
+        self.render(out=self.path("a.exr"))
+        r, a = ("render", self.scene, "-o", self.out, "--spp", 1), self.path("a.exr")
+        self.fails(1, "crop", *r, "--crop", "2147483647,0,1,1")
+        self.fails(1, "fov axis", *r, "--fov", 50, "--fov-axis", "q")
+        self.fails(1, "define no view", *r, "--origin", "0,0,0", "--target", "0,0,0")
+        self.fails(1, "--range", "tonemap", a, "-o", self.path("a.png"), "--channel", "depth.Z", "--range", "0,1e-300")
+        for text in ("--help", "--version"):
+            with open("/dev/full", "w") as full:
+                result = run(text, stdout=full)
+            self.assertEqual(result.code, 3, result.err)
+            self.assertIn("standard output", result.err)
+        # No descriptor is left for the picture: it is not the picture that is broken.
+        few = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
+        result = run_with({"LD_BIND_NOW": "1"}, "info", a, preexec_fn=few)
+        self.assertNotEqual(result.code, 2, result.err)
+
+    def test_standard_streams_that_are_closed(self):
+        """What is written to them must not go into the files that take their place."""
+        log = self.path("log.jsonl")
+        for closed in ((0,), (1,), (2,), (0, 1, 2)):
+            def close():
+                for descriptor in closed:
+                    os.close(descriptor)
+            done = subprocess.run([PROGRAM, "render", self.scene, "-o", self.out, "--spp", "1", "--json", "--log-json", log], preexec_fn=close,
+                                  stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            self.assertEqual(done.returncode, 3 if 1 in closed else 0, done.stderr)
+            self.assertEqual([json.loads(line)["event"] for line in read(log).decode().splitlines()][-1], "done")
+            read_exr(self.out)
+
+    def test_a_closed_terminal_saves(self):
+        """It sends SIGHUP, often more than once."""
+        for command, out in ((("render", self.scene, "-o", self.out, "--spp", 100000000), self.out),
+                             (("train", self.scene, "-o", self.path("m.octrad"), *SMALL, "--time", "10m"), self.path("m.octrad"))):
+            log = self.path("log.jsonl")
+            process = start(*command, "--log-json", log)
+            self.assertTrue(wait_for(lambda: os.path.exists(log) and b"progress" in read(log)))
+            for _ in range(3):
+                process.send_signal(signal.SIGHUP)
+                time.sleep(0.002)
+            _, err = process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 130, err)
+            self.assertTrue(os.path.exists(out))
+            os.remove(log)
+
+    def test_nohup(self):
+        process = subprocess.Popen([PROGRAM, "render", self.scene, "-o", self.out, "--time", "1s", "-q"], stderr=subprocess.PIPE,
+                                   preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+        self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".lock")))
+        process.send_signal(signal.SIGHUP)
+        _, err = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 0, err)
+
+    def test_large_pictures_stop_soon(self):
+        """A pass of these takes many seconds. Before the first one is whole there is nothing to save, and the old picture stays."""
+        self.render()
+        before = read(self.out)
+        log, white = self.path("log.jsonl"), self.write("white.xml", ROOM.replace("$wall, 0.5, 0.4", "1, 1, 1"))
+        process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--log-json", log)
+        self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
+        time.sleep(0.3)
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+        self.assertLess(time.monotonic() - begin, 2)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn(b"nothing is saved", err)
+        self.assertEqual(read(self.out), before)
+
+
+if __name__ == "__main__":
+    unittest.main()

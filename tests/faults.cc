@@ -1,0 +1,186 @@
+// Faults of files and jumps of the clock for tests/cli/test_files.py: preloaded into the program (LD_PRELOAD), instead
+// of the functions of the C library with these names.
+//
+// OCTRAD_FAULTS   rules with ";" between them, "FOLDER:CALL:ERROR:FIRST:COUNT": the FIRST call (from 1) of files under
+//                 FOLDER and the COUNT - 1 after it (0: all) fail. CALL: open (a new file for writing), tmpfile (the
+//                 same, of those without a name), write, short (write takes half of it, and does not fail), fsync,
+//                 close, link, rename, flock, read, shortread. ERROR: the number of errno.
+// OCTRAD_CLOCK    seconds by which the time of day jumps forth and back, call by call. The steady clock goes on.
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdarg.h>
+#include <sys/file.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+namespace {
+
+struct Rule {
+  char folder[PATH_MAX] = {}, call[16] = {};
+  int error = 0, first = 1, count = 0;
+  std::atomic<int> calls{0};
+};
+constinit Rule g_rules[8];  // before the constructor runs
+int g_rule_count = 0;
+long g_jump = 0;
+std::atomic<bool> g_watched[1024][8];  // files under the rules' folders, by descriptor
+
+template <typename Function>
+Function* next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+__attribute__((constructor)) void read_environment() {
+  if (const char* jump = getenv("OCTRAD_CLOCK")) g_jump = atol(jump);
+  const char* rules = getenv("OCTRAD_FAULTS");
+  while (rules != nullptr && *rules != '\0' && g_rule_count < 8) {
+    Rule& rule = g_rules[g_rule_count];
+    if (sscanf(rules, "%4095[^:]:%15[^:]:%d:%d:%d", rule.folder, rule.call, &rule.error, &rule.first, &rule.count) !=
+        5) {
+      fprintf(stderr, "OCTRAD_FAULTS: cannot read \"%s\"\n", rules);
+      abort();
+    }
+    ++g_rule_count;
+    rules = strchr(rules, ';');
+    if (rules != nullptr) ++rules;
+  }
+}
+
+bool is_under(const char* path, int rule) {
+  return path != nullptr && strncmp(path, g_rules[rule].folder, strlen(g_rules[rule].folder)) == 0;
+}
+
+// Whether the call number of this rule is one that fails; sets errno.
+bool rule_fails(int rule, const char* call) {
+  Rule& r = g_rules[rule];
+  if (strcmp(r.call, call) != 0) return false;
+  const int n = ++r.calls;
+  if (n < r.first || (r.count > 0 && n >= r.first + r.count)) return false;
+  errno = r.error;
+  return true;
+}
+bool fails(const char* path, const char* call) {
+  for (int i = 0; i < g_rule_count; ++i) {
+    if (is_under(path, i) && rule_fails(i, call)) return true;
+  }
+  return false;
+}
+bool fails(int descriptor, const char* call) {
+  for (int i = 0; i < g_rule_count && descriptor >= 0 && descriptor < 1024; ++i) {
+    if (g_watched[descriptor][i] && rule_fails(i, call)) return true;
+  }
+  return false;
+}
+
+template <typename Open>
+int open_watched(const char* path, int flags, const Open& open) {
+  const bool unnamed = (flags & O_TMPFILE) == O_TMPFILE;
+  if (unnamed && fails(path, "tmpfile")) return -1;
+  if ((unnamed || (flags & O_EXCL) != 0) && fails(path, "open")) return -1;
+  const int descriptor = open();
+  for (int i = 0; i < g_rule_count && descriptor >= 0 && descriptor < 1024; ++i)
+    g_watched[descriptor][i] = is_under(path, i);
+  return descriptor;
+}
+
+mode_t mode_of(int flags, va_list arguments) {
+  return (flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE ? static_cast<mode_t>(va_arg(arguments, int)) : 0;
+}
+
+long jump() {
+  static std::atomic<unsigned> calls{0};
+  return g_jump == 0 ? 0 : ++calls % 2 == 0 ? g_jump : -g_jump;
+}
+
+}  // namespace
+
+extern "C" {
+
+int open(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = mode_of(flags, arguments);
+  va_end(arguments);
+  return open_watched(path, flags, [&] { return next<int(const char*, int, ...)>("open")(path, flags, mode); });
+}
+
+int open64(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = mode_of(flags, arguments);
+  va_end(arguments);
+  return open_watched(path, flags, [&] { return next<int(const char*, int, ...)>("open64")(path, flags, mode); });
+}
+
+ssize_t write(int descriptor, const void* data, size_t bytes) {
+  if (fails(descriptor, "write")) return -1;
+  if (bytes > 1 && fails(descriptor, "short")) bytes /= 2;
+  return next<ssize_t(int, const void*, size_t)>("write")(descriptor, data, bytes);
+}
+
+ssize_t pread(int descriptor, void* data, size_t bytes, off_t offset) {
+  if (fails(descriptor, "read")) return -1;
+  if (bytes > 1 && fails(descriptor, "shortread")) bytes /= 2;
+  return next<ssize_t(int, void*, size_t, off_t)>("pread")(descriptor, data, bytes, offset);
+}
+
+ssize_t read(int descriptor, void* data, size_t bytes) {
+  if (fails(descriptor, "read")) return -1;
+  if (bytes > 1 && fails(descriptor, "shortread")) bytes /= 2;
+  return next<ssize_t(int, void*, size_t)>("read")(descriptor, data, bytes);
+}
+
+int fsync(int descriptor) { return fails(descriptor, "fsync") ? -1 : next<int(int)>("fsync")(descriptor); }
+
+int close(int descriptor) {  // as file systems over a network: it is closed, and what was written is lost
+  const bool failed = fails(descriptor, "close");
+  const int error = errno, result = next<int(int)>("close")(descriptor);
+  if (descriptor >= 0 && descriptor < 1024) {
+    for (std::atomic<bool>& watched : g_watched[descriptor]) watched = false;
+  }
+  if (!failed) return result;
+  errno = error;
+  return -1;
+}
+
+int flock(int descriptor, int operation) noexcept {
+  return fails(descriptor, "flock") ? -1 : next<int(int, int)>("flock")(descriptor, operation);
+}
+
+int linkat(int from_folder, const char* from, int to_folder, const char* to, int flags) noexcept {
+  return fails(to, "link")
+             ? -1
+             : next<int(int, const char*, int, const char*, int)>("linkat")(from_folder, from, to_folder, to, flags);
+}
+
+int rename(const char* from, const char* to) noexcept {
+  return fails(to, "rename") ? -1 : next<int(const char*, const char*)>("rename")(from, to);
+}
+
+int clock_gettime(clockid_t clock, timespec* time) noexcept {
+  const int result = next<int(clockid_t, timespec*)>("clock_gettime")(clock, time);
+  if (clock == CLOCK_REALTIME) time->tv_sec += jump();
+  return result;
+}
+
+int gettimeofday(timeval* time, void* zone) noexcept {
+  const int result = next<int(timeval*, void*)>("gettimeofday")(time, zone);
+  time->tv_sec += jump();
+  return result;
+}
+
+time_t time(time_t* out) noexcept {
+  const time_t now = next<time_t(time_t*)>("time")(nullptr) + jump();
+  if (out != nullptr) *out = now;
+  return now;
+}
+
+}  // extern "C"
