@@ -3,17 +3,19 @@
 # "N passed, N failed, N skipped". About 25 minutes on two cores the first time, mostly compiling.
 #   scripts/test.sh              everything
 #   scripts/test.sh --fast       without the sanitizers, clang and the demo
+#   scripts/test.sh --long       everything, and a minute of fuzzing for every reader of files
 # The work tree is only read; builds are in build-test, build-sanitize and build-thread.
 # Scenes that are not part of this repository are looked for in $OCTRAD_SHARED, else in ../shared; tests that need them
 # are skipped without them.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-fast=0
+fast=0 long=0
 case "${1:-}" in
   "") ;;
   --fast) fast=1 ;;
-  *) echo "usage: scripts/test.sh [--fast]" >&2; exit 1 ;;
+  --long) long=1 ;;
+  *) echo "usage: scripts/test.sh [--fast | --long]" >&2; exit 1 ;;
 esac
 
 started=$SECONDS
@@ -148,6 +150,11 @@ if [ $fast = 0 ]; then
   add "tests/check_clang.py" "$python" tests/check_clang.py
   if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
   run_added
+
+  if [ $long = 1 ]; then
+    step "Fuzzing: every reader of files for a minute"
+    check "scripts/fuzz.sh" scripts/fuzz.sh
+  fi
 
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick

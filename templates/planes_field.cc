@@ -161,14 +161,12 @@ void PlanesField::save(TensorWriter& out, bool optimizer) {
   if (optimizer) save_adam(out, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
 }
 
-bool PlanesField::load(const TensorReader& in, bool optimizer) {
+void PlanesField::load(const TensorReader& in, bool optimizer) {
   read_floats(in, "planes.grid.table", {planes_.entry_count(), kFeatures}, planes_.table());
   load_mlp(in, "planes.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return true;
-  if (!in.has("optimizer.planes.grid.moments")) return false;
+  if (!optimizer) return;
   make_optimizer();
   load_adam(in, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
-  return true;
 }
 
 }  // namespace octrad

@@ -27,7 +27,7 @@ class PlanesField : public RadianceField {
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
   void save(TensorWriter& out, bool optimizer) override;
-  bool load(const TensorReader& in, bool optimizer) override;
+  void load(const TensorReader& in, bool optimizer) override;
   std::size_t parameter_count() const override { return planes_.table().size() + decoder_.mlp().parameter_count(); }
 
  private:

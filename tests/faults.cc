@@ -4,13 +4,15 @@
 // OCTRAD_FAULTS   rules with ";" between them, "FOLDER:CALL:ERROR:FIRST:COUNT": the FIRST call (from 1) of files under
 //                 FOLDER and the COUNT - 1 after it (0: all) fail. CALL: open (a new file for writing), tmpfile (the
 //                 same, of those without a name), write, short (write takes half of it, and does not fail), fsync,
-//                 close, link, rename, flock, read, shortread. ERROR: the number of errno.
+//                 close, link, rename, flock, read, shortread, map (memory for tables, whatever FOLDER). ERROR: the
+//                 number of errno.
 // OCTRAD_CLOCK    seconds by which the time of day jumps forth and back, call by call. The steady clock goes on.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <stdarg.h>
 #include <sys/file.h>
+#include <sys/mman.h>
 #include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
@@ -163,6 +165,14 @@ int linkat(int from_folder, const char* from, int to_folder, const char* to, int
 
 int rename(const char* from, const char* to) noexcept {
   return fails(to, "rename") ? -1 : next<int(const char*, const char*)>("rename")(from, to);
+}
+
+void* mmap(void* address, size_t bytes, int protection, int flags, int descriptor, off_t offset) noexcept {
+  for (int i = 0; i < g_rule_count && (flags & MAP_NORESERVE) != 0 && (protection & PROT_WRITE) != 0; ++i) {
+    if (rule_fails(i, "map")) return MAP_FAILED;
+  }
+  using Map = void*(void*, size_t, int, int, int, off_t);
+  return next<Map>("mmap")(address, bytes, protection, flags, descriptor, offset);
 }
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {

@@ -133,6 +133,18 @@ class Files(Case):
         self.assertIn("Input/output error", result.err)
         self.assertFalse(os.path.exists(self.out) or os.path.exists(scene))
 
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_memory_that_is_refused(self):
+        self.train("--steps", 2)
+        model, before = self.path("m.octrad"), read(self.path("m.octrad"))
+        for command in (("train", self.scene, "-o", model, "--overwrite", *SMALL, "--steps", 2), ("train", self.scene, "-o", model, "--resume", *SMALL, "--steps", 4),
+                        ("render", self.scene, "--model", model, "-o", self.out)):
+            result = self.faulty([("map", errno.ENOMEM, 1, 0)], *command)
+            self.assertEqual(result.code, 4, result.err)
+            self.assertIn("cannot allocate", result.err)
+            self.assertEqual(read(model), before)
+            self.assertFalse(os.path.exists(self.out))
+
     def test_a_model_that_becomes_shorter_is_an_error(self):
         self.train("--steps", 2)
         model, whole, ends = self.path("m.octrad"), read(self.path("m.octrad")), set()

@@ -196,13 +196,13 @@ class Train(Case):
     def test_kills_at_random_moments(self):
         """Whatever there is loads and continues, to the same bits. OCTRAD_KILLS=50 takes minutes."""
         whole, kills = self.path("whole.octrad"), int(os.environ.get("OCTRAD_KILLS", "4"))
-        steps, chance, killed, saved = 40 * kills, random.Random(), 0, 0
-        self.train("--steps", steps, model=whole)
+        steps, chance, killed, saved = 200 * kills, random.Random(), 0, 0
+        seconds = self.train("--steps", steps, model=whole)["seconds"]
         command = ("train", self.scene, "-o", self.model, *SMALL, "--steps", steps, "-D", "checkpoint.every=10ms")
         for _ in range(kills):
             process = start(*command, "--resume")
             try:
-                process.wait(chance.uniform(0.05, 0.6))
+                process.wait(chance.uniform(0, 0.05 + 2 * seconds / kills))
             except subprocess.TimeoutExpired:
                 killed += 1
             process.kill()

@@ -10,8 +10,10 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
 
@@ -83,7 +85,13 @@ void CommonOptions::apply() const {
   if (verbose > 1) throw UsageError("-v is given twice: there is one level of detail");
   set_log_level(quiet > 0 ? LogLevel::quiet : verbose > 0 ? LogLevel::verbose : LogLevel::normal);
   if (threads > 0) set_thread_count(threads);
-  memory_budget();  // refuses nonsense before any work
+  // TBB cannot go on when a thread is refused, so that is found out before.
+  if (const int wanted = thread_count(), given = startable_threads(wanted); given < wanted) {
+    log_warning(
+        fmt::format("only {} of {} threads can be started (a limit of the user or of the container)", given, wanted));
+    set_thread_count(given);
+  }
+  set_memory_limit(memory_budget());  // refuses nonsense before any work
   if (!support.cuda) choose_device();
   else if (parse_device(device).kind == DeviceRequest::Kind::cuda) octrad::choose_device(parse_device(device), support);
 }
@@ -149,7 +157,8 @@ CLI::Validator whole_in_range(long long low, long long high) {
 
 void print_json(const nlohmann::json& object) { print_text(json_text(object, 2)); }
 
-void print_text(const std::string& text) {
+void print_text(const std::string& raw) {
+  const std::string text = printable(raw);
   std::fwrite(text.data(), 1, text.size(), stdout);
   if (text.empty() || text.back() != '\n') std::fputc('\n', stdout);
   flush_stdout();

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/json_file.h"
 #include "octrad/base/progress.h"
 #include "octrad/base/vec.h"
 #include "octrad/device/choose.h"
@@ -136,7 +137,7 @@ template <typename T>
 T metadata_value(const Image& image, const std::string& name, const std::string& key, const T& fallback) {
   const auto found = image.metadata.find(name);
   if (found == image.metadata.end()) return fallback;
-  const nlohmann::json object = nlohmann::json::parse(found->second, nullptr, false);
+  const nlohmann::json object = parse_json_or_discard(found->second);
   try {
     return object.is_object() ? object.value(key, fallback) : fallback;
   } catch (const nlohmann::json::exception&) {

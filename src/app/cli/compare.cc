@@ -17,6 +17,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/bias.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
@@ -278,6 +279,8 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     refuse_input_as_output(option, file, inputs_of(options));
   }
   const Image file = read_image(options.reference);
+  // Another picture, both as linear and as shown values, and the planes of SSIM and FLIP; the page holds bytes of each.
+  ask_memory(file.pixel_count() * (options.html.empty() ? 80 : 120), options.reference + ": comparing");
   if (!options.error_folder.empty()) {
     std::error_code error;
     std::filesystem::create_directories(options.error_folder, error);

@@ -8,8 +8,9 @@
 #include <utility>
 
 #include "app/cli/compare.h"
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"
@@ -32,7 +33,7 @@ std::vector<std::string> frames_of(const std::string& sequence) {
     if (error) throw IoError(fmt::format("cannot read folder {}: {}", sequence, error.message()));
     std::sort(files.begin(), files.end());
   } else {
-    std::istringstream lines(read_text_file(sequence));
+    std::istringstream lines(read_file(sequence));
     if (fs::path(sequence).extension() != ".txt")
       throw InputError(
           fmt::format("{}: --temporal takes folders of frames, or text files (.txt) with their names", sequence));
@@ -53,6 +54,7 @@ struct Frame {
 // Where one of a pair is for the screen (PNG, JPEG), both are limited to what it shows.
 std::pair<Frame, Frame> read_pair(const std::string& reference_file, const std::string& file) {
   const Image reference = read_image(reference_file), image = read_image(file);
+  ask_memory(reference.pixel_count() * 8 * sizeof(Vec3f), reference_file + ": comparing");  // two frames of each kind
   const bool shown = is_display_referred(reference) || is_display_referred(image);
   const auto frame = [&](const Image& from) {
     Frame made = {shown ? shown_linear_color(from) : linear_color(from), display_color(from)};

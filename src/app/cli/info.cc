@@ -328,7 +328,7 @@ void info_model(const CommonOptions& common, const std::string& file) {
   nlohmann::json texts = nlohmann::json::object();
   for (const auto& [key, value] : metadata) {
     // config and scene are JSON in a string; step and seed numbers in one.
-    nlohmann::json parsed = nlohmann::json::parse(value, nullptr, false);
+    nlohmann::json parsed = parse_json_or_discard(value);
     texts[key] = (key == "config" || key == "scene" || key == "step" || key == "seed") && !parsed.is_discarded()
                      ? parsed
                      : nlohmann::json(value);

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <exception>
-#include <filesystem>
 #include <iostream>
 #include <new>
+#include <system_error>
 
 #include "app/cli/common.h"
 #include "octrad/base/error.h"
@@ -119,8 +119,8 @@ int main(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     octrad::log_error("out of memory; --max-memory makes the estimate before the work stricter");
     return static_cast<int>(ExitCode::out_of_memory);
-  } catch (const std::filesystem::filesystem_error& error) {
-    octrad::log_error(error.what());
+  } catch (const std::system_error& error) {
+    octrad::log_error(error.what());  // of the file system
     return static_cast<int>(ExitCode::io);
   } catch (const std::exception& error) {
     octrad::log_error(std::string("internal error: ") + error.what() + "; please report it with the command line");

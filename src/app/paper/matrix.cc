@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <set>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/json_file.h"
 #include "octrad/model/config.h"
@@ -289,7 +289,7 @@ Matrix read_matrix(const std::string& name_or_file) {
     throw IoError(fmt::format("{} is no file and no matrix of the program{}; those are {}", name_or_file,
                               did_you_mean(name_or_file, names), join(names)));
   }
-  return parse_matrix(read_text_file(name_or_file), name_or_file);
+  return parse_matrix(read_file(name_or_file), name_or_file);
 }
 
 }  // namespace octrad::paper

@@ -16,6 +16,7 @@
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/progress.h"
 #include "octrad/base/stopwatch.h"
@@ -37,7 +38,7 @@ nlohmann::json convergence(const Store& store, const Training& t, const nlohmann
   std::size_t begin = 0;
   while (begin < text.size()) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
-    const nlohmann::json line = nlohmann::json::parse(text.substr(begin, end - begin), nullptr, false);
+    const nlohmann::json line = parse_json_or_discard(text.substr(begin, end - begin));
     begin = end + 1;
     if (line.is_object() && line.value("event", "") == "validation")
       points.push_back({line.at("seconds"), line.at("step"), line.at("mape")});

@@ -8,6 +8,7 @@
 #include "app/paper/child.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/json_file.h"
 
 namespace octrad::paper {
@@ -44,11 +45,11 @@ void Store::link(const std::string& name, const std::string& target) const {
   throw IoError(fmt::format("cannot make {}: {}", link.string(), error.message()));
 }
 
-std::string Store::read_text(const std::string& name) const { return read_text_file(path(name)); }
+std::string Store::read_text(const std::string& name) const { return read_file(path(name)); }
 
 nlohmann::json Store::read(const std::string& name) const {
   if (!has(name)) return nullptr;
-  const nlohmann::json value = nlohmann::json::parse(read_text(name), nullptr, false);
+  const nlohmann::json value = parse_json_or_discard(read_text(name));
   return value.is_discarded() ? nlohmann::json() : value;
 }
 
@@ -79,7 +80,7 @@ nlohmann::json Store::ask(const std::vector<std::string>& words, const std::stri
     if (result.exit_code == 3 && result.message.rfind("cannot write", 0) == 0) throw IoError(result.message);
     throw CommandFailed{result.exit_code, result.message, line};
   }
-  const nlohmann::json output = nlohmann::json::parse(result.out, nullptr, false);
+  const nlohmann::json output = parse_json_or_discard(result.out);
   if (output.is_discarded()) throw CommandFailed{70, "printed no JSON", line};
   return {{"command", line}, {"seconds", result.seconds}, {"peak_bytes", result.peak_bytes}, {"output", output}};
 }

@@ -63,6 +63,4 @@ class WriterLock {
 // Call before long work whose result goes there.
 void require_writable(const std::string& file);
 
-// Whole content of a file. Throws IoError.
-std::string read_text_file(const std::string& file);
 }  // namespace octrad

@@ -13,6 +13,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/input_file.h"
 
 namespace octrad {
 namespace {
@@ -36,9 +37,9 @@ TEST_F(AtomicFiles, AtomicFileReplacesOrLeaves) {
     AtomicFile out(path("a"));
     out.write(std::string("half"));
   }  // no commit
-  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(read_file(path("a")), "old");
   write_text_file(path("a"), "new");
-  EXPECT_EQ(read_text_file(path("a")), "new");
+  EXPECT_EQ(read_file(path("a")), "new");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 
@@ -50,11 +51,11 @@ TEST_F(AtomicFiles, AtomicFilesOfTwoWritersNeverMix) {
     two.write(std::string(50, '2'));
     one.write(std::string(100, '1'));
     two.commit();
-    EXPECT_EQ(read_text_file(path("a")), std::string(50, '2'));
+    EXPECT_EQ(read_file(path("a")), std::string(50, '2'));
     one.commit();
   }
-  EXPECT_EQ(read_text_file(path("a")), std::string(200, '1'));
-  EXPECT_EQ(read_text_file(path("a.tmp")), "somebody's own");
+  EXPECT_EQ(read_file(path("a")), std::string(200, '1'));
+  EXPECT_EQ(read_file(path("a.tmp")), "somebody's own");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 2);
 }
 
@@ -86,7 +87,7 @@ TEST_F(AtomicFiles, AtomicFileFollowsLinks) {
   std::filesystem::create_symlink(path("target"), path("link"));
   write_text_file(path("link"), "new");
   EXPECT_TRUE(std::filesystem::is_symlink(path("link")));
-  EXPECT_EQ(read_text_file(path("target")), "new");
+  EXPECT_EQ(read_file(path("target")), "new");
 }
 
 TEST_F(AtomicFiles, LinksThatLeadNowhereAreMadeAndCirclesRefused) {
@@ -95,7 +96,7 @@ TEST_F(AtomicFiles, LinksThatLeadNowhereAreMadeAndCirclesRefused) {
   std::filesystem::create_symlink("target", path("folder/second"));
   write_text_file(path("first"), "new");
   EXPECT_TRUE(std::filesystem::is_symlink(path("first")));
-  EXPECT_EQ(read_text_file(path("folder/target")), "new");
+  EXPECT_EQ(read_file(path("folder/target")), "new");
   std::filesystem::create_symlink("circle", path("circle"));
   EXPECT_THROW(require_writable(path("circle")), IoError);
   EXPECT_THROW(AtomicFile{path("circle")}, IoError);
@@ -106,7 +107,7 @@ TEST_F(AtomicFiles, LinksThatLeadNowhereAreMadeAndCirclesRefused) {
 TEST_F(AtomicFiles, NamesAreAsLongAsTheSystemTakes) {
   const std::string longest = path(std::string(255, 'n'));
   write_text_file(longest, "x");
-  EXPECT_EQ(read_text_file(longest), "x");
+  EXPECT_EQ(read_file(longest), "x");
   EXPECT_THROW(require_writable(path(std::string(256, 'n'))), IoError);
 }
 
@@ -141,7 +142,7 @@ TEST_F(AtomicFiles, WhatHasANameIsRemovedAtTheEnd) {
   }
   int status = -1;
   ASSERT_EQ(waitpid(child, &status, 0), child);
-  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(read_file(path("a")), "old");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 
@@ -163,8 +164,8 @@ TEST_F(AtomicFiles, AtomicFileNamesWhatIsWrong) {
   EXPECT_THROW(AtomicFile(path("none/x")), IoError);
   EXPECT_THROW(AtomicFile(folder_.string()), IoError);
   EXPECT_THROW(AtomicFile(""), IoError);
-  EXPECT_THROW(read_text_file(path("none")), IoError);
-  EXPECT_THROW(read_text_file(folder_.string()), IoError);
+  EXPECT_THROW(read_file(path("none")), IoError);
+  EXPECT_THROW(read_file(folder_.string()), IoError);
   write_text_file(path("file"), "");
   EXPECT_THROW(require_writable(path("file/x")), IoError);
   try {
@@ -188,7 +189,7 @@ TEST_F(AtomicFiles, AtomicFileReportsAFullDisk) {
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
   EXPECT_THROW(write_text_file(path("a"), std::string(1000, 'x')), IoError);
   setrlimit(RLIMIT_FSIZE, &before);
-  EXPECT_EQ(read_text_file(path("a")), "old");
+  EXPECT_EQ(read_file(path("a")), "old");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()), 1);
 }
 

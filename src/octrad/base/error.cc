@@ -39,7 +39,10 @@ std::string did_you_mean(const std::string& word, const std::vector<std::string>
   int best_distance = std::min(std::max(1, static_cast<int>(w.size()) / 3) + 1, static_cast<int>(w.size()));
   for (const std::string& candidate : candidates) {
     const std::string c = lower(candidate);
-    int distance = edit_distance(w, c);
+    // Not closer than their lengths.
+    const auto gap =
+        static_cast<int>(std::min<std::size_t>(c.size() > w.size() ? c.size() - w.size() : w.size() - c.size(), 1000));
+    int distance = gap < best_distance ? edit_distance(w, c) : gap;
     // "levels" for "octree.levels", "--thread" for "--threads": the end or the beginning of a longer name. A word that
     // is an end letter by letter is likelier than one that is mistyped.
     const std::size_t dot = c.rfind('.');

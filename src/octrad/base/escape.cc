@@ -1,5 +1,6 @@
 #include "octrad/base/escape.h"
 
+#include <algorithm>
 #include <cstddef>
 
 namespace octrad {
@@ -48,6 +49,25 @@ std::string escape_bytes(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const std::size_t length = utf8_length(text, i);
     if (length > 0 && !is_escape(escape_at(text, i))) {
+      out.append(text, i, length);
+      i += length;
+    } else {
+      const auto byte = static_cast<unsigned char>(text[i++]);
+      out += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15u]};
+    }
+  }
+  return out;
+}
+
+std::string printable(const std::string& text) {
+  const auto is_plain = [](char c) { return (c >= ' ' && c <= '~') || c == '\n' || c == '\t'; };
+  if (std::all_of(text.begin(), text.end(), is_plain)) return text;
+  std::string out;
+  for (std::size_t i = 0; i < text.size();) {
+    const std::size_t length = utf8_length(text, i);
+    // U+0080 to U+009F are control characters as well: some terminals take them for the beginning of a sequence.
+    const bool control = length == 2 && text[i] == '\xc2' && static_cast<unsigned char>(text[i + 1]) < 0xa0;
+    if ((length > 1 && !control) || is_plain(text[i])) {
       out.append(text, i, length);
       i += length;
     } else {

@@ -1,4 +1,4 @@
-// File names, which may be any bytes, as text.
+// Text that may be any bytes, such as names of files, as text that can be kept and shown.
 #pragma once
 
 #include <string>
@@ -10,5 +10,9 @@ namespace octrad {
 // taken for the beginning of such an escape, become \xNN.
 std::string escape_bytes(std::string_view text);
 std::string unescape_bytes(std::string_view text);
+
+// For a terminal: control characters too (all but newline and tab) become \xNN, so that text of a stranger's file
+// cannot move the cursor, set the title or hide what was printed.
+std::string printable(const std::string& text);
 
 }  // namespace octrad

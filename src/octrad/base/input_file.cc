@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 namespace {
@@ -59,6 +60,14 @@ void InputFile::require_unchanged() const {
   if (static_cast<std::uint64_t>(now.st_size) != size_ || now.st_mtim.tv_sec != modified_.tv_sec ||
       now.st_mtim.tv_nsec != modified_.tv_nsec)
     throw IoError(fmt::format("cannot read {}: it was written while it was read", name_));
+}
+
+std::string read_file(const std::string& file) {
+  const InputFile in(file);
+  ask_memory(in.size(), file);
+  std::string text(static_cast<std::size_t>(in.size()), '\0');
+  in.read(text.data(), text.size(), 0);
+  return text;
 }
 
 }  // namespace octrad

@@ -1,4 +1,4 @@
-// Files that are read in parts.
+// Files that are read, in parts or as a whole.
 #pragma once
 
 #include <cstdint>
@@ -30,5 +30,9 @@ class InputFile {
   std::uint64_t size_ = 0;
   timespec modified_{};
 };
+
+// The whole content of a regular file; the memory budget is asked first. Throws IoError or MemoryError, naming the
+// file.
+std::string read_file(const std::string& file);
 
 }  // namespace octrad

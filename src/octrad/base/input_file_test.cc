@@ -8,6 +8,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 namespace {
@@ -55,6 +56,24 @@ TEST_F(InputFiles, AFileThatChangesIsAnError) {
   EXPECT_NO_THROW(in.read(text.data(), 500, 0));
   EXPECT_THROW(in.read(text.data(), 1000, 0), IoError);
   EXPECT_THROW(in.require_unchanged(), IoError);
+}
+
+TEST_F(InputFiles, AWholeFileHasEveryByte) {
+  const std::string text("a\0\r\n\xff", 5);
+  const std::string file = folder_.write("a", text);
+  EXPECT_EQ(read_file(file), text);
+  std::filesystem::create_symlink("a", folder_.file("link"));
+  EXPECT_EQ(read_file(folder_.file("link")), text);
+  EXPECT_EQ(read_file(folder_.write("empty", "")), "");
+  EXPECT_THROW(read_file("/dev/zero"), IoError);
+}
+
+TEST_F(InputFiles, AWholeFileIsReadIfThereIsMemory) {
+  const std::string file = folder_.write("large", "");
+  std::filesystem::resize_file(file, std::uintmax_t{1} << 40);  // a hole
+  set_memory_limit(std::uint64_t{1} << 32);
+  EXPECT_THROW(read_file(file), MemoryError);
+  set_memory_limit(0);
 }
 
 }  // namespace

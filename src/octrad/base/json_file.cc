@@ -5,15 +5,19 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/escape.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 
 nlohmann::json parse_json(const std::string& text, const std::string& name) {
+  using Event = nlohmann::json::parse_event_t;
+  // A list "[]," of 3 bytes is a value, a vector and what its parent's vector has in reserve.
+  ask_memory(text.size() * 32, name);
   // Values of any depth can be parsed, but neither copied nor written: those functions call themselves for each level.
-  const auto limit_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+  const auto limit_depth = [&](int depth, Event, nlohmann::json&) {
     if (depth > 100) throw InputError(fmt::format("{}: lists or objects are nested more than 100 deep", name));
     return true;
   };
@@ -25,6 +29,16 @@ nlohmann::json parse_json(const std::string& text, const std::string& name) {
     const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
     const std::size_t column = start == std::string::npos ? end + 1 : end - start;
     throw InputError(fmt::format("{}:{}:{}: not valid JSON", name, line, column));
+  } catch (const nlohmann::json::out_of_range&) {
+    throw InputError(fmt::format("{}: a number is too large for a floating-point number", name));
+  }
+}
+
+nlohmann::json parse_json_or_discard(const std::string& text) {
+  try {
+    return parse_json(text, "JSON");
+  } catch (const InputError&) {
+    return nlohmann::json::value_t::discarded;
   }
 }
 
@@ -52,6 +66,6 @@ std::string json_text(const nlohmann::json& value, int indent) {
   }
 }
 
-nlohmann::json read_json_file(const std::string& file) { return parse_json(read_text_file(file), file); }
+nlohmann::json read_json_file(const std::string& file) { return parse_json(read_file(file), file); }
 
 }  // namespace octrad

@@ -1,4 +1,4 @@
-// JSON that users write.
+// The one reader of JSON that others wrote: configurations, cameras, matrices, metadata of models and pictures.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -6,10 +6,12 @@
 
 namespace octrad {
 
-// Comments are allowed. Throws InputError with the position of a syntax error, as NAME:LINE:COLUMN, or for lists and
-// objects that are nested more than 100 deep.
+// Comments are allowed. Throws InputError with the position of a syntax error, as NAME:LINE:COLUMN, for lists and
+// objects that are nested more than 100 deep, and for numbers that a double cannot hold; MemoryError above the budget.
 nlohmann::json parse_json(const std::string& text, const std::string& name);
-// The same of a file. Throws IoError when it cannot be read.
+// A discarded value (is_discarded()) instead of an InputError: for text that may be JSON.
+nlohmann::json parse_json_or_discard(const std::string& text);
+// Of a file. Throws IoError when it cannot be read.
 nlohmann::json read_json_file(const std::string& file);
 
 // As value.dump(indent), but texts and keys may be any bytes, such as names of files: see escape_bytes().

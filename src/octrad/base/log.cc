@@ -9,6 +9,8 @@
 #include <cstring>
 #include <mutex>
 
+#include "octrad/base/escape.h"
+
 namespace octrad {
 namespace {
 
@@ -32,7 +34,8 @@ void put(const std::string& text) {
   std::fflush(stderr);
 }
 
-void print_line(const std::string& message) {
+void print_line(const std::string& text) {
+  const std::string message = printable(text);
   Log& log = the_log();
   const std::lock_guard lock(log.mutex);
   // One write for the whole line, so that lines of several processes do not mix.

@@ -43,6 +43,10 @@ class SobolSet {
   OCTRAD_HD Sample operator()(std::uint32_t index) const {
     std::uint32_t fraction[3];
     sobol3(index, fraction);
+    return (*this)(fraction);
+  }
+  // The point whose coordinates sobol3() gives.
+  OCTRAD_HD Sample operator()(const std::uint32_t fraction[3]) const {
     return {{uniform(fraction[0] ^ shift_[0]), uniform(fraction[1] ^ shift_[1])}, uniform(fraction[2] ^ shift_[2])};
   }
 

@@ -9,26 +9,40 @@
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 namespace octrad {
 namespace {
-std::unique_ptr<tbb::global_control> g_limit;  // TBB's own limit is process-wide too
+tbb::global_control* g_limit = nullptr;  // TBB's own limit is process-wide too
 int g_threads = 0;
 }  // namespace
 
 void set_thread_count(int threads) {
   g_threads = threads > 0 ? threads : 0;
-  g_limit.reset();
-  if (g_threads > 0) {
-    g_limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
-                                                    static_cast<std::size_t>(g_threads));
-  }
+  // The new limit before the old one goes, and none goes at the end of the program: where threads cannot be started,
+  // TBB must not try in between.
+  tbb::global_control* limit = g_threads == 0 ? nullptr
+                                              : new tbb::global_control(tbb::global_control::max_allowed_parallelism,
+                                                                        static_cast<std::size_t>(g_threads));
+  delete std::exchange(g_limit, limit);
 }
 
 int thread_count() { return g_threads > 0 ? g_threads : tbb::info::default_concurrency(); }
+
+int startable_threads(int wanted) {
+  std::vector<std::jthread> threads;
+  std::atomic<bool> done = false;
+  try {
+    while (static_cast<int>(threads.size()) + 1 < wanted) threads.emplace_back([&] { done.wait(false); });
+  } catch (const std::system_error&) {  // a limit of the user or of the container
+  }
+  done = true;
+  done.notify_all();
+  return static_cast<int>(threads.size()) + 1;
+}
 
 #ifdef OCTRAD_PLAIN_THREADS
 

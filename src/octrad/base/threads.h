@@ -10,6 +10,8 @@ namespace octrad {
 // Upper limit of threads used from now on; 0: all. Call once, from main.
 void set_thread_count(int threads);
 int thread_count();
+// How many of `wanted` threads the system lets this process have, the calling one included; tries it.
+int startable_threads(int wanted);
 
 // Calls body(i) for i in [0, n), in any order, from several threads. Exceptions propagate.
 void parallel_for(std::size_t n, const std::function<void(std::size_t)>& body);

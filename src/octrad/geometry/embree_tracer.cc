@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/geometry/sphere_math.h"
 #include "octrad/geometry/tracer.h"
 
@@ -20,7 +23,9 @@ static_assert(sizeof(Vec3f) == 12 && sizeof(Vec3i) == 12, "buffers are shared wi
 
 [[noreturn]] void fail(RTCError code, const char* text) {
   const std::string message = fmt::format("ray tracing (Embree): {}", text ? text : "unknown error");
-  if (code == RTC_ERROR_OUT_OF_MEMORY) throw MemoryError(message);
+  if (code == RTC_ERROR_OUT_OF_MEMORY)
+    throw MemoryError(
+        message + fmt::format("; the budget is {} (--max-memory)", format_bytes(static_cast<double>(memory_limit()))));
   throw Error(ExitCode::device, message);
 }
 
@@ -100,6 +105,8 @@ class EmbreeTracer final : public Tracer {
     if (!device_) fail(rtcGetDeviceError(nullptr), "cannot create a device");
     if (rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) packet_ = 16;
     else if (rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED)) packet_ = 8;
+    before_ = resident_bytes();
+    rtcSetDeviceMemoryMonitorFunction(device_.get(), watch_memory, this);
     scene_.reset(rtcNewScene(device_.get()));
     rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_HIGH);
@@ -268,11 +275,20 @@ class EmbreeTracer final : public Tracer {
     rtcReleaseGeometry(geometry);
   }
 
+  // What Embree has allocated, or is about to. Refusing ends the build with RTC_ERROR_OUT_OF_MEMORY.
+  static bool watch_memory(void* self, ssize_t bytes, bool) {
+    auto* tracer = static_cast<EmbreeTracer*>(self);
+    const auto total = static_cast<std::uint64_t>(tracer->allocated_.fetch_add(bytes) + bytes);
+    return bytes <= 0 || memory_limit() == 0 || tracer->before_ + total <= memory_limit();
+  }
+
   void check() const {
     const RTCError code = rtcGetDeviceError(device_.get());
     if (code != RTC_ERROR_NONE) fail(code, "building the acceleration structure failed");
   }
 
+  std::uint64_t before_ = 0;  // memory in use before anything was built
+  std::atomic<ssize_t> allocated_{0};
   DevicePtr device_;
   ScenePtr scene_;
   SphereSet spheres_;

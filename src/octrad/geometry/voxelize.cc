@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/geometry/surface_sampling.h"
@@ -18,16 +19,30 @@ constexpr double kGrow = 1e-4;  // of a cell: rounding of positions to float mus
 // One bit a cell of the finest level, set from several threads; the result does not depend on their order.
 class Bits {
  public:
-  explicit Bits(int resolution) : n_(static_cast<std::uint64_t>(resolution)), words_((n_ * n_ * n_ + 63) / 64) {}
+  explicit Bits(int resolution) : n_(static_cast<std::uint64_t>(resolution)) {
+    const std::uint64_t words = (n_ * n_ * n_ + 63) / 64;
+    ask_memory(words * sizeof(std::uint64_t), "the octree's cells");
+    words_.resize(words);
+  }
   void set(Vec3i c) {
     const std::uint64_t code = morton_code(c);
-    std::atomic_ref<std::uint64_t> word(words_[code >> 6]);
-    const std::uint64_t bit = std::uint64_t{1} << (code & 63);
-    if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
+    set_word(code, std::uint64_t{1} << (code & 63));
+  }
+  // Of the 4 x 4 x 4 cells around the one with this code.
+  std::uint64_t word(std::uint64_t code) {
+    return std::atomic_ref<std::uint64_t>(words_[code >> 6]).load(std::memory_order_relaxed);
+  }
+  void set_word(std::uint64_t code, std::uint64_t cells) {
+    if (cells & ~word(code))
+      std::atomic_ref<std::uint64_t>(words_[code >> 6]).fetch_or(cells, std::memory_order_relaxed);
   }
   // Set cells in Morton order.
   std::vector<std::uint64_t> codes() const {
+    std::uint64_t count = 0;
+    for (const std::uint64_t word : words_) count += static_cast<std::uint64_t>(__builtin_popcountll(word));
+    ask_memory(count * (sizeof(std::uint64_t) + sizeof(Vec3i) * 8 / 7), "the octree's cells");  // 1 + 1/8 + 1/64 + ...
     std::vector<std::uint64_t> result;
+    result.reserve(count);
     for (std::size_t w = 0; w < words_.size(); ++w) {
       for (std::uint64_t rest = words_[w]; rest; rest &= rest - 1)
         result.push_back((w << 6) + static_cast<std::uint64_t>(__builtin_ctzll(rest)));
@@ -50,47 +65,81 @@ struct Grid {
   int clamp(double v) const {
     return static_cast<int>(std::clamp(std::floor(v), 0.0, static_cast<double>(resolution - 1)));
   }
-  // A cell on the rim also holds what lies outside the domain beside it: positions there are moved to it.
-  bool on_rim(Vec3i c) const { return min_component(c) == 0 || max_component(c) == resolution - 1; }
-  // Corners of the cell, grown; where it is on the rim as far out as `least` and `most`.
-  Vec3d lower(Vec3i c, Vec3d least) const {
-    Vec3d r;
-    for (int a = 0; a < 3; ++a) r[a] = c[a] == 0 ? std::min(-kGrow, least[a]) : c[a] - kGrow;
-    return r;
-  }
-  Vec3d upper(Vec3i c, Vec3d most) const {
-    Vec3d r;
-    for (int a = 0; a < 3; ++a)
-      r[a] = c[a] == resolution - 1 ? std::max(resolution + kGrow, most[a]) : c[a] + 1.0 + kGrow;
-    return r;
-  }
+  Vec3i cell(Vec3d p) const { return {clamp(p.x), clamp(p.y), clamp(p.z)}; }
+  // Cubes of cells on the rim also hold what lies outside the domain beside them: positions there are moved to them.
+  bool on_rim(Vec3i at, int size) const { return min_component(at) == 0 || max_component(at) + size == resolution; }
 };
 
-void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
-  const Vec3d low = min(min(a, b), c) - Vec3d(kGrow), high = max(max(a, b), c) + Vec3d(kGrow);
-  const int x0 = grid.clamp(low.x), y0 = grid.clamp(low.y), z0 = grid.clamp(low.z);
-  const int x1 = grid.clamp(high.x), y1 = grid.clamp(high.y), z1 = grid.clamp(high.z);
-  const bool single = x0 == x1 && y0 == y1 && z0 == z1;
-  const bool inside = min_component(low) >= 0.0 && max_component(high) <= grid.resolution;
-  const Vec3d n = cross(b - a, c - a);
-  const double n_reach = (std::abs(n.x) + std::abs(n.y) + std::abs(n.z)) * (0.5 + kGrow), n_offset = dot(n, a);
-  for (int z = z0; z <= z1; ++z) {
-    for (int y = y0; y <= y1; ++y) {
-      for (int x = x0; x <= x1; ++x) {
-        const Vec3d corner(x, y, z);
-        if (!single) {
-          if (!inside && grid.on_rim({x, y, z})) {
-            if (!overlaps(grid.lower({x, y, z}, low), grid.upper({x, y, z}, high), a, b, c)) continue;
-          } else {
-            if (std::abs(dot(n, corner + Vec3d(0.5)) - n_offset) > n_reach)
-              continue;  // most cells of a large triangle's box fail here
-            if (!overlaps(corner - Vec3d(kGrow), corner + Vec3d(1.0 + kGrow), a, b, c)) continue;
-          }
+// Blocks of 4 x 4 x 4 cells, a word of Bits each, are visited whose box the range of cells [low, high] touches and that
+// may meet the surface: `meets(lower, size)` says so of a cube of `size` cells and is never wrong about one that does.
+// What is large is found through cubes that become smaller, so that the time goes with the surface, not with its box.
+template <typename Meets, typename Visit>
+void visit_blocks(Vec3i lower, int size, Vec3i low, Vec3i high, const Meets& meets, const Visit& visit) {
+  for (int i = 0; i < 3; ++i) {
+    if (lower[i] > high[i] || lower[i] + size <= low[i]) return;
+  }
+  if (!meets(lower, size)) return;
+  if (size == 4) return visit(lower);
+  for (int child = 0; child < 8; ++child) {
+    const Vec3i at{child & 1, child >> 1 & 1, child >> 2};
+    visit_blocks(lower + at * (size / 2), size / 2, low, high, meets, visit);
+  }
+}
+
+// Sets the cells of [low, high] for which cell(x, y, z) holds, where `meets` (visit_blocks) does not exclude them.
+template <typename Meets, typename Cell>
+void mark_cells(const Grid& grid, Vec3i low, Vec3i high, Bits& bits, const Meets& meets, const Cell& cell) {
+  const auto mark_block = [&](Vec3i block) {
+    const std::uint64_t code = morton_code(block);
+    const std::uint64_t known = bits.word(code);
+    if (known == ~std::uint64_t{0}) return;
+    std::uint64_t found = 0;
+    for (int z = std::max(block.z, low.z); z <= std::min(block.z + 3, high.z); ++z) {
+      for (int y = std::max(block.y, low.y); y <= std::min(block.y + 3, high.y); ++y) {
+        for (int x = std::max(block.x, low.x); x <= std::min(block.x + 3, high.x); ++x) {
+          const std::uint64_t bit = std::uint64_t{1} << morton_code({x & 3, y & 3, z & 3});
+          if (!(known & bit) && cell(x, y, z)) found |= bit;
         }
-        bits.set({x, y, z});
       }
     }
+    bits.set_word(code, found);
+  };
+  const Vec3i first{low.x & ~3, low.y & ~3, low.z & ~3};
+  if (max_component(high - first) >= 8)
+    return visit_blocks(Vec3i{0, 0, 0}, grid.resolution, low, high, meets, mark_block);
+  for (int z = first.z; z <= high.z; z += 4) {
+    for (int y = first.y; y <= high.y; y += 4) {
+      for (int x = first.x; x <= high.x; x += 4) mark_block({x, y, z});
+    }
   }
+}
+
+void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
+  const Vec3d lower = min(min(a, b), c) - Vec3d(kGrow), upper = max(max(a, b), c) + Vec3d(kGrow);
+  const Vec3i low = grid.cell(lower), high = grid.cell(upper);
+  if (low == high) return bits.set(low);
+  const Vec3d n = cross(b - a, c - a);
+  const double n_sum = std::abs(n.x) + std::abs(n.y) + std::abs(n.z), n_offset = dot(n, a);
+  // The plane first: most cells of a large triangle's box fail there.
+  const auto off_plane = [&](Vec3d corner, double size, double grow) {
+    return std::abs(dot(n, corner + Vec3d(0.5 * size)) - n_offset) > n_sum * (0.5 * size + grow);
+  };
+  const bool inside = min_component(lower) >= 0.0 && max_component(upper) <= grid.resolution;
+  const auto meets = [&](Vec3i at, int size, double grow) {
+    const Vec3d corner(at);
+    Vec3d from = corner - Vec3d(grow), to = corner + Vec3d(size + grow);
+    if (inside || !grid.on_rim(at, size)) return !off_plane(corner, size, grow) && overlaps(from, to, a, b, c);
+    for (int i = 0; i < 3; ++i) {  // as far out as the triangle reaches
+      if (at[i] == 0) from[i] = std::min(from[i], lower[i]);
+      if (at[i] + size == grid.resolution) to[i] = std::max(to[i], upper[i]);
+    }
+    return overlaps(from, to, a, b, c);
+  };
+  mark_cells(
+      grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
+      [&](int x, int y, int z) {
+        return meets({x, y, z}, 1, kGrow);
+      });
 }
 
 // A sphere's surface meets a box when its centre is nearer than the radius to the box and its farthest corner is not
@@ -99,24 +148,27 @@ void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
   const Vec3d cell = Vec3d(grid.domain.size) / static_cast<double>(grid.resolution);
   const Vec3d center(sphere.center);
   const double r = static_cast<double>(sphere.radius);
-  const Vec3d low = grid.cells(sphere.center - Vec3f(sphere.radius)) - Vec3d(kGrow),
-              high = grid.cells(sphere.center + Vec3f(sphere.radius)) + Vec3d(kGrow);
-  for (int z = grid.clamp(low.z); z <= grid.clamp(high.z); ++z) {
-    for (int y = grid.clamp(low.y); y <= grid.clamp(high.y); ++y) {
-      for (int x = grid.clamp(low.x); x <= grid.clamp(high.x); ++x) {
-        double nearest = 0.0, farthest = 0.0;
-        const Vec3d first = grid.lower({x, y, z}, low), last = grid.upper({x, y, z}, high);
-        for (int i = 0; i < 3; ++i) {
-          const double origin = static_cast<double>(grid.domain.origin[i]) - center[i];
-          const double lower = origin + first[i] * cell[i], upper = origin + last[i] * cell[i];
-          const double gap = std::max({lower, -upper, 0.0}), reach = std::max(std::abs(lower), std::abs(upper));
-          nearest += gap * gap;
-          farthest += reach * reach;
-        }
-        if (nearest <= r * r && farthest >= r * r) bits.set({x, y, z});
-      }
+  const Vec3i low = grid.cell(grid.cells(sphere.center - Vec3f(sphere.radius)) - Vec3d(kGrow)),
+              high = grid.cell(grid.cells(sphere.center + Vec3f(sphere.radius)) + Vec3d(kGrow));
+  const auto meets = [&](Vec3i at, int size, double grow) {
+    double nearest = 0.0, farthest = 0.0;
+    for (int i = 0; i < 3; ++i) {
+      double lower = static_cast<double>(grid.domain.origin[i]) + (at[i] - grow) * cell[i] - center[i];
+      double upper = lower + (size + 2.0 * grow) * cell[i];
+      // On the rim as far out as the sphere reaches.
+      if (at[i] == 0) lower = std::min(lower, -r);
+      if (at[i] + size == grid.resolution) upper = std::max(upper, r);
+      const double gap = std::max({lower, -upper, 0.0}), reach = std::max(std::abs(lower), std::abs(upper));
+      nearest += gap * gap;
+      farthest += reach * reach;
     }
-  }
+    return nearest <= r * r && farthest >= r * r;
+  };
+  mark_cells(
+      grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
+      [&](int x, int y, int z) {
+        return meets({x, y, z}, 1, kGrow);
+      });
 }
 
 std::vector<std::vector<Vec3i>> levels_of(const Bits& bits, int levels) {
@@ -144,6 +196,11 @@ Grid make_grid(const Domain& domain, int levels) {
 Domain scene_domain(const Bounds3f& bounds, bool cube) {
   const Vec3f pad(0.01f);
   Vec3f lower = bounds.lower - pad, upper = bounds.upper + pad;
+  for (int i = 0; i < 3; ++i) {  // a flat scene, so far out that this is less than a float resolves
+    if (upper[i] > lower[i]) continue;
+    lower[i] -= std::abs(lower[i]) * 1e-5f;
+    upper[i] += std::abs(upper[i]) * 1e-5f;
+  }
   if (cube) {
     const Vec3f center = (lower + upper) * 0.5f, half(max_component(upper - lower) * 0.5f);
     lower = center - half;
@@ -227,7 +284,7 @@ std::vector<std::vector<Vec3i>> sampled_cells(const Scene& scene, const Domain& 
       Rng rng(seed, RngPurpose::occupancy, i);
       const float pick = rng.uniform();
       const Vec3d p = grid.cells(surfaces.sample_position(pick, rng.uniform2()));
-      bits.set({grid.clamp(p.x), grid.clamp(p.y), grid.clamp(p.z)});
+      bits.set(grid.cell(p));
     }
   });
   return levels_of(bits, levels);

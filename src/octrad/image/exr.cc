@@ -1,4 +1,5 @@
 // OpenEXR files through the OpenEXR library's general interface.
+#include <IexBaseExc.h>
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
@@ -13,6 +14,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 #include <limits>
 #include <sstream>
 #include <tuple>
@@ -57,14 +59,69 @@ class MemoryStream : public Imf::OStream {
   std::size_t position_ = 0;
 };
 
+class InputStream : public Imf::IStream {
+ public:
+  InputStream(const std::string& name, const std::string& bytes) : Imf::IStream(name.c_str()), bytes_(bytes) {}
+  bool read(char c[], int n) override {
+    if (n < 0 || static_cast<std::size_t>(n) > bytes_.size() - position_) throw Iex::InputExc("the file is cut off");
+    std::copy_n(bytes_.data() + position_, n, c);
+    position_ += static_cast<std::size_t>(n);
+    return position_ < bytes_.size();
+  }
+  uint64_t tellg() override { return position_; }
+  void seekg(uint64_t position) override {
+    if (position > bytes_.size()) throw Iex::InputExc("the file is cut off");
+    position_ = static_cast<std::size_t>(position);
+  }
+
+ private:
+  const std::string& bytes_;
+  std::size_t position_ = 0;
+};
+
+// The library allocates what an attribute's size says before it reads the attribute, and tables for as many lines as
+// the data window has: those of the first header are compared with the file first.
+void check_headers(const std::string& file, const std::string& bytes) {
+  constexpr int kMaxSide = 131072, kMaxTile = 8192;
+  Imf::Header::setMaxImageSize(kMaxSide, kMaxSide);
+  Imf::Header::setMaxTileSize(kMaxTile, kMaxTile);
+  const auto broken = [&] { throw InputError(file + ": broken EXR header, or one that is cut off"); };
+  std::size_t at = 8;  // behind magic and version
+  const auto skip_text = [&] {
+    const std::size_t end = bytes.find('\0', at);
+    if (end == std::string::npos || end - at > 255) broken();
+    at = end + 1;
+  };
+  const bool multipart = bytes.size() >= 8 && (bytes[5] & 0x10) != 0;
+  for (;;) {  // headers; a file of several parts has an empty one at the end
+    if (at >= bytes.size()) broken();
+    if (bytes[at] == '\0') return;
+    while (at < bytes.size() && bytes[at] != '\0') {
+      skip_text();  // name
+      skip_text();  // type
+      std::uint32_t size = 0;
+      if (bytes.size() - at < sizeof(size)) broken();
+      std::memcpy(&size, bytes.data() + at, sizeof(size));
+      at += sizeof(size);
+      if (size > bytes.size() - at) broken();
+      at += size;
+    }
+    if (!multipart) return;
+    ++at;
+  }
+}
+
 }  // namespace
 
-Image image_io::read_exr(const std::string& file) {
+Image image_io::read_exr(const std::string& file, const std::string& bytes) {
   try {
+    check_headers(file, bytes);
+    InputStream stream(file, bytes);
     bool tiled = false, deep = false, multipart = false;
-    if (!Imf::isOpenExrFile(file.c_str(), tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
+    if (!Imf::isOpenExrFile(stream, tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
     if (deep) throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
-    Imf::InputFile in(file.c_str(), 0);
+    stream.seekg(0);
+    Imf::InputFile in(stream, 0);
     const Imf::Header& header = in.header();
     const Imath::Box2i window = header.dataWindow(), display = header.displayWindow();
     const long long width = static_cast<long long>(window.max.x) - window.min.x + 1;
@@ -78,7 +135,10 @@ Image image_io::read_exr(const std::string& file) {
       }
       names.push_back(c.name());
     }
-    check_size(file, width, height, static_cast<long long>(names.size()));
+    // Compressed and uncompressed, a block of lines or a row of tiles is in memory twice.
+    const long long lines = header.hasTileDescription() ? header.tileDescription().ySize : 256;
+    check_size(file, width, height, static_cast<long long>(names.size()),
+               2 * sizeof(float) * static_cast<std::uint64_t>(width * std::min(lines, height)) * names.size());
     if (!in.isComplete())
       throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
     std::sort(names.begin(), names.end(),

@@ -1,6 +1,6 @@
 // Radiance pictures (.hdr): a text header, a resolution line, then scanlines of RGBE pixels, either plain or run-length
 // encoded by component; plain ones are written. Format as described in Greg Ward's "Real Pixels" (Graphics Gems II) and
-// Radiance's picture-file notes. Written here because stb's reader does not end on a file that is cut off inside a run.
+// Radiance's picture-file notes.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -13,7 +13,7 @@ namespace {
 
 class HdrReader {
  public:
-  HdrReader(const std::string& file, const std::vector<unsigned char>& bytes) : file_(file), bytes_(bytes) {}
+  HdrReader(const std::string& file, const std::string& bytes) : file_(file), bytes_(bytes) {}
 
   Image read() {
     read_header();
@@ -43,7 +43,7 @@ class HdrReader {
  private:
   unsigned char next() {
     if (at_ >= bytes_.size()) throw InputError(file_ + ": truncated HDR file");
-    return bytes_[at_++];
+    return static_cast<unsigned char>(bytes_[at_++]);
   }
 
   std::string line() {
@@ -119,15 +119,13 @@ class HdrReader {
   }
 
   const std::string& file_;
-  const std::vector<unsigned char>& bytes_;
+  const std::string& bytes_;
   std::size_t at_ = 0;
 };
 
 }  // namespace
 
-Image image_io::read_hdr(const std::string& file, const std::vector<unsigned char>& bytes) {
-  return HdrReader(file, bytes).read();
-}
+Image image_io::read_hdr(const std::string& file, const std::string& bytes) { return HdrReader(file, bytes).read(); }
 
 std::string image_io::hdr_bytes(const Image& rgb) {
   // Plain pixels. None can be taken for a run: the largest mantissa of each is at least 128, or all are 0.

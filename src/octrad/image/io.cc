@@ -1,14 +1,15 @@
 #include "octrad/image/io.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io_internal.h"
 #include "octrad/image/tonemap.h"
 
@@ -20,25 +21,19 @@ constexpr long long kMaxSide = 131072;
 constexpr long long kMaxValues = 1LL << 30;  // 4 GiB of floats
 }  // namespace
 
-void check_size(const std::string& file, long long width, long long height, long long channels) {
-  if (width <= 0 || height <= 0 || channels <= 0) {
-    throw InputError(file + ": picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels and " +
-                     std::to_string(channels) + " channels");
-  }
-  if (width > kMaxSide || height > kMaxSide || channels > kMaxValues || width * height > kMaxValues / channels) {
-    throw InputError(file + ": picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels and " +
-                     std::to_string(channels) + " channels is too large (at most " + std::to_string(kMaxSide) +
-                     " pixels a side and 4 GiB in memory)");
-  }
+void check_size(const std::string& file, long long width, long long height, long long channels, std::uint64_t beside) {
+  const auto text = [&] {
+    return fmt::format("{}: picture of {} x {} pixels and {} channels", file, width, height, channels);
+  };
+  if (width <= 0 || height <= 0 || channels <= 0) throw InputError(text());
+  if (width > kMaxSide || height > kMaxSide || channels > kMaxValues || width * height > kMaxValues / channels)
+    throw InputError(fmt::format("{} is too large (at most {} pixels a side and 4 GiB in memory)", text(), kMaxSide));
+  ask_memory(static_cast<std::uint64_t>(width * height * channels) * sizeof(float) + beside, text());
 }
 
 }  // namespace image_io
 
 namespace {
-
-bool starts_with(const std::vector<unsigned char>& bytes, std::initializer_list<unsigned char> magic) {
-  return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
-}
 
 void write_bytes(const std::string& file, const std::string& bytes) {
   AtomicFile out(file);
@@ -48,33 +43,18 @@ void write_bytes(const std::string& file, const std::string& bytes) {
 
 }  // namespace
 
-Image read_image(const std::string& file) {
-  std::error_code failed;
-  if (std::filesystem::is_directory(file, failed)) throw IoError(file + ": is a folder, not a picture");
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw IoError(file + ": cannot open: " + std::strerror(errno));
-  std::vector<unsigned char> bytes(16);
-  stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(stream.gcount()));
-  if (starts_with(bytes, {0x76, 0x2f, 0x31, 0x01})) return image_io::read_exr(file);
-  const bool png = starts_with(bytes, {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'});
-  const bool jpeg = starts_with(bytes, {0xff, 0xd8, 0xff});
-  const bool hdr = starts_with(bytes, {'#', '?'});
-  const bool pfm = starts_with(bytes, {'P', 'F'}) || starts_with(bytes, {'P', 'f'});
-  if (!png && !jpeg && !hdr && !pfm)
-    throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR and PFM can)");
+Image parse_image(const std::string& file, const std::string& bytes) {
+  if (bytes.starts_with("\x76\x2f\x31\x01")) return image_io::read_exr(file, bytes);
+  if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return image_io::read_png(file, bytes);
+  if (bytes.starts_with("\xff\xd8\xff")) return image_io::read_jpeg(file, bytes);
+  if (bytes.starts_with("#?")) return image_io::read_hdr(file, bytes);
+  if (bytes.starts_with("PF") || bytes.starts_with("Pf")) return image_io::read_pfm(file, bytes);
+  throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR and PFM can)");
+}
 
-  stream.clear();
-  stream.seekg(0, std::ios::end);
-  const std::streamoff size = stream.tellg();
-  stream.seekg(0);
-  if (size < 0) throw IoError(file + ": cannot be read as a file");
-  if (size > 0x7fffffff) throw InputError(file + ": larger than 2 GiB");
-  bytes.resize(static_cast<std::size_t>(size));
-  if (!stream.read(reinterpret_cast<char*>(bytes.data()), size))
-    throw IoError(file + ": cannot read: " + std::strerror(errno));
-  if (hdr) return image_io::read_hdr(file, bytes);
-  return pfm ? image_io::read_pfm(file, bytes) : image_io::read_stb(file, bytes);
+Image read_image(const std::string& file) {
+  const MemoryScope scope;
+  return parse_image(file, read_file(file));
 }
 
 PictureFormat picture_format(const std::string& file) {

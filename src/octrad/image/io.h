@@ -21,9 +21,14 @@ namespace octrad {
 // channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.
 // String attributes become metadata. PNG, JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A.
 //
-// Throws IoError when the file cannot be read, InputError when it is broken, not a picture, or larger than
-// 131072 pixels a side or 4 GiB in memory (checked before anything is allocated). Both name the file.
+// Of CMYK what it looks like without a profile; colour profiles and gamma chunks are not looked at.
+//
+// Throws IoError when the file cannot be read, InputError when it is broken, cut off, not a picture, or larger than
+// 131072 pixels a side or 4 GiB in memory, MemoryError when it is above the memory budget (checked before anything is
+// allocated). All name the file.
 Image read_image(const std::string& file);
+// The same of a file's content; `file` is for messages.
+Image parse_image(const std::string& file, const std::string& bytes);
 
 enum class ExrPrecision { float32, half };
 

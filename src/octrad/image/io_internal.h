@@ -1,21 +1,24 @@
 // Shared by the readers and writers of single formats; private to this module.
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
 #include <string>
-#include <vector>
 
 #include "octrad/image/image.h"
 
 namespace octrad::image_io {
 
-// Throws InputError for a picture that is larger than the limits of read_image() (io.h).
-void check_size(const std::string& file, long long width, long long height, long long channels);
+// Throws InputError for a picture that is larger than the limits of read_image() (io.h), MemoryError where the budget
+// has no room for it and `beside` bytes that reading it takes.
+void check_size(const std::string& file, long long width, long long height, long long channels,
+                std::uint64_t beside = 0);
 
-Image read_exr(const std::string& file);
-Image read_hdr(const std::string& file, const std::vector<unsigned char>& bytes);
-Image read_pfm(const std::string& file, const std::vector<unsigned char>& bytes);
-Image read_stb(const std::string& file, const std::vector<unsigned char>& bytes);  // PNG, JPEG
+// `bytes`: the content of the file.
+Image read_exr(const std::string& file, const std::string& bytes);
+Image read_hdr(const std::string& file, const std::string& bytes);
+Image read_pfm(const std::string& file, const std::string& bytes);
+Image read_png(const std::string& file, const std::string& bytes);
+Image read_jpeg(const std::string& file, const std::string& bytes);
 
 // The content of a file; `rgb` has the channels R, G, B.
 std::string hdr_bytes(const Image& rgb);

@@ -18,10 +18,9 @@ float swapped(float value) { return std::bit_cast<float>(__builtin_bswap32(std::
 
 }  // namespace
 
-Image image_io::read_pfm(const std::string& file, const std::vector<unsigned char>& bytes) {
+Image image_io::read_pfm(const std::string& file, const std::string& bytes) {
   constexpr std::size_t kLongestHeader = 256;
-  std::istringstream header(
-      std::string(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(std::min(bytes.size(), kLongestHeader))));
+  std::istringstream header(bytes.substr(0, kLongestHeader));
   std::string magic;
   long long width = 0, height = 0;
   double scale = 0.0;

@@ -1,6 +1,8 @@
 #include "octrad/model/field_storage.h"
 
 #include <algorithm>
+#include <atomic>
+#include <cmath>
 
 #include "octrad/base/error.h"
 #include "octrad/base/half.h"
@@ -10,10 +12,30 @@
 namespace octrad {
 namespace {
 
-template <typename T>
-void read_into(const TensorReader& in, const std::string& name, DType type, const std::vector<std::int64_t>& shape,
-               T* out) {
-  in.read(in.get(name, type, shape), out);
+constexpr std::size_t kBlock = 1 << 16;
+
+// Copies a tensor whose numbers are of type T in the file.
+template <typename T, typename Convert>
+void read_finite(const TensorReader& in, const TensorReader::Tensor& tensor, const std::string& name,
+                 std::span<float> out, const Convert& convert) {
+  std::atomic<bool> finite = true;
+  out = out.first(static_cast<std::size_t>(tensor.count));
+  parallel_blocks(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    std::vector<T> block(end - begin);
+    in.read(tensor, static_cast<std::int64_t>(begin), static_cast<std::int64_t>(end - begin), block.data());
+    bool good = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      out[i] = convert(block[i - begin]);
+      good &= std::isfinite(out[i]);
+    }
+    if (!good) finite = false;
+  });
+  if (!finite) throw InputError(in.file() + " is not a usable model file: tensor \"" + name + "\" is not finite");
+}
+
+void read_count(const TensorReader& in, const std::string& name, std::int64_t& count) {
+  in.read(in.get(name, DType::i64, {1}), &count);
+  if (count < 0) throw InputError(in.file() + " is not a usable model file: tensor \"" + name + "\" is negative");
 }
 
 }  // namespace
@@ -54,19 +76,16 @@ void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long
 
 void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
                  std::span<float> out) {
-  const auto any = in.get(name);
-  if (any.type != DType::f16) {
-    read_into(in, name, DType::f32, shape, out.data());
-    return;
-  }
-  const auto t = in.get(name, DType::f16, shape);
-  std::vector<std::uint16_t> block(1 << 16);
-  for (std::int64_t first = 0; first < t.count; first += static_cast<std::int64_t>(block.size())) {
-    const std::int64_t n = std::min(static_cast<std::int64_t>(block.size()), t.count - first);
-    in.read(t, first, n, block.data());
-    std::transform(block.begin(), block.begin() + n, out.begin() + first,
-                   [](std::uint16_t bits) { return to_float(Half{bits}); });
-  }
+  if (in.get(name).type == DType::f16)
+    read_finite<std::uint16_t>(in, in.get(name, DType::f16, shape), name, out,
+                               [](std::uint16_t bits) { return to_float(Half{bits}); });
+  else read_finite<float>(in, in.get(name, DType::f32, shape), name, out, [](float v) { return v; });
+}
+
+bool has_optimizer(const TensorReader& in) {
+  const std::vector<std::string> names = in.names();
+  return std::any_of(names.begin(), names.end(),
+                     [](const std::string& name) { return name.starts_with("optimizer."); });
 }
 
 void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
@@ -83,15 +102,15 @@ void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam*
 
 void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
   for (int i = 0; i < mlp.layer_count(); ++i) {
-    read_into(in, prefix + "." + std::to_string(i) + ".weight", DType::f32, {mlp.layer_outputs(i), mlp.layer_inputs(i)},
-              mlp.layer(i).data());
+    read_floats(in, prefix + "." + std::to_string(i) + ".weight", {mlp.layer_outputs(i), mlp.layer_inputs(i)},
+                mlp.layer(i));
   }
   mlp.prepare();
-  if (!adam || !in.has("optimizer." + prefix + ".m")) return;
+  if (!adam) return;
   const auto n = static_cast<std::int64_t>(mlp.parameter_count());
-  read_into(in, "optimizer." + prefix + ".m", DType::f32, {n}, adam->m().data());
-  read_into(in, "optimizer." + prefix + ".v", DType::f32, {n}, adam->v().data());
-  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam->count());
+  read_floats(in, "optimizer." + prefix + ".m", {n}, adam->m());
+  read_floats(in, "optimizer." + prefix + ".v", {n}, adam->v());
+  read_count(in, "optimizer." + prefix + ".count", adam->count());
 }
 
 void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid) {
@@ -101,7 +120,7 @@ void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid
 
 void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid) {
   std::vector<std::int64_t> offsets(grid.offsets().size());
-  read_into(in, prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(offsets.size())}, offsets.data());
+  in.read(in.get(prefix + ".offsets", DType::i64, {static_cast<std::int64_t>(offsets.size())}), offsets.data());
   if (!std::equal(offsets.begin(), offsets.end(), grid.offsets().begin())) {
     throw InputError(in.file() + ": " + prefix + ".offsets does not fit the configuration stored beside it");
   }
@@ -116,9 +135,9 @@ void save_adam(TensorWriter& out, const std::string& prefix, SparseAdam& adam, s
 
 void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& adam, std::int64_t entries,
                int features) {
-  read_into(in, "optimizer." + prefix + ".moments", DType::f32, {entries, 2, features}, adam.moments().data());
-  read_into(in, "optimizer." + prefix + ".counts", DType::u16, {entries}, adam.counts().data());
-  read_into(in, "optimizer." + prefix + ".count", DType::i64, {1}, &adam.global_count());
+  read_floats(in, "optimizer." + prefix + ".moments", {entries, 2, features}, adam.moments());
+  in.read(in.get("optimizer." + prefix + ".counts", DType::u16, {entries}), adam.counts().data());
+  read_count(in, "optimizer." + prefix + ".count", adam.global_count());
 }
 
 void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span<const float> d_inputs, int stride,

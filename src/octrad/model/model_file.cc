@@ -1,10 +1,14 @@
 #include "octrad/model/model_file.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/version.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/field_registry.h"
@@ -32,11 +36,11 @@ ModelInfo info_of(const TensorReader& in) {
                      kFormatVersion);
   ModelInfo info;
   try {
-    apply(info.config, nlohmann::json::parse(text("config")), in.file());
-    const nlohmann::json scene = nlohmann::json::parse(text("scene"));
+    apply(info.config, parse_json(text("config"), in.file()), in.file());
+    const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
-    const nlohmann::json state = nlohmann::json::parse(text("state"));
+    const nlohmann::json state = parse_json(text("state"), in.file());
     info.state.step = state.at("step").get<long long>();
     info.state.seconds = state.at("seconds").get<double>();
     info.state.lhs_samples = state.at("lhs_samples").get<long long>();
@@ -47,6 +51,12 @@ ModelInfo info_of(const TensorReader& in) {
   } catch (const UsageError& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   }
+  const TrainingState& state = info.state;
+  if (state.step < 0 || !(state.seconds >= 0.0) || state.lhs_samples < 0 || state.rhs_queries < 0 ||
+      !std::isfinite(state.loss))
+    throw InputError(in.file() + ": broken model header: steps, seconds and samples must not be negative");
+  if (!(info.config.target_scale > 0.0))
+    throw InputError(in.file() + ": broken model header: target.scale of a trained model must be above 0");
   info.program = text("program");
   return info;
 }
@@ -146,13 +156,38 @@ ModelFileSize estimate_model_file_size(const Config& config, const std::vector<l
   return size;
 }
 
+namespace {
+
+// A configuration is a few words and its tables may be gigabytes: before they are allocated, what the file holds must
+// be about as much (half precision takes half), and the memory budget is asked.
+void check_memory(const TensorReader& in, const Config& config, const FieldDomain& domain, bool optimizer) {
+  std::vector<long long> cells;
+  for (const auto& level : domain.occupied_cells) cells.push_back(static_cast<long long>(level.size()));
+  const double needed = estimate_model_file_size(config, cells).features, held = model_file_size(in).features;
+  if (needed > 2.0 * held)
+    throw InputError(fmt::format("{} is not a usable model file: its configuration needs tables of {}, and it holds {}",
+                                 in.file(), format_bytes(needed), format_bytes(held)));
+  std::uint64_t bytes = 0;
+  for (const MemoryPart& part : estimate_memory(config, cells, optimizer)) bytes += part.bytes;
+  ask_memory(bytes, in.file());
+}
+
+}  // namespace
+
 Model load_model(const std::string& file, bool optimizer) {
   const TensorReader in(file);
   Model model;
   model.info = info_of(in);
-  model.field = make_field(model.info.config, read_domain(in, model.info.config));
+  model.has_optimizer = optimizer && has_optimizer(in);
+  const FieldDomain domain = read_domain(in, model.info.config);
+  check_memory(in, model.info.config, domain, model.has_optimizer);
+  try {
+    model.field = make_field(model.info.config, domain);
+  } catch (const InputError& error) {
+    throw InputError(in.file() + " is not a usable model file: " + error.what());
+  }
   model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
-  model.has_optimizer = model.field->load(in, optimizer) && optimizer;
+  model.field->load(in, model.has_optimizer);
   if (model.has_optimizer) read_far_ends(in, model.info.state);
   in.require_unchanged();
   return model;

@@ -419,18 +419,16 @@ void NcrField::save(TensorWriter& out, bool optimizer) {
   save_adam(out, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
 }
 
-bool NcrField::load(const TensorReader& in, bool optimizer) {
+void NcrField::load(const TensorReader& in, bool optimizer) {
   load_hash_grid(in, "ncr.grid", grid_);
   load_mlp(in, "ncr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
   load_hash_grid(in, "ncr.cone.grid", cone_grid_);
   load_mlp(in, "ncr.cone.mlp", cone_mlp_, optimizer ? &cone_adam_ : nullptr);
   load_mlp(in, "ncr.merge.mlp", merge_mlp_, optimizer ? &merge_adam_ : nullptr);
-  if (!optimizer) return true;
-  if (!in.has("optimizer.ncr.grid.moments")) return false;
+  if (!optimizer) return;
   make_optimizers();
   load_adam(in, "ncr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
   load_adam(in, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
-  return true;
 }
 
 }  // namespace octrad

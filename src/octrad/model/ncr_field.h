@@ -35,7 +35,7 @@ class NcrField : public RadianceField {
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
   void save(TensorWriter& out, bool optimizer) override;
-  bool load(const TensorReader& in, bool optimizer) override;
+  void load(const TensorReader& in, bool optimizer) override;
   std::size_t parameter_count() const override;
 
   // What the field is made of, for its counterpart on a device.

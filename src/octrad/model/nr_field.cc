@@ -166,14 +166,12 @@ void NrField::save(TensorWriter& out, bool optimizer) {
   if (training) save_adam(out, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }
 
-bool NrField::load(const TensorReader& in, bool optimizer) {
+void NrField::load(const TensorReader& in, bool optimizer) {
   load_hash_grid(in, "nr.grid", grid_);
   load_mlp(in, "nr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return true;
-  if (!in.has("optimizer.nr.grid.moments")) return false;
+  if (!optimizer) return;
   make_optimizer();
   load_adam(in, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
-  return true;
 }
 
 }  // namespace octrad

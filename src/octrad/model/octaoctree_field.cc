@@ -318,7 +318,7 @@ void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
   save_adam(out, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }
 
-bool OctaOctreeField::load(const TensorReader& in, bool optimizer) {
+void OctaOctreeField::load(const TensorReader& in, bool optimizer) {
   const int width = octree_.options().features;
   for (int l = 1; l <= levels(); ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".features";
@@ -329,12 +329,10 @@ bool OctaOctreeField::load(const TensorReader& in, bool optimizer) {
   load_hash_grid(in, "disparity.grid", grid_);
   load_mlp(in, "disparity.mlp", disparity_, optimizer ? &disparity_adam_ : nullptr);
   load_mlp(in, "decoder.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return true;
-  if (!in.has("optimizer.octree.moments")) return false;
+  if (!optimizer) return;
   make_optimizers();
   load_adam(in, "octree", *octree_adam_, octree_.entry_count(), width);
   load_adam(in, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
-  return true;
 }
 
 }  // namespace octrad

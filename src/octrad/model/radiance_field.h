@@ -60,8 +60,9 @@ class RadianceField {
 
   // Adds tensors under the names of docs/formats.md. The memory they view belongs to the field.
   virtual void save(TensorWriter& out, bool optimizer) = 0;
-  // Reads weights and, with `optimizer`, the optimiser's state. Returns whether the file had what was asked for.
-  virtual bool load(const TensorReader& in, bool optimizer) = 0;
+  // Reads weights and, with `optimizer`, the optimiser's state. Throws InputError where something of it is missing, has
+  // another shape, or is not finite.
+  virtual void load(const TensorReader& in, bool optimizer) = 0;
   virtual std::size_t parameter_count() const = 0;
 };
 

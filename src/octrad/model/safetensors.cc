@@ -10,6 +10,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 namespace {
@@ -177,6 +178,7 @@ void TensorReader::Impl::parse_header() {
         fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated",
                     length, size));
   }
+  ask_memory(length * 32, file);  // what JSON becomes in memory, at most
   std::string text(static_cast<std::size_t>(length), '\0');
   in.read(text.data(), text.size(), sizeof(length));
   if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");

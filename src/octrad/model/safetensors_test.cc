@@ -10,6 +10,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/input_file.h"
 
 namespace octrad {
 namespace {
@@ -173,7 +174,7 @@ TEST_F(Safetensors, RefusesEveryTruncation) {
   writer.metadata("format", "octrad");
   writer.add("a", DType::f32, {8}, a.data());
   writer.write(file_);
-  const std::string whole = read_text_file(file_);
+  const std::string whole = read_file(file_);
   for (std::size_t n = 0; n < whole.size(); ++n) {
     std::ofstream(file_, std::ios::binary) << whole.substr(0, n);
     EXPECT_NE(refusal(), "") << n << " of " << whole.size() << " bytes";
@@ -204,7 +205,7 @@ TEST_F(Safetensors, SurvivesFlippedHeaderBytes) {
   TensorWriter writer;
   writer.add("a", DType::f32, {8}, a.data());
   writer.write(file_);
-  const std::string whole = read_text_file(file_);
+  const std::string whole = read_file(file_);
   int accepted = 0;
   for (std::size_t i = 0; i < whole.size() - 32; ++i) {
     for (const char bits : {'\x01', '\x10', '\x80'}) {

@@ -30,7 +30,7 @@ class ConstantField : public RadianceField {
     }
   }
   void save(TensorWriter&, bool) override {}
-  bool load(const TensorReader&, bool) override { return true; }
+  void load(const TensorReader&, bool) override {}
   std::size_t parameter_count() const override { return 0; }
 
  private:

@@ -46,7 +46,7 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
     throw InputError(fmt::format("{}: not the state of a picture that this program can continue", file));
   FilmState state;
   try {
-    const auto saved = nlohmann::json::parse(text("identity")).get<FilmIdentity>();
+    const auto saved = parse_json(text("identity"), file).get<FilmIdentity>();
     for (const auto& [key, value] : identity) {
       const auto found = saved.find(key);
       const std::string other = found == saved.end() ? "unknown" : found->second;
@@ -56,7 +56,7 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
                         "the file to start anew",
                         file, key, other, value));
     }
-    const nlohmann::json numbers = nlohmann::json::parse(text("state"));
+    const nlohmann::json numbers = parse_json(text("state"), file);
     state.samples = numbers.at("samples").get<int>();
     state.largest_pass = numbers.at("largest_pass").get<int>();
     state.seconds = numbers.at("seconds").get<double>();

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/image.h"
 #include "octrad/render/view.h"
 
@@ -21,8 +22,12 @@ class FeaturePicture {
                   ? PixelRect{view.crop.x, view.crop.y, view.crop.x + view.crop.width, view.crop.y + view.crop.height}
                   : PixelRect{0, 0, view.width, view.height}),
         features_(features),
-        seen_(static_cast<std::size_t>(rect_.width()) * static_cast<std::size_t>(rect_.height())),
-        values_(seen_.size() * features) {}
+        seen_(static_cast<std::size_t>(rect_.width()) * static_cast<std::size_t>(rect_.height())) {
+    // paint() keeps a copy of what was seen, and colours.
+    ask_memory(seen_.size() * (2 * features * sizeof(float) + sizeof(Vec3f) + 2 * sizeof(float)),
+               "a picture of features");
+    values_.resize(seen_.size() * features);
+  }
 
   // The place for the features of pixel (x, y) of the whole picture, which count as seen; null outside of the part.
   // Pixels may be set from several threads.

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "octrad/base/memory_limit.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/params.h"
@@ -18,7 +19,9 @@ enum class TextureRole {
   reflectance,  // colour in [0, 1]
   radiance,     // colour >= 0
   opacity,      // scalar in [0, 1]
-  scalar,       // scalar >= 0
+  roughness,    // scalar in [0, 10]
+  index,        // of refraction and absorption: scalar in [0, 1000]
+  height,       // any scalar
 };
 
 class SceneBuilder {
@@ -64,6 +67,7 @@ class SceneBuilder {
     int texture = -1;  // or -1: the environment
     std::string path;
     bool raw = false, scalar = false;
+    std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;
     Location where;
   };
@@ -81,10 +85,12 @@ class SceneBuilder {
   Scene scene_;
   std::map<const Element*, int> materials_;
   std::vector<const Element*> open_materials_;
-  std::map<std::pair<const Element*, TextureRole>, int> textures_;
+  std::map<std::pair<const Element*, bool>, int> textures_;  // by element, and whether it is reduced to a scalar
+  std::map<int, std::size_t> bitmap_of_;                     // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
   int black_material_ = -1;
   bool has_integrator_ = false;
+  MemoryMeter shape_meter_{"the shapes of the scene"};
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
 };

@@ -6,8 +6,9 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/json_file.h"
 #include "octrad/scene/camera_json.h"
-#include "octrad/scene/source.h"
+#include "octrad/scene/limits.h"
 #include "octrad/scene/transform.h"
 
 namespace octrad {
@@ -15,14 +16,16 @@ namespace {
 
 const std::vector<std::string> kFovAxes = {"x", "y", "diagonal", "smaller", "larger"};
 
+}  // namespace
+
 void set_frame(Camera& camera, const Transform& to_world) {
+  if (!within(to_world.column(3), kLargestCameraCoordinate))
+    throw InputError("the camera is too far away: its coordinates may be up to 1e12");
   camera.origin = Vec3f(to_world.column(3));
   camera.right = Vec3f(-normalize(to_world.column(0)));
   camera.up = Vec3f(normalize(to_world.column(1)));
   camera.forward = Vec3f(normalize(to_world.column(2)));
 }
-
-}  // namespace
 
 std::vector<double> read_array(const nlohmann::json& object, const std::string& key, std::size_t count,
                                const std::string& where) {
@@ -49,6 +52,13 @@ double read_number(const nlohmann::json& object, const std::string& key, double 
   return value.get<double>();
 }
 
+int read_integer(const nlohmann::json& object, const std::string& key, int fallback, int lower, int upper,
+                 const std::string& where) {
+  const double value = read_number(object, key, fallback, lower, upper, where);
+  if (value != std::floor(value)) throw InputError(where + "\"" + key + "\" must be a whole number");
+  return static_cast<int>(value);
+}
+
 Camera read_camera(const nlohmann::json& object, const std::string& where) {
   if (!object.is_object())
     throw InputError(where + "must be an object such as {\"origin\": [0,1,4], \"target\": [0,1,0], \"fov\": 40}");
@@ -60,6 +70,13 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
     }
   }
   Camera camera;
+  const auto place = [&](const Transform& t) {
+    try {
+      set_frame(camera, t);
+    } catch (const InputError& error) {
+      throw InputError(where + error.what());
+    }
+  };
   if (object.contains("to_world")) {
     if (object.contains("origin") || object.contains("target") || object.contains("up"))
       throw InputError(where + "give either \"to_world\" or \"origin\" and \"target\"");
@@ -72,7 +89,7 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
               std::fabs(dot(t.column(i), t.column((i + 1) % 3))) < 1e-3;
     }
     if (!rigid) throw InputError(where + "\"to_world\" must not scale or shear, and its last row must be 0 0 0 1");
-    set_frame(camera, t);
+    place(t);
   } else {
     if (!object.contains("origin") || !object.contains("target"))
       throw InputError(where + "needs \"origin\" and \"target\", or \"to_world\"");
@@ -82,7 +99,7 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
     const auto t = Transform::look_at({o[0], o[1], o[2]}, {at[0], at[1], at[2]}, {up[0], up[1], up[2]});
     if (!t)
       throw InputError(where + "origin, target and up define no view (equal points, or up along the view direction)");
-    set_frame(camera, *t);
+    place(*t);
   }
   camera.fov_degrees = static_cast<float>(read_number(object, "fov", camera.fov_degrees, 1e-3, 179.999, where));
   if (object.contains("fov_axis")) {
@@ -98,8 +115,8 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   camera.far_clip = static_cast<float>(read_number(object, "far_clip", camera.far_clip, 1e-12, 1e30, where));
   if (!(camera.far_clip > camera.near_clip))
     throw InputError(where + "\"far_clip\" must be greater than \"near_clip\"");
-  camera.film_width = static_cast<int>(read_number(object, "width", 0, 1, 131072, where));
-  camera.film_height = static_cast<int>(read_number(object, "height", 0, 1, 131072, where));
+  camera.film_width = read_integer(object, "width", 0, 1, 131072, where);
+  camera.film_height = read_integer(object, "height", 0, 1, 131072, where);
   return camera;
 }
 
@@ -111,8 +128,17 @@ CameraView Camera::view(int width, int height) const {
   if (fov_axis == FovAxis::larger) along_y = aspect < 1.0f;
   if (along_y) tan_x *= aspect;
   if (fov_axis == FovAxis::diagonal) tan_x /= std::sqrt(1.0f + 1.0f / (aspect * aspect));
-  return {origin, right, up, forward, principal_point_offset, tan_x, tan_x / aspect, near_clip, far_clip - near_clip,
-          width,  height};
+  const CameraView view = {
+      origin, right, up, forward, principal_point_offset, tan_x, tan_x / aspect, near_clip, far_clip - near_clip,
+      width,  height};
+  for (const float x : {0.0f, 1.0f}) {
+    for (const float y : {0.0f, 1.0f}) {
+      const Vec2f corner{x * static_cast<float>(width), y * static_cast<float>(height)};
+      if (!within(camera_ray(view, corner).origin, kLargestCameraCoordinate))
+        throw InputError("the camera's near clipping plane is too far away: rays must begin within 1e12 of the origin");
+    }
+  }
+  return view;
 }
 
 Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis) {
@@ -137,16 +163,8 @@ Camera::FovAxis parse_fov_axis(const std::string& name) {
   return static_cast<Camera::FovAxis>(found - kFovAxes.begin());
 }
 
-nlohmann::json read_camera_document(const std::string& json_file) {
-  try {
-    return nlohmann::json::parse(read_file(json_file), nullptr, true, true);
-  } catch (const nlohmann::json::exception& error) {
-    throw InputError(json_file + ": " + error.what());
-  }
-}
-
 std::vector<Camera> read_cameras(const std::string& json_file) {
-  nlohmann::json document = read_camera_document(json_file);
+  nlohmann::json document = read_json_file(json_file);
   if (document.is_object()) document = nlohmann::json::array({document});
   if (!document.is_array() || document.empty())
     throw InputError(json_file + ": expected a camera or a list of cameras");

@@ -8,6 +8,8 @@
 
 namespace octrad {
 
+struct Transform;
+
 struct Camera {
   Vec3f origin{0, 0, 0};
   Vec3f right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};  // unit; `right` points to the right of the picture
@@ -21,10 +23,16 @@ struct Camera {
   // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
   // on the near clipping plane, as in Mitsuba 3.
   Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
+  // Throws InputError where rays would begin too far away: a near plane far out, or a field of view close to 180
+  // degrees.
   CameraView view(int width, int height) const;
 };
 
-// Camera at `origin` looking at `target`. Throws InputError when the points and `up` define no view.
+// Right-handed axes and origin from a rigid transform. Throws InputError for a place that is too far away (limits.h).
+void set_frame(Camera& camera, const Transform& to_world);
+
+// Camera at `origin` looking at `target`. Throws InputError when the points and `up` define no view, or one too far
+// away.
 Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis);
 
 // Cameras of a JSON file: one object or a list of objects with

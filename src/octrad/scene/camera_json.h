@@ -16,9 +16,10 @@ std::vector<double> read_array(const nlohmann::json& object, const std::string& 
 // A number in [lower, upper]; `fallback` where there is no such key.
 double read_number(const nlohmann::json& object, const std::string& key, double fallback, double lower, double upper,
                    const std::string& where);
+// The same for whole numbers.
+int read_integer(const nlohmann::json& object, const std::string& key, int fallback, int lower, int upper,
+                 const std::string& where);
 // A camera as read_cameras() describes it.
 Camera read_camera(const nlohmann::json& object, const std::string& where);
-// The document of a file, with comments. Also throws IoError.
-nlohmann::json read_camera_document(const std::string& json_file);
 
 }  // namespace octrad

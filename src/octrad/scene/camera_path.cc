@@ -5,6 +5,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/json_file.h"
 #include "octrad/scene/camera_json.h"
 
 namespace octrad {
@@ -74,7 +75,7 @@ SplinePoint evaluate_spline(const std::vector<SplinePoint>& points, const std::v
 }
 
 CameraPath::CameraPath(const std::string& json_file) : file_(json_file) {
-  const nlohmann::json document = read_camera_document(json_file);
+  const nlohmann::json document = read_json_file(json_file);
   const std::string where = json_file + ": ";
   if (!document.is_object() || !document.contains("keys") || !document["keys"].is_array() ||
       document["keys"].size() < 2)
@@ -116,14 +117,13 @@ CameraPath::CameraPath(const std::string& json_file) : file_(json_file) {
     throw InputError(where + (timed ? "the keys have times: \"frames\" and \"duration\" follow from them"
                                     : "needs \"frames\", or \"duration\" (seconds) and \"fps\""));
   if (!timed) knots_ = centripetal_knots(points_);
-  double count = read_number(document, "frames", 0.0, 1, kMaxFrames, where);
+  double count = read_integer(document, "frames", 0, 1, kMaxFrames, where);
   if (!frames) {
     const double seconds =
         timed ? knots_.back() - knots_.front() : read_number(document, "duration", 0.0, 1e-3, 1e9, where);
     count = std::floor(seconds * fps_ + 1e-6) + 1.0;
   }
-  if (count != std::floor(count) || count > kMaxFrames)
-    throw InputError(where + "the number of frames must be a whole one, at most " + std::to_string(kMaxFrames));
+  if (count > kMaxFrames) throw InputError(where + "more than " + std::to_string(kMaxFrames) + " frames");
   frames_ = static_cast<int>(count);
 }
 

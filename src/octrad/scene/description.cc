@@ -7,7 +7,9 @@
 #include <set>
 
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
+#include "octrad/base/memory_limit.h"
 
 namespace octrad {
 namespace {
@@ -19,6 +21,20 @@ constexpr int kMaxIncludeDepth = 16;
 constexpr int kMaxElementDepth = 64;
 constexpr std::size_t kMaxElements = 4'000'000;
 constexpr std::size_t kMaxValueLength = 1 << 16;
+constexpr std::size_t kMaxAttributes = 64;
+
+// Of the tree that pugixml makes: nodes of 64 bytes, attributes of 40, a copy of the text; and of line_starts.
+std::uint64_t parsing_bytes(const std::string& text) {
+  std::uint64_t bytes = text.size();
+  for (const char c : text) bytes += c == '<' ? 128 : c == '=' ? 40 : c == '\n' ? 16 : 0;
+  return bytes;
+}
+
+std::uint64_t bytes_of(const Element& element) {
+  std::uint64_t bytes = sizeof(Element) + 64;  // with what the heap adds
+  for (const auto& [name, value] : element.attributes) bytes += sizeof(name) + sizeof(value) + value.capacity();
+  return bytes;
+}
 
 bool is_name_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
@@ -43,6 +59,7 @@ class Reader {
  private:
   // Parses `text` and appends its elements to `parent`, or makes it the root.
   void read_document(const std::string& file, std::string text, Element* parent) {
+    ask_memory(parsing_bytes(text), file);
     const auto source = std::make_shared<const SourceFile>(file, std::move(text));
     pugi::xml_document document;
     const pugi::xml_parse_result result = document.load_buffer(source->text().data(), source->text().size(),
@@ -118,11 +135,14 @@ class Reader {
     element->tag = node.name();
     element->location = where;
     for (const pugi::xml_attribute attribute : node.attributes()) {
+      if (element->attributes.size() == kMaxAttributes)
+        fail(where, "the element has more than " + std::to_string(kMaxAttributes) + " attributes");
       if (element->find(attribute.name()))
         fail(where, std::string("attribute \"") + attribute.name() + "\" is given twice");
       element->attributes.emplace_back(attribute.name(),
                                        substitute(attribute.value(), where, has_effect(*element, parent, node)));
     }
+    meter_.add(bytes_of(*element));
     if (element->tag == "default") {
       check_attributes(*element, {"name", "value"});
       const std::string& name = element->get("name");
@@ -266,6 +286,7 @@ class Reader {
   std::vector<std::string> including_;
   int includes_ = 0;
   std::size_t elements_ = 0;
+  MemoryMeter meter_{"the tree of the scene file"};
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"
@@ -124,8 +125,8 @@ void SceneBuilder::add_sensor(const Element& element) {
   camera.far_clip = params.get_float("far_clip", 10000.0f);
   if (!(camera.near_clip > 0.0f)) fail(params.where("near_clip"), "near_clip must be above 0");
   if (!(camera.far_clip > camera.near_clip)) fail(params.where("far_clip"), "far_clip must be greater than near_clip");
-  camera.principal_point_offset = {params.get_float("principal_point_offset_x", 0.0f),
-                                   params.get_float("principal_point_offset_y", 0.0f)};
+  camera.principal_point_offset = {params.float_in("principal_point_offset_x", 0.0f, -100.0f, 100.0f),
+                                   params.float_in("principal_point_offset_y", 0.0f, -100.0f, 100.0f)};
   params.ignore({"focus_distance", "shutter_open", "shutter_close"});  // no motion, no lens: they change nothing
 
   const Transform to_world = params.get_transform("to_world");
@@ -135,10 +136,12 @@ void SceneBuilder::add_sensor(const Element& element) {
       fail(params.where("to_world"), "to_world of a sensor must not scale or shear (it may mirror)");
     }
   }
-  camera.origin = Vec3f(to_world.column(3));
-  camera.right = Vec3f(-normalize(to_world.column(0)));
-  camera.up = Vec3f(normalize(to_world.column(1)));
-  camera.forward = Vec3f(normalize(to_world.column(2)));
+  try {
+    set_frame(camera, to_world);
+    camera.view(1, 1);
+  } catch (const InputError& error) {
+    fail(params.where("to_world"), error.what());
+  }
   params.finish();
   scene_.cameras.push_back(camera);
 }
@@ -169,9 +172,9 @@ void SceneBuilder::add_film(const Element& element, Camera& camera, bool first) 
       film.filter_radius = 0.5f;
     } else if (filter.type() == "tent") {
       film.filter = Film::Filter::tent;
-      film.filter_radius = filter.float_in("radius", 1.0f, 1e-3f, 64.0f);
+      film.filter_radius = filter.float_in("radius", 1.0f, 1e-3f, 8.0f);
     } else if (filter.type() == "gaussian") {
-      film.filter_stddev = filter.float_in("stddev", 0.5f, 1e-3f, 16.0f);
+      film.filter_stddev = filter.float_in("stddev", 0.5f, 1e-3f, 2.0f);
       film.filter_radius = 4.0f * film.filter_stddev;
     } else {
       const std::vector<std::string> known = {"box", "tent", "gaussian"};
@@ -211,6 +214,7 @@ void SceneBuilder::add_environment(const Element& element) {
     job.where = params.where("filename");
     job.path = description_.resolve(file, job.where);
     job.scale = params.get_float("scale", 1.0f);
+    job.roles = {TextureRole::radiance};
     if (!(job.scale >= 0.0f)) fail(params.where("scale"), "the scale of an envmap must not be negative");
     bitmaps_.push_back(job);
     const Transform to_world = params.get_transform("to_world");
@@ -233,12 +237,15 @@ void SceneBuilder::load_files() {
   std::vector<std::exception_ptr> errors(jobs);
   parallel_for(jobs, [&](std::size_t i) {
     try {
+      const MemoryScope scope;
       if (i < bitmaps_.size()) {
         load_bitmap(i);
         return;
       }
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
       if (!job.path.empty()) job.raw = job.ply ? read_ply(job.path) : read_obj(job.path);
+      // Normals as doubles, then as floats.
+      if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);
       scene_.meshes[static_cast<std::size_t>(job.mesh)] = place_mesh(std::move(job.raw), job.to_world, job.options);
     } catch (...) {
       errors[i] = std::current_exception();

@@ -76,7 +76,7 @@ Material SceneBuilder::flatten(const Element& element) {
       fail(element.location, "bumpmap needs exactly one <texture>, not " + std::to_string(textures.size()));
     m = flatten(*parts[0]);
     if (m.bump >= 0) fail(element.location, "a bumpmap inside a bumpmap is not supported");
-    m.bump = texture_object(*textures[0], TextureRole::scalar);
+    m.bump = texture_object(*textures[0], TextureRole::height);
     if (scene_.textures[static_cast<std::size_t>(m.bump)].kind != Texture::Kind::bitmap) {
       fail(textures[0]->location, "a bumpmap needs a texture with a gradient: bitmap (a checkerboard has none)");
     }
@@ -145,9 +145,9 @@ void SceneBuilder::read_conductor(Params& params, Material& m) {
 void SceneBuilder::read_roughconductor(Params& params, Material& m) {
   read_conductor(params, m);
   microfacets(params, m);
-  const int alpha = texture(params, "alpha", TextureRole::scalar);
-  m.alpha_u = texture(params, "alpha_u", TextureRole::scalar);
-  m.alpha_v = texture(params, "alpha_v", TextureRole::scalar);
+  const int alpha = texture(params, "alpha", TextureRole::roughness);
+  m.alpha_u = texture(params, "alpha_u", TextureRole::roughness);
+  m.alpha_v = texture(params, "alpha_v", TextureRole::roughness);
   if ((m.alpha_u >= 0) != (m.alpha_v >= 0))
     fail(params.location(), "roughconductor needs both alpha_u and alpha_v, or alpha alone");
   if (alpha >= 0 && m.alpha_u >= 0)
@@ -189,7 +189,7 @@ void SceneBuilder::conductor_index(Params& params, Material& m) {
 Vec3f SceneBuilder::constant_color(Params& params, const std::string& name, Vec3f fallback) {
   const Element* parameter = params.find(name);
   if (!parameter) return fallback;
-  const auto value = constant_value(*parameter, TextureRole::scalar);
+  const auto value = constant_value(*parameter, TextureRole::index);
   if (!value)
     fail(parameter->location,
          "parameter \"" + name + "\" of " + params.what() + " must be a constant: <rgb>, <float> or <spectrum>");

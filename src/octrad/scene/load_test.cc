@@ -504,7 +504,7 @@ TEST_F(LoadTest, Emitters) {
   image.data[0] = -1.0f;
   write_exr(folder_.file("negative.exr"), image);
   refuses(R"(<emitter type="envmap"><string name="filename" value="negative.exr"/></emitter>)", "2:24",
-          {"1 values that are not finite or are negative"});
+          {"has the value -1.000000: a radiance must be finite and not negative"});
 }
 
 TEST_F(LoadTest, Shapes) {

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/scene/builder.h"
 
@@ -15,17 +17,31 @@ float decode_srgb(double v) {
   return static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
 }
 
-bool is_scalar(TextureRole role) { return role == TextureRole::opacity || role == TextureRole::scalar; }
+bool is_scalar(TextureRole role) { return role != TextureRole::reflectance && role != TextureRole::radiance; }
+
+struct Range {
+  float low, high;
+  const char* text;
+  bool holds(float v, float tolerance = 0.0f) const { return v >= low - tolerance && v <= high + tolerance; }
+};
+
+Range range_of(TextureRole role) {
+  constexpr float kMax = std::numeric_limits<float>::max();
+  switch (role) {
+    case TextureRole::reflectance: return {0.0f, 1.0f, "a reflectance must be between 0 and 1"};
+    case TextureRole::radiance: return {0.0f, kMax, "a radiance must be finite and not negative"};
+    case TextureRole::opacity: return {0.0f, 1.0f, "an opacity must be between 0 and 1"};
+    case TextureRole::roughness: return {0.0f, 10.0f, "a roughness must be between 0 and 10"};
+    case TextureRole::index: return {0.0f, 1000.0f, "an index of refraction must be between 0 and 1000"};
+    case TextureRole::height: return {-kMax, kMax, "a height must be finite"};
+  }
+  return {};
+}
 
 void check_range(Vec3f value, TextureRole role, const Element& element) {
-  const bool bounded = role == TextureRole::reflectance || role == TextureRole::opacity;
-  if (!is_finite(value) || min_component(value) < 0.0f || (bounded && max_component(value) > 1.0f)) {
-    const char* range = role == TextureRole::reflectance ? "a reflectance must be between 0 and 1"
-                        : role == TextureRole::opacity   ? "an opacity must be between 0 and 1"
-                        : role == TextureRole::radiance  ? "a radiance must be finite and not negative"
-                                                         : "the value must be finite and not negative";
-    fail(element.location, range + std::string(", not ") + element.get("value"));
-  }
+  const Range range = range_of(role);
+  if (!range.holds(value.x) || !range.holds(value.y) || !range.holds(value.z))
+    fail(element.location, range.text + std::string(", not ") + element.get("value"));
 }
 
 }  // namespace
@@ -99,8 +115,14 @@ int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRol
 
 int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   // A role matters only through its kind of value; one record serves all colours, another all scalars.
-  const auto key = std::make_pair(&element, is_scalar(role) ? TextureRole::scalar : TextureRole::reflectance);
-  if (const auto found = textures_.find(key); found != textures_.end()) return found->second;
+  const auto key = std::make_pair(&element, is_scalar(role));
+  if (const auto found = textures_.find(key); found != textures_.end()) {
+    if (const auto bitmap = bitmap_of_.find(found->second); bitmap != bitmap_of_.end()) {
+      std::vector<TextureRole>& roles = bitmaps_[bitmap->second].roles;
+      if (std::find(roles.begin(), roles.end(), role) == roles.end()) roles.push_back(role);
+    }
+    return found->second;
+  }
   Params params(description_, element, scene_.warnings);
   Texture t;
   const Transform to_uv = params.get_transform("to_uv");
@@ -122,6 +144,8 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
     job.where = params.where("filename");
     job.path = description_.resolve(file, job.where);
     params.ignore({"format", "accel"});
+    job.roles = {role};
+    bitmap_of_[index] = bitmaps_.size();
     bitmaps_.push_back(job);
   } else if (params.type() == "checkerboard") {
     t.kind = Texture::Kind::checkerboard;
@@ -162,6 +186,7 @@ void SceneBuilder::load_bitmap(std::size_t number) {
   const bool decode = !job.raw && encoding != image.metadata.end() && encoding->second == "srgb8";
   float table[256];
   for (int i = 0; i < 256; ++i) table[i] = decode_srgb(i / 255.0);
+  ask_memory(pixels * sizeof(Vec3f), job.path);
   std::vector<Vec3f> result(pixels);
   const std::size_t stride = image.channels.size();
   std::size_t bad = 0;
@@ -173,17 +198,23 @@ void SceneBuilder::load_bitmap(std::size_t number) {
         const int byte = static_cast<int>(std::clamp(x, 0.0f, 1.0f) * 255.0f + 0.5f);
         x = std::fabs(x * 255.0f - static_cast<float>(byte)) < 1e-3f ? table[byte] : decode_srgb(x);  // 8 bits, or 16
       }
-      if (!std::isfinite(x) || (job.texture < 0 && x < 0.0f)) {
-        ++bad;
-        x = 0.0f;
-      }
+      bad += std::isfinite(x) ? 0 : 1;
       v[c] = x;
     }
     result[i] = job.scalar ? Vec3f(channel[0] == channel[1] ? v.x : luminance(v)) : v * job.scale;
   }
   if (bad > 0)
-    fail(job.where, "the picture " + job.path + " has " + std::to_string(bad) + " values that are not finite" +
-                        (job.texture < 0 ? " or are negative" : ""));
+    fail(job.where, "the picture " + job.path + " has " + std::to_string(bad) + " values that are not finite");
+  for (const TextureRole role : job.roles) {
+    const Range range = range_of(role);
+    constexpr float kTolerance = 1e-3f;  // of filters and of half precision
+    for (const Vec3f& v : result) {
+      for (int c = 0; c < 3; ++c) {
+        if (!range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f))
+          fail(job.where, "the picture " + job.path + " has the value " + std::to_string(v[c]) + ": " + range.text);
+      }
+    }
+  }
   if (job.texture >= 0) {
     Texture& t = scene_.textures[static_cast<std::size_t>(job.texture)];
     t.width = image.width;

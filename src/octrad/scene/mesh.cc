@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/error.h"
+#include "octrad/scene/limits.h"
+
 namespace octrad {
 namespace {
 
@@ -39,7 +42,11 @@ TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOpti
   TriangleMesh mesh;
   mesh.flip_normals = options.flip_normals;
   mesh.positions = std::move(raw.positions);
-  for (Vec3f& p : mesh.positions) p = Vec3f(to_world.point(Vec3d(p)));
+  for (Vec3f& p : mesh.positions) {
+    p = Vec3f(to_world.point(Vec3d(p)));
+    if (!within(p, kLargestCoordinate))
+      throw InputError("a vertex is too far away: coordinates may be up to 1e9 in the scene");
+  }
   mesh.triangles = std::move(raw.triangles);
   mesh.uvs = std::move(raw.uvs);
   if (options.flip_v) {

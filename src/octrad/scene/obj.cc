@@ -1,8 +1,11 @@
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <limits>
-#include <memory>
+#include <map>
 
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 
@@ -46,7 +49,7 @@ class ObjReader {
   static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
   [[noreturn]] void fail_at(const char* where, const std::string& message) const {
-    fail({std::make_shared<const SourceFile>(name_, text_), static_cast<std::size_t>(where - text_.data())}, message);
+    fail(name_, text_, static_cast<std::size_t>(where - text_.data()), message);
   }
 
   // Blanks within a statement; a backslash before the line's end continues it.
@@ -104,15 +107,18 @@ class ObjReader {
     const char kind = p_ + 1 < end_ ? p_[1] : '\n';
     if (is_blank(kind)) {
       p_ += 1;
+      ask_to_grow(positions_, name_);
       positions_.push_back(read_vec3("vertex"));  // w and colours are skipped
       first_.push_back(-1);
       if (positions_.size() > kMaxCount) fail_at(p_, "the OBJ file has too many vertices");
     } else if (kind == 't' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
+      ask_to_grow(uvs_, name_);
       const float u = read_float("texture vertex");
       uvs_.push_back({u, at_line_end() ? 0.0f : read_float("texture vertex")});
     } else if (kind == 'n' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
+      ask_to_grow(normals_, name_);
       normals_.push_back(read_vec3("vertex normal"));
     }
   }
@@ -153,18 +159,27 @@ class ObjReader {
   // Vertex of the mesh for a combination of indices; each combination becomes one vertex.
   int vertex(const Corner& corner) {
     int& head = first_[static_cast<std::size_t>(corner.v)];
-    for (int i = head; i >= 0; i = known_[static_cast<std::size_t>(i)].next) {
+    int length = 0;
+    for (int i = head; i >= 0; i = known_[static_cast<std::size_t>(i)].next, ++length) {
       const Known& known = known_[static_cast<std::size_t>(i)];
       if (known.vt == corner.vt && known.vn == corner.vn) return known.index;
     }
     const int index = static_cast<int>(mesh_.positions.size());
+    const bool crowded = length >= kLongestList;
+    if (crowded) {
+      const auto [at, inserted] = crowd_.emplace(std::array{corner.v, corner.vt, corner.vn}, index);
+      if (!inserted) return at->second;
+    }
+    meter_.add(crowded ? 160 : 80);
     mesh_.positions.push_back(positions_[static_cast<std::size_t>(corner.v)]);
     mesh_.uvs.push_back(corner.vt >= 0 ? uvs_[static_cast<std::size_t>(corner.vt)] : Vec2f{});
     mesh_.normals.push_back(corner.vn >= 0 ? normals_[static_cast<std::size_t>(corner.vn)] : Vec3f{});
     any_uv_ |= corner.vt >= 0;
     any_normal_ |= corner.vn >= 0;
-    known_.push_back({corner.vt, corner.vn, index, head});
-    head = static_cast<int>(known_.size()) - 1;
+    if (!crowded) {
+      known_.push_back({corner.vt, corner.vn, index, head});
+      head = static_cast<int>(known_.size()) - 1;
+    }
     return index;
   }
 
@@ -174,6 +189,7 @@ class ObjReader {
     while (!at_line_end()) {
       const int index = vertex(read_corner());
       if (corners == 0) first = index;
+      ask_to_grow(mesh_.triangles, name_);
       if (corners >= 2) mesh_.triangles.push_back({first, last, index});
       last = index;
       ++corners;
@@ -192,6 +208,10 @@ class ObjReader {
   std::vector<Vec2f> uvs_;
   std::vector<int> first_;  // of positions_: head of its list in known_
   std::vector<Known> known_;
+  // A position has a few combinations. Where it has many, a list would take time in their square: the rest is here.
+  static constexpr int kLongestList = 32;
+  std::map<std::array<int, 3>, int> crowd_;  // by v, vt, vn
+  MemoryMeter meter_{name_};
   RawMesh mesh_;
   bool any_uv_ = false, any_normal_ = false;
 };

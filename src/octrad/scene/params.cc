@@ -45,6 +45,8 @@ const char* read_number(const char* p, const char* end, double& value) {
   return result.ec == std::errc() && std::isfinite(value) ? result.ptr : nullptr;
 }
 
+constexpr std::size_t kMaxParameters = 1000;  // of one object: each is compared with the others
+
 const std::string& value_of(const Element& element) {
   const std::string* value = element.find("value");
   if (!value) fail(element.location, "<" + element.tag + "> needs the attribute \"value\"");
@@ -243,6 +245,8 @@ Params::Params(const Description& description, const Element& element, std::vect
   const std::string* type = element.find("type");
   if (!type || type->empty()) fail(element.location, "<" + element.tag + "> needs the attribute \"type\"");
   type_ = *type;
+  if (element.children.size() > kMaxParameters)
+    fail(element.location, what() + " has more than " + std::to_string(kMaxParameters) + " parameters");
   for (std::size_t i = 0; i < element.children.size(); ++i) {
     const Element& child = *element.children[i];
     if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {

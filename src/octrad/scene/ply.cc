@@ -5,8 +5,9 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <memory>
 
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 
@@ -90,7 +91,7 @@ class PlyReader {
 
  private:
   [[noreturn]] void fail_at(const char* where, const std::string& message) const {
-    fail({std::make_shared<const SourceFile>(name_, bytes_), static_cast<std::size_t>(where - bytes_.data())}, message);
+    fail(name_, bytes_, static_cast<std::size_t>(where - bytes_.data()), message);
   }
 
   static bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
@@ -257,6 +258,7 @@ class PlyReader {
     }
     if (!have[0] || !have[1] || !have[2]) fail_at(bytes_.data(), "element \"vertex\" lacks x, y or z");
     const bool normals = have[3] && have[4] && have[5], uvs = have[6] && have[7];
+    ask_memory(element.count * sizeof(float) * (3 + (normals ? 3 : 0) + (uvs ? 2 : 0)), name_);
     mesh_.positions.reserve(element.count);
     if (normals) mesh_.normals.reserve(element.count);
     if (uvs) mesh_.uvs.reserve(element.count);
@@ -288,6 +290,7 @@ class PlyReader {
       if (property.list && (property.name == "vertex_indices" || property.name == "vertex_index")) indices = j;
     }
     if (indices == element.properties.size()) fail_at(bytes_.data(), "element \"face\" lacks the list vertex_indices");
+    ask_memory(element.count * sizeof(Vec3i), name_);
     mesh_.triangles.reserve(element.count);
     for (std::uint64_t i = 0; i < element.count; ++i) {
       for (std::size_t j = 0; j < element.properties.size(); ++j) {
@@ -306,6 +309,7 @@ class PlyReader {
             fail_at(where, "face " + std::to_string(i) + " refers to vertex " + std::to_string(index));
           const int vertex = static_cast<int>(index);
           if (k == 0) first = vertex;
+          ask_to_grow(mesh_.triangles, name_);
           if (k >= 2) mesh_.triangles.push_back({first, last, vertex});
           last = vertex;
         }

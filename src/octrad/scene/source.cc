@@ -1,11 +1,6 @@
 #include "octrad/scene/source.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <filesystem>
-#include <memory>
 
 #include "octrad/base/error.h"
 
@@ -27,22 +22,12 @@ std::string SourceFile::where(std::size_t offset) const {
 
 void fail(const Location& location, const std::string& message) { throw InputError(location.text() + ": " + message); }
 
-std::string read_file(const std::string& path) {
-  std::error_code code;
-  if (std::filesystem::is_directory(path, code)) throw IoError(path + ": is a folder, not a file");
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
-  if (!file) throw IoError(path + ": cannot be opened: " + std::strerror(errno));
-  std::string text;
-  const auto size = std::filesystem::file_size(path, code);
-  if (!code) text.resize(static_cast<std::size_t>(size));
-  std::size_t read = text.empty() ? 0 : std::fread(text.data(), 1, text.size(), file.get());
-  text.resize(read);
-  // Pipes and files that grow have no size beforehand.
-  char buffer[65536];
-  while (!std::ferror(file.get()) && (read = std::fread(buffer, 1, sizeof buffer, file.get())) > 0)
-    text.append(buffer, read);
-  if (std::ferror(file.get())) throw IoError(path + ": cannot be read: " + std::strerror(errno));
-  return text;
+void fail(const std::string& name, std::string_view text, std::size_t offset, const std::string& message) {
+  const std::string_view before = text.substr(0, offset);
+  const auto line = std::count(before.begin(), before.end(), '\n') + 1;
+  const std::size_t start = before.rfind('\n');
+  const std::size_t column = start == std::string_view::npos ? offset + 1 : offset - start;
+  throw InputError(name + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + message);
 }
 
 }  // namespace octrad

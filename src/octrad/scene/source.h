@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace octrad {
@@ -31,8 +32,7 @@ struct Location {
 
 // Throws InputError("file:line:column: message").
 [[noreturn]] void fail(const Location& location, const std::string& message);
-
-// The whole file as bytes. Throws IoError naming the file.
-std::string read_file(const std::string& path);
+// The same of a text that is in memory, without a copy of it.
+[[noreturn]] void fail(const std::string& name, std::string_view text, std::size_t offset, const std::string& message);
 
 }  // namespace octrad

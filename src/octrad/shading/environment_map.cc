@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 
 namespace octrad {
@@ -16,6 +17,7 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
   // zero everywhere, so such maps are sampled uniformly.
   if (view_.height < 2) return;
   const std::size_t w = static_cast<std::size_t>(view_.width), h = static_cast<std::size_t>(view_.height);
+  ask_memory(h * w * sizeof(AliasEntry), "the environment map's table");
   sines_.resize(h);
   for (std::size_t y = 0; y < h; ++y) {
     sines_[y] = std::max(0.0f, static_cast<float>(std::sin(3.14159265358979323846 * static_cast<double>(y) /

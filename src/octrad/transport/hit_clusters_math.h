@@ -33,23 +33,28 @@ OCTRAD_HD inline void cluster_hits(const T& t, int n, int rays, int clusters, in
     members[k] = 0.0f;
   }
   for (int step = 0; step < iterations; ++step) {
-    // Cluster k has the distances in (below[k], edge[k]]: centres stay in order.
+    // Cluster k has the distances in (below[k], edge[k]]: centres stay in order. Those from `clusters` on have none.
     OCTRAD_UNROLL
     for (int k = 0; k < kHitClusters; ++k) {
       edge[k] = k + 1 < clusters ? 0.5f * (center[k] + center[k + 1 < kHitClusters ? k + 1 : k]) : high - low;
+      if (k >= clusters) edge[k] = -1.0f;
       below[k] = k > 0 ? edge[k - 1] : -1.0f;
     }
     float sum[kHitClusters] = {};
     OCTRAD_UNROLL
     for (int k = 0; k < kHitClusters; ++k) members[k] = 0.0f;
     for (int i = 0; i < n; ++i) {
+      // One operation a loop, for all clusters: the form in which compilers make vectors of it.
       const float d = t[i] - low;
+      float in[kHitClusters], at_most[kHitClusters];
       OCTRAD_UNROLL
-      for (int k = 0; k < kHitClusters; ++k) {
-        const bool in = d > below[k] && d <= edge[k] && k < clusters;
-        sum[k] += in ? d : 0.0f;
-        members[k] += in ? 1.0f : 0.0f;
-      }
+      for (int k = 0; k < kHitClusters; ++k) at_most[k] = d <= edge[k] ? 1.0f : 0.0f;
+      OCTRAD_UNROLL
+      for (int k = 0; k < kHitClusters; ++k) in[k] = d > below[k] ? at_most[k] : 0.0f;
+      OCTRAD_UNROLL
+      for (int k = 0; k < kHitClusters; ++k) sum[k] += in[k] * d;
+      OCTRAD_UNROLL
+      for (int k = 0; k < kHitClusters; ++k) members[k] += in[k];
     }
     bool moved = false;
     OCTRAD_UNROLL
@@ -64,11 +69,15 @@ OCTRAD_HD inline void cluster_hits(const T& t, int n, int rays, int clusters, in
   float square[kHitClusters] = {};
   for (int i = 0; i < n; ++i) {
     const float d = t[i] - low;
+    float in[kHitClusters], at_most[kHitClusters], apart[kHitClusters];
     OCTRAD_UNROLL
-    for (int k = 0; k < kHitClusters; ++k) {
-      const float apart = d > below[k] && d <= edge[k] && k < clusters ? d - center[k] : 0.0f;
-      square[k] += apart * apart;
-    }
+    for (int k = 0; k < kHitClusters; ++k) at_most[k] = d <= edge[k] ? 1.0f : 0.0f;
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) in[k] = d > below[k] ? at_most[k] : 0.0f;
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) apart[k] = in[k] * (d - center[k]);
+    OCTRAD_UNROLL
+    for (int k = 0; k < kHitClusters; ++k) square[k] += apart[k] * apart[k];
   }
   OCTRAD_UNROLL
   for (int k = 0; k < kHitClusters; ++k) {

@@ -11,18 +11,16 @@ OCTRAD_HD inline Rng lobe_generator(unsigned long long seed, unsigned long long 
   return Rng(seed, RngPurpose::lobe, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ i);
 }
 
-struct LobeRay {
-  bool valid = false;  // false: the sample carries no light and counts as a ray that met nothing
-  bool delta = false;  // samples of a delta lobe are one and the same ray
-  RayQuery ray;
-};
-
-// Ray `i` of a point; wo: local.
-OCTRAD_HD inline LobeRay lobe_ray(const ShadingPoint& point, Vec3f wo, const SobolSet& samples, std::uint32_t i) {
-  const BounceSample bounce = sample_bounce(point, wo, samples(i));
-  if (!bounce.valid) return {};
+// One ray of a point, drawn with a number of a SobolSet; wo: local. False where the sample carries no light: it counts
+// as a ray that met nothing. `delta`: samples of a delta lobe are one and the same ray.
+OCTRAD_HD inline bool lobe_ray(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u, RayQuery& ray,
+                               bool& delta) {
+  const BounceSample bounce = sample_bounce(point, wo, u);
+  if (!bounce.valid) return false;
   const Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
-  return {true, bounce.delta, {segment.origin, segment.direction, segment.t_max}};
+  ray = {segment.origin, segment.direction, segment.t_max};
+  delta = bounce.delta;
+  return true;
 }
 
 }  // namespace octrad

@@ -53,6 +53,7 @@ struct Part {
 
 // The surfaces of queries once more.
 struct Shade : Kernel {
+  static constexpr unsigned kMinBlocks = 4;
   DeviceWorld world;
   Part part;
   const FarEnd* ends;
@@ -87,10 +88,11 @@ struct Draw : Kernel {
     const std::uint32_t i = part.point(j);
     const ShadingPoint point = points != nullptr ? points[i] : shaded[j];
     rays.distance(j, m) = -1.0f;
-    const LobeRay one = lobe_ray(point, point.to_local(point.wo), samples[i], m);
-    if (!one.valid) return;
+    RayQuery ray;
+    bool delta = false;
+    if (!lobe_ray(point, point.to_local(point.wo), samples[i](m), ray, delta)) return;
     const std::uint32_t place = atomic_append(rays.size);
-    rays.queue.store(place, one.ray);
+    rays.queue.store(place, ray);
     rays.owners[place] = slot;
   }
 };

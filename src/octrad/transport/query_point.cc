@@ -7,6 +7,15 @@
 namespace octrad {
 namespace {
 
+// To compute them anew for every point would cost as much as the directions.
+struct SobolPoints {
+  std::uint32_t fraction[kMostLobeRays][3] = {};
+  constexpr SobolPoints() {
+    for (int i = 0; i < kMostLobeRays; ++i) sobol3(static_cast<std::uint32_t>(i), fraction[i]);
+  }
+};
+constexpr SobolPoints kSobolPoints;
+
 // A thread's own: to initialise so much for every point would cost as much as its rays.
 struct LobeScratch {
   RayQuery rays[kMostLobeRays];
@@ -27,11 +36,12 @@ SurfacePoint field_query_point(const TransportContext& context, const ShadingPoi
   const SobolSet samples(rng);
   int cast = 0, drawn = 0;
   for (int i = 0; i < n; ++i) {
-    const LobeRay one = lobe_ray(shading, wo, samples, static_cast<std::uint32_t>(i));
-    if (!one.valid) continue;
-    int same = one.delta ? 0 : cast;
-    while (same < cast && !(scratch.rays[same].direction == one.ray.direction)) ++same;
-    if (same == cast) scratch.rays[cast++] = one.ray;
+    RayQuery& ray = scratch.rays[cast];
+    bool delta = false;
+    if (!lobe_ray(shading, wo, samples(kSobolPoints.fraction[i]), ray, delta)) continue;
+    int same = delta ? 0 : cast;
+    while (same < cast && !(scratch.rays[same].direction == ray.direction)) ++same;
+    cast += same == cast ? 1 : 0;
     scratch.ray_of[drawn++] = same;
   }
   context.tracer.intersect(std::span<const RayQuery>(scratch.rays, static_cast<std::size_t>(cast)), scratch.hits);

@@ -1,0 +1,23 @@
+// Limits of what a scene may hold: beyond them single precision and the ray tracer (whose rays must begin
+// within 1.8e18) give no picture.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+// Of vertices and spheres in world space. Products of two areas must stay finite: (1e9)^4 is 1e36 of 3.4e38.
+constexpr float kLargestCoordinate = 1e9f;
+// Of cameras and of where their rays begin. They may stand outside of what they look at.
+constexpr float kLargestCameraCoordinate = 1e12f;
+
+// False also where a component is not a number.
+template <typename T>
+bool within(const Vec3<T>& p, float limit) {
+  return std::fabs(p.x) <= limit && std::fabs(p.y) <= limit && std::fabs(p.z) <= limit;
+}
+
+}  // namespace octrad

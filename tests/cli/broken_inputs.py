@@ -1,0 +1,333 @@
+"""Broken, hostile and odd inputs: a table of cases for test_broken_inputs.py.
+
+A case is (name, files {name: str or bytes}, arguments, exit code, text that the error or warning holds). Files are made in
+a folder of the case's own, in which the program runs.
+"""
+import json
+import struct
+import zlib
+
+from support import ROOM
+
+SENSOR = """<sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
+<film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film></sensor>"""
+CUBE = '<shape type="cube"/>'
+LIGHT = '<emitter type="constant"/>'
+CASES = []
+
+
+def scene(body, version="3.0.0"):
+    return f'<scene version="{version}">\n{body}\n</scene>\n'
+
+
+def case(name, files, arguments, code, text):
+    CASES.append((name, files, arguments, code, text))
+
+
+def bad(name, xml, text, code=2, arguments=(), **files):
+    """A whole scene file that `info` refuses; other files by keyword, with _ for the dot."""
+    case(name, {"s.xml": xml, **{key.replace("_", "."): value for key, value in files.items()}}, ["info", "s.xml", *arguments], code, text)
+
+
+def body(name, inside, text, code=2, **files):
+    bad(name, scene(SENSOR + CUBE + inside), text, code, **files)
+
+
+def odd(name, xml, text="", **files):
+    """What renders, with a warning where `text` says so."""
+    case(name, {"s.xml": xml, **{key.replace("_", "."): value for key, value in files.items()}},
+         ["render", "s.xml", "-o", "a.exr", "--spp", "2", "--width", "8", "--height", "8", "-q"], 0, text)
+
+
+def sensor(inside, film=""):
+    return scene(f'<sensor type="perspective">{inside}{film}</sensor>' + CUBE)
+
+
+# XML
+bad("empty", "", "not well-formed XML")
+bad("only-text", "hello", "not well-formed XML")
+bad("only-a-comment", "<!-- -->", "not well-formed XML")
+bad("binary", bytes(range(256)), "not well-formed XML")
+bad("cut-off", scene(SENSOR + CUBE)[:-20], "not well-formed XML")
+bad("crossed-tags", scene("<shape></sensor></shape>"), "not well-formed XML")
+bad("two-scenes", scene(SENSOR + CUBE) * 2, "second top-level element")
+bad("another-root", "<mitsuba/>", "top-level element is <mitsuba>")
+bad("no-version", "<scene/>", "no version attribute")
+bad("old-version", scene("", "0.6.0"), 'version "0.6.0" is not supported')
+bad("deep-elements", scene("<a>" * 100000 + "</a>" * 100000), "nested more than 64 deep")
+bad("attribute-twice", scene('<shape type="cube" type="cube"/>'), "given twice")
+bad("many-attributes", scene("<shape " + " ".join(f'a{i}="1"' for i in range(50000)) + "/>"), "more than 64 attributes")
+bad("many-parameters", scene('<shape type="cube">' + "".join(f'<float name="a{i}" value="1"/>' for i in range(50000)) + "</shape>"), "more than 1000 parameters")
+bad("text-between", scene("hello"), "unexpected text")
+bad("entity-bomb", '<!DOCTYPE s [<!ENTITY a "1"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]>'
+    + scene(SENSOR + '<shape type="sphere"><float name="radius" value="&c;"/></shape>'), '"&c;" is not a finite number')
+bad("external-entity", '<!DOCTYPE s [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + scene(SENSOR + '<shape type="&x;"/>'), 'shape "&x;" is not supported')
+bad("not-utf8", scene('<shape type="W\xfcrfel"/>').encode("latin-1"), r'shape "W\xfcrfel" is not supported')
+bad("control-characters", scene('<shape type="\x1b]0;title\x07"/>'), r'shape "\x1b]0;title\x07" is not supported')
+bad("nul-byte", scene('<shape type="cu\0be"/>'), "")
+bad("undefined-parameter", scene('<shape type="$what"/>'), "undefined parameter $what")
+bad("lone-dollar", scene('<shape type="$"/>'), "undefined parameter $")
+bad("long-substitution", scene('<default name="a" value="' + "x" * 60000 + '"/><shape type="$a$a"/>'), "longer than 65536 characters")
+bad("bad-default", scene('<default name="a b" value=""/>'), "needs a name of letters")
+bad("unknown-definition", scene(SENSOR + CUBE), "it has none at all", 2, ["-D", "nothing=1"])
+bad("include-itself", scene('<include filename="s.xml"/>'), "includes itself")
+bad("include-in-a-circle", scene('<include filename="t.xml"/>'), "includes itself", t_xml=scene('<include filename="s.xml"/>'))
+bad("include-nothing", scene('<include filename="none.xml"/>'), "does not exist")
+bad("include-too-deep", scene('<include filename="0.xml"/>'), "nested more than 16 deep",
+    **{f"{i}_xml": scene(f'<include filename="{i + 1}.xml"/>') for i in range(20)})
+bad("include-too-many", scene('<include filename="t.xml"/>' * 1001), "more than 1000 files", t_xml=scene(""))
+bad("include-a-folder", scene('<include filename="."/>'), "is a folder")
+bad("include-outside", scene('<include filename="../../../../../../etc/hostname"/>'), "", 2)
+bad("include-a-device", scene('<include filename="/dev/zero"/>'), "a device, not a file", 3)
+bad("path-to-nothing", scene('<path value="none"/>'), "is not a folder")
+bad("alias-of-nothing", scene('<alias id="a" as="b"/>'), 'nothing has the id "a"')
+bad("alias-taken", scene('<bsdf type="diffuse" id="a"/><bsdf type="diffuse" id="b"/><alias id="a" as="b"/>'), "taken already")
+bad("id-twice", scene('<bsdf type="diffuse" id="a"/><bsdf type="diffuse" id="a"/>'), "is taken already")
+bad("id-empty", scene('<bsdf type="diffuse" id=""/>'), "empty id")
+body("reference-to-nothing", '<shape type="cube"><ref id="a"/></shape>', '"a"')
+body("reference-to-itself", '<ref id="a"/><alias id="a" as="a"/>', "")
+body("material-of-itself", '<bsdf type="twosided" id="a"><ref id="a"/></bsdf>', "itself")
+body("materials-in-a-circle", '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>', "itself")
+body("instances", '<shape type="shapegroup" id="g"><shape type="instance"><ref id="g"/></shape></shape>', 'shape "shapegroup" is not supported')
+body("unknown-element", "<thing/>", "unknown element <thing>")
+body("a-medium", '<medium type="homogeneous"/>', "unknown element <medium>")
+
+# Values of the wrong kind
+for value in ("abc", "", "1e999", "nan", "inf", "-inf", "1,2", "0x10", "1 2", "--1"):
+    body(f"float-{value or 'empty'}", f'<shape type="sphere"><float name="radius" value="{value}"/></shape>', "is not a finite number")
+for value in ("1.5", "99999999999", "abc", "1e3", ""):
+    bad(f"integer-{value or 'empty'}", sensor("", f'<film type="hdrfilm"><integer name="width" value="{value}"/></film>'), "is not a 32-bit integer")
+body("boolean-maybe", '<shape type="cube"><boolean name="flip_normals" value="maybe"/></shape>', "is not a boolean")
+body("value-missing", '<shape type="sphere"><float name="radius"/></shape>', 'needs the attribute "value"')
+body("name-missing", '<shape type="sphere"><float value="1"/></shape>', "needs a name")
+body("parameter-twice", '<shape type="sphere"><float name="radius" value="1"/><float name="radius" value="2"/></shape>', "given twice")
+body("parameter-unknown", '<shape type="sphere"><float name="radios" value="1"/></shape>', 'did you mean "radius"')
+body("parameter-of-another-kind", '<shape type="sphere"><string name="radius" value="1"/></shape>', "must be <float>")
+body("rgb-of-two", '<bsdf type="diffuse"><rgb name="reflectance" value="1 2"/></bsdf>', "is not a colour")
+body("rgb-of-letters", '<bsdf type="diffuse"><rgb name="reflectance" value="#12345g"/></bsdf>', "is not a colour")
+body("point-of-two", '<shape type="sphere"><point name="center" value="1 2"/></shape>', "not three finite numbers")
+body("point-twice", '<shape type="sphere"><point name="center" value="1 2 3" x="1"/></shape>', "give one of them")
+body("matrix-of-five", '<shape type="cube"><transform name="to_world"><matrix value="1 2 3 4 5"/></transform></shape>', "needs 16 (or 9)")
+body("matrix-projective", '<shape type="cube"><transform name="to_world"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 1 0 0 1"/></transform></shape>', "last row")
+body("axis-zero", '<shape type="cube"><transform name="to_world"><rotate angle="5"/></transform></shape>', "<rotate>")
+body("spectrum-curve", '<bsdf type="diffuse"><spectrum name="reflectance" value="400:1, 700:2"/></bsdf>', "spectra over wavelengths")
+
+# Cameras and films
+bad("no-sensor", scene(CUBE), "no sensor")
+bad("no-shape", scene(SENSOR), "no shape")
+bad("sensor-unknown", scene('<sensor type="orthographic"/>' + CUBE), 'sensor "orthographic" is not supported')
+for fov in ("0", "180", "-5", "1e30"):
+    bad(f"fov-{fov}", sensor(f'<float name="fov" value="{fov}"/>'), "above 0 and below 180")
+bad("fov-axis", sensor('<float name="fov" value="40"/><string name="fov_axis" value="z"/>'), 'cannot be "z"')
+bad("two-lenses", sensor('<float name="fov" value="40"/><string name="focal_length" value="50mm"/>'), "either fov or focal_length")
+bad("focal-length", sensor('<string name="focal_length" value="-50mm"/>'), "is not a length")
+bad("near-zero", sensor('<float name="near_clip" value="0"/>'), "near_clip must be above 0")
+bad("near-behind-far", sensor('<float name="near_clip" value="5"/><float name="far_clip" value="2"/>'), "greater than near_clip")
+bad("near-far-away", sensor('<float name="near_clip" value="1e30"/><float name="far_clip" value="1e32"/>'), "too far away")
+bad("origin-far-away", sensor('<transform name="to_world"><translate x="1e19"/></transform>'), "too far away")
+bad("lens-shifted-away", sensor('<float name="principal_point_offset_x" value="1e38"/>'), "between -100 and 100")
+bad("sensor-scaled", sensor('<transform name="to_world"><scale value="2"/></transform>'), "must not scale")
+bad("lookat-nowhere", sensor('<transform name="to_world"><lookat origin="0 0 0" target="0 0 0"/></transform>'), "do not define a view")
+for side in ("0", "-1", "131073", "2147483647"):
+    bad(f"film-{side}", sensor("", f'<film type="hdrfilm"><integer name="width" value="{side}"/></film>'), "between 1 and 131072")
+bad("two-films", sensor("", '<film type="hdrfilm"/>' * 2), "at most one film")
+bad("film-unknown", sensor("", '<film type="ldrfilm"/>'), 'film "ldrfilm" is not supported')
+bad("film-crop", sensor("", '<film type="hdrfilm"><integer name="crop_width" value="7"/></film>'), "crop when rendering")
+bad("filter-unknown", sensor("", '<film type="hdrfilm"><rfilter type="lanczos"/></film>'), 'rfilter "lanczos" is not supported')
+bad("filter-wide", sensor("", '<film type="hdrfilm"><rfilter type="gaussian"><float name="stddev" value="16"/></rfilter></film>'), "s.xml:2:")
+
+# Shapes
+body("shape-unknown", '<shape type="cubes"/>', 'did you mean "cube"')
+body("flattened", '<shape type="cube"><transform name="to_world"><scale x="0"/></transform></shape>', "singular")
+body("scaled-away", '<shape type="cube"><transform name="to_world"><scale value="1e300"/></transform></shape>', "")
+body("moved-away", '<shape type="rectangle"><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
+for radius in ("0", "-1", "1e18"):
+    body(f"radius-{radius}", f'<shape type="sphere"><float name="radius" value="{radius}"/></shape>', "sphere")
+body("ellipsoid", '<shape type="sphere"><transform name="to_world"><scale x="2"/></transform></shape>', "ellipsoid")
+body("mesh-missing", '<shape type="obj"><string name="filename" value="none.obj"/></shape>', "does not exist")
+body("mesh-unnamed", '<shape type="obj"><string name="filename" value=""/></shape>', "is empty")
+body("mesh-a-folder", '<shape type="ply"><string name="filename" value="."/></shape>', "is a folder")
+body("mesh-a-device", '<shape type="ply"><string name="filename" value="/dev/zero"/></shape>', "a device, not a file", 3)
+body("two-materials", '<shape type="cube"><bsdf type="diffuse"/><bsdf type="diffuse"/></shape>', "at most one bsdf")
+bad("many-cubes", scene(SENSOR + CUBE * 400000), "the budget is", 4)
+
+# Meshes
+OBJ_BOX = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+for name, text, message in (
+        ("empty", "", "no face"), ("no-face", OBJ_BOX, "no face"), ("two-corners", OBJ_BOX + "f 1 2\n", "at least three corners"),
+        ("index-0", OBJ_BOX + "f 0 1 2\n", "there is no vertex 0"), ("index-9", OBJ_BOX + "f 1 2 9\n", "there is no vertex 9"),
+        ("index-minus-9", OBJ_BOX + "f 1 2 -9\n", "there is no vertex -9"), ("index-huge", OBJ_BOX + "f 1 2 99999999999\n", "expected the index"),
+        ("index-word", OBJ_BOX + "f a b c\n", "expected the index"), ("vt-missing", OBJ_BOX + "f 1/1 2/1 3/1\n", "there is no texture vertex 1"),
+        ("vn-missing", OBJ_BOX + "f 1//1 2//1 3//1\n", "there is no vertex normal 1"), ("vertex-nan", "v nan 0 0\n", "not finite"),
+        ("vertex-huge", "v 1e99 0 0\n", "not finite"), ("vertex-short", "v 1 2\n", "expected a number"), ("vertex-glued", "v 1x 2 3\n", "expected a blank"),
+        ("vertex-far", "v 1e30 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n", "too far away"), ("nul", OBJ_BOX + "f 1 2\0 3\n", "")):
+    body(f"obj-{name}", '<shape type="obj"><string name="filename" value="m.obj"/></shape>', message, m_obj=text)
+
+
+def ply(vertices=3, faces=1, rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", form="ascii", properties="xyz", kind="float", face="list uchar int vertex_indices"):
+    return (f"ply\nformat {form} 1.0\nelement vertex {vertices}\n" + "".join(f"property {kind} {p}\n" for p in properties)
+            + f"element face {faces}\nproperty {face}\nend_header\n").encode() + (rows if isinstance(rows, bytes) else rows.encode())
+
+
+TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+for name, data, message in (
+        ("empty", b"", "ends before end_header"), ("another-file", b"solid\n", "not a PLY file"), ("endless-header", b"ply\nformat ascii 1.0\n", "ends before end_header"),
+        ("no-format", b"ply\nend_header\n", "no format line"), ("format-unknown", ply(form="middle_endian"), "unknown PLY format"),
+        ("type-unknown", ply(kind="quad"), "unknown PLY type"), ("vertices-huge", ply(vertices=4000000000), "the header announces"),
+        ("vertices-beyond-64-bits", ply(vertices=10 ** 30), "is not a number of elements"), ("vertices-negative", ply(vertices=-1), "is not a number of elements"),
+        ("faces-huge", ply(faces=500000000), "the header announces"), ("no-vertices", ply(vertices=0, rows="3 0 1 2\n"), "refers to vertex"),
+        ("no-z", ply(properties="xy", rows="0 0\n1 0\n0 1\n3 0 1 2\n"), "lacks x, y or z"), ("no-faces", ply(faces=0), "no face"),
+        ("two-corners", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), "fewer than three corners"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
+        ("index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "refers to vertex -1"), ("cut-off", ply(rows="0 0 0\n1 0 0\n"), "ends early"),
+        ("nan", ply(rows="0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"), "not finite"), ("word", ply(rows="0 0 z\n1 0 0\n0 1 0\n3 0 1 2\n"), "expected a number"),
+        ("float-length", ply(face="list float int vertex_indices"), "integer type"), ("no-indices", ply(face="list uchar int things"), "lacks the list"),
+        ("list-negative", ply(form="binary_little_endian", face="list char int vertex_indices", rows=TRIANGLE + b"\xff" + bytes(12)), "does not fit"),
+        ("list-huge", ply(form="binary_little_endian", face="list uint int vertex_indices", rows=TRIANGLE + b"\xff" * 16), "does not fit"),
+        ("binary-cut-off", ply(form="binary_little_endian", rows=TRIANGLE + b"\3\0\0\0\0\1"), "ends early"),
+        ("binary-inf", ply(form="binary_little_endian", rows=struct.pack("<9f", *[float("inf")] * 9) + b"\3" + bytes(12)), "not finite")):
+    body(f"ply-{name}", '<shape type="ply"><string name="filename" value="m.ply"/></shape>', message, m_ply=data)
+
+# Materials and lights
+for name, inside, message in (
+        ("reflectance-2", '<bsdf type="diffuse"><rgb name="reflectance" value="2"/></bsdf>', "between 0 and 1"),
+        ("reflectance-negative", '<bsdf type="diffuse"><rgb name="reflectance" value="-1 0 0"/></bsdf>', "between 0 and 1"),
+        ("alpha-negative", '<bsdf type="roughconductor"><float name="alpha" value="-1"/></bsdf>', "between 0 and 10"),
+        ("alpha-huge", '<bsdf type="roughconductor"><float name="alpha" value="1e30"/></bsdf>', "between 0 and 10"),
+        ("eta-huge", '<bsdf type="conductor"><rgb name="eta" value="1e30"/></bsdf>', "between 0 and 1000"),
+        ("ior-0", '<bsdf type="dielectric"><float name="int_ior" value="0"/></bsdf>', "index of refraction"),
+        ("ior-1000", '<bsdf type="dielectric"><float name="int_ior" value="1000"/></bsdf>', "index of refraction"),
+        ("ior-unknown", '<bsdf type="dielectric"><string name="int_ior" value="glas"/></bsdf>', "unknown medium"),
+        ("ior-inside-out", '<bsdf type="plastic"><float name="int_ior" value="1"/><float name="ext_ior" value="2"/></bsdf>', "greater than ext_ior"),
+        ("metal-unknown", '<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>', "unknown conductor"),
+        ("bsdf-unknown", '<bsdf type="difuse"/>', 'did you mean "diffuse"'), ("twosided-of-glass", '<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>', "cannot hold"),
+        ("mask-of-mask", '<bsdf type="mask"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>', "mask inside a mask"),
+        ("bump-of-nothing", '<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>', "exactly one <texture>"),
+        ("radiance-negative", '<emitter type="constant"><rgb name="radiance" value="-1"/></emitter>', "not negative"),
+        ("radiance-1e39", '<emitter type="constant"><rgb name="radiance" value="1e39"/></emitter>', "finite"),
+        ("light-unknown", '<emitter type="point"/>', 'emitter "point" is not supported'), ("light-without-shape", '<emitter type="area"/>', "must stand inside a shape"),
+        ("two-lights", '<shape type="cube"><emitter type="area"/><emitter type="area"/></shape>', "at most one emitter"),
+        ("two-skies", '<emitter type="constant"/>' * 2, "second environment"), ("sky-missing", '<emitter type="envmap"><string name="filename" value="none"/></emitter>', "does not exist")):
+    body(name, inside, message)
+
+
+# Pictures
+def chunk(kind, data):
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def png(width, height, data=b"", color=0):
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, color, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(data, 9))
+            + chunk(b"IEND", b""))
+
+
+def pfm(*values, side=2):
+    return f"PF\n{side} {side}\n-1.0\n".encode() + struct.pack(f"<{3 * side * side}f", *(list(values) * (3 * side * side))[:3 * side * side])
+
+
+GOOD_PNG = png(2, 2, b"\0\x40\x80\0\x80\x40")
+for name, data, message, code in (
+        ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2),
+        ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
+        ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),
+        ("start.jpg", b"\xff\xd8\xff", "JPEG", 2), ("tables.jpg", b"\xff\xd8\xff\xc4\x01\x13\x00" + b"\xff" * 16 + bytes(256) + b"\xff\xd9", "Huffman", 2),
+        ("100k.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n", "too large", 2), ("upside.hdr", b"#?RADIANCE\n\n+Y 2 +X 2\n", "not supported", 2),
+        ("0x0.hdr", b"#?RADIANCE\n\n-Y 0 +X 0\n", "picture of 0 x 0", 2), ("cut.hdr", b"#?RADIANCE\n\n-Y 2 +X 2\n\1\2", "truncated", 2),
+        ("line.hdr", b"#?RADIANCE\n" + b"x" * 5000, "more than 4096", 2), ("nan.pfm", b"PF\n2 2\nnan\n" + bytes(48), "broken PFM header", 2),
+        ("cut.pfm", pfm(0.5)[:-1], "truncated PFM", 2), ("huge.pfm", b"PF\n99999999999 2\n-1\n", "too large", 2), ("magic.exr", b"\x76\x2f\x31\x01", "EXR", 2),
+        ("attribute.exr", b"\x76\x2f\x31\x01\2\0\0\0channels\0chlist\0\xff\xff\xff\x7f", "broken EXR header", 2)):
+    case(f"picture-{name}", {name: data}, ["info", name], code, message)
+    if code == 2 and message:
+        body(f"texture-{name}", f'<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="{name}"/></texture></bsdf>', name, **{name: data})
+for name, where, value, message in (
+        ("reflectance-5", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', 5, "has the value 5"),
+        ("reflectance-negative", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "has the value -1"),
+        ("reflectance-nan", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', float("nan"), "not finite"),
+        ("opacity-2", '<bsdf type="mask"><texture name="opacity" type="bitmap"><string name="filename" value="t.pfm"/></texture><bsdf type="diffuse"/></bsdf>', 2, "an opacity must"),
+        ("alpha-negative", '<bsdf type="roughconductor"><texture name="alpha" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "a roughness must"),
+        ("light-negative", '<shape type="cube"><emitter type="area"><texture name="radiance" type="bitmap"><string name="filename" value="t.pfm"/></texture></emitter></shape>', -1, "a radiance must"),
+        ("sky-negative", '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>', -1, "a radiance must")):
+    body(f"bitmap-{name}", where, message, t_pfm=pfm(value))
+
+BIG = png(2600, 2600, bytes(2600 * (2600 * 3 + 1)), 2)
+case("compared", {"a.png": BIG}, ["compare", "a.png", "a.png"], 4, "a.png: comparing")
+case("shown", {"a.png": BIG}, ["info", "a.png"], 0, "")
+for name, inside in (("texture", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="a.png"/></texture></bsdf>'),
+                     ("envmap", '<emitter type="envmap"><string name="filename" value="a.png"/></emitter>')):
+    odd(f"large-{name}", scene(SENSOR + CUBE + inside), a_png=BIG)
+
+# JSON
+DEEP = "[" * 200000 + "]" * 200000
+for name, text, message in (
+        ("empty", "", "not valid JSON"), ("deep", '{"a": ' + DEEP + "}", "nested more than 100"), ("open", "[" * 1000000, "nested more than 100"), ("1e999", '{"adam.rate": 1e999}', "too large"),
+        ("list", "[]", ""), ("comma", '{"octree.levels": 3,}', "not valid JSON"), ("kind", '{"octree.levels": "many"}', "octree.levels"), ("range", '{"octree.levels": 99}', "octree.levels"),
+        ("fraction", '{"octree.levels": 2.5}', "octree.levels"), ("unknown", '{"octre.levels": 3}', "octre.levels"), ("nan", '{"octree.levels": NaN}', "not valid JSON"), ("utf8", b'{"\xff": 1}', "not valid JSON"),
+        ("preset", '{"preset": ' + "[" * 50 + "]" * 50 + "}", "preset")):
+    case(f"config-{name}", {"c.json": text}, ["info", "--keys", "--config", "c.json"], 2, message)
+LOOK = '"origin": [0, 0, 3], "target": [0, 0, 0]'
+for name, text, message in (
+        ("empty", "", "not valid JSON"), ("deep", DEEP, "nested more than 100"), ("no-list", "[]", "expected a camera"), ("number", "1", "expected a camera"), ("nothing", "{}", 'needs "origin"'),
+        ("width", f'{{{LOOK}, "width": 1.5}}', "must be a whole number"), ("width-0", f'{{{LOOK}, "width": 0}}', "between"), ("fov", f'{{{LOOK}, "fov": 180}}', "between"), ("key", f'{{{LOOK}, "fow": 1}}', 'did you mean "fov"'),
+        ("far", '{"origin": [1e19, 0, 0], "target": [0, 0, 0]}', "too far away"), ("words", '{"origin": ["a", 0, 0], "target": [0, 0, 0]}', "3 finite numbers"), ("shear", '{"to_world": [1,1,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}', "must not scale or shear"),
+        ("same", '{"origin": [0, 0, 0], "target": [0, 0, 0]}', "define no view"), ("two", f"[{{{LOOK}}}, {{{LOOK}}}]", "holds 2 cameras"), ("1e999", f'{{{LOOK}, "fov": 1e999}}', "too large")):
+    case(f"camera-{name}", {"s.xml": ROOM, "c.json": text}, ["render", "s.xml", "-o", "a.exr", "--spp", "1", "--camera", "c.json"], 2, message)
+for name, text, message in (
+        ("one-key", f'{{"keys": [{{{LOOK}}}], "frames": 2}}', "two cameras or more"), ("frames-0", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 0}}', "between"), ("frames-half", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 2.5}}', "whole number"),
+        ("frames-huge", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "duration": 1e9, "fps": 1e5}}', "more than 1000000 frames"), ("backwards", f'{{"keys": [{{{LOOK}, "time": 2}}, {{{LOOK}, "time": 1}}]}}', "later than"), ("deep", f'{{"keys": {DEEP}}}', "nested more than 100")):
+    case(f"path-{name}", {"s.xml": ROOM, "p.json": text}, ["render", "s.xml", "-o", "a####.exr", "--spp", "1", "--path", "p.json"], 2, message)
+
+
+# Models
+def tensors(header, data=b""):
+    text = header if isinstance(header, bytes) else json.dumps(header).encode() if not isinstance(header, str) else header.encode()
+    return struct.pack("<Q", len(text)) + text + data
+
+
+def model_header(**metadata):
+    return {"__metadata__": {"format": "octrad", "version": "1", "config": "{}", "scene": '{"file": "s.xml", "fingerprint": "0"}', "program": "x", "step": "1", "seed": "0",
+                             "state": '{"step": 1, "seconds": 1.0, "lhs_samples": 1, "rhs_queries": 1}', **metadata}}
+
+
+POINTS = "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n"
+for name, data, message in (
+        ("empty", b"", "it is empty"), ("short", b"abc", "only a few bytes"), ("huge-header", struct.pack("<Q", 2 ** 62), "claims"), ("no-json", tensors("{x"), "not valid JSON"), ("deep", tensors("[" * 100000), "not a JSON object"),
+        ("deep-object", tensors('{"a":' * 100000), ""), ("no-model", tensors({}), "not an octrad model"), ("another-format", tensors(model_header(format="x")), "not an octrad model"),
+        ("another-version", tensors(model_header(version="9")), "format version 9"), ("deep-config", tensors(model_header(config=DEEP)), "nested more than 100"), ("config-1e999", tensors(model_header(config='{"adam.rate": 1e999}')), "too large"),
+        ("deep-scene", tensors(model_header(scene=DEEP)), "nested more than 100"), ("no-state", tensors(model_header(state="{}")), "broken model header"), ("no-domain", tensors(model_header(config='{"target.scale": 1}')), "octree.origin"),
+        ("negative-step", tensors(model_header(state='{"step": -1, "seconds": 1.0, "lhs_samples": 1, "rhs_queries": 1}')), "must not be negative"),
+        ("negative-seconds", tensors(model_header(state='{"step": 1, "seconds": -1e9, "lhs_samples": 1, "rhs_queries": 1}')), "must not be negative"), ("scale-0", tensors(model_header(config='{"target.scale": 0}')), "target.scale"),
+        ("field-unknown", tensors(model_header(config='{"field": "x"}')), "field"), ("tables-missing", tensors({**model_header(config='{"field": "nr", "nr.log2_table": 24, "nr.levels": 16, "nr.features": 8, "target.scale": 1}'),
+         "octree.origin": {"dtype": "F32", "shape": [3], "data_offsets": [0, 12]}, "octree.size": {"dtype": "F32", "shape": [3], "data_offsets": [12, 24]}}, struct.pack("<6f", 0, 0, 0, 1, 1, 1)), "needs tables of"),
+        ("box-nan", tensors({**model_header(config='{"target.scale": 1}'), "octree.origin": {"dtype": "F32", "shape": [3], "data_offsets": [0, 12]}, "octree.size": {"dtype": "F32", "shape": [3], "data_offsets": [12, 24]}},
+         struct.pack("<6f", float("nan"), 0, 0, 1, 1, 1)), "not finite"),
+        ("overlap", tensors({"a": {"dtype": "U8", "shape": [2], "data_offsets": [0, 2]}, "b": {"dtype": "U8", "shape": [2], "data_offsets": [1, 3]}}, b"abc"), "overlap"),
+        ("shape-huge", tensors({"a": {"dtype": "F64", "shape": [2 ** 62, 2 ** 62], "data_offsets": [0, 1]}}, b"a"), "overflow"), ("outside", tensors({"a": {"dtype": "U8", "shape": [9], "data_offsets": [0, 9]}}, b"a"), "truncated or damaged")):
+    case(f"model-{name}", {"m.octrad": data, "p.csv": POINTS}, ["query", "m.octrad", "--points", "p.csv"], 2, message)
+case("model-info-deep", {"m.octrad": tensors(model_header(config=DEEP))}, ["info", "m.octrad"], 0, "")
+case("model-a-device", {"p.csv": POINTS}, ["query", "/dev/zero", "--points", "p.csv"], 3, "a device, not a file")
+
+# What is odd and right
+odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))
+odd("camera-on-a-surface", scene(SENSOR + '<shape type="rectangle"><transform name="to_world"><translate z="4"/></transform></shape>' + LIGHT))
+odd("no-light", scene(SENSOR + CUBE))
+odd("light-of-radiance-0", scene(SENSOR + '<shape type="cube"><emitter type="area"><rgb name="radiance" value="0"/></emitter></shape>'))
+odd("degenerate-mesh", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n")
+odd("light-without-area", scene(SENSOR + CUBE + '<shape type="obj"><string name="filename" value="m.obj"/><emitter type="area"/></shape>'), m_obj="v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+odd("light-of-a-point", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/><emitter type="area"/></shape>'), m_ply=ply(rows="1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n"))
+odd("faces-before-vertices", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>' + LIGHT),
+    m_ply="ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n")
+odd("obj-of-windows", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="# \r\nv 0 0 0\r\nv 1 0 0 1\r\nv 0 1 0 0.5 0.5 0.5\r\nusemtl x\r\nf -3 \\\r\n -2 -1\r\n")
+odd("utf8-mark", b"\xef\xbb\xbf" + scene(SENSOR + CUBE + LIGHT).encode())
+odd("utf16", scene(SENSOR + CUBE + LIGHT).encode("utf-16"))
+odd("comments", "<!-- a --><?xml version='1.0'?>".replace("<!-- a -->", "") + scene("<!-- b -->" + SENSOR + CUBE + "<!-- c -->" + LIGHT))
+odd("empty-include", scene(SENSOR + CUBE + LIGHT + '<include filename="t.xml"/>'), t_xml=scene(""))
+odd("unused-textures", scene(SENSOR + CUBE + LIGHT + '<texture type="checkerboard" id="a"/>'))
+odd("tiny", scene(SENSOR + '<shape type="sphere"><float name="radius" value="1e-20"/></shape>' + LIGHT))
+odd("large", scene(SENSOR + '<shape type="cube"><transform name="to_world"><scale value="9e8"/></transform></shape>' + LIGHT))
+odd("far-out-and-flat", scene(SENSOR + '<shape type="rectangle"><transform name="to_world"><translate z="-9e8"/></transform></shape>' + LIGHT))
+odd("huge-texture-coordinates", scene(SENSOR + '<shape type="rectangle"><bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/><transform name="to_uv"><scale value="1e30"/></transform></texture></bsdf></shape>' + LIGHT), t_png=GOOD_PNG)
+odd("black-sky", scene(SENSOR + CUBE + '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>'), t_pfm=pfm(0.0))
+odd("sky-of-a-pixel", scene(SENSOR + CUBE + '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>'), t_pfm=pfm(1.0, side=1))
+odd("roughness-0", scene(SENSOR + '<shape type="cube"><bsdf type="roughconductor"><float name="alpha" value="0"/></bsdf></shape>' + LIGHT))
+odd("glass-of-nothing", scene(SENSOR + '<shape type="cube"><bsdf type="dielectric"><float name="int_ior" value="1"/><float name="ext_ior" value="1"/></bsdf></shape>' + LIGHT))
+case("one-pixel", {"s.xml": scene(SENSOR + CUBE + LIGHT)}, ["render", "s.xml", "-o", "a.exr", "--spp", "1", "--width", "1", "--height", "1", "-q"], 0, "")
+case("points-none", {"s.xml": ROOM}, ["query", "none.octrad", "--points", "p.csv"], 3, "No such file")

@@ -1,0 +1,110 @@
+"""Broken, hostile and odd inputs (broken_inputs.py): message, exit code, memory, time; nothing is left behind."""
+import concurrent.futures
+import json
+import os
+import subprocess
+import time
+import unittest
+
+from broken_inputs import CASES
+from support import PROGRAM, ROOM, SMALL, Case, read_safetensors, write_safetensors
+
+BUDGET_MB = 200
+SECONDS = 10
+
+
+def attempt(folder, files, arguments):
+    """-> exit code (negative: a signal), error output, peak of resident memory in MB, seconds"""
+    os.makedirs(folder)
+    for name, content in files.items():
+        with open(os.path.join(folder, name), "wb") as out:
+            out.write(content if isinstance(content, bytes) else content.encode())
+    begin = time.monotonic()
+    environment = dict(os.environ, CUDA_VISIBLE_DEVICES="")
+    with open(os.path.join(folder, ".stderr"), "wb") as err, open(os.devnull, "wb") as out:
+        process = subprocess.Popen([PROGRAM, *arguments, "--max-memory", f"{BUDGET_MB}M"], cwd=folder, stdout=out, stderr=err, env=environment)
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    with open(os.path.join(folder, ".stderr"), "rb") as err:
+        text = err.read().decode("utf-8", "replace")
+    return process.returncode, text, usage.ru_maxrss / 1024, time.monotonic() - begin
+
+
+class BrokenInputs(Case):
+    def test_names_differ(self):
+        names = [case[0] for case in CASES]
+        self.assertEqual(len(set(names)), len(names))
+        self.assertGreaterEqual(len(names), 150)
+
+    def test_every_case(self):
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            results = list(pool.map(lambda case: attempt(self.path(case[0]), case[1], case[2]), CASES))
+        peak = max(results, key=lambda result: result[2])
+        print(f"\n{len(CASES)} inputs: largest peak {peak[2]:.0f} MB ({CASES[results.index(peak)][0]}), {peak[2] / BUDGET_MB:.2f} of --max-memory")
+        for (name, files, arguments, code, text), (got, err, megabytes, seconds) in zip(CASES, results):
+            with self.subTest(case=name):
+                self.assertEqual(got, code, err)
+                if code != 0:
+                    self.assertEqual(err.count("octrad: error: "), 1, err)
+                self.assertIn(text, err)
+                self.assertNotIn("internal error", err)
+                self.assertFalse([c for c in err if ord(c) < 32 and c not in "\n\t"], "control characters")
+                self.assertLess(megabytes, 1.1 * BUDGET_MB + 100)
+                self.assertLess(seconds, SECONDS)
+                left = set(os.listdir(self.path(name))) - set(files) - {".stderr"}
+                self.assertEqual(left, set() if code or "render" not in arguments else {"a.exr"})
+
+
+class BrokenModels(Case):
+    """A model as it is trained, with one thing wrong."""
+
+    def test_tensors(self):
+        scene = self.write("room.xml", ROOM)
+        self.ok("train", scene, "-o", self.path("m.octrad"), "--steps", "2", *SMALL)
+        metadata, _ = read_safetensors(self.path("m.octrad"))
+        with open(self.path("m.octrad"), "rb") as file:
+            raw = file.read()
+        size = int.from_bytes(raw[:8], "little")
+        header = json.loads(raw[8:8 + size])
+        header.pop("__metadata__")
+        tensors = {name: (t["dtype"], t["shape"], raw[8 + size + t["data_offsets"][0]:8 + size + t["data_offsets"][1]]) for name, t in header.items()}
+        points = self.write("p.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,1\n")
+        broken = self.path("broken.octrad")
+
+        def change(name, make):
+            dtype, shape, data = tensors[name]
+            write_safetensors(broken, {**tensors, name: (dtype, shape, make(data))}, metadata)
+
+        write_safetensors(broken, tensors, metadata)
+        self.ok("query", broken, "--points", points)
+        nan = b"\0\0\xc0\x7f"
+        for name in ("octree.level2.features", "decoder.mlp.0.weight", "disparity.grid.table", "octree.origin"):
+            change(name, lambda data: data[:-4] + nan)
+            message = self.fails(2, "not finite", "query", broken, "--points", points).err
+            self.assertIn("broken.octrad", message)
+            self.assertIn(name, message)
+        change("octree.level2.cells", lambda data: data[12:24] + data[:12] + data[24:])
+        self.assertIn("Morton order", self.fails(2, "broken.octrad", "query", broken, "--points", points).err)
+        resume = ("train", scene, "-o", broken, "--resume", "--steps", "3", "-q")
+        for name in sorted(n for n in tensors if n.startswith("optimizer.") and "far_ends" not in n):
+            write_safetensors(broken, {n: t for n, t in tensors.items() if n != name}, metadata)
+            self.fails(2, f'"{name}" is missing', *resume)
+        for name in sorted(n for n in tensors if n.startswith("optimizer.") and n.endswith(".count")):
+            change(name, lambda data: b"\xff" * 8)
+            self.fails(2, "is negative", *resume)
+        change("optimizer.octree.moments", lambda data: nan + data[4:])
+        self.fails(2, "not finite", *resume)
+        # A picture of features keeps those of its crop only, and asks before it keeps many.
+        view = ("render", scene, "--model", self.path("m.octrad"), "--integrator", "features1", "-o", self.path("a.exr"), "--width", "8000", "--height", "8000", "-q",
+                "--max-memory", "200M")
+        self.ok(*view, "--crop", "0,0,16,16")
+        self.fails(4, "--max-memory", *view)
+        for row, text in (("0,-1,0,0,1,0,0,1,0,-0.5,0.5,0.5,1", "at least 0"), ("0,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,-1", "at least 0"), ("0,-1,0\0,0,1,0,0,1,0,0.5,0.5,0.5,1", "not a finite number"),
+                          ("1e30,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,1", "up to 1e12"), ("0,-1,0,0,9,0,0,1,0,0.5,0.5,0.5,1", "a unit vector is needed"), ("0,-1", "2 cells where the header has 13"),
+                          ("\x1b[31m,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,1", r"\x1b[31m")):
+            self.write("p.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n" + row + "\n")
+            self.fails(2, text, "query", self.path("m.octrad"), "--points", points)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,102 @@
+#!/usr/bin/env python3
+"""Small valid files from which fuzzing starts. Usage: make_seeds.py PATH-TO-OCTRAD FOLDER
+
+FOLDER/TARGET/... for every target of tests/fuzz/targets.cc, made here or by the program; words of each format as
+FOLDER/TARGET.dict for libFuzzer.
+"""
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+program, folder = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
+here = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(here, "..", "cli"))
+os.environ["OCTRAD"] = program
+from broken_inputs import CASES, OBJ_BOX, TRIANGLE, chunk, pfm, ply, png  # noqa: E402
+from support import ROOM  # noqa: E402
+
+FORMATS = {"obj": "obj", "ply": "ply", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene"}
+
+
+def put(target, name, data):
+    os.makedirs(os.path.join(folder, target), exist_ok=True)
+    with open(os.path.join(folder, target, name), "wb") as out:
+        out.write(data if isinstance(data, bytes) else data.encode())
+
+
+def run(*arguments):
+    subprocess.run([program, *arguments, "-q"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+
+# The hand-made broken inputs, where they are small.
+for name, files, arguments, _, _ in CASES:
+    for file, data in files.items():
+        target = FORMATS.get(file.rsplit(".", 1)[-1])
+        if file.endswith(".json"):
+            target = "config" if "--config" in arguments else "path" if "--path" in arguments else "camera"
+        if target and len(data) < 5000:
+            put(target, name, data)
+
+put("scene", "room", ROOM)
+MATERIALS = "".join(f'<shape type="{shape}"><bsdf type="{bsdf}"/></shape>' for shape, bsdf in (
+    ("cube", "plastic"), ("sphere", "roughplastic"), ("rectangle", "conductor"), ("cube", "roughconductor"), ("sphere", "dielectric"), ("cube", "thindielectric")))
+put("scene", "materials", '<scene version="3.0.0"><sensor type="perspective"/>' + MATERIALS + '<shape type="obj"><string name="filename" value="t.obj"/><bsdf type="mask">'
+    '<texture name="opacity" type="bitmap"><string name="filename" value="t.png"/></texture><bsdf type="twosided"><bsdf type="bumpmap"><texture type="bitmap">'
+    '<string name="filename" value="t.png"/></texture><bsdf type="diffuse"/></bsdf></bsdf></bsdf></shape><emitter type="envmap"><string name="filename" value="t.png"/></emitter></scene>')
+put("obj", "all", "# o\n" + OBJ_BOX + "vt 0 0\nvt 1 0 0\nvn 0 0 1\ng a\nf 1/1/1 2/2/1 3//1\nf -1 -2 \\\n -3\n")
+put("ply", "ascii", ply())
+put("ply", "binary", ply(form="binary_little_endian", rows=TRIANGLE + b"\3" + struct.pack("<3i", 0, 1, 2)))
+put("ply", "big", ply(form="binary_big_endian", properties=("x", "y", "z"), rows=struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + b"\3" + struct.pack(">3i", 0, 1, 2)))
+put("ply", "normals", ply(properties=("x", "y", "z", "nx", "ny", "nz", "u", "v"), rows="0 0 0 0 0 1 0 0\n1 0 0 0 0 1 1 0\n0 1 0 0 0 1 0 1\n3 0 1 2\n"))
+put("png", "grey", png(2, 2, b"\0\x40\x80\0\x80\x40"))
+put("png", "rgba", png(1, 2, b"\0\1\2\3\4\1\5\6\7\x08", 6))
+for depth, color, interlace, rows in ((1, 3, 0, b"\0\x40\0\x80"), (16, 2, 0, b"\0" + bytes(12) + b"\2" + bytes(12)), (8, 0, 1, b"\0\1\0\2\0\3\4"), (8, 4, 0, b"\0\1\2\3\4\4\1\2\3\4")):
+    palette = chunk(b"PLTE", b"\1\2\3\4\5\6") + chunk(b"tRNS", b"\7") if color == 3 else b""
+    put("png", f"{depth}-{color}-{interlace}", b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 2, 2, depth, color, 0, 0, interlace)) + palette
+        + chunk(b"gAMA", b"\0\1\x86\xa0") + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+put("hdr", "flat", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 3\n\x80\x40\x20\x81\1\1\1\1\0\0\0\0")
+put("hdr", "runs", b"#?RGBE\n\n-Y 1 +X 8\n\2\2\0\x08\x88\x80\4\x10\x20\x30\x40\x84\x50\x88\0\x88\x82")
+put("pfm", "colour", pfm(1.0, 2.0))
+put("pfm", "grey", b"Pf\n1 1\n1.0\n" + struct.pack(">f", 1.0))
+put("points", "points", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha,t0,s0,n0,t1,s1,n1\n0,0,0,0,0,1,0,0,1,0.5,0.5,0.5,1,1,0,0.5,2,0,0.5\n")
+put("config", "some", '{"preset": "cpu", "octree": {"levels": 3}, "octree.features": 4, "train.time": "30s", "seed": 1, "field": "nr"} // comment\n')
+put("camera", "two", '[{"origin": [0,1,4], "target": [0,1,0], "up": [0,1,0], "fov": 40, "fov_axis": "x", "near_clip": 0.1, "far_clip": 9, "width": 3, "height": 2, "name": "a"},'
+    ' {"to_world": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]}]')
+put("path", "timed", '{"keys": [{"origin": [0,0,4], "target": [0,0,0], "time": 0}, {"origin": [1,0,4], "target": [0,0,0], "time": 1.5}], "fps": 12}')
+put("path", "frames", '{"keys": [{"origin": [0,0,4], "target": [0,0,0]}, {"origin": [1,0,4], "target": [0,0,0]}, {"origin": [1,1,4], "target": [0,0,0]}], "frames": 5}')
+# What the program writes.
+put(".", "room.xml", ROOM)
+for ending, target in (("exr", "exr"), ("jpg", "jpeg"), ("hdr", "hdr"), ("png", "png")):
+    os.makedirs(os.path.join(folder, target), exist_ok=True)
+    run("render", "room.xml", "-o", f"{target}/render.{ending}", "--spp", "1", "--width", "4", "--height", "4")
+TINY = "-D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.hidden=1 -D train.poses=2 -D ncr.rays.train=4 -D octree.levels=1 -D octree.features=2 " \
+       "-D disparity.log2_table=10 -D disparity.levels=1 -D disparity.features=2 -D disparity.width=16 -D disparity.hidden=1 -D nr.levels=1 -D nr.features=2 -D nr.log2_table=10 " \
+       "-D nr.width=16 -D nr.hidden=1 -D ncr.levels=1 -D ncr.features=2 -D ncr.log2_table=10 -D ncr.cone.levels=1 -D ncr.cone.log2_table=10 -D ncr.cone.features=2 -D ncr.width=16 " \
+       "-D ncr.hidden=1 -D ncr.cone.width=16 -D ncr.cone.hidden=1 -D ncr.merge.width=16 -D ncr.merge.hidden=1"
+os.makedirs(os.path.join(folder, "model"), exist_ok=True)
+for field in ("octaoctree", "nr", "ncr"):
+    run("train", "room.xml", "-o", f"model/{field}.octrad", "--field", field, "--steps", "2", "--overwrite", *TINY.split())
+os.remove(os.path.join(folder, "room.xml"))
+
+WORDS = {
+    "scene": "<scene <sensor <film <rfilter <shape <bsdf <emitter <texture <transform <lookat <matrix <scale <rotate <translate <rgb <float <integer <boolean <string <point <ref <default "
+             "<include <alias <path type= name= value= id= version=\\\"3.0.0\\\" perspective cube sphere rectangle obj ply diffuse plastic conductor dielectric twosided mask bumpmap area "
+             "constant envmap bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
+    "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices end_header 4294967295 -1 nan inf".split(),
+    "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
+    "hdr": "#?RADIANCE #?RGBE FORMAT=32-bit_rle_rgbe -Y +X \\x02\\x02 \\x01\\x01\\x01".split(),
+    "pfm": "PF Pf -1.0 nan inf 131072".split(),
+    "png": "IHDR PLTE tRNS IDAT IEND gAMA iCCP sBIT \\x89PNG\\x0d\\x0a\\x1a\\x0a".split(),
+    "jpeg": "\\xff\\xd8 \\xff\\xd9 \\xff\\xc0 \\xff\\xc2 \\xff\\xc4 \\xff\\xda \\xff\\xdb \\xff\\xdd \\xff\\xee Adobe JFIF".split(),
+    "exr": "channels chlist compression dataWindow displayWindow box2i lineOrder pixelAspectRatio screenWindowCenter screenWindowWidth tiles tiledesc type string chunkCount name".split(),
+    "model": "__metadata__ dtype shape data_offsets F32 F16 I32 I64 U16 format octrad config scene state octree.level1.cells".split(),
+    "config": "octree.levels preset paper default cpu field octaoctree nr ncr train.time 1e999 null true [[[[ {".split(),
+    "camera": "origin target up fov to_world width height near_clip far_clip 1e30 1e999 null".split(),
+    "path": "keys frames duration fps time origin target 1e9 1e30".split(),
+    "points": "nan inf 1e39 -1 , \\x0a".split(),
+}
+for target, words in WORDS.items():
+    with open(os.path.join(folder, target + ".dict"), "w", encoding="utf-8") as out:
+        out.writelines(f'"{word}"\n' for word in words)

@@ -1,0 +1,63 @@
+// Without libFuzzer, in the ordinary tests: every file of tests/fuzz/found once through the reader that it broke, and
+// what a few thousand blind changes make of it.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "octrad/base/rng.h"
+#include "targets.h"
+
+namespace octrad::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Of the folder OCTRAD_FUZZ_FILES, by the target's name, sorted.
+std::vector<fs::path> files_of(const std::string& target) {
+  std::vector<fs::path> files;
+  const fs::path folder = fs::path(OCTRAD_FUZZ_FILES) / target;
+  if (fs::is_directory(folder)) {
+    for (const auto& entry : fs::directory_iterator(folder)) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::string content(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class Replay : public ::testing::TestWithParam<Target> {
+ protected:
+  static void SetUpTestSuite() { prepare(); }
+};
+
+TEST_P(Replay, WhatWasFoundIsRead) {
+  for (const fs::path& file : files_of(GetParam().name)) {
+    SCOPED_TRACE(file.string());
+    const std::string bytes = content(file);
+    EXPECT_NO_THROW(GetParam().run(bytes));
+    for (std::size_t i = 0; i < 200 && !bytes.empty(); ++i) {
+      Rng rng(1, RngPurpose::test, i);
+      std::string changed = bytes;
+      changed[rng.below(static_cast<std::uint32_t>(bytes.size()))] = static_cast<char>(rng.below(256));
+      EXPECT_NO_THROW(GetParam().run(changed));
+    }
+  }
+}
+
+TEST_P(Replay, NothingAndOneByte) {
+  EXPECT_NO_THROW(GetParam().run(""));
+  for (int c = 0; c < 256; ++c) EXPECT_NO_THROW(GetParam().run(std::string(1, static_cast<char>(c))));
+}
+
+INSTANTIATE_TEST_SUITE_P(Readers, Replay, ::testing::ValuesIn(targets().begin(), targets().end()),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+TEST(Targets, UnknownNamesAreListed) { EXPECT_THROW(find_target("x"), std::runtime_error); }
+
+}  // namespace
+}  // namespace octrad::fuzz
