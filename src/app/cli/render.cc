@@ -231,7 +231,7 @@ void add_render(Program& program) {
       ->check(whole_in_range(1, 1 << 20))
       ->type_name("D");
   verb->add_option("-D", o->definitions,
-                   "set a parameter of the scene file, render.delta=cache|trace or render.trace_below")
+                   "set a parameter of the scene file, or a key render.*, such as render.delta=cache")
       ->type_name("KEY=VALUE")
       ->expected(1)
       ->allow_extra_args(false)

@@ -2,10 +2,6 @@
 
 namespace octrad {
 
-LookupRule lookup_rule(const Config& config) {
-  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold)};
-}
-
 DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
                          Vec3f origin, Vec3f size, unsigned long long stream)
     : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
@@ -16,7 +12,8 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
   if (config.target_emission == TargetEmission::outside && config.target_demodulate == TargetDemodulation::albedo)
     rules_.demodulate_from = split_coats(config) ? 0.0f : static_cast<float>(config.lookup_rough_threshold);
   rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  if (config.decoder_position == DecoderPosition::normalized) {
+  rules_.normalized = config.decoder_position == DecoderPosition::normalized;
+  if (rules_.normalized) {
     rules_.position_scale = Vec3f(2.0f) / size;
     rules_.position_offset = Vec3f(-1.0f) - origin * rules_.position_scale;
   }

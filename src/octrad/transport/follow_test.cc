@@ -20,7 +20,7 @@ TEST(FollowRay, EmissionOfTheEndIsToldFromWhatWasPassed) {
     <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>)"));
   Rng rng(1, RngPurpose::test, 0);
   const RayEnd end =
-      follow_ray(setup.context, Vec3f(0.1f, 0.2f, 0.0f), nullptr, Vec3f(0.0f, 0.0f, 1.0f), rng, false, 16);
+      follow_ray(setup.context, Vec3f(0.1f, 0.2f, 0.0f), nullptr, Vec3f(0.0f, 0.0f, 1.0f), rng, 0.0f, 16);
   ASSERT_TRUE(end.surface);
   EXPECT_FLOAT_EQ(end.first_emitted.x + end.emitted.x, 7.0f);
   EXPECT_FLOAT_EQ(end.passed_emitted.x, 2.0f);

@@ -106,11 +106,12 @@ struct Arrive : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
     if (q == 0) memory.counts->rays += *memory.query_count;
-    const float disparity = traced_disparity(world, memory.queries.load(q), memory.normals.get3(0, q));
+    const float disparity = traced_disparity(world, rule, memory.queries.load(q), memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
   }
 };
@@ -158,14 +159,14 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       queries_(stream, kSurfacePointNumbers, queries_of(capacity), "queries"),
       query_weight_(stream, 3, queries_of(capacity), "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
-      normals_(rays.mirror ? PlaneArray(stream, 3, queries_of(capacity), "queries") : PlaneArray()),
+      normals_(rays.offset.traced ? PlaneArray(stream, 3, queries_of(capacity), "queries") : PlaneArray()),
       lobes_(stream, world, queries_of(capacity), rays, true) {
   counts_.fill(0);
 }
 
 std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats) {
   const std::size_t queries = split_coats ? 2 * capacity : capacity,
-                    query_numbers = static_cast<std::size_t>(kSurfacePointNumbers + 3 + (rays.mirror ? 3 : 0)),
+                    query_numbers = static_cast<std::size_t>(kSurfacePointNumbers + 3 + (rays.offset.traced ? 3 : 0)),
                     sample_numbers = static_cast<std::size_t>(kSampleNumbers + (bounces ? 3 : 0));
   return queries * (query_numbers * sizeof(float) + sizeof(std::uint32_t)) +
          capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + sizeof(std::uint32_t) +
@@ -190,7 +191,8 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
-  if (query_rays_.mirror) launch(*stream_, queries_of(n), Disparity{{}, world_, memory});
+  if (query_rays_.offset.traced)
+    launch(*stream_, queries_of(n), Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
 }
 
