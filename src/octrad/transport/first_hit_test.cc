@@ -105,7 +105,7 @@ TEST(FirstHit, NearMirrorsAreFollowedAndShowLampsAndSky) {
     Vec3f sum(0.0f);
     constexpr int kSamples = 1 << 15;
     for (unsigned long long i = 0; i < kSamples; ++i) {
-      CameraSample sample{{{0, 0, 0}, {0.8f, 0, -0.6f}, 1e30f}, Rng(1, RngPurpose::test, i), {}};
+      CameraSample sample{{{0, 0, 0}, normalize(Vec3f(1.0f, 0, -0.3f)), 1e30f}, Rng(1, RngPurpose::test, i), {}};
       RayEnd end;
       FirstHit first;
       sum += trace_first_hit(scene.context(), options, sample, end, first).known;
@@ -114,7 +114,7 @@ TEST(FirstHit, NearMirrorsAreFollowedAndShowLampsAndSky) {
     return sum / static_cast<float>(kSamples);
   };
   EXPECT_EQ(light_over_the_metal(0.2f), Vec3f(0.0f));  // below is exclusive
-  const Found metal = look_along(scene, {0.8f, 0, -0.6f});
+  const Found metal = look_along(scene, normalize(Vec3f(1.0f, 0, -0.3f)));
   RhsOptions direct;
   direct.directions = 1 << 14;
   direct.max_chain = 0;
