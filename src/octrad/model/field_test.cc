@@ -12,6 +12,7 @@
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/encoding/octaoctree_math.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/model/field_test_helper.h"
 #include "octrad/model/model_file.h"
@@ -160,6 +161,32 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
 TEST_P(AllFields, EveryRateMovesItsOwnParts) {
   testing::check_rates(small_config(GetParam()), shell(3),
                        [](RadianceField& field, const Config&) { train_steps(field, 1); });
+}
+
+// Where no cell is, features are 0: counted once a level, whoever asks, and by queries of training too.
+TEST(OctaOctreeField, EmptyLookupsAreCounted) {
+  Config config = small_config("octaoctree");
+  const auto field = make_field(config, shell(3));
+  auto points = random_points(64, 5);
+  std::vector<Vec3f> out(points.size());
+  field->radiance(points, out);
+  EXPECT_EQ(field->take_empty_lookups(), 0);
+  for (std::size_t i = 0; i < 10; ++i) points[i].x = Vec3f(0.5f);  // far from the shell; level 1 is that coarse
+  const auto& octree = dynamic_cast<OctaOctreeField&>(*field).octree();
+  std::vector<float> values(static_cast<std::size_t>(field->feature_count())), slopes(values);
+  const int levels = lookup_query(octree.view(), Vec3f(0.5f), points[0].wo, 0.1f, values.data(), slopes.data());
+  ASSERT_GT(levels, 0);
+  for (const int threads : {1, 3}) {
+    set_thread_count(threads);
+    parallel_blocks(points.size(), 4, [&](std::size_t begin, std::size_t end) {
+      field->radiance(std::span(points).subspan(begin, end - begin), std::span(out).subspan(begin, end - begin));
+    });
+    EXPECT_EQ(field->take_empty_lookups(), 10 * levels);
+    field->train(points, std::vector<Vec3f>(points.size(), Vec3f(1.0f)), 0.1, 1.0);
+    EXPECT_EQ(field->take_empty_lookups(), 10 * levels);
+  }
+  set_thread_count(0);
+  EXPECT_EQ(field->take_empty_lookups(), 0);
 }
 
 // Switches of the method that must train and that must change the result.
