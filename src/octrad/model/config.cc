@@ -153,7 +153,7 @@ const std::vector<Key>& keys() {
              {{"normal", RoughDirection::normal}, {"mirror", RoughDirection::mirror}},
              "direction of the query where alpha is at least lookup.rough_threshold"),
       number("lookup.rough_threshold", &C::lookup_rough_threshold, {0, 2},
-             "roughness from which a surface counts as rough"),
+             "roughness from which a surface counts as rough; 1: diffuse ones alone"),
 
       number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
       number("disparity.features", &C::disparity_features, kFeatureCounts, "features per level: 2, 4 or 8"),
@@ -439,6 +439,7 @@ Config preset(const std::string& name) {
   // The paper, and the constants behind its tables.
   c.octree_box = OctreeBox::axis;
   c.octree_bounds = "scene";
+  c.lookup_rough_threshold = 0.5;
   c.octree_occupancy = OctreeOccupancy::sampled;
   c.disparity_direction = false;
   c.disparity_unit = DisparityUnit::world;

@@ -30,7 +30,7 @@ struct Config {
   LookupDirection lookup_direction = LookupDirection::mirror;
   LookupOffset lookup_offset = LookupOffset::predicted;
   RoughDirection lookup_rough_direction = RoughDirection::normal;
-  double lookup_rough_threshold = 0.5;
+  double lookup_rough_threshold = 1.0;  // diffuse surfaces alone
 
   // Disparity predictor (method section 5).
   int disparity_levels = 6;
