@@ -175,6 +175,7 @@ TEST(OctaOctreeField, OnlyDiffuseSurfacesAreDemodulatedAndSeenFromNowhere) {
   }
   const auto green = [&](const char* threshold, float alpha, bool& sees) {
     Config config = small_config("octaoctree");
+    set(config, "lookup.coats", "joined");
     if (threshold != nullptr) set(config, "lookup.rough_threshold", threshold);
     const auto field = make_field(config, shell(3));
     for (int i = 0; i < 60; ++i) field->train(points, targets, 0.1, 1.0);

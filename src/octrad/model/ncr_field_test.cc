@@ -122,7 +122,7 @@ TEST(NcrField, SaysWhatItNeedsTraced) {
   EXPECT_EQ(render.lobe_rays(0.1f), 32);
   EXPECT_EQ(render.iterations, 3);
   EXPECT_EQ(render.clusters, 4);
-  EXPECT_EQ(render.count(0.5f), 0);
+  EXPECT_EQ(render.count(1.0f), 0);
   EXPECT_FALSE(render.offset.traced);
   config.field = "nr";
   config.lookup_offset = LookupOffset::traced;  // a key of another field

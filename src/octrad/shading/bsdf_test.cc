@@ -137,8 +137,9 @@ TEST(Bsdf, LobesOfCoatsAreTheWhole) {
       for (const Bsdf* lobe : {&base, &coat}) {
         const Vec3f expected = lobe_albedo(*lobe, wo), found = reflected[lobe == &coat];
         // The tables of rough coats do not keep the light that reciprocity needs.
-        const float tolerance =
-            lobe == &coat || whole.type == BsdfType::plastic ? 0.02f : 0.35f * max_component(expected);
+        const float tolerance = whole.type == BsdfType::plastic ? 0.02f
+                                : lobe == &coat                 ? 0.1f
+                                                                : 0.35f * max_component(expected);
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], tolerance) << entry.name << " wo.z " << wo.z;
         EXPECT_NEAR(chosen[lobe == &coat], 1.0, 0.05) << entry.name;  // each counts once on average
       }

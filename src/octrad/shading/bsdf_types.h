@@ -15,7 +15,7 @@ namespace octrad {
 inline constexpr int kTransmittanceResolution = 64;
 
 // Part of a coated model (plastic, roughplastic) that is meant; the others have one part, `all`.
-enum class Lobe : std::uint8_t { all, base, coat };
+enum class Lobe : std::uint8_t { all, coat, base };
 
 // Parameters of a material at a point: textures looked up, wrappers applied.
 struct Bsdf {

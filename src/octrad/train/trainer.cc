@@ -97,7 +97,7 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
           s.kind == Shape::Kind::sphere ? 1 : scene.meshes[static_cast<std::size_t>(s.geometry)].triangles.size();
     }
     if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives || lobe < 0 ||
-        lobe > static_cast<std::int32_t>(Lobe::coat))
+        lobe > static_cast<std::int32_t>(Lobe::base))
       throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
   }
   return ends;

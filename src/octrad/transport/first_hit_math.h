@@ -17,14 +17,15 @@ struct FirstHitOptions {
   bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass
 };
 
-// Lobes of a surface that are asked for one after the other: [first, last].
+// Lobes of a surface that are asked for one after the other: [first, last]. The coat comes first: it may want rays,
+// whose random numbers must not depend on whether the base draws any.
 struct AskedLobes {
   int first = static_cast<int>(Lobe::all), last = static_cast<int>(Lobe::all);
 };
 
 OCTRAD_HD inline AskedLobes asked_lobes(const FirstHitOptions& options, const Bsdf& bsdf) {
   if (!options.split_coats || !is_coated(bsdf)) return {};
-  return {static_cast<int>(Lobe::base), static_cast<int>(Lobe::coat)};
+  return {static_cast<int>(Lobe::coat), static_cast<int>(Lobe::base)};
 }
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
