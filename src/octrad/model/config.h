@@ -122,7 +122,7 @@ struct Config {
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
   Highlights render_highlights = Highlights::automatic;
-  double render_bounce_below = 0.2;
+  double render_bounce_below = 0.1;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;
