@@ -124,7 +124,7 @@ struct Config {
   double render_trace_below = 0.05;  // alpha
   Coats lookup_coats = Coats::split;
   Highlights render_highlights = Highlights::automatic;
-  double render_bounce_below = 0.2;
+  double render_bounce_below = 0.1;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;
