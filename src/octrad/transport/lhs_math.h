@@ -234,10 +234,8 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
       roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }
-  if (next == LhsNext::found && options.split_coats && is_coated(point.bsdf)) {
-    const auto boost = static_cast<float>(options.glossy_boost);
-    point.bsdf.lobe = draw.rng.uniform() * (1.0f + boost) < boost ? Lobe::coat : Lobe::base;
-  }
+  if (next == LhsNext::found && options.split_coats && is_coated(point.bsdf))
+    point.bsdf.lobe = draw.rng.uniform() < 0.5f ? Lobe::coat : Lobe::base;
   return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_start_try(poses, draw) : next;
 }
 
