@@ -40,7 +40,7 @@ bad=0 passed=0
 for name in $names; do
   log=build-fuzz/$name.log
   # -max_len: small files reach as much and are faster. A reader that takes 10 seconds for one is a finding too.
-  if OCTRAD_FUZZ=$name build-fuzz/fuzz "$corpus/$name" -dict="$corpus/$name.dict" -max_total_time="$seconds" -max_len=20000 -timeout=10 \
+  if OCTRAD_FUZZ=$name build-fuzz/fuzz "$corpus/$name" -dict="$corpus/$name.dict" -max_total_time="$seconds" -max_len=60000 -timeout=10 \
     -rss_limit_mb=2500 -malloc_limit_mb=800 -artifact_prefix="$found/$name-" -print_final_stats=1 >"$log" 2>&1; then
     passed=$((passed + 1))
     printf '  ok       %-8s %s\n' "$name" "$(grep -E '^#[0-9]+' "$log" | tail -n 1 | tr '\t' ' ')"

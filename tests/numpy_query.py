@@ -84,7 +84,8 @@ def octree_features(tensors, config, x, w, disparity):
     """Level features, concatenated: [n, K C]."""
     levels, interpolation = config["octree"]["levels"], config["octree"]["interpolation"]
     origin, size = tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
-    p = (x - origin) / size
+    p = np.clip((x - origin) / size, 0, 1)             # outside: the nearest place of the domain
+    x = origin + p * size
     out = []
     for level in range(1, levels + 1):
         cells = tensors["octree.level%d.cells" % level].astype(np.int64)
@@ -157,6 +158,11 @@ def mlp(tensors, prefix, hidden, x):
         if layer < hidden:
             x = np.maximum(x, 0)
     return x
+
+
+def contract(x):
+    """Coordinates beyond [-1, 1] drawn into (-2, 2)."""
+    return np.where(np.abs(x) <= 1, x, np.sign(x) * (2 - 1 / np.maximum(np.abs(x), 1)))
 
 
 def squareplus(x):
@@ -257,7 +263,7 @@ class Model:
                 disparity = squareplus(mlp(t, "disparity.mlp", c["disparity"]["hidden"], inputs)[:, 0]) * unit
             features = octree_features(t, c, x, w, disparity)
             prefix, hidden, output = "decoder.mlp", c["decoder"]["hidden"], c["decoder"]["output"]
-        position = lambda at: 2 * (at - origin) / size - 1 if c["decoder"]["position"] == "normalized" else at
+        position = lambda at: contract(2 * (at - origin) / size - 1) if c["decoder"]["position"] == "normalized" else at
         inputs = np.concatenate([features, position(x), w, n, albedo, alpha[:, None]], axis=1)
         radiance = ACTIVATIONS[output](mlp(t, prefix, hidden, inputs))
         if c["field"] == "ncr":

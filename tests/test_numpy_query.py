@@ -52,6 +52,7 @@ def sample_points(model, count):
         p = (cells[rng.integers(len(cells), size=count)] + rng.random((count, 3))) / 2 ** (levels + 1)
     else:
         p = rng.random((count, 3))
+    p[::50] = 5 * p[::50] - 2                         # some beside the domain
     unit = lambda v: v / np.linalg.norm(v, axis=1, keepdims=True)
     n, wo = unit(rng.normal(size=(count, 3))), unit(rng.normal(size=(count, 3)))
     wo *= np.where((wo * n).sum(axis=1, keepdims=True) < 0, -1, 1)

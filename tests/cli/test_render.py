@@ -230,7 +230,17 @@ class Render(Case):
             self.assertEqual(level["bytes"], level["entries"] * 16)
             self.assertLessEqual(level["cells"], level["spatial_resolution"] ** 3)
         self.assertEqual(info["entries"], sum(level["entries"] for level in info["levels"]))
+        domain = info["domain"]
+        self.assertEqual((domain["outside"], domain["size"]), (0, [domain["scene_size"]] * 3))
+        self.assertAlmostEqual(domain["finest_cell"], domain["scene_size"] / 16, 5)
+        self.assertGreater(domain["seen_distance"], 20 * domain["seen_pixel"])
+        half = self.ok("info", self.scene, "--json", "-D", "octree.bounds=-1,-1,-1,0,1,1", "-D", "octree.box=axis").json()["domain"]
+        for found, expected in zip(half["origin"] + half["size"], [-1.01, -1.01, -1.01, 1.02, 2.02, 2.02]):
+            self.assertAlmostEqual(found, expected, 5)
+        self.assertGreater(half["outside"], 0.2)
+        self.fails(1, "octree.bounds", "info", self.scene, "-D", "octree.bounds=-1,-1,-1,0,1,-1")
         text = self.ok("info", self.scene).out
+        self.assertRegex(text, r"box 2\.02 wide, finest cell 0\.0158 = [\d.]+ pixels at the sensors' median distance")
         self.assertIn("octahedral", text)
         self.assertRegex(text, r"model file about [\d.]+ MiB with what --resume needs, about [\d.]+ MiB with --no-optimizer")
         self.assertEqual(info["model_file"]["without_optimizer"] > info["bytes"], True)

@@ -151,7 +151,11 @@ class Train(Case):
             with self.subTest(integrator=integrator):
                 report = self.render(integrator, out, "--spp", 1)
                 self.assertEqual((report["width"], report["height"]), (32, 24))
-        self.assertGreater(self.render("lhs", out, "--spp", 2)["queries_per_s"], 0)
+        report = self.render("lhs", out, "--spp", 2)
+        self.assertGreater(report["queries_per_s"], 0)
+        self.assertEqual((report["empty_lookups"], report["bounce_below"]), (0, 0))
+        bounced = self.render("lhs", out, "--spp", 2, "-D", "render.highlights=bounce", "-D", "render.bounce_below=0.4")
+        self.assertAlmostEqual(bounced["bounce_below"], 0.4, 6)
         metadata = self.ok("info", out, "--json").json()["metadata"]
         self.assertEqual(json.loads(metadata["octrad.config"])["octree"]["levels"], 3)
         self.fails(1, "features3", "render", self.scene, "--model", self.model, "--integrator", "features4", "-o", out)

@@ -27,7 +27,7 @@ def put(target, name, data):
 
 
 def run(*arguments):
-    subprocess.run([program, *arguments, "-q"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([program, *arguments, "-q"], cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 # The hand-made broken inputs, where they are small.

@@ -55,7 +55,7 @@ TEST_P(Replay, NothingAndOneByte) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Readers, Replay, ::testing::ValuesIn(targets().begin(), targets().end()),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& of) { return std::string(of.param.name); });
 
 TEST(Targets, UnknownNamesAreListed) { EXPECT_THROW(find_target("x"), std::runtime_error); }
 

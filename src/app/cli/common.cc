@@ -275,6 +275,11 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
   return out;
 }
 
+std::string empty_lookups_text(long long count) {
+  return fmt::format("{} look-ups of an octree level found no occupied cell and had features of 0",
+                     format_count(count));
+}
+
 void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
   for (const auto& [key, value] : options.config_definitions()) {
     if (ignores_key(field_entry(config.field), key))

@@ -145,6 +145,9 @@ T metadata_value(const Image& image, const std::string& name, const std::string&
   }
 }
 
+// What to say of look-ups that found nothing (RadianceField::take_empty_lookups).
+std::string empty_lookups_text(long long count);
+
 // Warns of keys on the command line (-D) that the field of `config` does not use.
 void warn_of_ignored_keys(const ConfigOptions& options, const Config& config);
 

@@ -13,12 +13,14 @@
 #include "octrad/base/version.h"
 #include "octrad/device/choose.h"
 #include "octrad/encoding/octaoctree.h"
-#include "octrad/geometry/voxelize.h"
 #include "octrad/image/io.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 #include "octrad/model/safetensors.h"
 #include "octrad/network/mlp_simd.h"
+#include "octrad/render/highlights.h"
+#include "octrad/scene/camera.h"
+#include "octrad/train/domain.h"
 
 namespace octrad::cli {
 namespace {
@@ -213,12 +215,16 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const bool octree = field.cell_levels(config) > 0;
   if (options.sampled && !octree)
     throw UsageError(fmt::format("--sampled: the field {} has no octree whose cells could be counted", field.name));
-  const Scene scene = open_scene(options.file, options.config.scene_definitions());
+  const PreparedScene prepared(open_scene(options.file, options.config.scene_definitions()));
+  const Scene& scene = prepared.scene();
   warn_of_ignored_keys(options.config, config);
-  const Domain domain = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
+  const DomainFit fit = fit_domain(
+      prepared, config, config.train_cameras.empty() ? std::vector<Camera>{} : read_cameras(config.train_cameras));
+  const Domain& domain = fit.box;
   const OctreeLevels levels = octree ? octree_levels(scene, domain, config, options.sampled) : OctreeLevels{};
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
+  const double small_lamps = small_lamp_share(prepared, static_cast<float>(config.render_bounce_below));
   const std::size_t lights = scene.area_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
@@ -240,9 +246,17 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                 {"lights", lights},
                 {"area_lights", scene.area_lights.size()},
                 {"environments", scene.environments.size()},
+                {"small_lamps", small_lamps},
                 {"cameras", cameras},
                 {"bounds", {{"lower", vector_json(scene.bounds.lower)}, {"upper", vector_json(scene.bounds.upper)}}},
-                {"domain", {{"origin", vector_json(domain.origin)}, {"size", vector_json(domain.size)}}},
+                {"domain",
+                 {{"origin", vector_json(domain.origin)},
+                  {"size", vector_json(domain.size)},
+                  {"scene_size", fit.whole},
+                  {"outside", fit.outside},
+                  {"finest_cell", fit.cell > 0.0 ? nlohmann::json(fit.cell) : nlohmann::json(nullptr)},
+                  {"seen_distance", fit.distance},
+                  {"seen_pixel", fit.pixel}}},
                 {"max_depth", scene.max_depth},
                 {"film", {{"width", scene.film.width}, {"height", scene.film.height}}},
                 {"field", field.name},
@@ -265,14 +279,17 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
   out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(),
                      scene.environments.size());
+  out += fmt::format("highlights {:.0f} % of the light on surfaces of roughness below {} is from small lamps: lhs {}\n",
+                     100.0 * small_lamps, config.render_bounce_below,
+                     bounce_below(prepared, config) > 0.0f ? "takes a bounce there" : "asks the cache there too");
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
     out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),
                        point(c.forward), c.fov_degrees, c.film_width, c.film_height);
   }
-  out += fmt::format("depth      {}\n\n{} with preset {}",
+  out += fmt::format("depth      {}\n\n{} with preset {}, {}",
                      scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), field.title,
-                     config.preset);
+                     config.preset, domain_text(fit));
   if (octree) {
     out +=
         fmt::format(", {} levels, {} features, box {}, occupancy {}:\n{}", config.octree_levels, config.octree_features,

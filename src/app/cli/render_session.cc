@@ -14,6 +14,7 @@
 #include "octrad/base/log.h"
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
+#include "octrad/render/highlights.h"
 
 namespace octrad::cli {
 namespace {
@@ -42,11 +43,10 @@ RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& int
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
   Config config = info.config;
   for (const auto& [key, value] : definitions.config_definitions()) {
-    if (key != "render.delta") {
+    if (!key.starts_with("render.")) {
       Config scratch = config;
       set(scratch, key, value);  // an unknown key is refused with a suggestion
-      throw UsageError(
-          fmt::format("-D {}: the model fixes this key; only render.delta can change after training", key));
+      throw UsageError(fmt::format("-D {}: the model fixes this key; only render.* can change after training", key));
     }
     set(config, key, value);
   }
@@ -149,6 +149,14 @@ void RenderSession::start(const View& view) {
   renderer =
       make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
   renderer->set_view(view);
+  if (o.integrator != "lhs") return;
+  bounce_below = octrad::bounce_below(prepared, config);
+  if (bounce_below > 0.0 && config.render_highlights == Highlights::automatic) {
+    log_info(
+        "small lamps shine on surfaces of roughness below {}: these take one bounce each, others a query of the cache "
+        "(render.highlights=cache: all)",
+        config.render_bounce_below);
+  }
 }
 
 RenderResult RenderSession::render_picture(double begin, double share) {
@@ -167,6 +175,7 @@ RenderResult RenderSession::render_picture(double begin, double share) {
   if (result.interrupted || begin + share > 1.0 - 1e-9) progress_.finish();
   if (result.counts.non_finite > 0)
     log_warning(fmt::format("{} samples were not finite and count as black", format_count(result.counts.non_finite)));
+  if (result.counts.empty_lookups > 0) log_info("{}", empty_lookups_text(result.counts.empty_lookups));
   return result;
 }
 
@@ -242,7 +251,9 @@ nlohmann::json RenderSession::report(const RenderResult& result, const View& vie
                            {"rays_per_s", static_cast<double>(result.counts.rays) / seconds},
                            {"queries_per_s", static_cast<double>(result.counts.queries) / seconds},
                            {"non_finite", result.counts.non_finite},
+                           {"empty_lookups", result.counts.empty_lookups},
                            {"interrupted", result.interrupted}};
+  if (o.integrator == "lhs") report["bounce_below"] = bounce_below;
   report["device"] = device.name;
   if (denoiser) report["denoise_seconds"] = denoise_seconds;
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();

@@ -68,6 +68,7 @@ struct RenderSession {
   void log_event(const std::string& event, nlohmann::json fields) const;
 
   double denoise_seconds = 0.0;  // of all pictures
+  double bounce_below = 0.0;     // render/highlights.h; of lhs
 
  private:
   Progress progress_;

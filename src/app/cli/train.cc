@@ -53,9 +53,10 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   apply_options(wanted, o, common);
   if (wanted.target_scale == 0.0) wanted.target_scale = model.info.config.target_scale;  // chosen by the first run
   const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
-  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "render.delta"};
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every"};
   for (std::size_t i = 0; i < was.size(); ++i) {
-    if (was[i].value == now[i].value || std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
+    if (was[i].value == now[i].value || was[i].key.starts_with("render.") ||
+        std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
       continue;
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
@@ -221,6 +222,11 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (log) log->write({{"event", "not_saved"}, {"error", why}, {"step", step}});
   };
 
+  options.placed = [&](const DomainFit& fit) {
+    log_info("{}", domain_text(fit));
+    if (const std::string warning = domain_warning(fit); !warning.empty()) log_warning(warning);
+  };
+
   const TrainResult result = train(scene, config, options);
   progress.finish();
   if (result.dropped_contributions > 0) {
@@ -228,12 +234,15 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                             format_count(result.dropped_contributions)));
   }
 
+  if (result.empty_lookups > 0) log_info("{}", empty_lookups_text(result.empty_lookups));
+
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"steps", result.steps},
                            {"seconds", result.seconds},
                            {"lhs_samples", result.lhs_samples},
                            {"rhs_queries", result.rhs_queries},
                            {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds},
+                           {"empty_lookups", result.empty_lookups},
                            {"loss", result.loss < 0.0 ? nlohmann::json(nullptr) : nlohmann::json(result.loss)},
                            {"validation_mape", nullptr},
                            {"model", o.output},

@@ -28,6 +28,8 @@ enum class RngPurpose : std::uint64_t {
   chain = 9,     // right-hand-side rays through masks and over mirrors and glass
   lobe = 10,     // rays drawn from the BSDF of left-hand-side points
   far_end = 11,  // choice among the ends of a point's right-hand-side rays
+  domain = 12,   // rays that find what is seen
+  lamps = 13,    // points and light samples that find small lamps
   test = 100,
 };
 

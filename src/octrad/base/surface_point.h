@@ -22,19 +22,40 @@ struct SurfacePoint {
   Vec3f wo;                       // unit direction towards the viewer
   Vec3f albedo;                   // linear RGB, independent of wo
   float alpha = 1.0f;             // roughness: 1 diffuse, 0 perfectly smooth
-  float disparity = 0.0f;         // 1 / distance along the mirror direction, only with QueryRays::mirror
+  float disparity = 0.0f;         // 1 / distance along the look-up direction, only with QueryRays::offset
   HitCluster lobe[kHitClusters];  // what rays drawn from the BSDF met, only with QueryRays::lobe
+};
+
+enum class LookupDirection { mirror, outgoing };  // direction of queries on glossy surfaces
+enum class RoughDirection { normal, mirror };     // direction of queries on rough surfaces
+
+// Direction with which a field is looked up at a point.
+struct LookupRule {
+  LookupDirection glossy = LookupDirection::mirror;
+  RoughDirection rough = RoughDirection::normal;
+  float rough_threshold = 0.5f;
+};
+
+OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
+  if (point.alpha >= rule.rough_threshold && rule.rough == RoughDirection::normal) return point.n;
+  return rule.glossy == LookupDirection::mirror ? reflect(point.wo, point.n) : point.wo;
+}
+
+// A ray from a point along its look-up direction, whose length gives SurfacePoint::disparity.
+struct OffsetRay {
+  bool traced = false;
+  LookupRule rule;
 };
 
 // What is traced from a point before a field is asked there; the field says it (FieldEntry::rays).
 struct QueryRays {
-  bool mirror = false;  // one along the mirror direction
-  int lobe = 0;         // drawn from the BSDF where alpha is below `lobe_below`, at most kMostLobeRays
+  OffsetRay offset;
+  int lobe = 0;  // drawn from the BSDF where alpha is below `lobe_below`, at most kMostLobeRays
   float lobe_below = 0.0f;
   int clusters = kHitClusters, iterations = 0;  // of k-means over their distances
 
   int lobe_rays(float alpha) const { return alpha < lobe_below ? lobe : 0; }
-  int count(float alpha) const { return static_cast<int>(mirror) + lobe_rays(alpha); }
+  int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
 };
 
 // Clusters of many points: number c of cluster k of point i at [3 k + c][stride] + i.

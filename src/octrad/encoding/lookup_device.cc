@@ -21,13 +21,14 @@ struct OctreeLookup : Kernel {
     OCTRAD_UNROLL
     for (int c = 0; c < C; ++c) sum[c] = 0.0f;
     const float d = queries.d != nullptr ? queries.d[i] : 0.0f;
-    visit_level(view, view.level[l], normalize_position(view, queries.position(i)), queries.direction(i), d,
-                [&](std::uint32_t entry, float weight, float) {
-                  float value[C];
-                  load_row<C>(table, entry, value);
-                  OCTRAD_UNROLL
-                  for (int c = 0; c < C; ++c) sum[c] += weight * value[c];
-                });
+    const int cells = visit_level(view, view.level[l], normalize_position(view, queries.position(i)),
+                                  queries.direction(i), d, [&](std::uint32_t entry, float weight, float) {
+                                    float value[C];
+                                    load_row<C>(table, entry, value);
+                                    OCTRAD_UNROLL
+                                    for (int c = 0; c < C; ++c) sum[c] += weight * value[c];
+                                  });
+    if (cells == 0 && queries.empty != nullptr) atomic_add(queries.empty, 1ull);
     OCTRAD_UNROLL
     for (int c = 0; c < C; c += 2) out.store2(first + static_cast<int>(l) * C + c, i, sum[c], sum[c + 1]);
   }

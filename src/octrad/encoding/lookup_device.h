@@ -30,7 +30,8 @@ struct DeviceQueries {
   std::size_t w_stride = 0;
   const float* d = nullptr;  // disparities; null: 0
   QueueSlice slice;
-  std::uint32_t n = 0;  // items of a launch
+  std::uint32_t n = 0;                  // items of a launch
+  unsigned long long* empty = nullptr;  // octree look-ups count those of a level without an occupied cell; may be null
 
   OCTRAD_HD Vec3f position(std::size_t i) const { return {x[i], x[x_stride + i], x[2 * x_stride + i]}; }
   OCTRAD_HD Vec3f direction(std::size_t i) const { return {w[i], w[w_stride + i], w[2 * w_stride + i]}; }

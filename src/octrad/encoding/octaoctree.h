@@ -60,8 +60,9 @@ class OctaOctree {
   const OctaOctreeView& view() const;  // plain pointers, valid while the octree lives
 
   // Features of a batch, on the calling thread. x world positions, w lookup directions (unit), d disparities in 1/world
-  // units; out is feature-major [K C][stride], stride >= n: out[f * stride + i]. Levels without an occupied cell give
-  // 0; so do points outside the domain by half a cell or more, or not finite. w or d that are not finite give NaN.
+  // units; out is feature-major [K C][stride], stride >= n: out[f * stride + i]. A point outside the
+  // domain is looked up at the nearest place of the domain. Levels without an occupied cell give 0; so do points that
+  // are not a number. w or d that are not finite give NaN.
   // SIMD, chosen at run time; thread-safe; a query's result does not depend on its place in the batch.
   // Returns the number of (query, level) pairs with no occupied cell.
   std::int64_t lookup(const Vec3f* x, const Vec3f* w, const float* d, int n, float* out, int stride) const;

@@ -135,10 +135,12 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
   return stencil.count;
 }
 
-// Position normalised to the domain.
+// Position normalised to the domain; a position outside is moved to the nearest one of the domain, a NaN stays one.
 template <typename T>
 OCTRAD_HD inline Vec3<T> normalize_position(const OctaOctreeView& view, Vec3<T> x) {
-  return divide(x - Vec3<T>(view.origin), Vec3<T>(view.size));
+  Vec3<T> p = divide(x - Vec3<T>(view.origin), Vec3<T>(view.size));
+  for (int a = 0; a < 3; ++a) p[a] = p[a] < T(0) ? T(0) : (p[a] > T(1) ? T(1) : p[a]);
+  return p;
 }
 
 // All features of one query and, unless null, their derivatives by the disparity: [K C] each. Returns the number of

@@ -415,6 +415,35 @@ TEST(OctaOctree, OnlyOccupiedCellsAreRead) {
   });
 }
 
+TEST(OctaOctree, OutsideTheDomainIsLookedUpAtItsNearestPlace) {
+  testing::for_each_simd_target([] {
+    Fixture f({.levels = 4});
+    const Vec3f low = f.tree.origin(), high = low + f.tree.size();
+    Queries q = make_queries(f, 300, 5), inside = q;
+    int moved = 0;
+    for (int i = 0; i < q.size(); ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const int axis = i % 3;
+      // Onto a face of the domain, and on from there.
+      const float face = i % 2 == 0 ? low[axis] : high[axis], away = (i % 2 == 0 ? -1.0f : 1.0f) * f.tree.size()[axis];
+      inside.x[k][axis] = face;
+      q.x[k][axis] = face + away * (i % 5 == 0 ? 0.01f : 50.0f);
+      moved += q.x[k] == inside.x[k] ? 0 : 1;
+    }
+    EXPECT_EQ(moved, 300);
+    const auto rows = static_cast<std::size_t>(f.tree.feature_count() * q.size());
+    std::vector<float> a(rows), b(rows);
+    EXPECT_EQ(f.tree.lookup(q.x.data(), q.w.data(), q.d.data(), 300, a.data(), 300),
+              f.tree.lookup(inside.x.data(), q.w.data(), q.d.data(), 300, b.data(), 300));
+    float most = 0.0f;
+    for (std::size_t i = 0; i < rows; ++i) {
+      EXPECT_NEAR(a[i], b[i], 1e-4f);
+      most = std::max(most, std::abs(a[i]));
+    }
+    EXPECT_GT(most, 0.1f);
+  });
+}
+
 TEST(OctaOctree, WhatIsNotANumberIsHarmless) {
   testing::for_each_simd_target([] {
     const Fixture f({.levels = 4});
@@ -426,8 +455,7 @@ TEST(OctaOctree, WhatIsNotANumberIsHarmless) {
     for (int i = 0; i < q.size(); ++i) {
       const float v = odd[rng.below(10)];
       const int what = i % 4, axis = static_cast<int>(rng.below(3));
-      if (what == 0)
-        q.x[static_cast<std::size_t>(i)][axis] = v, bad_x[static_cast<std::size_t>(i)] = !(std::abs(v) < 1e8f);
+      if (what == 0) q.x[static_cast<std::size_t>(i)][axis] = v, bad_x[static_cast<std::size_t>(i)] = std::isnan(v);
       if (what == 1) q.w[static_cast<std::size_t>(i)][axis] = v;
       if (what == 2) q.d[static_cast<std::size_t>(i)] = v;
       plain[static_cast<std::size_t>(i)] = what == 3;
@@ -442,6 +470,9 @@ TEST(OctaOctree, WhatIsNotANumberIsHarmless) {
         const float v = out[static_cast<std::size_t>(k * 600 + i)];
         if (bad_x[static_cast<std::size_t>(i)]) {
           EXPECT_EQ(v, 0.0f);
+        }
+        if (i % 4 == 0) {
+          EXPECT_LE(std::abs(v), 1.0f) << "an infinite position is one far outside";
         }
         if (plain[static_cast<std::size_t>(i)]) {
           EXPECT_LE(std::abs(v), 1.0f) << "a neighbour's NaN leaked";

@@ -13,7 +13,7 @@ namespace octrad {
 // `direction`. Surfaces closer together than that (decals, panes) are skipped as if they were one.
 OCTRAD_HD inline Vec3f offset_origin(Vec3f position, Vec3f geometric_normal, Vec3f direction) {
   constexpr float kEpsilon = 1500.0f / 16777216.0f;
-  const float largest = std::fmax(std::fabs(position.x), std::fmax(std::fabs(position.y), std::fabs(position.z)));
+  const float largest = greater(std::fabs(position.x), greater(std::fabs(position.y), std::fabs(position.z)));
   const float magnitude = (1.0f + largest) * kEpsilon;
   return position + geometric_normal * (dot(geometric_normal, direction) < 0.0f ? -magnitude : magnitude);
 }

@@ -66,6 +66,8 @@ struct Grid {
     return static_cast<int>(std::clamp(std::floor(v), 0.0, static_cast<double>(resolution - 1)));
   }
   Vec3i cell(Vec3d p) const { return {clamp(p.x), clamp(p.y), clamp(p.z)}; }
+  // Cubes of cells on the rim also hold what lies outside the domain beside them: positions there are moved to them.
+  bool on_rim(Vec3i at, int size) const { return min_component(at) == 0 || max_component(at) + size == resolution; }
 };
 
 // Blocks of 4 x 4 x 4 cells, a word of Bits each, are visited whose box the range of cells [low, high] touches and that
@@ -122,15 +124,22 @@ void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
   const auto off_plane = [&](Vec3d corner, double size, double grow) {
     return std::abs(dot(n, corner + Vec3d(0.5 * size)) - n_offset) > n_sum * (0.5 * size + grow);
   };
-  const auto meets = [&](Vec3i at, int size) {
+  const bool inside = min_component(lower) >= 0.0 && max_component(upper) <= grid.resolution;
+  const auto meets = [&](Vec3i at, int size, double grow) {
     const Vec3d corner(at);
-    return !off_plane(corner, size, 2.0 * kGrow) &&
-           overlaps(corner - Vec3d(2.0 * kGrow), corner + Vec3d(size + 2.0 * kGrow), a, b, c);
+    Vec3d from = corner - Vec3d(grow), to = corner + Vec3d(size + grow);
+    if (inside || !grid.on_rim(at, size)) return !off_plane(corner, size, grow) && overlaps(from, to, a, b, c);
+    for (int i = 0; i < 3; ++i) {  // as far out as the triangle reaches
+      if (at[i] == 0) from[i] = std::min(from[i], lower[i]);
+      if (at[i] + size == grid.resolution) to[i] = std::max(to[i], upper[i]);
+    }
+    return overlaps(from, to, a, b, c);
   };
-  mark_cells(grid, low, high, bits, meets, [&](int x, int y, int z) {
-    const Vec3d corner(x, y, z);
-    return !off_plane(corner, 1.0, kGrow) && overlaps(corner - Vec3d(kGrow), corner + Vec3d(1.0 + kGrow), a, b, c);
-  });
+  mark_cells(
+      grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
+      [&](int x, int y, int z) {
+        return meets({x, y, z}, 1, kGrow);
+      });
 }
 
 // A sphere's surface meets a box when its centre is nearer than the radius to the box and its farthest corner is not
@@ -141,11 +150,14 @@ void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
   const double r = static_cast<double>(sphere.radius);
   const Vec3i low = grid.cell(grid.cells(sphere.center - Vec3f(sphere.radius)) - Vec3d(kGrow)),
               high = grid.cell(grid.cells(sphere.center + Vec3f(sphere.radius)) + Vec3d(kGrow));
-  const auto meets = [&](Vec3d corner, double size, double grow) {
+  const auto meets = [&](Vec3i at, int size, double grow) {
     double nearest = 0.0, farthest = 0.0;
     for (int i = 0; i < 3; ++i) {
-      const double lower = static_cast<double>(grid.domain.origin[i]) + (corner[i] - grow) * cell[i] - center[i];
-      const double upper = lower + (size + 2.0 * grow) * cell[i];
+      double lower = static_cast<double>(grid.domain.origin[i]) + (at[i] - grow) * cell[i] - center[i];
+      double upper = lower + (size + 2.0 * grow) * cell[i];
+      // On the rim as far out as the sphere reaches.
+      if (at[i] == 0) lower = std::min(lower, -r);
+      if (at[i] + size == grid.resolution) upper = std::max(upper, r);
       const double gap = std::max({lower, -upper, 0.0}), reach = std::max(std::abs(lower), std::abs(upper));
       nearest += gap * gap;
       farthest += reach * reach;
@@ -153,8 +165,10 @@ void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
     return nearest <= r * r && farthest >= r * r;
   };
   mark_cells(
-      grid, low, high, bits, [&](Vec3i at, int size) { return meets(Vec3d(at), size, 2.0 * kGrow); },
-      [&](int x, int y, int z) { return meets(Vec3d(x, y, z), 1.0, kGrow); });
+      grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
+      [&](int x, int y, int z) {
+        return meets({x, y, z}, 1, kGrow);
+      });
 }
 
 std::vector<std::vector<Vec3i>> levels_of(const Bits& bits, int levels) {

@@ -13,14 +13,15 @@ struct Domain {
   Vec3f origin, size;
 };
 
-// The scene's bounds padded by 0.01 world units on every side; with `cube` the cube of the largest side around the same
+// `bounds` padded by 0.01 world units on every side; with `cube` the cube of the largest side around the same
 // centre.
 Domain scene_domain(const Bounds3f& bounds, bool cube);
 
 // Non-empty cells of levels l = 1..levels (2^(l+1) cells an axis), result[l - 1] in Morton order. At the finest level a
 // cell is non-empty when its closed box meets a triangle or a sphere's surface (separating axes, Akenine-Moeller 2001;
-// grown by 1e-4 of a cell so that rounding leaves no holes); its parents follow. Parallel, deterministic. levels
-// in 1..9.
+// grown by 1e-4 of a cell so that rounding leaves no holes); its parents follow. Surfaces outside the domain belong to
+// the cells of its rim that are nearest to them, where OctaOctree looks them up. Parallel, deterministic. levels in
+// 1..9.
 std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels);
 
 // The paper's alternative: cells that hold at least one of `samples` area-uniform surface samples at the finest level.

@@ -85,6 +85,30 @@ TEST(Voxelize, AgreesWithClippingEveryCell) {
   }
 }
 
+// Positions outside the domain are looked up at its nearest place: its cells there must be there.
+TEST(Voxelize, SurfacesOutsideOccupyTheRim) {
+  Scene scene = triangle_soup(60, 1.5f);
+  scene.spheres.push_back({{0.2f, 0.9f, 0.5f}, 0.35f});
+  scene.shapes.push_back({Shape::Kind::sphere, 0, 0, -1, "sphere"});
+  const Domain domain{{0.3f, 0.35f, 0.25f}, {0.4f, 0.3f, 0.5f}};
+  const int resolution = 16;
+  std::set<std::uint64_t> found, reached;
+  const auto cells = occupied_cells(scene, domain, 3).back();
+  for (const Vec3i& c : cells) found.insert(morton_code(c));
+  const SurfaceSampler surfaces(scene);
+  for (int i = 0; i < 200000; ++i) {
+    Rng rng(2, RngPurpose::test, static_cast<unsigned long long>(i));
+    const float pick = rng.uniform();
+    const Vec3f p = (surfaces.sample_position(pick, rng.uniform2()) - domain.origin) / domain.size;
+    Vec3i c;
+    for (int a = 0; a < 3; ++a) c[a] = std::clamp(static_cast<int>(std::floor(p[a] * resolution)), 0, resolution - 1);
+    reached.insert(morton_code(c));
+    EXPECT_TRUE(found.count(morton_code(c))) << c.x << ' ' << c.y << ' ' << c.z;
+  }
+  EXPECT_GT(reached.size(), found.size() * 8 / 10);
+  EXPECT_LT(found.size(), 16u * 16 * 16);
+}
+
 TEST(Voxelize, LevelsAreParentsInMortonOrder) {
   const auto cells = occupied_cells(triangle_soup(200, 0.1f), {{0, 0, 0}, {1, 1, 1}}, 5);
   for (std::size_t l = 0; l < cells.size(); ++l) {

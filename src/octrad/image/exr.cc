@@ -16,7 +16,9 @@
 #include <cassert>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <sstream>
+#include <string_view>
 #include <tuple>
 
 #include "octrad/base/atomic_file.h"
@@ -79,31 +81,88 @@ class InputStream : public Imf::IStream {
   std::size_t position_ = 0;
 };
 
+// Bytes of attributes whose type says how many.
+const std::map<std::string_view, std::size_t> kAttributeSizes = {{"box2i", 16},
+                                                                 {"box2f", 16},
+                                                                 {"chromaticities", 32},
+                                                                 {"compression", 1},
+                                                                 {"deepImageState", 1},
+                                                                 {"double", 8},
+                                                                 {"envmap", 1},
+                                                                 {"float", 4},
+                                                                 {"int", 4},
+                                                                 {"keycode", 28},
+                                                                 {"lineOrder", 1},
+                                                                 {"m33d", 72},
+                                                                 {"m33f", 36},
+                                                                 {"m44d", 128},
+                                                                 {"m44f", 64},
+                                                                 {"rational", 8},
+                                                                 {"tiledesc", 9},
+                                                                 {"timecode", 8},
+                                                                 {"v2d", 16},
+                                                                 {"v2f", 8},
+                                                                 {"v2i", 8},
+                                                                 {"v3d", 24},
+                                                                 {"v3f", 12},
+                                                                 {"v3i", 12}};
+
+std::uint32_t number_at(std::string_view bytes, std::size_t at) {
+  std::uint32_t number = 0;
+  std::memcpy(&number, bytes.data() + at, sizeof(number));
+  return number;
+}
+
+// Whether the library, which reads attributes of known types by their own structure, reads exactly `value`.
+bool fills_its_size(std::string_view type, std::string_view value) {
+  if (const auto known = kAttributeSizes.find(type); known != kAttributeSizes.end())
+    return value.size() == known->second;
+  std::size_t at = 0;
+  if (type == "chlist") {  // names with 16 bytes each; an empty name ends it
+    for (std::size_t end; (end = value.find('\0', at)) != at; at = end + 17) {
+      if (end == std::string_view::npos || value.size() - end < 17) return false;
+    }
+    return at + 1 == value.size();
+  }
+  if (type == "stringvector") {
+    while (value.size() - at >= 4) {
+      const std::size_t length = number_at(value, at);
+      if (length > value.size() - at - 4) return false;
+      at += 4 + length;
+    }
+    return at == value.size();
+  }
+  if (type == "preview")
+    return value.size() >= 8 && std::uint64_t{number_at(value, 0)} * number_at(value, 4) < (1u << 28) &&
+           std::size_t{4} * number_at(value, 0) * number_at(value, 4) == value.size() - 8;
+  return type != "floatvector" || value.size() % 4 == 0;
+}
+
 // The library allocates what an attribute's size says before it reads the attribute, and tables for as many lines as
-// the data window has: those of the first header are compared with the file first.
+// the data window has: headers are compared with the file first.
 void check_headers(const std::string& file, const std::string& bytes) {
   constexpr int kMaxSide = 131072, kMaxTile = 8192;
   Imf::Header::setMaxImageSize(kMaxSide, kMaxSide);
   Imf::Header::setMaxTileSize(kMaxTile, kMaxTile);
   const auto broken = [&] { throw InputError(file + ": broken EXR header, or one that is cut off"); };
   std::size_t at = 8;  // behind magic and version
-  const auto skip_text = [&] {
-    const std::size_t end = bytes.find('\0', at);
+  const auto text = [&] {
+    const std::size_t end = bytes.find('\0', at), begin = at;
     if (end == std::string::npos || end - at > 255) broken();
     at = end + 1;
+    return std::string_view(bytes).substr(begin, end - begin);
   };
   const bool multipart = bytes.size() >= 8 && (bytes[5] & 0x10) != 0;
   for (;;) {  // headers; a file of several parts has an empty one at the end
     if (at >= bytes.size()) broken();
     if (bytes[at] == '\0') return;
     while (at < bytes.size() && bytes[at] != '\0') {
-      skip_text();  // name
-      skip_text();  // type
-      std::uint32_t size = 0;
-      if (bytes.size() - at < sizeof(size)) broken();
-      std::memcpy(&size, bytes.data() + at, sizeof(size));
-      at += sizeof(size);
-      if (size > bytes.size() - at) broken();
+      text();  // name
+      const std::string_view type = text();
+      if (bytes.size() - at < 4) broken();
+      const std::size_t size = number_at(bytes, at);
+      at += 4;
+      if (size > bytes.size() - at || !fills_its_size(type, std::string_view(bytes).substr(at, size))) broken();
       at += size;
     }
     if (!multipart) return;

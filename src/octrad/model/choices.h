@@ -1,6 +1,7 @@
 // What a configuration chooses between. The names that users write are in the key table (config.cc).
 #pragma once
 
+#include "octrad/base/surface_point.h"        // LookupDirection, RoughDirection: lookup.direction, .rough_direction
 #include "octrad/network/activations_math.h"  // Activation: decoder.output, nr.output
 #include "octrad/network/loss_math.h"         // LossNormalizer: loss.normalizer
 
@@ -10,9 +11,7 @@ enum class OctreeBox { axis, cube };                    // domain: bounding box 
 enum class OctreeOccupancy { conservative, sampled };   // cells: all that a surface overlaps, or those hit by samples
 enum class OctreeInterpolation { trilinear, nearest };  // between the cells of a level
 enum class OctaInterpolation { barycentric, nearest };  // between the vertices of a cell's octahedral map
-enum class LookupDirection { mirror, outgoing };        // direction of queries on glossy surfaces
 enum class LookupOffset { predicted, none, traced };    // disparity of queries: learned, 0 or 1/distance of a ray
-enum class RoughDirection { normal, mirror };           // direction of queries on rough surfaces
 enum class DisparityUnit { extent, world };             // 1/(largest side of the domain) or 1/world unit
 enum class DecoderPosition { normalized, world };       // position input in [-1, 1] or in world units
 enum class TargetEmission { outside, inside };          // own emission added to the network's output, or learned
@@ -21,5 +20,6 @@ enum class FreshDirection { cosine, uniform };          // density of the direct
 enum class TrainSampler { walks, area, mixture };       // left-hand-side points
 enum class AdamMode { touched, dense };                 // entries of a table that a step updates
 enum class DeltaSurfaces { cache, trace };              // perfect mirrors and glass when rendering
+enum class Highlights { automatic, cache, bounce };     // glossy first hits of `lhs` below render.bounce_below
 
 }  // namespace octrad

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <variant>
 
 #include "octrad/base/duration.h"
@@ -55,6 +56,8 @@ struct Key {
   Range range;
   bool duration;
   std::string help;
+  const char* form = nullptr;  // of a text: what is accepted, and whether one is
+  bool (*valid)(const std::string&) = nullptr;
 };
 
 Key number(const char* name, Member member, Range range, const char* help) {
@@ -88,6 +91,31 @@ Key duration(const char* name, double Config::*member, Range range, const char* 
   return {name, member, range, true, help};
 }
 
+// "xmin,ymin,zmin,xmax,ymax,zmax", each minimum below its maximum.
+std::optional<Bounds3f> parse_box(const std::string& text) {
+  float v[6];
+  const char* at = text.c_str();
+  if (text.find_first_not_of("+-.0123456789eE,") != std::string::npos) return std::nullopt;
+  for (int i = 0; i < 6; ++i) {
+    char* end = nullptr;
+    v[i] = std::strtof(at, &end);
+    if (end == at || !std::isfinite(v[i]) || *end != (i < 5 ? ',' : '\0')) return std::nullopt;
+    at = end + 1;
+  }
+  const Bounds3f box{{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+  if (!(min_component(box.extent()) > 0.0f) || !is_finite(box.extent())) return std::nullopt;
+  return box;
+}
+Key bounds(const char* name, std::string Config::*member, const char* help) {
+  return {name,
+          member,
+          {},
+          false,
+          help,
+          "auto, scene, or six numbers: xmin,ymin,zmin,xmax,ymax,zmax",
+          [](const std::string& text) { return text == "auto" || text == "scene" || parse_box(text).has_value(); }};
+}
+
 const std::vector<Key>& keys() {
   using C = Config;
   static const std::vector<Key> table = {
@@ -98,7 +126,10 @@ const std::vector<Key>& keys() {
              "K; the finest level has 2^(K+1) cells per axis; memory grows about 4.5 x a level"),
       number("octree.features", &C::octree_features, kFeatureCounts, "C, features per level and vertex: 2, 4 or 8"),
       choice("octree.box", &C::octree_box, {{"axis", OctreeBox::axis}, {"cube", OctreeBox::cube}},
-             "domain: the padded bounding box normalised per axis, or its enclosing cube"),
+             "domain: the box of octree.bounds, padded, normalised per axis, or its enclosing cube"),
+      bounds(
+          "octree.bounds", &C::octree_bounds,
+          "the scene's bounding box, a given one, or a smaller one where most of what is seen fits into it; all fields"),
       choice("octree.occupancy", &C::octree_occupancy,
              {{"conservative", OctreeOccupancy::conservative}, {"sampled", OctreeOccupancy::sampled}},
              "cells kept: every cell that a surface overlaps, or those hit by 2^26 surface samples"),
@@ -118,7 +149,7 @@ const std::vector<Key>& keys() {
              {{"normal", RoughDirection::normal}, {"mirror", RoughDirection::mirror}},
              "direction of the query where alpha is at least lookup.rough_threshold"),
       number("lookup.rough_threshold", &C::lookup_rough_threshold, {0, 2},
-             "roughness from which a surface counts as rough"),
+             "roughness from which a surface counts as rough; 1: diffuse ones alone"),
 
       number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
       number("disparity.features", &C::disparity_features, kFeatureCounts, "features per level: 2, 4 or 8"),
@@ -249,6 +280,12 @@ const std::vector<Key>& keys() {
       duration("checkpoint.every", &C::checkpoint_seconds, {0, kAny, true}, "time between checkpoints"),
       choice("render.delta", &C::render_delta, {{"cache", DeltaSurfaces::cache}, {"trace", DeltaSurfaces::trace}},
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
+      choice(
+          "render.highlights", &C::render_highlights,
+          {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
+          "lhs on surfaces of roughness below render.bounce_below: from the cache, by one bounce, or that where small lamps shine"),
+      number("render.bounce_below", &C::render_bounce_below, {0, 2},
+             "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;
@@ -273,6 +310,7 @@ std::string accepted(const Key& key) {
   }
   if (key.duration) return "a duration above 0: 90, 30s, 2m, 1h";
   if (std::holds_alternative<bool Config::*>(key.member)) return "true | false";
+  if (key.form != nullptr) return key.form;
   if (std::holds_alternative<std::string Config::*>(key.member)) return "text";
   const char* kind = std::holds_alternative<double Config::*>(key.member) ? "number" : "whole number";
   return fmt::format("{} {} {} … {:g}", kind, key.range.open_low ? "above" : "in", key.range.low, key.range.high);
@@ -325,6 +363,7 @@ void assign(Config& config, const Key& key, const std::string& text) {
       else if (text == "false" || text == "0" || text == "no" || text == "off") value = false;
       else refuse(key, text);
     } else if constexpr (std::is_same_v<T, std::string>) {
+      if (key.valid != nullptr && !key.valid(text)) refuse(key, text);
       value = text;
     } else {
       const double number = key.duration ? parse_duration(text) : parse_number(key, text);
@@ -391,6 +430,8 @@ Config preset(const std::string& name) {
   if (name == "default") return c;
   // The paper, and the constants behind its tables.
   c.octree_box = OctreeBox::axis;
+  c.octree_bounds = "scene";
+  c.lookup_rough_threshold = 0.5;
   c.octree_occupancy = OctreeOccupancy::sampled;
   c.disparity_direction = false;
   c.disparity_unit = DisparityUnit::world;
@@ -410,6 +451,7 @@ Config preset(const std::string& name) {
   c.loss_epsilon_first = 0.1;
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
+  c.render_highlights = Highlights::cache;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;
@@ -418,6 +460,12 @@ Config preset(const std::string& name) {
   c.adam_decay_to = 1.0;
   return c;
 }
+
+LookupRule lookup_rule(const Config& config) {
+  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold)};
+}
+
+std::optional<Bounds3f> octree_box(const Config& config) { return parse_box(config.octree_bounds); }
 
 void set(Config& config, const std::string& name, const std::string& value) {
   const Key& key = find(name);

@@ -1,12 +1,14 @@
 // Every switch of the method, as one plain struct with a table of dotted keys (config.cc). Presets are functions of it.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "octrad/base/vec.h"
 #include "octrad/model/choices.h"
 
 namespace octrad {
@@ -21,13 +23,14 @@ struct Config {
   int octree_levels = 6;    // K, 1..9
   int octree_features = 4;  // C per level: 2, 4 or 8
   OctreeBox octree_box = OctreeBox::cube;
+  std::string octree_bounds = "auto";  // auto | scene | six numbers
   OctreeOccupancy octree_occupancy = OctreeOccupancy::conservative;
   OctreeInterpolation octree_interpolation = OctreeInterpolation::trilinear;
   OctaInterpolation octa_interpolation = OctaInterpolation::barycentric;
   LookupDirection lookup_direction = LookupDirection::mirror;
   LookupOffset lookup_offset = LookupOffset::predicted;
   RoughDirection lookup_rough_direction = RoughDirection::normal;
-  double lookup_rough_threshold = 0.5;
+  double lookup_rough_threshold = 1.0;  // diffuse surfaces alone
 
   // Disparity predictor (method section 5).
   int disparity_levels = 6;
@@ -118,10 +121,18 @@ struct Config {
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
+  Highlights render_highlights = Highlights::automatic;
+  double render_bounce_below = 0.2;
   long long seed = 0;
 
   bool operator==(const Config&) const = default;
 };
+
+// lookup.direction, .rough_direction and .rough_threshold.
+LookupRule lookup_rule(const Config& config);
+
+// The box that octree.bounds gives in numbers; none: it is chosen from the scene (train/domain.h).
+std::optional<Bounds3f> octree_box(const Config& config);
 
 // Preset by name: "paper", "default", "cpu". Throws UsageError with the list.
 Config preset(const std::string& name);

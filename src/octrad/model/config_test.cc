@@ -63,6 +63,21 @@ TEST(Config, ChoicesAreTheirNames) {
   EXPECT_THROW(get(preset("cpu"), "octree.boxes"), UsageError);
 }
 
+TEST(Config, BoundsAreABoxOrAName) {
+  Config config = preset("cpu");
+  EXPECT_EQ(config.octree_bounds, "auto");
+  EXPECT_EQ(preset("paper").octree_bounds, "scene");
+  EXPECT_FALSE(octree_box(config).has_value());
+  set(config, "octree.bounds", "-1,0,-2.5,1e1,2,3");
+  const std::optional<Bounds3f> box = octree_box(config);
+  ASSERT_TRUE(box.has_value());
+  EXPECT_EQ(box->lower, Vec3f(-1, 0, -2.5f));
+  EXPECT_EQ(box->upper, Vec3f(10, 2, 3));
+  for (const char* bad : {"", "all", "1,2,3", "0,0,0,1,1,0", "0,0,0,1,1,1,1", "0,0,0,1,1,1,", "0,0,0,1,1,x",
+                          "0,0,,1,1,1", "0,0,0,1e30,1e30,1e39", "nan,0,0,1,1,1"})
+    EXPECT_THROW(set(config, "octree.bounds", bad), UsageError) << bad;
+}
+
 TEST(Config, EveryKeySetsAndReadsBack) {
   for (const char* name : {"paper", "default", "cpu"}) {
     Config config = preset(name);

@@ -2,10 +2,6 @@
 
 namespace octrad {
 
-LookupRule lookup_rule(const Config& config) {
-  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold)};
-}
-
 DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
                          Vec3f origin, Vec3f size, unsigned long long stream)
     : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
@@ -15,7 +11,8 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
   rules_.demodulate = config.target_demodulate == TargetDemodulation::albedo &&
                       config.target_emission == TargetEmission::outside;  // emission does not scale with albedo
   rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  if (config.decoder_position == DecoderPosition::normalized) {
+  rules_.normalized = config.decoder_position == DecoderPosition::normalized;
+  if (rules_.normalized) {
     rules_.position_scale = Vec3f(2.0f) / size;
     rules_.position_offset = Vec3f(-1.0f) - origin * rules_.position_scale;
   }

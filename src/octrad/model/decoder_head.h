@@ -16,8 +16,6 @@
 
 namespace octrad {
 
-LookupRule lookup_rule(const Config& config);
-
 class DecoderHead {
  public:
   static constexpr int kPointInputs = octrad::kPointInputs;

@@ -1,5 +1,5 @@
 // What surrounds the decoder network of every field, for one point (method sections 1, 5, 6 and 7; paper equations 12
-// and 13): the look-up direction, the network's inputs, radiance from its linear outputs, and the loss. The
+// and 13): the network's inputs, radiance from its linear outputs, and the loss. The
 // definition: called by the CPU and by kernels.
 #pragma once
 
@@ -10,16 +10,10 @@
 
 namespace octrad {
 
-// Direction with which a field is looked up at a point.
-struct LookupRule {
-  LookupDirection glossy = LookupDirection::mirror;
-  RoughDirection rough = RoughDirection::normal;
-  float rough_threshold = 0.5f;
-};
-
-OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
-  if (point.alpha >= rule.rough_threshold && rule.rough == RoughDirection::normal) return point.n;
-  return rule.glossy == LookupDirection::mirror ? reflect(point.wo, point.n) : point.wo;
+// A coordinate beyond [-1, 1] drawn into (-2, 2), smoothly (Barron et al. 2022, "Mip-NeRF 360", for one axis).
+OCTRAD_HD inline float contract(float x) {
+  const float size = std::fabs(x);
+  return size <= 1.0f ? x : std::copysign(2.0f - 1.0f / size, x);
 }
 
 inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
@@ -29,12 +23,18 @@ struct DecoderRules {
   LossNormalizer normalizer = LossNormalizer::prediction;
   bool demodulate = false;  // rough surfaces: the network predicts radiance / albedo
   float rough_threshold = 0.5f;
-  Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // network input = x * scale + offset
+  bool normalized = false;  // positions: [-1, 1] in the domain, contracted outside, or world units
+  Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // x * scale + offset is in [-1, 1]
+
+  OCTRAD_HD Vec3f position(Vec3f x) const {
+    const Vec3f p = x * position_scale + position_offset;
+    return normalized ? Vec3f(contract(p.x), contract(p.y), contract(p.z)) : p;
+  }
 };
 
 // out[0 .. kPointInputs - 1]
 OCTRAD_HD inline void decoder_inputs(const DecoderRules& rules, const SurfacePoint& p, Vec3f w, float* out) {
-  const Vec3f x = p.x * rules.position_scale + rules.position_offset;
+  const Vec3f x = rules.position(p.x);
   out[0] = x.x;
   out[1] = x.y;
   out[2] = x.z;

@@ -55,6 +55,9 @@ class DeviceField {
   // fields without). Either may be null.
   virtual void inspect(SurfacePointArray points, std::size_t n, FloatRows features, float* disparity) = 0;
 
+  // As RadianceField::take_empty_lookups. Waits for the work before.
+  virtual long long take_empty_lookups() { return 0; }
+
   // Exposure, as RadianceField::set_target_scale. Takes effect in recorded work too.
   virtual void set_target_scale(float scale) = 0;
   virtual float target_scale() const = 0;

@@ -148,6 +148,11 @@ TEST_P(DeviceFields, AnswerAsTheDefinition) {
       const auto device = make_device_field(*stream_, *field, c, options);
       const std::vector<float> got = ask(*stream_, *device, points);
       expect_within(kAnswers[cuda()], got, expected, halves ? "halves" : "floats");
+      ask(*field, points);
+      const long long empty = field->take_empty_lookups();
+      EXPECT_EQ(device->take_empty_lookups(), empty);
+      EXPECT_EQ(device->take_empty_lookups(), 0);
+      EXPECT_EQ(empty > 0, name() == "octaoctree");  // points[3]
       device->set_target_scale(3.4f);
       const std::vector<float> doubled = ask(*stream_, *device, points);
       for (std::size_t i = 0; i < got.size(); ++i) ASSERT_NEAR(doubled[i], 2.0f * got[i], 1e-6f * std::abs(doubled[i]));

@@ -34,7 +34,7 @@ inline FieldDomain box_domain(int levels) {
   return domain;
 }
 
-// Points of it: of every ten, one lies anywhere in the box.
+// Points of it: of every twenty, one lies anywhere in the box and one beside it.
 inline std::vector<SurfacePoint> box_points(std::size_t n, unsigned long long stream) {
   const FieldDomain box = box_domain(0);
   std::vector<SurfacePoint> points = random_points(n, stream);
@@ -42,6 +42,7 @@ inline std::vector<SurfacePoint> box_points(std::size_t n, unsigned long long st
     Rng rng(stream, RngPurpose::test, 1'000'000 + i);
     SurfacePoint& p = points[i];
     if (i % 10 == 0) p.x = {rng.uniform(), rng.uniform(), rng.uniform()};
+    if (i % 20 == 0) p.x = p.x * 5.0f - Vec3f(2.0f);
     p.x = box.origin + p.x * box.size;
     p.alpha = i % 3 == 0 ? 0.05f : (i % 3 == 1 ? 0.5f : 1.0f);
     p.disparity = 2.0f * rng.uniform();
@@ -270,14 +271,20 @@ class FieldReference {
     return demodulate_ && point.alpha >= rough_threshold_ ? Vec3d(point.albedo) * scale_ : Vec3d(scale_);
   }
   Vec3d normalized(Vec3d x) const { return (x - Vec3d(origin_)) / Vec3d(size_); }
+  // Where tables are looked up: a point outside at the nearest place of the domain.
+  Vec3d inside(Vec3d x) const { return min(max(normalized(x), Vec3d(0.0)), Vec3d(1.0)); }
+  // Beyond [-1, 1]: drawn into (-2, 2).
+  static double contracted(double x) {
+    return std::abs(x) <= 1.0 ? x : (x < 0.0 ? -1.0 : 1.0) * (2.0 - 1.0 / std::abs(x));
+  }
 
   // visit(level, entry, weight, derivative of the weight by the disparity).
   template <typename Visitor>
   void visit_octree(Vec3d x, Vec3d w, double d, Visitor&& visit) const {
     for (int l = 0; l < octree_.levels; ++l) {
-      visit_level(
-          octree_, octree_.level[l], normalized(x), w, d,
-          [&](std::uint32_t entry, double weight, double dweight) { visit(l, std::size_t{entry}, weight, dweight); });
+      visit_level(octree_, octree_.level[l], inside(x), w, d, [&](std::uint32_t entry, double weight, double dweight) {
+        visit(l, std::size_t{entry}, weight, dweight);
+      });
     }
   }
   // visit(level, entry, weight).
@@ -286,7 +293,7 @@ class FieldReference {
     for (int l = 0; l < grid_.levels; ++l) {
       std::uint32_t entry[8];
       double weight[8];
-      hash_grid_taps(grid_.level[l], normalized(x), entry, weight);
+      hash_grid_taps(grid_.level[l], inside(x), entry, weight);
       for (int k = 0; k < 8; ++k) visit(l, std::size_t{entry[k]}, weight[k]);
     }
   }
@@ -337,7 +344,9 @@ class FieldReference {
       q.features = grid_features(x, q.piece);
     }
     q.lookup_piece = q.piece;
-    const Vec3d p = normalized_ ? normalized(x) * 2.0 - Vec3d(1.0) : x, n(point.n), a(point.albedo);
+    Vec3d p = normalized_ ? normalized(x) * 2.0 - Vec3d(1.0) : x;
+    const Vec3d n(point.n), a(point.albedo);
+    if (normalized_) p = {contracted(p.x), contracted(p.y), contracted(p.z)};
     std::vector<double> in = q.features;
     for (const Vec3d& v : {p, w, n, a}) in.insert(in.end(), {v.x, v.y, v.z});
     in.push_back(static_cast<double>(point.alpha));

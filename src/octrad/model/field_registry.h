@@ -18,6 +18,8 @@ struct FieldEntry {
   std::span<const std::string_view> own_keys;
   // Levels of occupied cells that FieldDomain must have; 0: the field needs none.
   int (*cell_levels)(const Config&);
+  // Cells along an axis of its finest level, whose size is compared with what is seen. Null: not known.
+  double (*finest_cells)(const Config&) = nullptr;
   // What is traced from points that it is asked at, and from those that a step of training learns at. Null: nothing.
   QueryRays (*rays)(const Config&, bool training) = nullptr;
   std::unique_ptr<RadianceField> (*make)(const Config&, const FieldDomain&);

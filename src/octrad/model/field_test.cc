@@ -12,6 +12,7 @@
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/encoding/octaoctree.h"
+#include "octrad/encoding/octaoctree_math.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/model/field_test_helper.h"
 #include "octrad/model/model_file.h"
@@ -160,6 +161,72 @@ TEST_P(AllFields, NonFiniteTargetsAreDroppedAndCounted) {
 TEST_P(AllFields, EveryRateMovesItsOwnParts) {
   testing::check_rates(small_config(GetParam()), shell(3),
                        [](RadianceField& field, const Config&) { train_steps(field, 1); });
+}
+
+// A rough coat over red: it reflects green too, and depends on the view. Only diffuse surfaces are divided by their
+// albedo and looked up along the normal.
+TEST(OctaOctreeField, OnlyDiffuseSurfacesAreDemodulatedAndSeenFromNowhere) {
+  EXPECT_EQ(preset("paper").lookup_rough_threshold, 0.5);
+  auto points = random_points(64, 5);
+  std::vector<Vec3f> targets;
+  for (SurfacePoint& p : points) {
+    p.albedo = {0.8f, 0.0f, 0.0f};
+    p.alpha = 0.7f;
+    targets.emplace_back(1.0f, 0.2f, 0.2f);
+  }
+  const auto green = [&](const char* threshold, float alpha, bool& sees) {
+    Config config = small_config("octaoctree");
+    if (threshold != nullptr) set(config, "lookup.rough_threshold", threshold);
+    const auto field = make_field(config, shell(3));
+    for (int i = 0; i < 60; ++i) field->train(points, targets, 0.1, 1.0);
+    auto asked = points;
+    for (SurfacePoint& p : asked) p.alpha = alpha;
+    const std::vector<Vec3f> before = evaluate(*field, asked);
+    for (SurfacePoint& p : asked) p.wo = normalize(p.wo + p.n * 0.5f);
+    const std::vector<Vec3f> after = evaluate(*field, asked);
+    sees = false;
+    float least = 1e9f;
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      sees = sees || before[i].x != after[i].x;
+      least = std::min(least, before[i].y);
+    }
+    return least;
+  };
+  bool sees = false;
+  EXPECT_GT(green(nullptr, 0.7f, sees), 0.05f);
+  EXPECT_TRUE(sees);
+  EXPECT_GT(green(nullptr, 0.999f, sees), 0.01f);
+  EXPECT_TRUE(sees);
+  EXPECT_EQ(green(nullptr, 1.0f, sees), 0.0f);  // diffuse: nothing is green
+  EXPECT_FALSE(sees);
+  EXPECT_EQ(green("0.5", 0.7f, sees), 0.0f);
+  EXPECT_FALSE(sees);
+}
+
+// Where no cell is, features are 0: counted once a level, whoever asks, and by queries of training too.
+TEST(OctaOctreeField, EmptyLookupsAreCounted) {
+  Config config = small_config("octaoctree");
+  const auto field = make_field(config, shell(3));
+  auto points = random_points(64, 5);
+  std::vector<Vec3f> out(points.size());
+  field->radiance(points, out);
+  EXPECT_EQ(field->take_empty_lookups(), 0);
+  for (std::size_t i = 0; i < 10; ++i) points[i].x = Vec3f(0.5f);  // far from the shell; level 1 is that coarse
+  const auto& octree = dynamic_cast<OctaOctreeField&>(*field).octree();
+  std::vector<float> values(static_cast<std::size_t>(field->feature_count())), slopes(values);
+  const int levels = lookup_query(octree.view(), Vec3f(0.5f), points[0].wo, 0.1f, values.data(), slopes.data());
+  ASSERT_GT(levels, 0);
+  for (const int threads : {1, 3}) {
+    set_thread_count(threads);
+    parallel_blocks(points.size(), 4, [&](std::size_t begin, std::size_t end) {
+      field->radiance(std::span(points).subspan(begin, end - begin), std::span(out).subspan(begin, end - begin));
+    });
+    EXPECT_EQ(field->take_empty_lookups(), 10 * levels);
+    field->train(points, std::vector<Vec3f>(points.size(), Vec3f(1.0f)), 0.1, 1.0);
+    EXPECT_EQ(field->take_empty_lookups(), 10 * levels);
+  }
+  set_thread_count(0);
+  EXPECT_EQ(field->take_empty_lookups(), 0);
 }
 
 // Switches of the method that must train and that must change the result.

@@ -1,6 +1,7 @@
 #include "octrad/model/ncr_field.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/prefiltered_grid.h"
@@ -62,6 +63,7 @@ constinit const FieldEntry kNcrField = {
     .title = "Neural Cone Radiosity",
     .own_keys = kOwnKeys,
     .cell_levels = [](const Config&) { return 0; },
+    .finest_cells = [](const Config& c) { return c.ncr_base * std::pow(c.ncr_scale, c.ncr_levels - 1); },
     .rays = ncr_rays,
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NcrField>(config, domain);
@@ -198,7 +200,7 @@ void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool r
     const auto cone = static_cast<std::size_t>(j);
     Vec3f& x = e.cone_p[cone];
     const Vec3f w = e.w[static_cast<std::size_t>(e.glossy[static_cast<std::size_t>(e.cones[cone].glossy)])];
-    set3(e.cone_inputs, features, e.cone_stride, j, x * rules.position_scale + rules.position_offset);
+    set3(e.cone_inputs, features, e.cone_stride, j, rules.position(x));
     set3(e.cone_inputs, features + 3, e.cone_stride, j, -w);
     at(e.cone_inputs, features + 6, e.cone_stride, j) = e.cone_r[cone];
     x = (x - origin_) / extent_;

@@ -84,7 +84,7 @@ struct Cones : Kernel {
     const SurfacePoint point = items.points.load(i);
     const Vec3f mirror = three(w, i);
     const ConeEnd end = cone_end(point, mirror, cluster, (*lobe)(point.alpha));
-    const Vec3f x = end.x * rules.position_scale + rules.position_offset, unit = (end.x - origin) / extent;
+    const Vec3f x = rules.position(end.x), unit = (end.x - origin) / extent;
     const float footprint = end.r / extent;
     set_three(p, row, unit);
     r[row] = footprint;

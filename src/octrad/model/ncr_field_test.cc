@@ -123,7 +123,7 @@ TEST(NcrField, SaysWhatItNeedsTraced) {
   EXPECT_EQ(render.iterations, 3);
   EXPECT_EQ(render.clusters, 4);
   EXPECT_EQ(render.count(0.5f), 0);
-  EXPECT_FALSE(render.mirror);
+  EXPECT_FALSE(render.offset.traced);
   config.field = "nr";
   config.lookup_offset = LookupOffset::traced;  // a key of another field
   EXPECT_EQ(query_rays(config).count(0.0f), 0);

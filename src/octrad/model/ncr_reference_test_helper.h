@@ -67,7 +67,15 @@ class NcrReference {
     const double extent = std::max({size.x, size.y, size.z});
     const Vec3d unit = (x - origin) / size;
     const bool world = config_.decoder_position == DecoderPosition::world;
-    const auto position = [&](Vec3d at) { return world ? at : (at - origin) / size * 2.0 - Vec3d(1.0); };
+    const auto position = [&](Vec3d at) {
+      if (world) return at;
+      Vec3d inside = (at - origin) / size * 2.0 - Vec3d(1.0);
+      for (int a = 0; a < 3; ++a) {  // beyond [-1, 1]: drawn into (-2, 2)
+        const double far = std::abs(inside[a]);
+        if (far > 1.0) inside[a] = std::copysign(2.0 - 1.0 / far, inside[a]);
+      }
+      return inside;
+    };
     std::vector<double> in;
     for (int l = 0; l < grid_.levels; ++l) add_features(grid_, l, unit, 1.0, parameters[kGrid], in, true);
     append(in, position(x));

@@ -1,6 +1,7 @@
 #include "octrad/model/nr_field.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "octrad/base/threads.h"
 
@@ -26,6 +27,8 @@ constinit const FieldEntry kNrField = {
     .title = "Neural Radiosity (a hash grid)",
     .own_keys = kOwnKeys,
     .cell_levels = [](const Config&) { return 0; },
+    .finest_cells =
+        [](const Config& config) { return config.nr_base * std::pow(config.nr_scale, config.nr_levels - 1); },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NrField>(config, domain);
     },

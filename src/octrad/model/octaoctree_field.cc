@@ -57,10 +57,11 @@ constinit const FieldEntry kOctaOctreeField = {
     .title = "OctaOctree",
     .own_keys = kOwnKeys,
     .cell_levels = [](const Config& config) { return config.octree_levels; },
+    .finest_cells = [](const Config& config) { return static_cast<double>(spatial_resolution(config.octree_levels)); },
     .rays =
         [](const Config& config, bool) {
           QueryRays rays;
-          rays.mirror = config.lookup_offset == LookupOffset::traced;
+          rays.offset = {config.lookup_offset == LookupOffset::traced, octrad::lookup_rule(config)};
           return rays;
         },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
@@ -156,8 +157,10 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
   }
   const int features = octree_.feature_count();
   e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * s);
-  if (record) octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record);
-  else octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
+  const std::int64_t empty =
+      record ? octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record)
+             : octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
+  if (empty > 0) empty_lookups_.fetch_add(empty, std::memory_order_relaxed);
   for (int r = 0; r < features; ++r) std::fill(row(e.inputs, r, stride) + n, row(e.inputs, r, stride) + stride, 0.0f);
   decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, stride);
 }

@@ -1,6 +1,7 @@
 // The paper's field: disparity predictor, OctaOctree encoding, decoder (method sections 4-7).
 #pragma once
 
+#include <atomic>
 #include <memory>
 
 #include "octrad/encoding/hash_grid.h"
@@ -31,6 +32,7 @@ class OctaOctreeField : public RadianceField {
   bool uses_disparity() const override { return true; }
   int levels() const override { return octree_.options().levels; }
   std::vector<long long> cells_per_level() const override;
+  long long take_empty_lookups() const override { return empty_lookups_.exchange(0); }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
   void save(TensorWriter& out, bool optimizer) override;
@@ -69,7 +71,8 @@ class OctaOctreeField : public RadianceField {
   DecoderHead decoder_;
   DenseAdam disparity_adam_;
   std::unique_ptr<SparseAdam> octree_adam_, grid_adam_;  // made when training starts: they are larger than the field
-  std::vector<float> octree_upstream_, grid_upstream_;   // [point][level][feature]
+  mutable std::atomic<long long> empty_lookups_ = 0;
+  std::vector<float> octree_upstream_, grid_upstream_;  // [point][level][feature]
 };
 
 extern const FieldEntry kOctaOctreeField;

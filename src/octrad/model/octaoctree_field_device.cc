@@ -90,8 +90,10 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         disparity_inputs_(stream, static_cast<std::size_t>(field.disparity().shape().inputs + 1) / 2 * rows_,
                           "queries in flight"),
         disparity_linear_(stream, rows_, "queries in flight"),
-        distance_(stream, rows_, "queries in flight") {
+        distance_(stream, rows_, "queries in flight"),
+        empty_(stream, 1, "queries in flight") {
     distance_.fill(0);
+    empty_.fill(0);
     if (options.max_train_points > 0) {
       disparity_adam_ =
           DeviceDenseAdam(stream, disparity_.parameter_count(), adam_options(config), "disparity network");
@@ -126,6 +128,12 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     disparity_adam_.download(field.disparity_adam());
   }
 
+  long long take_empty_lookups() override {
+    const auto count = static_cast<long long>(empty_.download()[0]);
+    if (count > 0) empty_.fill(0);
+    return count;
+  }
+
  protected:
   LookupRule rule() const override { return rule_; }
   const float* disparities() const override { return distance_.data(); }
@@ -149,7 +157,9 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                              chunk.training ? valid_.data() : nullptr,
                              distance_.data()});
     }
-    octree_.lookup(stream_, read(table_), with_disparity(chunk), HalfRows{inputs_.data(), rows_}, 0);
+    DeviceQueries q = with_disparity(chunk);
+    q.empty = empty_.data();
+    octree_.lookup(stream_, read(table_), q, HalfRows{inputs_.data(), rows_}, 0);
   }
 
   void encode_backward(const Chunk& chunk, bool first) override {
@@ -230,6 +240,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   DeviceDenseAdam disparity_adam_;
   DeviceArray<std::uint32_t> disparity_inputs_;
   DeviceArray<float> disparity_linear_, distance_;
+  DeviceArray<unsigned long long> empty_;
   DeviceArray<float> parts_, d_disparity_inputs_, d_disparity_linear_, disparity_scale_;
 };
 

@@ -50,6 +50,9 @@ class RadianceField {
   virtual bool uses_disparity() const { return false; }  // look-ups take a disparity; otherwise inspect() gives 0
   // Occupied cells of each level, for estimate_memory() (none for fields without an octree).
   virtual std::vector<long long> cells_per_level() const { return {}; }
+  // Look-ups of a level since the last call that found no occupied cell, so that its features were 0: of radiance(),
+  // train() and inspect(). 0 for fields without an octree. Thread-safe.
+  virtual long long take_empty_lookups() const { return 0; }
   // Encoded features [n][feature_count()] and predicted disparity [n] (1/world units; 0 for fields that predict none).
   // Either output may be empty.
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features,

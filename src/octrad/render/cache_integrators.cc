@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "octrad/model/radiance_field.h"
+#include "octrad/render/highlights.h"
 #include "octrad/render/integrators.h"
 #include "octrad/transport/prepared_scene.h"
 #include "octrad/transport/query_point.h"
@@ -15,7 +16,7 @@ class CacheIntegrator : public Integrator {
   CacheIntegrator(const IntegratorInput& input, FirstHitOptions::Bounce bounce)
       : context_(input.scene.context()),
         field_(*input.field),
-        options_(first_hit_options(input.config, bounce)),
+        options_(first_hit_options(input, bounce)),
         rays_(query_rays(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
     rhs_.max_chain = options_.max_chain;
@@ -82,13 +83,20 @@ class CacheIntegrator : public Integrator {
 
 }  // namespace
 
-FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce bounce) {
+FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions::Bounce bounce) {
+  const Config& config = input.config;
   FirstHitOptions options;
   options.follow_delta = config.render_delta == DeltaSurfaces::trace;
   options.max_chain = config.train_max_chain;
   options.emission_inside = config.target_emission == TargetEmission::inside;
   options.bounce = bounce;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  if (bounce != FirstHitOptions::Bounce::none) return options;
+  if (const float below = bounce_below(input.scene, config); below > 0.0f) {
+    options.bounce = FirstHitOptions::Bounce::glossy;
+    options.rough_threshold = below;
+    options.bounce_delta = false;
+  }
   return options;
 }
 

@@ -13,10 +13,10 @@ class CacheIntegrator : public DeviceIntegrator {
   CacheIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& field,
                   std::size_t capacity, FirstHitOptions::Bounce bounce)
       : field_(field),
-        options_(first_hit_options(input.config, bounce)),
-        gbuffer_(stream, world, capacity, bounce != FirstHitOptions::Bounce::none, query_rays(input.config)),
+        options_(first_hit_options(input, bounce)),
+        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, query_rays(input.config)),
         responses_(stream, capacity, "answers of the cache") {
-    if (bounce == FirstHitOptions::Bounce::none) return;
+    if (options_.bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
     rhs_options_.max_chain = options_.max_chain;
     rhs_options_.emission_inside = options_.emission_inside;
@@ -76,7 +76,7 @@ std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorI
 
 std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
                                           FirstHitOptions::Bounce bounce) {
-  const bool bounces = bounce != FirstHitOptions::Bounce::none;
+  const bool bounces = first_hit_options(input, bounce).bounce != FirstHitOptions::Bounce::none;
   return DeviceGBuffer::bytes(capacity, bounces, query_rays(input.config)) + capacity * sizeof(Vec3f) +
          (bounces ? DeviceRhs::bytes(capacity, query_rays(input.config)) + 2 * capacity * sizeof(Vec3f) : 0);
 }

@@ -49,6 +49,7 @@ class CpuRenderer : public Renderer {
   SampleCounts take_counts() override {
     SampleCounts sum;
     for (SampleCounts& c : counts_) sum += std::exchange(c, {});
+    if (field_ != nullptr) sum.empty_lookups += field_->take_empty_lookups();
     return sum;
   }
 

@@ -26,10 +26,12 @@ struct SamplePlanes;
 
 struct SampleCounts {
   long long rays = 0, queries = 0, non_finite = 0;
+  long long empty_lookups = 0;  // RadianceField::take_empty_lookups
   SampleCounts& operator+=(const SampleCounts& b) {
     rays += b.rays;
     queries += b.queries;
     non_finite += b.non_finite;
+    empty_lookups += b.empty_lookups;
     return *this;
   }
 };

@@ -27,12 +27,12 @@ std::unique_ptr<DeviceIntegrator> make_device_cache_integrator(const IntegratorI
 std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::size_t capacity,
                                           FirstHitOptions::Bounce bounce);
 // What they share: the options of their first hits.
-FirstHitOptions first_hit_options(const Config& config, FirstHitOptions::Bounce bounce);
+FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions::Bounce bounce);
 
 // views.cc, views_device.cc: what a field holds at the first hit.
 enum class FieldView {
   disparity,  // predicted
-  traced,     // 1 / distance along the mirror direction
+  traced,     // 1 / distance along the look-up direction
   features,   // of a level: the first three principal components over the picture
   occupancy,  // of a level: cells that hold surfaces, coloured by a hash of their index
 };

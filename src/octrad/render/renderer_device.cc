@@ -55,6 +55,7 @@ class StreamRenderer : public Renderer {
   SampleCounts take_counts() override {
     SampleCounts counts = integrator_->take_counts();
     counts.non_finite += static_cast<long long>(film_->take_non_finite());
+    if (device_field_) counts.empty_lookups += device_field_->take_empty_lookups();
     return counts;
   }
 

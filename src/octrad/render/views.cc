@@ -71,7 +71,7 @@ class ViewIntegrator : public Integrator {
         level_(input.choice.level),
         width_(static_cast<std::size_t>(field_.feature_count() / std::max(1, field_.levels()))),
         rays_(query_rays(input.config)) {
-    rays_.mirror = rays_.mirror || view == FieldView::traced;
+    if (view == FieldView::traced) rays_.offset = {true, lookup_rule(input.config)};
     rays_.lobe = 0;  // nothing that is shown depends on it
     options_.max_chain = input.config.train_max_chain;
   }

@@ -15,7 +15,8 @@ constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointAr
 // No view asks for radiance, the only thing that hangs on rays of the BSDF.
 QueryRays traced(const IntegratorInput& input, FieldView view) {
   QueryRays rays;
-  rays.mirror = view == FieldView::traced || query_rays(input.config).mirror;
+  rays.offset =
+      view == FieldView::traced ? OffsetRay{true, lookup_rule(input.config)} : query_rays(input.config).offset;
   return rays;
 }
 

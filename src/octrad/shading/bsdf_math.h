@@ -40,24 +40,30 @@ OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, 
   return {};
 }
 
-// Draws wi. `u_lobe` picks the lobe, `u` the direction; all uniform in [0, 1). Invalid samples carry no light.
-OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
-  if (u_lobe >= b.opacity) {
-    BsdfSample s;
-    s.wi = -wo;
-    s.weight = Vec3f(1.0f);
-    s.pdf = 1.0f - b.opacity;
-    s.delta = s.null = s.transmission = s.valid = true;
-    return s;
-  }
-  if (b.opacity < 1.0f) {
-    u_lobe /= b.opacity;
-    if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
-  }
+// The two outcomes of sample_bsdf(), in functions of their own: a sample that is copied has to wait for its stores.
+OCTRAD_HD inline BsdfSample sample_pass(const Bsdf& b, Vec3f wo) {
+  BsdfSample s;
+  s.wi = -wo;
+  s.weight = Vec3f(1.0f);
+  s.pdf = 1.0f - b.opacity;
+  s.delta = s.null = s.transmission = s.valid = true;
+  return s;
+}
+OCTRAD_HD inline BsdfSample sample_opaque(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   BsdfSample s = sample_model(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
   s.pdf *= b.opacity;
   if (s.valid && !s.transmission && bump_hides(b, s.wi)) s.valid = false;
   return s;
+}
+
+// Draws wi. `u_lobe` picks the lobe, `u` the direction; all uniform in [0, 1). Invalid samples carry no light.
+OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  if (u_lobe >= b.opacity) return sample_pass(b, wo);
+  if (b.opacity < 1.0f) {
+    u_lobe /= b.opacity;
+    if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
+  }
+  return sample_opaque(b, wo, u_lobe, u);
 }
 
 // Whether the model has only delta (or null) lobes: smooth conductor, dielectric, thin dielectric.

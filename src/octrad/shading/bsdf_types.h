@@ -49,4 +49,7 @@ struct BsdfSample {
   bool valid = false;
 };
 
+// Roughness that models with a lobe report at most, so that 1 is the diffuse one alone.
+inline constexpr float kRoughestLobe = 0.999f;
+
 }  // namespace octrad

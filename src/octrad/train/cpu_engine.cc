@@ -21,7 +21,10 @@ class CpuEngine : public TrainEngine {
     report_.non_finite += done.non_finite;
   }
   int steps_between_reports() const override { return 1; }
-  StepReport collect() override { return std::exchange(report_, {}); }
+  StepReport collect() override {
+    report_.empty_lookups = field_->take_empty_lookups();
+    return std::exchange(report_, {});
+  }
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     parallel_blocks(points.size(), 512, [&](std::size_t begin, std::size_t end) {
       field_->radiance(points.subspan(begin, end - begin), out.subspan(begin, end - begin));

@@ -15,8 +15,9 @@ namespace octrad {
 struct StepReport {
   std::vector<double> losses;  // of the steps, in order
   long long rhs_queries = 0;
-  long long non_finite = 0;  // gradients dropped
-  long long dropped = 0;     // right-hand-side contributions dropped, which darkens targets
+  long long non_finite = 0;     // gradients dropped
+  long long dropped = 0;        // right-hand-side contributions dropped, which darkens targets
+  long long empty_lookups = 0;  // RadianceField::take_empty_lookups
 };
 
 class TrainEngine {

@@ -86,7 +86,7 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        traced_(query_rays(config, true).mirror),
+        offset_(query_rays(config, true).offset),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options)),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
@@ -140,6 +140,7 @@ class DeviceEngine : public TrainEngine {
     report.rhs_queries = static_cast<long long>(traced.queries);
     report.dropped = static_cast<long long>(traced.non_finite);
     report.non_finite = trained.non_finite;
+    report.empty_lookups = device_field_->take_empty_lookups();
     return report;
   }
 
@@ -223,7 +224,7 @@ class DeviceEngine : public TrainEngine {
     const int steps = group_steps(last_points_, options_);
     const std::pair<std::size_t, long long> group{last_points_, step / steps};
     if (group == drawn_) return;
-    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, traced_); });
+    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, offset_); });
     drawn_ = group;
   }
 
@@ -231,7 +232,7 @@ class DeviceEngine : public TrainEngine {
     const auto n = static_cast<std::size_t>(s.points);
     const std::size_t far_ends = far_end_count(config_, s.points);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_));
-    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, traced_);
+    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, offset_);
     lobes_.trace(lhs_.surface_points(), lhs_.points(), rhs_options_.seed, &input_.data()->step, n);
     mark("left-hand side");
     rhs_options_.directions = s.directions;
@@ -254,7 +255,7 @@ class DeviceEngine : public TrainEngine {
   long long next_timed_ = -1;  // step; below 0 before the first
   const Config config_;
   const DeviceEngineOptions options_;
-  bool traced_;
+  OffsetRay offset_;
   DeviceLhs lhs_;
   DeviceLobes lobes_;  // of left-hand-side points
   DeviceRhs rhs_;

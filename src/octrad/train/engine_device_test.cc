@@ -111,7 +111,7 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
   config.train_points = 128;
   config.train_directions = 1;
   config.train_quarters = true;
-  const FieldDomain domain = field_domain(box.scene.scene(), config);
+  const FieldDomain domain = field_domain(box.scene.scene(), config, fit_domain(box.scene, config).box);
   BatchSource batches(box.scene, config, {});
   std::vector<Vec3f> learnt[3], last_targets[3];
   std::vector<SurfacePoint> last_points[3];

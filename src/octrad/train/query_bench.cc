@@ -55,7 +55,7 @@ void query(benchmark::State& state, const std::string& name, bool glossy, Part p
   Config config = preset(from_environment("OCTRAD_BENCH_PRESET", "default"));
   config.field = name;
   config.octree_levels = 6;  // memory
-  const auto field = make_field(config, field_domain(scene->scene(), config));
+  const auto field = make_field(config, field_domain(scene->scene(), config, fit_domain(*scene, config).box));
   const TransportContext context = scene->context();
   const QueryRays rays = query_rays(config);
   const std::vector<ShadingPoint> shading = shading_points(*scene, glossy);

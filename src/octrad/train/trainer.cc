@@ -11,7 +11,6 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
-#include "octrad/geometry/voxelize.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/train/engine_device.h"
 #include "octrad/train/validation.h"
@@ -117,7 +116,9 @@ class Run {
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
     } else {
-      const FieldDomain domain = field_domain(scene.scene(), config);
+      const DomainFit fit = fit_domain(scene, config, options.cameras);
+      if (options.placed) options.placed(fit);
+      const FieldDomain domain = field_domain(scene.scene(), config, fit.box);
       bytes_ = check_memory(options, config, cell_counts(domain));
       field = make_field(config, domain);
       field->set_target_scale(
@@ -158,7 +159,8 @@ class Run {
   long long saved_step_ = -1;     // what the file holds; -1: nothing of this run
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
   Clock::time_point start_;
-  long long non_finite_ = 0;             // gradients dropped
+  long long non_finite_ = 0;  // gradients dropped
+  long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;  // right-hand-side contributions dropped, which darkens targets
 };
 
@@ -199,6 +201,7 @@ void Run::settle() {
   const StepReport report = engine_->collect();
   state_.rhs_queries += report.rhs_queries;
   dropped_contributions_ += report.dropped;
+  empty_lookups_ += report.empty_lookups;
   non_finite_ += report.non_finite;
   long long step = state_.step - static_cast<long long>(report.losses.size());
   for (const double loss : report.losses) {
@@ -303,23 +306,13 @@ TrainResult Run::go() {
   result.rhs_queries = state_.rhs_queries;
   result.loss = state_.loss;
   result.dropped_contributions = dropped_contributions_;
+  result.empty_lookups = empty_lookups_;
   result.stages = engine_->stages();
   result.field = engine_->release_field();
   return result;
 }
 
 }  // namespace
-
-FieldDomain field_domain(const Scene& scene, const Config& config) {
-  const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
-  FieldDomain domain{box.origin, box.size, {}};
-  if (const int levels = field_entry(config.field).cell_levels(config); levels > 0) {
-    domain.occupied_cells = config.octree_occupancy == OctreeOccupancy::sampled
-                                ? sampled_cells(scene, box, levels, static_cast<unsigned long long>(config.seed))
-                                : occupied_cells(scene, box, levels);
-  }
-  return domain;
-}
 
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options) {
   return Run(scene, config, options).go();

@@ -11,6 +11,7 @@
 #include "octrad/image/image.h"
 #include "octrad/model/config.h"
 #include "octrad/model/model_file.h"
+#include "octrad/train/domain.h"
 #include "octrad/transport/prepared_scene.h"
 
 namespace octrad {
@@ -38,7 +39,8 @@ struct TrainOptions {
   std::vector<Camera> cameras;      // poses in addition to the scene's
   Model* resume = nullptr;          // continue this model (its field is moved from)
   std::function<bool()> interrupted;
-  std::function<void(const TrainProgress&)> progress;                          // several times a second
+  std::function<void(const DomainFit&)> placed;        // the box of a new field, before it is made
+  std::function<void(const TrainProgress&)> progress;  // several times a second
   std::function<void(long long step, double seconds, double mape)> validated;  // each time it is measured
   std::function<void(const std::string& file, long long step)> saved;
   // A checkpoint could not be written, and why: training goes on, and the next one tries again. Null: train() throws.
@@ -51,6 +53,7 @@ struct TrainResult {
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = -1.0;                   // smoothed; below 0 if there was no step
   long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
+  long long empty_lookups = 0;          // of a level, that found no occupied cell: its features were 0
   StageSplit stages;              // mean milliseconds of a step's stages; empty on the CPU and for very short runs
   double validation_mape = -1.0;  // of the finished model against the reference
   bool interrupted = false;
@@ -61,9 +64,6 @@ struct TrainResult {
 // InputError when the loss turns non-finite (the last good model stays in `output`), and IoError when the finished
 // model cannot be written.
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options);
-
-// Box and occupied cells that a field over this scene gets.
-FieldDomain field_domain(const Scene& scene, const Config& config);
 
 // Batch shape and loss epsilon at a fraction of the budget.
 struct ScheduleState {

@@ -56,7 +56,7 @@ std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, 
 // What is traced from queries in a check.
 QueryRays wanted_rays(bool traced_disparity, bool lobes) {
   QueryRays rays;
-  rays.mirror = traced_disparity;
+  rays.offset.traced = traced_disparity;
   rays.lobe = lobes ? 24 : 0;
   rays.lobe_below = 0.5f;
   rays.iterations = 5;
@@ -109,7 +109,9 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
                 n * static_cast<std::size_t>(group), rounds);
   DeviceArray<unsigned long long> step(stream, 1, "check");
-  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, true); }),
+  OffsetRay offset;
+  offset.traced = true;
+  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, offset); }),
              take = stream.capture([&] { lhs.take(step.data(), n, group); });
   CheckErrors errors;
   const auto steps = static_cast<unsigned long long>(group);
@@ -125,7 +127,7 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
     const SurfacePointArray surface_points{numbers.data(), lhs.surface_points().stride};
     for (std::size_t i = 0; i < n; ++i) {
       const ShadingPoint &a = found[i], &b = expected[i];
-      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, true);
+      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, offset);
       const auto near = [&](float disparity) { return 1.0f / (1.0f + disparity * size); };
       errors.add(
           std::max({distance(p.x, q.x, size), distance(p.wo, q.wo), distance(p.n, q.n), distance(p.albedo, q.albedo),

@@ -13,6 +13,7 @@ struct FirstHitOptions {
   bool emission_inside = false;  // the field's response about an emitter holds its emission (target.emission = inside)
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
+  bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass
 };
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
@@ -30,7 +31,8 @@ OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, c
   query.known = end.first_emitted + end.emitted;
   if (!end.surface) return query;
   if (options.bounce == Bounce::all ||
-      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold)) {
+      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold &&
+       (options.bounce_delta || !is_delta_bsdf(end.point.bsdf)))) {
     query.next = FirstHitQuery::Next::bounce;
     const unsigned long long high = rng.bits();
     query.key = (high << 32) | rng.bits();
@@ -51,13 +53,14 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
   return first_hit_query(options, end, sample.rng);
 }
 
-// The point as it is given to a field; `traced`: with SurfacePoint::disparity, at the cost of one ray (lookup.offset =
-// traced).
+// The point as it is given to a field, with SurfacePoint::disparity where `offset` is traced (lookup.offset = traced),
+// at the cost of one ray.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading, bool traced) {
+OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
+                                                const OffsetRay& offset) {
   SurfacePoint point = surface_point(shading);
-  if (traced) point.disparity = traced_disparity(world, point, shading.surface.geometric_normal);
+  if (offset.traced) point.disparity = traced_disparity(world, offset.rule, point, shading.surface.geometric_normal);
   return point;
 }
 

@@ -106,11 +106,22 @@ TEST(FirstHit, GlossySurfacesBounceBelowTheThreshold) {
   EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::query);
 }
 
+TEST(FirstHit, MirrorsBounceOnlyWhereTheyAreAskedTo) {
+  const PreparedScene scene = scene_around();
+  FirstHitOptions options;
+  options.bounce = Bounce::glossy;
+  options.rough_threshold = 0.3f;
+  EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::bounce);
+  options.bounce_delta = false;
+  EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::query);
+  EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::bounce);  // glossy
+}
+
 TEST(FirstHit, DisparityIsTracedOnRequest) {
   const PreparedScene scene = scene_around();
   const Found mirror = look_along(scene, {0, 0, 1});
-  EXPECT_EQ(field_query_point(scene.context(), mirror.end.point, false).disparity, 0.0f);
-  EXPECT_NEAR(field_query_point(scene.context(), mirror.end.point, true).disparity, 0.25f,
+  EXPECT_EQ(field_query_point(scene.context(), mirror.end.point, OffsetRay{}).disparity, 0.0f);
+  EXPECT_NEAR(field_query_point(scene.context(), mirror.end.point, OffsetRay{true, {}}).disparity, 0.25f,
               5e-5f);  // the ray starts a little off the surface
 }
 

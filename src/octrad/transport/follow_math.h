@@ -164,11 +164,12 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   return end;
 }
 
-// 1 / distance to the next surface along the mirror direction; 0 where that ray leaves the scene.
+// 1 / distance to the next surface along the point's look-up direction; 0 where that ray leaves the scene.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline float traced_disparity(const World& world, const SurfacePoint& point, Vec3f geometric_normal) {
-  const Vec3f direction = reflect(point.wo, point.n);
+OCTRAD_HD inline float traced_disparity(const World& world, const LookupRule& rule, const SurfacePoint& point,
+                                        Vec3f geometric_normal) {
+  const Vec3f direction = lookup_direction(rule, point);
   const Hit hit = world.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
   return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
 }

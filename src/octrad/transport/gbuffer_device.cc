@@ -98,11 +98,12 @@ struct Arrive : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
     if (q == 0) memory.counts->rays += *memory.query_count;
-    const float disparity = traced_disparity(world, memory.queries.load(q), memory.normals.get3(0, q));
+    const float disparity = traced_disparity(world, rule, memory.queries.load(q), memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
   }
 };
@@ -146,14 +147,14 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       queries_(stream, kSurfacePointNumbers, capacity, "queries"),
       query_weight_(stream, 3, capacity, "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
-      normals_(rays.mirror ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()),
+      normals_(rays.offset.traced ? PlaneArray(stream, 3, capacity, "queries") : PlaneArray()),
       lobes_(stream, world, capacity, rays, true) {
   counts_.fill(0);
 }
 
 std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays) {
-  const std::size_t numbers =
-      static_cast<std::size_t>(kSampleNumbers + kSurfacePointNumbers + 3 + (bounces ? 3 : 0) + (rays.mirror ? 3 : 0));
+  const std::size_t numbers = static_cast<std::size_t>(kSampleNumbers + kSurfacePointNumbers + 3 + (bounces ? 3 : 0) +
+                                                       (rays.offset.traced ? 3 : 0));
   return capacity * (numbers * sizeof(float) + sizeof(Hit) + 2 * sizeof(std::uint32_t) +
                      (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0)) +
          DeviceLobes::bytes(capacity, rays, true);
@@ -175,7 +176,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   cast(*stream_, n, Extend{{}, world_, memory});
   launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
-  if (query_rays_.mirror) launch(*stream_, n, Disparity{{}, world_, memory});
+  if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
 }
 

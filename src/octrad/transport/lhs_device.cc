@@ -157,10 +157,11 @@ struct Finish : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   const ShadingPoint* points;
   SurfacePointArray surface_points;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    const float disparity = traced_disparity(world, surface_points.load(i), points[i].surface.geometric_normal);
+    const float disparity = traced_disparity(world, rule, surface_points.load(i), points[i].surface.geometric_normal);
     surface_points.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * surface_points.stride + i] = disparity;
   }
 };
@@ -194,12 +195,12 @@ struct TakeFarEnds : Kernel {
   const FarEnd* far_ends;
   ShadingPoint* taken;
   SurfacePointArray taken_surface_points;
-  bool traced;
+  OffsetRay offset;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const FarEnd end = far_ends[i];
     if (!end.hit.valid()) return;
     taken[i] = shade_far_end(world, end);
-    taken_surface_points.store(i, field_query_point(world, taken[i], traced));
+    taken_surface_points.store(i, field_query_point(world, taken[i], offset));
   }
 };
 
@@ -248,7 +249,7 @@ std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead) {
   return most * point + std::max(most, most_ahead) * (point + draw);
 }
 
-void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, bool traced) {
+void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset) {
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
@@ -272,7 +273,8 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, b
     launch(*stream_, items, Arrive{{}, world_, memory, options_, poses, queue(r), queue(r + 1)});
   }
   launch(*stream_, items, Finish{{}, world_, memory, options_, poses, queue(rounds_)});
-  if (traced) launch(*stream_, items, Disparity{{}, world_, drawn_.data(), drawn_surface_points_.points()});
+  if (offset.traced)
+    launch(*stream_, items, Disparity{{}, world_, offset.rule, drawn_.data(), drawn_surface_points_.points()});
 }
 
 void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
@@ -289,10 +291,9 @@ void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
               missing_.data()});
 }
 
-void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, bool traced_disparity) {
+void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset) {
   check(count, 1);
-  launch(*stream_, count,
-         TakeFarEnds{{}, world_, far_ends, points_.data(), surface_points_.points(), traced_disparity});
+  launch(*stream_, count, TakeFarEnds{{}, world_, far_ends, points_.data(), surface_points_.points(), offset});
 }
 
 void DeviceLhs::check(std::size_t n, int steps) const {

@@ -23,16 +23,16 @@ class DeviceLhs {
   DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options, std::span<const CameraView> views,
             bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
 
-  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `traced_disparity`: fills
-  // SurfacePoint::disparity. Can be recorded, as can the others.
-  void draw(const unsigned long long* step, std::size_t n, int steps, bool traced_disparity = false);
+  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `offset`: where it is traced,
+  // fills SurfacePoint::disparity. Can be recorded, as can the others.
+  void draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset = {});
   // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
   void take(const unsigned long long* step, std::size_t n, int steps);
   // The first `count` current points become these far ends, where there is one.
-  void take_far_ends(const FarEnd* far_ends, std::size_t count, bool traced_disparity = false);
+  void take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset = {});
   // Both for a step alone.
-  void run(const unsigned long long* step, std::size_t n, bool traced_disparity = false) {
-    draw(step, n, 1, traced_disparity);
+  void run(const unsigned long long* step, std::size_t n, const OffsetRay& offset = {}) {
+    draw(step, n, 1, offset);
     take(step, n, 1);
   }
   const ShadingPoint* points() const { return points_.data(); }

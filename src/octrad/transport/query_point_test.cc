@@ -62,13 +62,33 @@ TEST(QueryPoint, AMirrorHasOneClusterAtItsReflection) {
   const PreparedScene scene = open_scene();
   const TransportContext context = scene.context();
   QueryRays rays = lobe_rays(32);
-  rays.mirror = true;
+  rays.offset.traced = true;
   const SurfacePoint p = traced(context, floor_point(context, 0.1f), rays);
   EXPECT_NEAR(p.lobe[0].distance, 2.0f * std::sqrt(2.0f), 1e-3f);  // rays start beside the surface
   EXPECT_NEAR(p.lobe[0].deviation, 0.0f, 1e-3f);
   EXPECT_EQ(p.lobe[0].share, 1.0f);
   for (int k = 1; k < kHitClusters; ++k) EXPECT_EQ(p.lobe[k].share, 0.0f);
   EXPECT_NEAR(p.disparity * p.lobe[0].distance, 1.0f, 1e-4f);
+}
+
+// Where the look-up looks: along the normal on rough points, else along the mirror direction, or back to the viewer.
+TEST(QueryPoint, TheOffsetsRayFollowsTheLookup) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  const ShadingPoint metal = floor_point(context, 2.1f), diffuse = floor_point(context, 4.1f);
+  QueryRays rays;
+  rays.offset.traced = true;
+  const float along_normal = 0.5f, along_mirror = 0.5f / std::sqrt(2.0f);
+  EXPECT_NEAR(traced(context, metal, rays).disparity, along_mirror, 1e-3f);
+  EXPECT_NEAR(traced(context, diffuse, rays).disparity, along_normal, 1e-3f);
+  rays.offset.rule.rough_threshold = 0.2f;
+  EXPECT_NEAR(traced(context, metal, rays).disparity, along_normal, 1e-3f);
+  rays.offset.rule.rough = RoughDirection::mirror;
+  EXPECT_NEAR(traced(context, diffuse, rays).disparity, along_mirror, 1e-3f);
+  rays.offset.rule.glossy = LookupDirection::outgoing;  // 4.1 lies under the ceiling towards the viewer too
+  const SurfacePoint p = traced(context, diffuse, rays);
+  EXPECT_NEAR(p.disparity, along_mirror, 1e-3f);
+  EXPECT_LT(dot(p.wo, reflect(p.wo, p.n)), 0.1f);  // which is elsewhere
 }
 
 TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {

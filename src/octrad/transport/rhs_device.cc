@@ -153,12 +153,13 @@ struct Arrive : Kernel {
 
 struct Disparity : Kernel {
   DeviceWorld world;
+  LookupRule rule;
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
     if (q == 0) memory.counts->rays += *memory.query_count;
     SurfacePoint point = memory.queries.load(q);
-    point.disparity = traced_disparity(world, point, memory.normals.get3(0, q));
+    point.disparity = traced_disparity(world, rule, point, memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] =
         point.disparity;
   }
@@ -242,16 +243,16 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, kSlotNumbers, slots, "right-hand-side samples"),
       queries_(stream, kSurfacePointNumbers, slots, "queries"),
-      normals_(rays.mirror ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
+      normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
       lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
 }
 
 std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays) {
-  return slots *
-             (5 * sizeof(std::uint32_t) + sizeof(Hit) +
-              static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers + (rays.mirror ? 3 : 0)) *
-                  sizeof(float)) +
+  return slots * (5 * sizeof(std::uint32_t) + sizeof(Hit) +
+                  static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers +
+                                           (rays.offset.traced ? 3 : 0)) *
+                      sizeof(float)) +
          DeviceLobes::bytes(slots, rays, true);
 }
 
@@ -274,7 +275,7 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
   launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
   if (!options.ask) return;
-  if (query_rays_.mirror) launch(*stream_, n, Disparity{{}, world_, memory});
+  if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
 }
 

@@ -43,7 +43,7 @@ struct RoughConductorModel {
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.specular_reflectance; }
-  OCTRAD_HD static float roughness(const Bsdf& b) { return std::sqrt(b.alpha_u * b.alpha_v); }
+  OCTRAD_HD static float roughness(const Bsdf& b) { return std::fmin(std::sqrt(b.alpha_u * b.alpha_v), kRoughestLobe); }
 };
 
 }  // namespace octrad

@@ -52,7 +52,7 @@ struct RoughPlasticModel {
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }
-  OCTRAD_HD static float roughness(const Bsdf& b) { return b.alpha_u; }
+  OCTRAD_HD static float roughness(const Bsdf& b) { return std::fmin(b.alpha_u, kRoughestLobe); }
 };
 
 }  // namespace octrad
