@@ -82,7 +82,6 @@ class Files(Case):
         commands = self.written()
         for name, command in commands.items():
             self.ok(*command)
-            before, there = read(self.path(name)), self.listing()
             all_faults = name in ("out.exr", "n.octrad", "page.html")
             for fault in faults if all_faults else faults[1:2] + faults[-1:]:
                 for rules in ([fault], [unnamed, fault]) if all_faults and fault[0] != "link" else ([fault],):
@@ -91,6 +90,7 @@ class Files(Case):
                     if fault[0] == "close":  # locks and inputs are closed too: the output's turn
                         rules = [*rules[:-1], ("close", errno.EDQUOT, self.closes_before(command, rules[:-1]), 1)]
                     with self.subTest(name, rules=rules):
+                        before, there = read(self.path(name)), self.listing()
                         result = self.faulty(rules, *command)
                         self.assertEqual(result.code, 3, result.err)
                         lines = [line for line in result.err.splitlines() if line.startswith("octrad: error: ")]

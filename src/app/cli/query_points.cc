@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
@@ -84,7 +85,7 @@ std::vector<SurfacePoint> parse_points(const std::string& file, const std::strin
       char* stop = nullptr;
       v[i] = std::strtof(cell.c_str(), &stop);
       if (cell.empty() || stop != cell.c_str() + cell.size() || !std::isfinite(v[i]))
-        refuse(fmt::format("column {}: \"{}\" is not a finite number", names[i], cell.substr(0, 40)));
+        refuse(fmt::format("column {}: \"{}\" is not a finite number", names[i], printable(cell.substr(0, 40))));
     }
     SurfacePoint p;
     p.x = {v[0], v[1], v[2]};
