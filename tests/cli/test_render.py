@@ -202,8 +202,8 @@ class Render(Case):
         self.fails(1, '"few" is not a whole number', *r, "--spp", "few")
         result = self.fails(4, "--crop", *r, "--width", "100000", "--max-memory", "1G")
         self.assertIn("the budget is 1.00 GiB", result.err)
-        # Not the picture alone: 32 x 24 pixels are little.
-        result = self.fails(4, "the budget is 10.0 MiB", *r, "--max-memory", "10M")
+        # Not the picture alone, which has room.
+        result = self.fails(4, "the budget is 24.0 MiB", *r, "--width", "512", "--max-memory", "24M")
         self.assertIn("the program, the scene and the model, in memory already", result.err)
         self.fails(1, "octree.levels", *r, "-D", "octree.levels=3")
         result = self.fails(2, "wal", *r, "-D", "wal=0.1")

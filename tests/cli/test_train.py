@@ -180,7 +180,7 @@ class Train(Case):
 
     def test_resume_after_kill_ends_with_the_same_bits(self):
         whole, log = self.path("whole.octrad"), self.path("log.jsonl")
-        steps = 150
+        steps = 600
         self.train("--steps", steps, model=whole)
         process = start("train", self.scene, "-o", self.model, *SMALL, "--steps", steps, "-D", "checkpoint.every=100ms", "--log-json", log)
         self.assertTrue(wait_for(lambda: os.path.exists(log) and '"saved"' in open(log).read()))
@@ -303,7 +303,7 @@ class Train(Case):
         self.ok(*arguments, "--force")
 
     def test_over_budget_names_the_knobs(self):
-        result = self.fails(4, "octree.levels=", "train", self.scene, "-o", self.model, "--max-memory", "8M")
+        result = self.fails(4, "octree.levels=", "train", self.scene, "-o", self.model, "--max-memory", "20M")
         self.assertIn("octree.features=", result.err)
         self.assertFalse(os.path.exists(self.model))
         # Numbers that can be checked: all that is needed against the whole budget.
