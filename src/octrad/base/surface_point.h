@@ -26,6 +26,9 @@ struct SurfacePoint {
   HitCluster lobe[kHitClusters];  // what rays drawn from the BSDF met, only with QueryRays::lobe
 };
 
+// Roughness below which rays follow surfaces like mirrors (is_followed): this value means perfect mirrors and glass.
+inline constexpr float kFollowDelta = 1e-30f;
+
 enum class LookupDirection { mirror, outgoing };  // direction of queries on glossy surfaces
 enum class RoughDirection { normal, mirror };     // direction of queries on rough surfaces
 
@@ -54,8 +57,8 @@ struct QueryRays {
   float lobe_below = 0.0f;
   int clusters = kHitClusters, iterations = 0;  // of k-means over their distances
 
-  int lobe_rays(float alpha) const { return alpha < lobe_below ? lobe : 0; }
-  int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
+  OCTRAD_HD int lobe_rays(float alpha) const { return alpha < lobe_below ? lobe : 0; }
+  OCTRAD_HD int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
 };
 
 // Clusters of many points: number c of cluster k of point i at [3 k + c][stride] + i.

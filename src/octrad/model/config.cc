@@ -19,7 +19,6 @@
 #include "octrad/base/join.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/model/field_registry.h"
-#include "octrad/shading/bsdf_types.h"
 
 namespace octrad {
 namespace {

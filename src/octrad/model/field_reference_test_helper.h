@@ -269,7 +269,8 @@ class FieldReference {
     return Vec3d(mirror_ ? reflect(point.wo, point.n) : point.wo);
   }
   Vec3d factor(const SurfacePoint& point) const {
-    return demodulate_ && (split_coats_ || point.alpha >= rough_threshold_) ? Vec3d(point.albedo) * scale_ : Vec3d(scale_);
+    return demodulate_ && (split_coats_ || point.alpha >= rough_threshold_) ? Vec3d(point.albedo) * scale_
+                                                                            : Vec3d(scale_);
   }
   Vec3d normalized(Vec3d x) const { return (x - Vec3d(origin_)) / Vec3d(size_); }
   // Where tables are looked up: a point outside at the nearest place of the domain.

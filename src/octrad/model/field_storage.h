@@ -45,8 +45,8 @@ long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const 
 // Uniform +-1e-4 (method section 5).
 void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long long stream);
 
-// float32 tensor, or float16 widened, of exactly `shape` into the beginning of `out`. Numbers that are not finite are an
-// InputError.
+// float32 tensor, or float16 widened, of exactly `shape` into the beginning of `out`. Numbers that are not finite are
+// an InputError.
 void read_floats(const TensorReader& in, const std::string& name, const std::vector<std::int64_t>& shape,
                  std::span<float> out);
 

@@ -123,7 +123,8 @@ class NcrReference {
     q.merge = merge_;
     const std::vector<double> merged = q.merge.forward(rounded(merge), parameters[kMerge]);
     q.margin = std::min(q.margin, q.merge.margin);
-    for (int c = 0; c < 3; ++c) q.radiance[c] = std::log1p(std::exp(merged[static_cast<std::size_t>(c)])) * factor(p)[c];
+    for (int c = 0; c < 3; ++c)
+      q.radiance[c] = std::log1p(std::exp(merged[static_cast<std::size_t>(c)])) * factor(p)[c];
     return q;
   }
   Vec3d radiance(const SurfacePoint& p) { return evaluate(p).radiance; }
@@ -226,10 +227,9 @@ class NcrReference {
   }
   Activated<double> output(double v) const { return activate(config_.ncr_output, v); }
   Vec3d factor(const SurfacePoint& p) const {
-    const bool demodulate = config_.target_demodulate == TargetDemodulation::albedo &&
-                            config_.target_emission == TargetEmission::outside &&
-                            (config_.lookup_coats == Coats::split ||
-                             static_cast<double>(p.alpha) >= config_.lookup_rough_threshold);
+    const bool demodulate =
+        config_.target_demodulate == TargetDemodulation::albedo && config_.target_emission == TargetEmission::outside &&
+        (config_.lookup_coats == Coats::split || static_cast<double>(p.alpha) >= config_.lookup_rough_threshold);
     return (demodulate ? Vec3d(p.albedo) : Vec3d(1.0)) * scale_;
   }
   // visit(level, weight): two levels by bracketing, in double.

@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "octrad/base/vec.h"
+#include "octrad/base/surface_point.h"
 #include "octrad/scene/material_types.h"
 
 namespace octrad {
@@ -38,8 +38,6 @@ struct Bsdf {
   float internal_reflectance = 0.0f;
   const float* external_transmittance = nullptr;
 };
-
-inline constexpr float kFollowDelta = 1e-30f;  // see is_followed()
 
 struct BsdfValue {
   Vec3f value{0, 0, 0};  // f(wo, wi) |cos wi|, delta lobes excluded

@@ -51,7 +51,9 @@ struct RoughPlasticModel {
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }
   OCTRAD_HD static float reflected(const Bsdf& b, float cos) { return 1.0f - transmittance(b, cos); }
-  OCTRAD_HD static float roughness(const Bsdf& b) { return b.lobe == Lobe::base ? 1.0f : std::fmin(b.alpha_u, kRoughestLobe); }
+  OCTRAD_HD static float roughness(const Bsdf& b) {
+    return b.lobe == Lobe::base ? 1.0f : std::fmin(b.alpha_u, kRoughestLobe);
+  }
 };
 
 }  // namespace octrad
