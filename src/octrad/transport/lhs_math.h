@@ -114,11 +114,6 @@ struct LhsDraw {
   OCTRAD_HD explicit LhsDraw(const Rng& generator) : rng(generator) {}
 };
 
-// What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
-OCTRAD_HD inline double stop_probability(const LhsOptions& options, const Bsdf& bsdf) {
-  return options.stop_probability / (roughness_bsdf(bsdf) < options.rough_threshold ? 1.0 : options.glossy_boost);
-}
-
 // Begins a try.
 OCTRAD_HD inline LhsNext lhs_start_try(const LhsPoses& poses, LhsDraw& draw) {
   const bool view = draw.kind == LhsKind::view;
@@ -181,7 +176,9 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     const bool follow = passed(point);
     if (draw.kind == LhsKind::view && !follow) return LhsNext::found;
     if (draw.vertex >= longest) return LhsNext::missing;
-    if (!follow && draw.rng.uniform() < stop_probability(options, point.bsdf)) {
+    // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
+    const double reluctance = roughness_bsdf(point.bsdf) < options.rough_threshold ? 1.0 : options.glossy_boost;
+    if (!follow && draw.rng.uniform() * reluctance < options.stop_probability) {
       if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
       n = viewed_normal(point);
       look = fresh;
