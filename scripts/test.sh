@@ -52,6 +52,7 @@ count() {
     f=$(($(grep -oE 'failures=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0) + $(grep -oE 'errors=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0)))
     s=$(grep -oE 'skipped=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+')
     p=$(($(last_number "$log" '^Ran [0-9]+') - f - ${s:-0}))
+    [ "$p" -ge 0 ] || p=0  # parts of a test count as skipped too
   elif [ "$status" = 0 ]; then
     p=1
   fi
