@@ -167,15 +167,22 @@ class Render(Case):
         self.assertGreater(self.channels()["G"]["mean"], 0)
 
     def test_interrupt_while_loading_ends_at_once(self):
-        pipe = self.path("pipe.xml")
-        os.mkfifo(pipe)
+        # A mesh that takes a second or more to read; the signal comes as soon as the program listens to it.
+        self.write("long.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 3_000_000)
+        scene = self.write("long.xml", '<scene version="3.0.0"><sensor type="perspective"/><shape type="obj"><string name="filename" value="long.obj"/></shape></scene>')
         model = self.path("m.octrad")
+
+        def listens(process, sent):
+            with open("/proc/%d/status" % process.pid) as status:
+                caught = next(line for line in status if line.startswith("SigCgt:"))
+            return int(caught.split()[1], 16) >> (sent - 1) & 1
+
         for sent in (signal.SIGINT, signal.SIGTERM):
-            for verb in (("render", pipe, "-o", self.out), ("train", pipe, "-o", model)):
+            for verb in (("render", scene, "-o", self.out), ("train", scene, "-o", model)):
                 process = start(*verb)
-                with open(pipe, "w"):  # returns when the program opens its end: it is loading, and never gets a byte
-                    process.send_signal(sent)
-                    _, err = process.communicate(timeout=60)
+                self.assertTrue(wait_for(lambda: listens(process, sent)))
+                process.send_signal(sent)
+                _, err = process.communicate(timeout=60)
                 self.assertEqual(process.returncode, 130, err)
                 self.assertIn("before there was anything to save", err.decode())
         self.assertFalse(os.path.exists(self.out) or os.path.exists(model))
