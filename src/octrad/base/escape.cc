@@ -41,14 +41,15 @@ std::size_t utf8_length(std::string_view text, std::size_t i) {
 // What unescape_bytes() takes for an escape.
 bool is_escape(int value) { return value == '\\' || value >= 0x80; }
 
-}  // namespace
-
-std::string escape_bytes(std::string_view text) {
+// `text` with \xNN for each byte that keep(i, length) does not keep: the bytes from i on are a code point of `length`
+// bytes of UTF-8, or none where it is 0.
+template <typename Keep>
+std::string escape_unless(std::string_view text, Keep keep) {
   std::string out;
   out.reserve(text.size());
   for (std::size_t i = 0; i < text.size();) {
     const std::size_t length = utf8_length(text, i);
-    if (length > 0 && !is_escape(escape_at(text, i))) {
+    if (keep(i, length)) {
       out.append(text, i, length);
       i += length;
     } else {
@@ -59,23 +60,21 @@ std::string escape_bytes(std::string_view text) {
   return out;
 }
 
+}  // namespace
+
+std::string escape_bytes(std::string_view text) {
+  return escape_unless(text,
+                       [&](std::size_t i, std::size_t length) { return length > 0 && !is_escape(escape_at(text, i)); });
+}
+
 std::string printable(const std::string& text) {
   const auto is_plain = [](char c) { return (c >= ' ' && c <= '~') || c == '\n' || c == '\t'; };
   if (std::all_of(text.begin(), text.end(), is_plain)) return text;
-  std::string out;
-  for (std::size_t i = 0; i < text.size();) {
-    const std::size_t length = utf8_length(text, i);
+  return escape_unless(text, [&](std::size_t i, std::size_t length) {
     // U+0080 to U+009F are control characters as well: some terminals take them for the beginning of a sequence.
     const bool control = length == 2 && text[i] == '\xc2' && static_cast<unsigned char>(text[i + 1]) < 0xa0;
-    if ((length > 1 && !control) || is_plain(text[i])) {
-      out.append(text, i, length);
-      i += length;
-    } else {
-      const auto byte = static_cast<unsigned char>(text[i++]);
-      out += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15u]};
-    }
-  }
-  return out;
+    return (length > 1 && !control) || is_plain(text[i]);
+  });
 }
 
 std::string unescape_bytes(std::string_view text) {
