@@ -70,6 +70,20 @@ struct OctreeScatter : Kernel {
   }
 };
 
+// Sum of the 8 entries of a hash grid's level, times their weights.
+template <int F, typename E>
+OCTRAD_HD inline void sum_taps(const E* table, const std::uint32_t* entry, const float* weight, float* sum) {
+  OCTRAD_UNROLL
+  for (int c = 0; c < F; ++c) sum[c] = 0.0f;
+  OCTRAD_UNROLL
+  for (int k = 0; k < 8; ++k) {
+    float value[F];
+    load_row<F>(table, entry[k], value);
+    OCTRAD_UNROLL
+    for (int c = 0; c < F; ++c) sum[c] += weight[k] * value[c];
+  }
+}
+
 template <int F, typename E, typename Rows>
 struct GridLookup : Kernel {
   HashGridView view;
@@ -83,16 +97,8 @@ struct GridLookup : Kernel {
     if (!queries.slice.holds(i)) return;
     std::uint32_t entry[8];
     float weight[8], sum[F];
-    OCTRAD_UNROLL
-    for (int c = 0; c < F; ++c) sum[c] = 0.0f;
     hash_grid_taps(view.level[l], divide(queries.position(i) - origin, size), entry, weight);
-    OCTRAD_UNROLL
-    for (int k = 0; k < 8; ++k) {
-      float value[F];
-      load_row<F>(table, entry[k], value);
-      OCTRAD_UNROLL
-      for (int c = 0; c < F; ++c) sum[c] += weight[k] * value[c];
-    }
+    sum_taps<F>(table, entry, weight, sum);
     OCTRAD_UNROLL
     for (int c = 0; c < F; c += 2) out.store2(first + static_cast<int>(l) * F + c, i, sum[c], sum[c + 1]);
   }
@@ -138,15 +144,7 @@ struct PrefilteredLookup : Kernel {
       visit_prefiltered(view, queries.position(i), r,
                         [&](int, const std::uint32_t* entry, const float* weight, float of_level) {
                           float level[F];
-                          OCTRAD_UNROLL
-                          for (int c = 0; c < F; ++c) level[c] = 0.0f;
-                          OCTRAD_UNROLL
-                          for (int k = 0; k < 8; ++k) {
-                            float value[F];
-                            load_row<F>(table, entry[k], value);
-                            OCTRAD_UNROLL
-                            for (int c = 0; c < F; ++c) level[c] += weight[k] * value[c];
-                          }
+                          sum_taps<F>(table, entry, weight, level);
                           OCTRAD_UNROLL
                           for (int c = 0; c < F; ++c) sum[c] += of_level * level[c];
                         });
