@@ -44,13 +44,11 @@ class CacheIntegrator : public Integrator {
         bounce_owners.push_back({i, end.throughput});
         bounce_keys.push_back(query.key);
       } else if (query.next == FirstHitQuery::Next::query) {
-        const AskedLobes lobes = asked_lobes(options_, end.point.bsdf);
-        for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
-          end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+        for_each_asked_lobe(options_, end.point, [&] {
           queries.push_back(field_query_point(context_, end.point, rays_, samples[i].rng));
           query_owners.push_back({i, end.throughput});
           counts.rays += rays_.count(queries.back().alpha);
-        }
+        });
       }
     }
     std::vector<Vec3f> responses(queries.size());

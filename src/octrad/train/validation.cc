@@ -41,12 +41,10 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
       rng = sample.rng;
       known += query.known;
       if (query.next != FirstHitQuery::Next::query) continue;
-      const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
-      for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
-        end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+      for_each_asked_lobe(options, end.point, [&] {
         points_.push_back(field_query_point(context, end.point, rays, rng));
         owners_.push_back({known_.size(), end.throughput});
-      }
+      });
     }
     known_.push_back(known);
   }

@@ -63,6 +63,14 @@ QueryRays wanted_rays(bool traced_disparity, bool lobes) {
   return rays;
 }
 
+// A point from a device as the CPU shades it: tables that it points to are the CPU's own.
+ShadingPoint on_cpu(const TransportContext& context, const ShadingPoint& point) {
+  ShadingPoint own = context.shade(point.surface, point.wo);
+  own.bsdf.opacity = point.bsdf.opacity;
+  own.bsdf.lobe = point.bsdf.lobe;
+  return own;
+}
+
 void compare_samples(Stream& stream, const SamplePlanes& found, std::span<const Vec3f> radiance,
                      std::span<const FirstHit> first, float size, EstimateErrors& errors) {
   std::vector<float> numbers = fetch(stream, found.data, found.stride * kSampleNumbers);
@@ -169,8 +177,7 @@ CheckResult check_lobes(Stream& stream, const PreparedScene& scene, std::size_t 
     const std::vector<ShadingPoint> shading = fetch(stream, lhs.points(), n);
     const std::vector<SurfacePoint> found = download_points(stream, points, n);
     for (std::size_t i = 0; i < n; ++i) {
-      ShadingPoint point = context.shade(shading[i].surface, shading[i].wo);  // tables are the CPU's own
-      point.bsdf.opacity = shading[i].bsdf.opacity;
+      const ShadingPoint point = on_cpu(context, shading[i]);
       Rng rng = lobe_generator(seed, number, i);
       const SurfacePoint expected = field_query_point(context, point, rays, rng);
       glossy += rays.lobe_rays(expected.alpha) > 0;
@@ -198,13 +205,8 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
   const DeviceArray<unsigned long long> step(stream, std::span(&number, 1), "check");
   DeviceLhs lhs(stream, scene.world(stream), draw, sampler.views(), sampler.fresh_poses(), n);
   lhs.run(step.data(), n);
-  // The same points for the CPU: tables that they point to are its own.
   std::vector<ShadingPoint> points;
-  for (const ShadingPoint& p : fetch(stream, lhs.points(), n)) {
-    points.push_back(context.shade(p.surface, p.wo));
-    points.back().bsdf.opacity = p.bsdf.opacity;
-    points.back().bsdf.lobe = p.bsdf.lobe;
-  }
+  for (const ShadingPoint& p : fetch(stream, lhs.points(), n)) points.push_back(on_cpu(context, p));
   std::vector<unsigned long long> keys;
   for (std::size_t i = 0; i < n; ++i) keys.push_back(mix64(seed + i));
   const DeviceArray<unsigned long long> device_keys(stream, std::span<const unsigned long long>(keys), "check");
@@ -292,14 +294,12 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
         radiance[k] += end.throughput * right_hand_side(end.point, query.key);
         bounces[k] = 1;
       } else if (query.next == FirstHitQuery::Next::query) {
-        const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
-        for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
-          end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+        for_each_asked_lobe(options, end.point, [&] {
           const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
           radiance[k] += end.throughput * cache(asked);
           of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
           ++of[k].queries;
-        }
+        });
       }
     });
     TraceCounts expected;

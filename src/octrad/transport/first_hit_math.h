@@ -28,6 +28,17 @@ OCTRAD_HD inline AskedLobes asked_lobes(const FirstHitOptions& options, const Bs
   return {static_cast<int>(Lobe::coat), static_cast<int>(Lobe::base)};
 }
 
+// Calls ask() with `point` restricted to each of them.
+OCTRAD_HD_OR_HOST
+template <typename Ask>
+OCTRAD_HD inline void for_each_asked_lobe(const FirstHitOptions& options, ShadingPoint& point, const Ask& ask) {
+  const AskedLobes lobes = asked_lobes(options, point.bsdf);
+  for (int lobe = lobes.first; lobe <= lobes.last; ++lobe) {
+    point.bsdf.lobe = static_cast<Lobe>(lobe);
+    ask();
+  }
+}
+
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus
 // RayEnd::throughput times the field's response, or times the right-hand side at the bounce point.
 struct FirstHitQuery {

@@ -64,14 +64,15 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
   const bool two = lobes.first != lobes.last;
   std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
-  for (int lobe = lobes.first; lobe <= lobes.last; ++lobe, ++q) {
-    end.point.bsdf.lobe = static_cast<Lobe>(lobe);
+  std::uint32_t owner = k;
+  for_each_asked_lobe(options, end.point, [&] {
     memory.queries.store(q, surface_point(end.point));
     if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
     memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
     memory.query_weight.set3(0, q, end.throughput);
-    memory.query_owner[q] = lobe == lobes.first ? k : k | kSecondLobe;
-  }
+    memory.query_owner[q++] = owner;
+    owner = k | kSecondLobe;
+  });
 }
 
 // As rhs_kernels::Arrive.
