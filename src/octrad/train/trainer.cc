@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <sstream>
@@ -11,15 +10,13 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/work_clock.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/train/engine_device.h"
 #include "octrad/train/validation.h"
 
 namespace octrad {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 double total_bytes(const std::vector<MemoryPart>& parts) {
   double sum = 0.0;
@@ -160,7 +157,7 @@ class Run {
   double exposure_ = 1.0;         // of the field: the unit of the loss's epsilon
   long long saved_step_ = -1;     // what the file holds; -1: nothing of this run
   double earlier_seconds_ = 0.0;  // of the runs that this one continues
-  Clock::time_point start_;
+  WorkClock clock_;
   long long non_finite_ = 0;  // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;  // right-hand-side contributions dropped, which darkens targets
@@ -245,7 +242,7 @@ void Run::stop_non_finite(long long step, const std::string& why) {
 
 TrainResult Run::go() {
   TrainResult result;
-  start_ = Clock::now();
+  clock_.back_to(0.0);  // what came before was no training
   earlier_seconds_ = state_.seconds;
   const long long first_step = state_.step, first_queries = state_.rhs_queries;
   // A GPU is quick to query and to train: validate often.
@@ -271,14 +268,13 @@ TrainResult Run::go() {
     if (++waiting < engine_->steps_between_reports() && fraction() < 1.0) continue;
     waiting = 0;
     settle();
-    const double seconds = seconds_since(start_);
+    const double seconds = clock_.seconds();
     state_.seconds = earlier_seconds_ + seconds;
     if (validation_ && seconds >= next_validation) {
-      const Clock::time_point begin = Clock::now();
       mape = validation_->mape(*engine_);
       if (options_.validated) options_.validated(state_.step, state_.seconds, mape);
-      start_ += Clock::now() - begin;  // not training
-      next_validation = seconds_since(start_) + between_validations;
+      clock_.back_to(seconds);  // this was no training
+      next_validation = seconds + between_validations;
     }
     if (options_.progress && seconds >= next_progress) {
       TrainProgress p;
@@ -296,7 +292,7 @@ TrainResult Run::go() {
     }
     if (seconds >= next_checkpoint && fraction() < 1.0) {
       try_checkpoint();
-      next_checkpoint = seconds_since(start_) + config_.checkpoint_seconds;
+      next_checkpoint = clock_.seconds() + config_.checkpoint_seconds;
     }
   }
   save_result(options_.save_optimizer || result.interrupted);

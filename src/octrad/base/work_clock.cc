@@ -1,0 +1,43 @@
+#include "octrad/base/work_clock.h"
+
+namespace octrad {
+namespace {
+constexpr double kStopped = 1.0;  // seconds between two looks
+}
+
+WorkClock::WorkClock() {
+  looker_ = std::thread([this] {
+    std::unique_lock lock(mutex_);
+    while (!ending_.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended_; })) look();
+  });
+}
+
+WorkClock::~WorkClock() {
+  {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+  }
+  ending_.notify_one();
+  looker_.join();
+}
+
+void WorkClock::look() {
+  const Clock::time_point now = Clock::now();
+  const double passed = std::chrono::duration<double>(now - last_).count();
+  last_ = now;
+  if (passed < kStopped) counted_ += passed;
+}
+
+double WorkClock::seconds() {
+  const std::lock_guard lock(mutex_);
+  look();
+  return counted_;
+}
+
+void WorkClock::back_to(double then) {
+  const std::lock_guard lock(mutex_);
+  look();
+  counted_ = then;
+}
+
+}  // namespace octrad
