@@ -137,7 +137,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream();
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
-  const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));
+  const PreparedScene scene(
+      open_scene(o.scene, o.config.scene_definitions(), {{"-o", o.output}, {"--log-json", common.log_json}}));
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
