@@ -76,15 +76,4 @@ View choose_view(const Scene& scene, const ViewOptions& o, Camera camera) {
   return view;
 }
 
-nlohmann::json camera_json(const Camera& c) {
-  const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
-  static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
-  const Vec3f target = c.origin + c.forward;
-  return {{"origin", vector(c.origin)},
-          {"target", vector(target)},
-          {"up", vector(c.up)},
-          {"fov", c.fov_degrees},
-          {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
-}
-
 }  // namespace octrad::cli
