@@ -218,13 +218,14 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     ViewState state = apply_set(wanted_.state, message, catalogue_);
     const ViewState& old = wanted_.state;
     const bool moved = message.contains("camera");
-    const bool film =
-        moved || state.width != old.width || state.height != old.height || !(state.a == old.a) || state.b != old.b;
+    const bool seen_anew = moved || state.width != old.width || state.height != old.height;
+    const bool other_a = !(state.a == old.a), film = seen_anew || other_a || state.b != old.b;
     if (film && !moved) require_memory_for(state.width, state.height, state.b.has_value());
     wanted_.state = std::move(state);
     ++wanted_.display;
+    if (seen_anew) ++wanted_.view;
     if (film) film_ = ++wanted_.film;
-    if (film) wanted_.moved = Clock::now();
+    if (seen_anew || other_a) wanted_.moved = Clock::now();  // something quick first
     wake_.notify_all();
   }
   if (!only_camera) tell_state();
@@ -374,6 +375,8 @@ void Session::render() {
           scale_ = scale;
         }
         const View view = view_of(state, scale);
+        a_film_.reset();
+        b_film_.reset();
         a_.show(state.a, view);
         if (state.b) b_.show(*state.b, view);
         const auto end = [this] { return stopping_.load(); };
@@ -390,11 +393,7 @@ void Session::render() {
           display_done = wanted.display;
           continue;
         }
-        const View view = view_of(state, 1.0);
-        a_.show(state.a, view);
-        if (state.b) b_.show(*state.b, view);
-        const auto stop = [this, film = wanted.film] { return changed(film); };
-        if (!a_.add_pass(stop) || (state.b && !b_.add_pass(stop))) {
+        if (!start_still(wanted)) {
           still = false;
           film_done = 0;
           continue;
@@ -437,6 +436,22 @@ void Session::render() {
       server_->broadcast(json_text({{"type", "error"}, {"message", "out of memory"}}));
     }
   }
+}
+
+// The first samples at full resolution, of the sides that have none: what one side has is kept when the other changes.
+bool Session::start_still(const Wanted& wanted) {
+  const ViewState& state = wanted.state;
+  const View view = view_of(state, 1.0);
+  const auto begin = [&](SideRenderer& renderer, std::optional<std::pair<long long, Side>>& film, const Side& side) {
+    const std::pair key(wanted.view, side);
+    if (film == key) return true;
+    film.reset();
+    renderer.show(side, view);
+    if (!renderer.add_pass([this, number = wanted.film] { return changed(number); })) return false;
+    film = key;
+    return true;
+  };
+  return begin(a_, a_film_, state.a) && (!state.b || begin(b_, b_film_, *state.b));
 }
 
 void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
