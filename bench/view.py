@@ -85,7 +85,7 @@ def main():
         begin = time.monotonic()
         for samples in (1, 4):
             viewer.frame(lambda h: not h["moving"] and h["input"] == number and h["a"]["samples"] >= samples)
-            rest[samples] = time.monotonic() - begin - 0.15
+            rest[samples] = max(0.0, time.monotonic() - begin - 0.15)
         still = viewer.frames[-1].header["ms"]
     finally:
         process.terminate()
@@ -97,7 +97,7 @@ def main():
     print("%s %s %d x %d, moving at a width of %d" % (os.path.basename(os.path.dirname(os.path.abspath(args.scene))), args.integrator, args.width, args.height, result["moving_width"]))
     for name, key in (("between frames", "frame_ms"), ("input to picture", "input_to_picture_ms"), ("  while it refines", "interrupting_ms"), ("encode and send", "encode_and_send_ms")):
         print("  %-18s median %6.1f ms, 95th percentile %6.1f ms" % (name, result[key]["median"], result[key]["p95"]))
-    print("  %.1f frames/s; at rest 1 sample a pixel after %.2f s, 4 after %.2f s; of a picture at rest: %s" %
+    print("  %.1f frames/s; 1 sample a pixel %.2f s after 150 ms of rest, 4 after %.2f s; of a picture at rest: %s" %
           (result["frames_per_s"], rest[1], rest[4], ", ".join("%s %.1f ms" % item for item in still.items())))
     if args.output:
         pathlib.Path(args.output).write_text(json.dumps(result, indent=1) + "\n")

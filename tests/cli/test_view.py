@@ -168,6 +168,7 @@ class Stream(View):
     def test_frames(self):
         viewer = self.viewer(self.serve("--width", "64", "--height", "48"))
         self.assertEqual(viewer.hello["protocol"], 1)
+        self.assertEqual(viewer.hello["sensors"][0]["up"], [0, 1, 0])  # not the camera's own, which is tilted
         self.assertEqual(viewer.state["controller"], viewer.hello["you"])
         self.assertEqual(viewer.hello["integrators"][0], "path")
         self.assertEqual(viewer.hello["models"][0]["integrators"][:3], ["lhs", "rhs", "deferred"])
@@ -290,6 +291,26 @@ class Stream(View):
         self.assertEqual(jpeg_size(viewer.frame(lambda h: len(h["pictures"]) == 3).pictures["errors"]), (48, 32))
         viewer.send("set", b=None)
         self.assertEqual(set(viewer.frame(lambda h: "b" not in h).pictures), {"a"})
+
+
+    def test_stored_picture(self):
+        stored = self.path("stored.exr")
+        self.ok("render", self.scene, "--integrator", "path", "--spp", "4", "--width", "48", "--height", "32", "--origin=0.2,0,0.8", "--target=0,-0.1,0", "-o", stored, "-q")
+        viewer = self.viewer(self.serve("--reference", stored, "--integrator", "path", model=False))
+        self.assertEqual((viewer.hello["stored"]["width"], viewer.hello["stored"]["height"]), (48, 32))
+        frame = viewer.frame(lambda h: not h["moving"])
+        self.assertEqual((frame.header["width"], frame.header["height"], frame.header["b"]["integrator"], frame.header["b"]["samples"]), (48, 32, "stored", 4))
+        for a, b in zip(frame.header["camera"]["origin"], (0.2, 0, 0.8)):
+            self.assertAlmostEqual(a, b, places=5)
+        viewer.send("set", errors=True)
+        self.assertEqual(set(viewer.frame(lambda h: len(h["pictures"]) == 3).pictures), {"a", "b", "errors"})
+        viewer.send("set", a={"integrator": "stored"})
+        viewer.answer("error")
+        viewer.send("set", layer="albedo")
+        viewer.frame(lambda h: h["a"]["samples"] > 20)
+        viewer.send("set", b=None)
+        kept = viewer.frame(lambda h: "b" not in h)
+        self.assertGreater(kept.header["a"]["samples"], 20, "what one side has is kept when the other changes")
 
 
 class Answers(View):

@@ -54,7 +54,7 @@ export function saveFile(name, content) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-export const short = v => Number.isInteger(v) ? String(v) : (v !== 0 && Math.abs(v) < 1e-3 ? v.toExponential(2) : v.toPrecision(4));
+export const short = v => Number.isInteger(v) ? String(v) : (v !== 0 && Math.abs(v) < 1e-3 ? v.toExponential(2) : String(+v.toPrecision(4)));
 export const list = v => v.map(short).join(" ");
 
 export function bytes(n) {

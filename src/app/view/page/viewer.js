@@ -267,7 +267,7 @@ class Viewer {
       painter.drawImage(picture, p.x * scale, p.y * scale, p.w * scale, p.h * scale);
       painter.restore();
     };
-    const mode = b ? this.mode : "a";
+    const mode = !b ? "a" : !this.controls && this.state && this.state.errors ? "errors" : this.mode;  // who watches sees the errors, too
     if (mode === "split") {
       put(a, 0, this.split);
       put(b, this.split, 1);
@@ -332,9 +332,12 @@ class Viewer {
       const [file] = event.target.files;
       event.target.value = "";
       try {
-        if (file) this.go(JSON.parse(await file.text()));
+        if (!file) return;
+        const camera = { up: [0, 1, 0], fov: 45, ...JSON.parse(await file.text()) };
+        for (const key of ["origin", "target", "up"]) if (camera[key].length !== 3 || !camera[key].every(Number.isFinite)) throw new Error(key);
+        this.go(camera);
       } catch {
-        this.say(`${file.name}: not a camera`, true);
+        this.say(`${file.name}: not a camera with origin and target`, true);
       }
     });
     on("command", "click", () => this.copyCommand());
@@ -367,7 +370,7 @@ class Viewer {
 
   compare(mode) {
     this.mode = mode;
-    if (this.state && this.state.b && this.state.errors !== (mode === "errors")) this.set({ errors: mode === "errors" });
+    if (this.controls && this.state.b && this.state.errors !== (mode === "errors")) this.set({ errors: mode === "errors" });
     this.show();
     this.draw();
   }
@@ -432,7 +435,7 @@ class Viewer {
     const control = get("control");
     control.hidden = !state || (!this.controls && state.controller !== 0) || (this.controls && state.clients < 2);
     control.textContent = this.controls ? "Release controls" : "Take controls";
-    for (const field of document.querySelectorAll("#panel select, #panel input, #panel button")) field.disabled = !this.controls && !["speed", "inspect"].includes(field.id);
+    for (const field of document.querySelectorAll("#panel select, #panel input, #panel button")) field.disabled = !this.controls && !field.matches("#speed, #inspect, #camera-save, #command, [data-save], [data-mode]:not([data-mode=errors])");
     if (!state || !hello) return;
     const options = (names, none) => [...(none ? [element("option", { value: "" }, none)] : []),
       ...names.map(n => element("option", { value: n, title: hello.summaries[n.replace(/\d+$/, "")] || "" }, n))];
