@@ -2,13 +2,19 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "octrad/scene/scene.h"
 
 namespace octrad::cli {
 
-// `definitions`: values of the scene file's parameters. Throws as load_scene() does.
-Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions);
+// `definitions`: values of the scene file's parameters. `permissive`: LoadOptions. Throws as load_scene() does.
+Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions, bool permissive);
+// Logs its warnings, one of all that was assumed, and what stand-ins were taken for.
+void log_findings(const Scene& scene);
+// [{"where": "file:line:column", "what": "..."}]
+nlohmann::json issues_json(const std::vector<SceneIssue>& issues);
 
 }  // namespace octrad::cli

@@ -275,6 +275,7 @@ void add_render(Program& program) {
       ->type_name("T");
   verb->add_flag("--denoise", o->denoise, "remove the noise with Intel Open Image Denoise")->group("Denoiser");
   o->denoiser.add_to(*verb, "denoise-", "Denoiser");
+  add_permissive_option(*verb, program.common);
   add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {
     o->view.sensor_given = sensor->count() > 0;

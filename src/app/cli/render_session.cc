@@ -119,7 +119,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       stream(device.make_stream()),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
       log(common.open_log()),
-      prepared(open_scene(o.scene, definitions_of(o).scene_definitions())),
+      prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive)),
       progress_(o.integrator) {
   const ConfigOptions definitions = definitions_of(o);
   if (model) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -11,18 +13,10 @@
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/params.h"
 #include "octrad/scene/scene.h"
+#include "octrad/scene/spectrum.h"
+#include "octrad/scene/texture_roles.h"
 
 namespace octrad {
-
-// What a texture's values mean: decides the permitted range and whether colours are reduced to luminance.
-enum class TextureRole {
-  reflectance,  // colour in [0, 1]
-  radiance,     // colour >= 0
-  opacity,      // scalar in [0, 1]
-  roughness,    // scalar in [0, 10]
-  index,        // of refraction and absorption: scalar in [0, 1000]
-  height,       // any scalar
-};
 
 class SceneBuilder {
  public:
@@ -30,7 +24,23 @@ class SceneBuilder {
   Scene build();
 
  private:
+  SceneReport& report() const { return *description_.report; }
+  // Adds an object to the scene; where a mistake is collected, what it left behind is taken out again.
+  template <typename Add>
+  void add(const Element& element, Add&& add) {
+    const Mark before = mark();
+    if (!report().attempt(element.location, add)) roll_back(before, element);
+  }
+  struct Mark {
+    std::size_t lights, meshes, mesh_jobs, spheres, environments, bitmaps, open;
+    bool in_shape;
+  };
+  Mark mark() const;
+  void roll_back(const Mark& mark, const Element& element);
+
   // load.cc
+  void add_object(const Element& element);
+  void drop_failed_shapes();
   void add_integrator(const Element& element);
   void add_sensor(const Element& element);
   void add_film(const Element& element, Camera& camera, bool first);
@@ -44,7 +54,8 @@ class SceneBuilder {
 
   // load_materials.cc
   int material(const Element& element);      // index, building it on first use
-  Material flatten(const Element& element);  // with wrappers folded in
+  Material flatten(const Element& element);  // with wrappers folded in; a stand-in where it cannot be used
+  Material read_bsdf(const Element& element);
   Material scattering_model(Params& params);
 #define OCTRAD_READ(name, Model, transmits) void read_##name(Params& params, Material& m);
   OCTRAD_BSDF_LIST(OCTRAD_READ)  // the parameters of each model
@@ -62,6 +73,21 @@ class SceneBuilder {
   // Value of <float>, <integer>, <rgb> or <spectrum>; nullopt for other elements.
   std::optional<Vec3f> constant_value(const Element& element, TextureRole role);
   void load_bitmap(std::size_t job);
+  struct BitmapJob;
+  void fill_bitmap(const BitmapJob& job, int width, int height, std::vector<Vec3f> pixels);
+
+  // load_spectra.cc
+  Vec3f spectrum_value(const Element& element, TextureRole role);
+  Vec3f rgb_of(const Spectrum& spectrum, TextureRole role, const Location& where);
+
+  // load_attributes.cc
+  struct MeshJob;
+  int attribute_texture(const Element& element, TextureRole role);
+  // What kinds of textures an object or what it refers to holds; bits.
+  enum : unsigned { kUsesAttributes = 1, kUsesUv = 2 };
+  unsigned texture_kinds(const Element& element);
+  void check_attribute_use(const Element& shape, bool mesh);
+  void place_attributes(MeshJob& job, const std::vector<MeshAttribute>& attributes);
 
   struct BitmapJob {
     int texture = -1;  // or -1: the environment
@@ -69,6 +95,14 @@ class SceneBuilder {
     bool raw = false, scalar = false;
     std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;
+    Location where;
+  };
+  // A texture that shows an attribute of a mesh.
+  struct AttributeUse {
+    int texture = -1;
+    std::string name;  // vertex_... or face_...
+    float scale = 1.0f;
+    TextureRole role = TextureRole::reflectance;
     Location where;
   };
   struct MeshJob {
@@ -79,20 +113,29 @@ class SceneBuilder {
     Transform to_world;
     MeshOptions options;
     Location where;
+    std::vector<AttributeUse> attributes;
+    bool failed = false;
   };
 
   const Description& description_;
   Scene scene_;
-  std::map<const Element*, int> materials_;
+  // By element, and the shape for which it was made where it shows attributes of the shape's mesh (else -1).
+  std::map<std::pair<const Element*, int>, int> materials_;
   std::vector<const Element*> open_materials_;
   std::map<std::pair<const Element*, bool>, int> textures_;  // by element, and whether it is reduced to a scalar
   std::map<int, std::size_t> bitmap_of_;                     // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
+  std::map<const Element*, unsigned> texture_kinds_;
+  std::vector<AttributeUse> attribute_uses_;  // of the shape that is being added
+  bool in_shape_ = false;
   int black_material_ = -1;
   bool has_integrator_ = false;
   MemoryMeter shape_meter_{"the shapes of the scene"};
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
 };
+
+// The scene of a whole description, with what its report says.
+Scene build_scene(const Description& description);
 
 }  // namespace octrad

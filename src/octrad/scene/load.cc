@@ -10,6 +10,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"
+#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -17,7 +18,54 @@ namespace {
 const std::vector<std::string> kSceneTags = {"integrator", "sensor", "bsdf", "texture", "shape", "emitter"};
 constexpr int kMaxFilmSide = 131072;
 
+// Names also the object that refers to the file.
+[[noreturn]] void rethrow_at(const Location& where, const std::exception_ptr& error) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const Error& e) {
+    const std::string message = e.what();
+    const std::string prefix = where.text();
+    if (message.rfind(prefix, 0) == 0) throw;
+    if (e.code() == ExitCode::io) throw IoError(prefix + ": " + message);
+    if (e.code() == ExitCode::out_of_memory) throw MemoryError(prefix + ": " + message);
+    fail(where, message);
+  }
+}
+
+// Integrators of Mitsuba that find what `path` finds, and those that hold another one.
+const std::vector<std::string> kPathIntegrators = {"path", "direct", "moment", "aov"};
+
 }  // namespace
+
+std::vector<std::string> emitter_types() { return {"area", "envmap", "constant"}; }
+std::vector<std::string> sensor_types() { return {"perspective"}; }
+std::vector<std::string> film_types() { return {"hdrfilm"}; }
+std::vector<std::string> rfilter_types() { return {"box", "tent", "gaussian"}; }
+
+std::vector<std::pair<std::string, std::vector<std::string>>> plugin_types() {
+  return {{"shape", shape_types()},       {"bsdf", bsdf_types()},       {"texture", texture_types()},
+          {"spectrum", spectrum_types()}, {"emitter", emitter_types()}, {"sensor", sensor_types()},
+          {"film", film_types()},         {"rfilter", rfilter_types()}};
+}
+
+SceneBuilder::Mark SceneBuilder::mark() const {
+  return {scene_.area_lights.size(),  scene_.meshes.size(), mesh_jobs_.size(),      scene_.spheres.size(),
+          scene_.environments.size(), bitmaps_.size(),      open_materials_.size(), in_shape_};
+}
+
+void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
+  scene_.area_lights.resize(mark.lights);
+  scene_.meshes.resize(mark.meshes);
+  mesh_jobs_.resize(mark.mesh_jobs);
+  scene_.spheres.resize(mark.spheres);
+  scene_.environments.resize(mark.environments);
+  for (std::size_t i = mark.bitmaps; i < bitmaps_.size(); ++i) {
+    if (bitmaps_[i].texture < 0) bitmaps_[i].path.clear();  // of the environment: not read
+  }
+  open_materials_.resize(mark.open);
+  in_shape_ = mark.in_shape;
+  if (description_.understood) description_.understood->left_out.insert(&element);
+}
 
 Scene SceneBuilder::build() {
   Material standard;
@@ -25,31 +73,12 @@ Scene SceneBuilder::build() {
   standard.reflectance = constant_texture(Vec3f(0.5f));
   scene_.materials.push_back(standard);
   const Element& root = *description_.root;
-  for (const auto& child : root.children) {
-    const Element& element = follow_reference(description_, *child);
-    if (element.tag == "shape") {
-      add_shape(element);
-    } else if (element.tag == "bsdf") {
-      material(element);  // also when nothing uses it: mistakes are found now, not when it is first used
-    } else if (element.tag == "sensor") {
-      add_sensor(element);
-    } else if (element.tag == "integrator") {
-      add_integrator(element);
-    } else if (element.tag == "emitter") {
-      add_environment(element);
-    } else if (element.tag == "texture") {
-      if (element.find("id") == nullptr)
-        fail(element.location, "a <texture> at the top level needs an id, to be referred to");
-    } else {
-      std::vector<std::string> known = kSceneTags;
-      known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
-      fail(element.location, "unknown element <" + element.tag + "> at the top level" +
-                                 did_you_mean(element.tag, known) + "; supported: " + join(known));
-    }
-  }
+  for (const auto& child : root.children) add(*child, [&] { add_object(follow_reference(description_, *child)); });
   if (scene_.cameras.empty()) fail(root.location, "the scene has no sensor; add <sensor type=\"perspective\">");
   if (scene_.shapes.empty()) fail(root.location, "the scene has no shape");
   load_files();
+  drop_failed_shapes();
+  if (scene_.shapes.empty()) fail(root.location, "the scene has no shape that can be used");
   for (const Shape& shape : scene_.shapes) {
     if (shape.kind == Shape::Kind::sphere) {
       const Sphere& s = scene_.spheres[static_cast<std::size_t>(shape.geometry)];
@@ -66,11 +95,78 @@ Scene SceneBuilder::build() {
   return std::move(scene_);
 }
 
+void SceneBuilder::add_object(const Element& element) {
+  if (element.tag == "shape") {
+    add_shape(element);
+  } else if (element.tag == "bsdf") {
+    // Also when nothing uses it: mistakes are found now, not when it is first used.
+    if ((texture_kinds(element) & kUsesAttributes) == 0) material(element);
+  } else if (element.tag == "sensor") {
+    add_sensor(element);
+  } else if (element.tag == "integrator") {
+    add_integrator(element);
+  } else if (element.tag == "emitter") {
+    // One with an id may be meant for shapes that refer to it.
+    if (element.get("type") != "area" || !element.find("id")) add_environment(element);
+  } else if (element.tag == "texture" || element.tag == "spectrum") {
+    if (element.find("id") == nullptr)
+      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to");
+  } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
+    if (element.find("id") == nullptr)
+      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
+  } else if (element.tag == "medium") {
+    report().refuse(element.location,
+                    "<medium> is not supported: light travels in straight lines between surfaces; remove it, or ignore "
+                    "it with --permissive");
+  } else {
+    std::vector<std::string> known = kSceneTags;
+    known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
+    fail(element.location, "unknown element <" + element.tag + "> at the top level" + did_you_mean(element.tag, known) +
+                               "; supported: " + join(known));
+  }
+}
+
+// Shapes whose files could not be read, after that was listed.
+void SceneBuilder::drop_failed_shapes() {
+  std::set<int> failed;
+  for (const MeshJob& job : mesh_jobs_) {
+    if (job.failed) failed.insert(job.mesh);
+  }
+  if (failed.empty()) return;
+  std::vector<Shape> shapes;
+  std::vector<AreaLight> lights;
+  for (Shape& shape : scene_.shapes) {
+    if (shape.kind == Shape::Kind::mesh && failed.count(shape.geometry)) continue;
+    if (shape.emitter >= 0) {
+      lights.push_back(scene_.area_lights[static_cast<std::size_t>(shape.emitter)]);
+      lights.back().shape = static_cast<int>(shapes.size());
+      shape.emitter = static_cast<int>(lights.size()) - 1;
+    }
+    shapes.push_back(std::move(shape));
+  }
+  scene_.shapes = std::move(shapes);
+  scene_.area_lights = std::move(lights);
+}
+
 void SceneBuilder::add_integrator(const Element& element) {
   Params params(description_, element, scene_.warnings);
   if (has_integrator_) fail(element.location, "the scene has a second integrator");
   has_integrator_ = true;
-  scene_.max_depth = params.int_in("max_depth", -1, -1, 1 << 30);
+  // moment and aov hold the integrator whose radiance they record.
+  for (const Element* nested : params.nested("integrator")) {
+    has_integrator_ = false;
+    add_integrator(*nested);
+  }
+  const std::string& type = params.type();
+  if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
+    report().assume(element.location, "integrator \"" + type + "\" read as path");
+  const int depth = params.int_in("max_depth", -1, -1, 1 << 30);
+  if (type == "direct") {
+    report().assume(element.location, "integrator \"direct\" read as path of max_depth 2");
+    scene_.max_depth = 2;
+  } else if (type != "moment" && type != "aov") {
+    scene_.max_depth = depth;
+  }
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");
   if (params.get_bool("hide_emitters", false)) {
     scene_.warnings.push_back(element.location.text() + ": hide_emitters is not supported; emitters are shown");
@@ -239,41 +335,56 @@ void SceneBuilder::load_files() {
     try {
       const MemoryScope scope;
       if (i < bitmaps_.size()) {
-        load_bitmap(i);
+        if (!bitmaps_[i].path.empty()) load_bitmap(i);
         return;
       }
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
-      if (!job.path.empty()) job.raw = job.ply ? read_ply(job.path) : read_obj(job.path);
+      std::vector<std::string> wanted;
+      for (const AttributeUse& use : job.attributes) wanted.push_back(use.name);
+      if (!job.path.empty()) job.raw = job.ply ? read_ply(job.path, wanted) : read_obj(job.path);
+      const std::vector<MeshAttribute> attributes = std::move(job.raw.attributes);
       // Normals as doubles, then as floats.
       if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);
       scene_.meshes[static_cast<std::size_t>(job.mesh)] = place_mesh(std::move(job.raw), job.to_world, job.options);
+      if (!job.attributes.empty()) place_attributes(job, attributes);
     } catch (...) {
       errors[i] = std::current_exception();
     }
   });
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;
-    // Name also the object that refers to the file.
     const Location& where = i < bitmaps_.size() ? bitmaps_[i].where : mesh_jobs_[i - bitmaps_.size()].where;
-    try {
-      std::rethrow_exception(errors[i]);
-    } catch (const Error& error) {
-      const std::string message = error.what();
-      const std::string prefix = where.text();
-      if (message.rfind(prefix, 0) == 0) throw;
-      if (error.code() == ExitCode::io) throw IoError(prefix + ": " + message);
-      if (error.code() == ExitCode::out_of_memory) throw MemoryError(prefix + ": " + message);
-      throw InputError(prefix + ": " + message);
+    if (report().attempt(where, [&] { rethrow_at(where, errors[i]); })) continue;
+    if (i < bitmaps_.size()) {
+      fill_bitmap(bitmaps_[i], 1, 1, {stand_in(bitmaps_[i].roles.front())});
+    } else {
+      mesh_jobs_[i - bitmaps_.size()].failed = true;
     }
   }
 }
 
-Scene load_scene(const std::string& file, const LoadOptions& options) {
-  const Description description = read_description(file, options.definitions);
+Scene build_scene(const Description& description) {
   Scene scene = SceneBuilder(description).build();
-  scene.file = file;
+  scene.file = description.root->location.file->name();
   scene.warnings.insert(scene.warnings.begin(), description.warnings.begin(), description.warnings.end());
+  scene.assumed = description.report->assumed();
+  scene.refused = description.report->refused();
   return scene;
+}
+
+Scene load_scene(const std::string& file, const LoadOptions& options) {
+  SceneReport report(options.permissive);
+  return build_scene(read_description(file, options.definitions, report));
+}
+
+SceneCheck check_scene_file(const std::string& file, const LoadOptions& options) {
+  SceneReport report(true);
+  try {
+    build_scene(read_description(file, options.definitions, report));
+  } catch (const InputError& error) {  // what no stand-in helps
+    report.collect({}, error);
+  }
+  return {report.refused(), report.assumed()};
 }
 
 }  // namespace octrad

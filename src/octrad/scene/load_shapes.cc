@@ -5,6 +5,7 @@
 #include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/limits.h"
+#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -16,6 +17,8 @@ const std::vector<std::string> kShapes = {"obj", "ply", "rectangle", "cube", "sp
 
 }  // namespace
 
+std::vector<std::string> shape_types() { return kShapes; }
+
 void SceneBuilder::add_shape(const Element& element) {
   Params params(description_, element, scene_.warnings);
   const std::string& type = params.type();
@@ -24,6 +27,8 @@ void SceneBuilder::add_shape(const Element& element) {
          "shape \"" + type + "\" is not supported" + did_you_mean(type, kShapes) + "; supported: " + join(kShapes));
   }
   shape_meter_.add(kShapeBytes);
+  attribute_uses_.clear();
+  in_shape_ = true;
   Shape shape;
   shape.id = element.get("id");
   const std::vector<const Element*> emitters = params.nested("emitter");
@@ -31,16 +36,18 @@ void SceneBuilder::add_shape(const Element& element) {
   shape.material = shape_material(params, !emitters.empty());
   const int shape_index = static_cast<int>(scene_.shapes.size());
   if (!emitters.empty()) {
-    Params emitter(description_, *emitters[0], scene_.warnings);
-    if (emitter.type() != "area")
-      fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area");
-    AreaLight light;
-    light.shape = shape_index;
-    light.radiance = texture_or(emitter, "radiance", TextureRole::radiance, 1.0f);
-    emitter.ignore({"sampling_weight"});
-    emitter.finish();
-    shape.emitter = static_cast<int>(scene_.area_lights.size());
-    scene_.area_lights.push_back(light);
+    add(*emitters[0], [&] {
+      Params emitter(description_, *emitters[0], scene_.warnings);
+      if (emitter.type() != "area")
+        fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area");
+      AreaLight light;
+      light.shape = shape_index;
+      light.radiance = texture_or(emitter, "radiance", TextureRole::radiance, 1.0f);
+      emitter.ignore({"sampling_weight"});
+      emitter.finish();
+      shape.emitter = static_cast<int>(scene_.area_lights.size());
+      scene_.area_lights.push_back(light);
+    });
   }
 
   const Transform to_world = params.get_transform("to_world");
@@ -49,6 +56,8 @@ void SceneBuilder::add_shape(const Element& element) {
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
   }
   const bool flip_normals = params.get_bool("flip_normals", false);
+  in_shape_ = false;
+  check_attribute_use(element, type != "sphere");
   if (type == "sphere") {
     add_sphere(params, shape, to_world, flip_normals);
   } else {
@@ -67,6 +76,7 @@ void SceneBuilder::add_shape(const Element& element) {
     } else {
       job.raw = type == "cube" ? make_cube() : make_rectangle();
     }
+    job.attributes = attribute_uses_;
     shape.geometry = job.mesh;
     scene_.meshes.emplace_back();
     mesh_jobs_.push_back(std::move(job));

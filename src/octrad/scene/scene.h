@@ -10,6 +10,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/scene/camera.h"
 #include "octrad/scene/material.h"
+#include "octrad/scene/report.h"
 #include "octrad/scene/sphere.h"
 #include "octrad/scene/texture.h"
 
@@ -70,6 +71,8 @@ struct Scene {
   int max_depth = -1;                     // the file's integrator setting, Mitsuba's meaning
   Bounds3f bounds;                        // of all surfaces
   std::vector<std::string> warnings;
+  std::vector<std::string> assumed;  // what the file leaves open or means otherwise than Mitsuba 3
+  std::vector<SceneIssue> refused;   // what a stand-in was taken for, where that was asked for
 
   std::size_t triangle_count() const {
     std::size_t n = 0;
