@@ -53,7 +53,15 @@ bad("crossed-tags", scene("<shape></sensor></shape>"), "not well-formed XML")
 bad("two-scenes", scene(SENSOR + CUBE) * 2, "second top-level element")
 bad("another-root", "<mitsuba/>", "top-level element is <mitsuba>")
 bad("no-version", "<scene/>", "no version attribute")
-bad("old-version", scene("", "0.6.0"), 'version "0.6.0" is not supported')
+bad("another-version", scene("", "4.0.0"), 'version "4.0.0" is not supported')
+bad("old-name-of-nothing", scene('<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>', "0.6.0"), 'did you mean "int_ior"')
+for name, inside, message in (
+        ("mixture", '<bsdf type="mixturebsdf"><string name="weights" value="1, 1"/><bsdf type="diffuse"/></bsdf>', "as many weights"), ("cloth", '<bsdf type="irawan"/>', "woven cloth"),
+        ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),
+        ("gamma", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="gamma" value="nan"/></texture></bsdf>', "filename"),
+        ("phong-nan", '<bsdf type="phong"><float name="exponent" value="nan"/><rgb name="diffuseReflectance" value="nan"/></bsdf>', "s.xml"),
+        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf")):
+    bad("old-" + name, scene(inside, "0.6.0"), message)
 bad("deep-elements", scene("<a>" * 100000 + "</a>" * 100000), "nested more than 64 deep")
 bad("attribute-twice", scene('<shape type="cube" type="cube"/>'), "given twice")
 bad("many-attributes", scene("<shape " + " ".join(f'a{i}="1"' for i in range(50000)) + "/>"), "more than 64 attributes")
@@ -92,7 +100,7 @@ body("material-of-itself", '<bsdf type="twosided" id="a"><ref id="a"/></bsdf>', 
 body("materials-in-a-circle", '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>', "itself")
 body("instances", '<shape type="shapegroup" id="g"><shape type="instance"><ref id="g"/></shape></shape>', 'shape "shapegroup" is not supported')
 body("unknown-element", "<thing/>", "unknown element <thing>")
-body("a-medium", '<medium type="homogeneous"/>', "unknown element <medium>")
+body("a-medium", '<medium type="homogeneous"/>', "<medium> is not supported")
 
 # Values of the wrong kind
 for value in ("abc", "", "1e999", "nan", "inf", "-inf", "1,2", "0x10", "1 2", "--1"):
@@ -112,7 +120,12 @@ body("point-twice", '<shape type="sphere"><point name="center" value="1 2 3" x="
 body("matrix-of-five", '<shape type="cube"><transform name="to_world"><matrix value="1 2 3 4 5"/></transform></shape>', "needs 16 (or 9)")
 body("matrix-projective", '<shape type="cube"><transform name="to_world"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 1 0 0 1"/></transform></shape>', "last row")
 body("axis-zero", '<shape type="cube"><transform name="to_world"><rotate angle="5"/></transform></shape>', "<rotate>")
-body("spectrum-curve", '<bsdf type="diffuse"><spectrum name="reflectance" value="400:1, 700:2"/></bsdf>', "spectra over wavelengths")
+for name, value, message in (("falling", "700:1, 400:2", "must increase"), ("single", "400:1", "at least two"), ("uneven", "400:1, 700", "pairs"), ("infinite", "400:1, 700:1e999", "pairs"), ("empty", ":", "at least two")):
+    body(f"spectrum-{name}", f'<bsdf type="diffuse"><spectrum name="reflectance" value="{value}"/></bsdf>', message)
+for name, data, message in (("empty", b"", "at least two"), ("words", b"hello world\n", "expected a wavelength"), ("binary", bytes(range(256)), "expected a wavelength"), ("nan", b"400 1\n500 nan\n", "expected a wavelength")):
+    body(f"spectrum-file-{name}", '<bsdf type="diffuse"><spectrum name="reflectance" filename="s.spd"/></bsdf>', message, s_spd=data)
+body("spectrum-hot", '<emitter type="constant"><spectrum name="radiance" type="blackbody"><float name="temperature" value="1e30"/></spectrum></emitter>', "between 1 and")
+body("spectrum-glowing-paint", '<bsdf type="diffuse"><spectrum name="reflectance" type="blackbody"/></bsdf>', "of emitters only")
 
 # Cameras and films
 bad("no-sensor", scene(CUBE), "no sensor")

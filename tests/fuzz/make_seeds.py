@@ -50,6 +50,16 @@ put("ply", "ascii", ply())
 put("ply", "binary", ply(form="binary_little_endian", rows=TRIANGLE + b"\3" + struct.pack("<3i", 0, 1, 2)))
 put("ply", "big", ply(form="binary_big_endian", properties=("x", "y", "z"), rows=struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + b"\3" + struct.pack(">3i", 0, 1, 2)))
 put("ply", "normals", ply(properties=("x", "y", "z", "nx", "ny", "nz", "u", "v"), rows="0 0 0 0 0 1 0 0\n1 0 0 0 0 1 1 0\n0 1 0 0 0 1 0 1\n3 0 1 2\n"))
+put("ply", "attributes", ply(properties=("x", "y", "z", "r", "g", "b", "w_0"), rows="0 0 0 1 1 1 1\n1 0 0 0 0 0 0\n0 1 0 1 0 1 0\n3 0 1 2\n"))
+put("bmp", "24", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, 2, 2, 1, 24, 0, 0, 0, 0, 0, 0) + bytes(16))
+put("bmp", "8", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 62, 40, 2, -1, 1, 8, 0, 0, 0, 0, 0, 0) + bytes(12))
+put("tga", "24", struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 2, 2, 24, 0) + bytes(12))
+put("tga", "runs", struct.pack("<BBBHHBHHHHBB", 0, 0, 11, 0, 0, 0, 0, 0, 3, 1, 8, 0) + b"\x82\xff")
+put("tga", "palette", struct.pack("<BBBHHBHHHHBB", 0, 1, 9, 0, 2, 24, 0, 0, 2, 1, 8, 32) + bytes(6) + b"\x81\0")
+put("old_scene", "all", '<scene version="0.6.0"><sensor type="perspective"><transform name="toWorld"><lookAt origin="0 0 1" target="0 0 0" up="0 1 0"/></transform></sensor><shape type="sphere">'
+    '<bsdf type="mixturebsdf"><string name="weights" value="0.2, 0.3"/><bsdf type="phong"/><bsdf type="coating"><bsdf type="diffuse"/></bsdf></bsdf><emitter type="area"><blackbody name="radiance" temperature="3000K"/>'
+    '</emitter></shape><bsdf type="difftrans"/><bsdf type="ward"/><bsdf type="bumpmap"><texture type="scale"><texture type="bitmap"/></texture></bsdf><bsdf type="diffuse"><spectrum name="reflectance" value="400:1,700:2"/></bsdf>'
+    '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="uscale" value="2"/><string name="filterType" value="ewa"/></texture></bsdf></scene>')
 put("png", "grey", png(2, 2, b"\0\x40\x80\0\x80\x40"))
 put("png", "rgba", png(1, 2, b"\0\1\2\3\4\1\5\6\7\x08", 6))
 for depth, color, interlace, rows in ((1, 3, 0, b"\0\x40\0\x80"), (16, 2, 0, b"\0" + bytes(12) + b"\2" + bytes(12)), (8, 0, 1, b"\0\1\0\2\0\3\4"), (8, 4, 0, b"\0\1\2\3\4\4\1\2\3\4")):
@@ -94,6 +104,9 @@ WORDS = {
     "model": "__metadata__ dtype shape data_offsets F32 F16 I32 I64 U16 format octrad config scene state octree.level1.cells".split(),
     "config": "octree.levels preset paper default cpu field octaoctree nr ncr train.time 1e999 null true [[[[ {".split(),
     "camera": "origin target up fov to_world width height near_clip far_clip 1e30 1e999 null".split(),
+    "bmp": "BM \\x28\\x00\\x00\\x00 \\x7c\\x00\\x00\\x00".split(),
+    "tga": ["TRUEVISION-XFILE."],
+    "old_scene": "<scene <bsdf <spectrum <srgb <blackbody <texture <lookAt version=\\\"0.6.0\\\" mixturebsdf weights phong ward coating roughcoating difftrans irawan 400:1 toWorld uscale filterType intent= $ />".split(),
     "path": "keys frames duration fps time origin target 1e9 1e30".split(),
     "points": "nan inf 1e39 -1 , \\x0a".split(),
 }

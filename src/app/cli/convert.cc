@@ -27,6 +27,7 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   options.permissive = common.permissive;
   Scene scene;
   const std::string text = scene_as_xml(o.scene, o.output, options, scene);
+  refuse_input_as_output("-o", o.output, scene.other_files);
   log_findings(scene);
   AtomicFile out(o.output);
   out.write(text);

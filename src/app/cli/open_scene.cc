@@ -1,5 +1,6 @@
 #include "app/cli/open_scene.h"
 
+#include "app/cli/common.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/join.h"
@@ -21,12 +22,14 @@ void log_findings(const Scene& scene) {
   for (const SceneIssue& issue : scene.refused) log_warning(issue.where + ": not used: " + issue.what);
 }
 
-Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions, bool permissive) {
+Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions, bool permissive,
+                 const std::vector<std::pair<std::string, std::string>>& outputs) {
   const Stopwatch watch;
   LoadOptions options;
   options.definitions = definitions;
   options.permissive = permissive;
   Scene scene = load_scene(file, options);
+  for (const auto& [option, output] : outputs) refuse_input_as_output(option, output, scene.other_files);
   log_findings(scene);
   log_verbose("{}: {} triangles in {} shapes, parsed in {}", file,
               format_count(static_cast<long long>(scene.triangle_count())), scene.shapes.size(),

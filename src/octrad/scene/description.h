@@ -39,6 +39,7 @@ struct Description {
   std::vector<std::string> warnings;          // of definitions and defaults that change nothing
   SceneReport* report = nullptr;              // where mistakes and assumptions go
   Understood* understood = nullptr;           // where not null, filled by those who read the elements
+  mutable std::vector<std::string> files;     // found by resolve()
   // Full name of an existing file, or an error at `where` that lists what was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };

@@ -366,6 +366,7 @@ void SceneBuilder::load_files() {
 Scene build_scene(const Description& description) {
   Scene scene = SceneBuilder(description).build();
   scene.file = description.root->location.file->name();
+  scene.other_files = description.files;
   scene.warnings.insert(scene.warnings.begin(), description.warnings.begin(), description.warnings.end());
   scene.assumed = description.report->assumed();
   scene.refused = description.report->refused();
