@@ -32,15 +32,54 @@ class SceneBuilder {
  private:
   // load.cc
   void add_integrator(const Element& element);
-  void add_sensor(const Element& element);
-  void add_film(const Element& element, Camera& camera, bool first);
-  void add_environment(const Element& element);
   void load_files();
 
+  // load_sensors.cc
+  void add_sensor(const Element& element);
+  Film read_film(const Element& element, Camera& camera);  // sets the camera's picture and crop window
+  void read_filter(const Element& element, Film& film);
+  void field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis);
+
+  // load_emitters.cc
+  void add_emitter(const Element& element);
+  void add_environment(Params& params);
+  void add_delta_light(Params& params);
+  void aim_projectors();
+
+  struct MeshJob {
+    int mesh = -1;
+    std::string path;  // empty: `raw` is filled already
+    enum class Format { obj, ply, serialized } format = Format::obj;
+    int index = 0;  // of the mesh in a serialized file
+    RawMesh raw;
+    Transform to_world;
+    MeshOptions options;
+    Location where;
+  };
+
   // load_shapes.cc
+  // A sphere as its file gives it.
+  struct SphereJob {
+    Transform to_world;
+    Vec3d center;
+    float radius = 1.0f;
+    bool flip_normals = false;
+    Location where;  // of to_world
+  };
+  // What a shape group holds: meshes, which all instances share, and spheres, of which each has its own.
+  struct Group {
+    std::vector<Shape> meshes;
+    std::vector<std::pair<Shape, SphereJob>> spheres;
+  };
   void add_shape(const Element& element);
-  void add_sphere(Params& params, Shape& shape, const Transform& to_world, bool flip_normals);
+  // A shape that has its mesh and material but is not in the scene yet; spheres are described by `sphere`.
+  Shape read_shape(Params& params, SphereJob& sphere, bool in_group);
+  void read_mesh_source(Params& params, MeshJob& job);
+  void add_sphere(Shape shape, const SphereJob& job, const Transform& placement);
   int shape_material(Params& params, bool emits);
+  const Group& group(const Element& element);
+  void add_instance(Params& params);
+  void find_bounds();
 
   // load_materials.cc
   int material(const Element& element);      // index, building it on first use
@@ -71,14 +110,11 @@ class SceneBuilder {
     float scale = 1.0f;
     Location where;
   };
-  struct MeshJob {
-    int mesh = -1;
-    std::string path;  // empty: `raw` is filled already
-    bool ply = false;
-    RawMesh raw;
-    Transform to_world;
-    MeshOptions options;
-    Location where;
+
+  struct Projector {
+    std::size_t light;
+    float fov_degrees;
+    Camera::FovAxis fov_axis;
   };
 
   const Description& description_;
@@ -93,6 +129,9 @@ class SceneBuilder {
   MemoryMeter shape_meter_{"the shapes of the scene"};
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
+  std::vector<Projector> projectors_;
+  std::map<const Element*, Group> groups_;
+  std::vector<Location> placed_at_;  // of each placement
 };
 
 }  // namespace octrad
