@@ -85,6 +85,9 @@ constexpr Target kTargets[] = {
        read_mesh(parse_ply("in.ply", bytes, {"vertex_color", "face_color", "vertex_w", "face_w"}));
      }>},
     {"obj", guarded<[](const std::string& bytes) { read_mesh(parse_obj("in.obj", bytes)); }>},
+    {"serialized", guarded<[](const std::string& bytes) {
+       for (const int index : {0, 1}) read_mesh(parse_serialized("in.serialized", bytes, index));
+     }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},
     {"exr", guarded<read_picture>},

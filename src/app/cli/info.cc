@@ -231,7 +231,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
 
   const double small_lamps =
       small_lamp_share(prepared, static_cast<float>(config.render_bounce_below), rhs_rules(config).follow_below);
-  const std::size_t lights = scene.area_lights.size() + scene.environments.size();
+  const std::size_t lights = scene.area_lights.size() + scene.delta_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
     for (const Camera& c : scene.cameras) {
@@ -251,6 +251,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                 {"textures", scene.textures.size()},
                 {"lights", lights},
                 {"area_lights", scene.area_lights.size()},
+                {"delta_lights", scene.delta_lights.size()},
                 {"environments", scene.environments.size()},
                 {"small_lamps", small_lamps},
                 {"cameras", cameras},
@@ -285,15 +286,17 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                      format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(),
                      scene.shapes.size());
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
-  out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(),
-                     scene.environments.size());
+  out += fmt::format("lights     {}: {} area, {} without extent, {} environment\n", lights, scene.area_lights.size(),
+                     scene.delta_lights.size(), scene.environments.size());
   out += fmt::format("highlights {:.0f} % of the light on surfaces of roughness below {} is from small lamps: lhs {}\n",
                      100.0 * small_lamps, config.render_bounce_below,
                      bounce_below(prepared, config) > 0.0f ? "takes a bounce there" : "asks the cache there too");
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
-    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),
-                       point(c.forward), c.fov_degrees, c.film_width, c.film_height);
+    const bool orthographic = c.kind == CameraKind::orthographic;
+    out += fmt::format("sensor     at {} looking along {}, {:.4g} {}, {} x {}\n", point(c.origin), point(c.forward),
+                       orthographic ? 2.0f * c.half_size.x : c.fov_degrees, orthographic ? "wide" : "degrees",
+                       c.film_width, c.film_height);
   }
   out += fmt::format("depth      {}\n\n{} with preset {}, {}",
                      scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), field.title,

@@ -58,9 +58,9 @@ std::vector<std::string> bsdf_types() {
 }
 
 int SceneBuilder::material(const Element& element) {
-  // What shows attributes is made anew for every shape.
+  // What shows attributes is made anew for every mesh.
   const bool shared = (texture_kinds(element) & kUsesAttributes) == 0;
-  const std::pair<const Element*, int> key{&element, shared ? -1 : static_cast<int>(scene_.shapes.size())};
+  const std::pair<const Element*, int> key{&element, shared ? -1 : static_cast<int>(scene_.meshes.size())};
   if (const auto found = materials_.find(key); found != materials_.end()) return found->second;
   Material m = flatten(element);
   m.id = element.get("id");

@@ -38,9 +38,18 @@ RawMesh parse_obj(const std::string& name, const std::string& text);
 RawMesh read_ply(const std::string& file, const std::vector<std::string>& attributes = {});
 RawMesh parse_ply(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes = {});
 
+// Mitsuba's serialized meshes of versions 3 and 4: mesh `index` of the file, from 0. Vertex colours are skipped; the
+// flag of face normals has no effect, as in Mitsuba 3. Throws InputError, IoError, MemoryError.
+RawMesh read_serialized(const std::string& file, int index);
+RawMesh parse_serialized(const std::string& name, const std::string& bytes, int index);
+
 // [-1,1]^2 in the xy-plane facing +z, and [-1,1]^3, with Mitsuba's uv.
 RawMesh make_rectangle();
 RawMesh make_cube();
+// The unit disk in the xy-plane facing +z, and the open cylinder about the line from p0 to p1, facing outwards: 256
+// segments, uv as in Mitsuba, (distance, azimuth) and (azimuth, height).
+RawMesh make_disk();
+RawMesh make_cylinder(Vec3d p0, Vec3d p1, double radius);
 
 struct MeshOptions {
   bool face_normals = false;  // drop vertex normals

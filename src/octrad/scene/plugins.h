@@ -11,8 +11,8 @@ std::vector<std::string> shape_types();     // load_shapes.cc
 std::vector<std::string> bsdf_types();      // load_materials.cc
 std::vector<std::string> texture_types();   // load_textures.cc
 std::vector<std::string> spectrum_types();  // spectrum.cc
-std::vector<std::string> emitter_types();   // load.cc, as the rest
-std::vector<std::string> sensor_types();
+std::vector<std::string> emitter_types();   // load_emitters.cc
+std::vector<std::string> sensor_types();    // load_sensors.cc, as the rest
 std::vector<std::string> film_types();
 std::vector<std::string> rfilter_types();
 

@@ -45,7 +45,7 @@ struct Lights::Impl {
   std::optional<EnvironmentMap> environment;
 
   bool picks_environment(const LightsView& view, float u_pick) const {
-    return environment && pick_light(view, u_pick) >= view.area_count;
+    return environment && pick_light(view, u_pick) >= view.area_count + view.delta_count;
   }
 };
 
@@ -71,7 +71,10 @@ Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
   }
   view_.area = impl_->area.data();
   view_.textures = impl_->textures.data();
-  view_.area_count = view_.count = static_cast<int>(impl_->area.size());
+  view_.area_count = static_cast<int>(impl_->area.size());
+  view_.delta = scene.delta_lights.data();
+  view_.delta_count = static_cast<int>(scene.delta_lights.size());
+  view_.count = view_.area_count + view_.delta_count;
   if (!scene.environments.empty()) {
     impl_->environment.emplace(scene.environments.front());
     view_.environment = impl_->environment->view();

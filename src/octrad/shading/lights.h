@@ -1,4 +1,4 @@
-// Emitters: area lights and the environment; picking one for next-event estimation.
+// Emitters: area lights, lights without extent and the environment; picking one for next-event estimation.
 #pragma once
 
 #include <memory>

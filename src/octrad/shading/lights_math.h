@@ -7,6 +7,7 @@
 #include "octrad/base/frame.h"
 #include "octrad/geometry/interaction_math.h"
 #include "octrad/scene/texture_math.h"
+#include "octrad/shading/delta_lights_math.h"
 #include "octrad/shading/environment_math.h"
 #include "octrad/shading/light_sample.h"
 #include "octrad/shading/square_maps.h"
@@ -34,8 +35,9 @@ struct LightRecord {
 struct LightsView {
   const LightRecord* area = nullptr;
   const TextureView* textures = nullptr;
-  int area_count = 0;
-  int count = 0;                // with the environment, which comes last
+  const DeltaLight* delta = nullptr;
+  int area_count = 0, delta_count = 0;
+  int count = 0;                // area lights, lights without extent, the environment
   float pick = 0.0f;            // probability of each emitter
   EnvironmentView environment;  // without pixels where there is none
 
@@ -162,6 +164,8 @@ OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float
     return l.shape.sphere != nullptr ? lights_detail::sample_sphere(view, l, x, u)
                                      : lights_detail::sample_mesh(view, l, x, u);
   }
+  if (i - view.area_count < view.delta_count)
+    return sample_delta_light(view.delta[i - view.area_count], view.textures, view.pick, x);
   const EnvironmentSample e = sample_environment(view.environment, u);
   s.direction = e.direction;
   s.distance = kEnvironmentDistance;

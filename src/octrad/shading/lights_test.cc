@@ -46,6 +46,38 @@ TEST(EnvironmentMap, SamplesFollowTheirDensity) {
   }
 }
 
+// Stretched and sheared skies: densities per solid angle of the world.
+TEST(EnvironmentMap, AnyLinearMapKeepsDensitiesTrue) {
+  Environment e = speckled_environment(16, 9);
+  const float m[9] = {1.0f, 0.4f, 0.0f, 0.0f, 0.6f, 0.1f, -0.2f, 0.0f, 0.5f};
+  std::copy(m, m + 9, e.to_world);
+  const EnvironmentMap map(e);
+  const auto result = testing::chi_square(
+      [&](Rng& rng, Vec3f& w) {
+        const EnvironmentMap::Sample s = map.sample(rng.uniform2());
+        w = s.direction;
+        if (s.pdf > 0.0f) {
+          EXPECT_NEAR(length(w), 1.0f, 1e-5f);
+          float density = 0.0f;
+          EXPECT_NEAR(map.radiance(w, density).y, s.radiance.y, 2e-3f);
+          EXPECT_NEAR(density, s.pdf, 2e-3f * s.pdf + 1e-5f);
+          EXPECT_EQ(density, map.pdf(w));
+        }
+        return s.pdf > 0.0f;
+      },
+      [&](Vec3f w) { return static_cast<double>(map.pdf(w)); }, 200000, 5);
+  EXPECT_GT(result.p_value, 0.001) << result.text;
+  EXPECT_NEAR(result.integral, 1.0, 0.01);
+  // The radiance towards M d is that of the map towards d.
+  Environment plain = e;
+  const float one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::copy(one, one + 9, plain.to_world);
+  const Vec3f d = normalize(Vec3f(0.3f, 0.5f, -0.7f));
+  const Vec3f world = normalize(Vec3f(m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
+                                      m[6] * d.x + m[7] * d.y + m[8] * d.z));
+  EXPECT_NEAR(map.radiance(world).x, EnvironmentMap(plain).radiance(d).x, 1e-4f);
+}
+
 TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
   Environment e;
   e.width = e.height = 64;
