@@ -21,6 +21,9 @@ enum class TextureRole {
   opacity,      // scalar in [0, 1]
   roughness,    // scalar in [0, 10]
   index,        // of refraction and absorption: scalar in [0, 1000]
+  fraction,     // scalar in [0, 1]
+  two_sides,    // scalar in [0, 2]
+  normal,       // colour in [0, 1] that stands for a direction
   height,       // any scalar
 };
 
@@ -46,10 +49,17 @@ class SceneBuilder {
   int material(const Element& element);      // index, building it on first use
   Material flatten(const Element& element);  // with wrappers folded in
   Material scattering_model(Params& params);
+  void map_normals(Material& m, const Material& map, const Location& where);
+  bool transmits(const Material& m) const;
+  int blended_count(const Material& m) const;  // models in a blend and in the blends that it holds
+  void read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,
+                  float fallback);
+  void read_principled_base(Params& params, Material& m);
 #define OCTRAD_READ(name, Model, transmits) void read_##name(Params& params, Material& m);
   OCTRAD_BSDF_LIST(OCTRAD_READ)  // the parameters of each model
 #undef OCTRAD_READ
   void microfacets(Params& params, Material& m);
+  void anisotropic_microfacets(Params& params, Material& m);
   void conductor_index(Params& params, Material& m);
   Vec3f constant_color(Params& params, const std::string& name, Vec3f fallback);
   float index_of_refraction(Params& params, const std::string& name, const std::string& fallback);

@@ -17,7 +17,9 @@ float decode_srgb(double v) {
   return static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
 }
 
-bool is_scalar(TextureRole role) { return role != TextureRole::reflectance && role != TextureRole::radiance; }
+bool is_scalar(TextureRole role) {
+  return role != TextureRole::reflectance && role != TextureRole::radiance && role != TextureRole::normal;
+}
 
 struct Range {
   float low, high;
@@ -33,6 +35,9 @@ Range range_of(TextureRole role) {
     case TextureRole::opacity: return {0.0f, 1.0f, "an opacity must be between 0 and 1"};
     case TextureRole::roughness: return {0.0f, 10.0f, "a roughness must be between 0 and 10"};
     case TextureRole::index: return {0.0f, 1000.0f, "an index of refraction must be between 0 and 1000"};
+    case TextureRole::fraction: return {0.0f, 1.0f, "the value must be between 0 and 1"};
+    case TextureRole::two_sides: return {0.0f, 2.0f, "the value must be between 0 and 2"};
+    case TextureRole::normal: return {0.0f, 1.0f, "a normal map's colours must be between 0 and 1"};
     case TextureRole::height: return {-kMax, kMax, "a height must be finite"};
   }
   return {};
