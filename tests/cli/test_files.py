@@ -57,7 +57,9 @@ class Files(Case):
             {"time": t, "origin": [0, 0, 0.9 - 0.1 * t], "target": [0, 0, 0], "fov": 60} for t in (0, 0.5)]}))
         os.mkdir(self.path("errors"))
         r, a, b, m = ("render", self.scene, "--spp", 1, "-q"), self.path("a.exr"), self.path("b.exr"), self.path("m.octrad")
+        denoised = ("denoise", a, "-o", self.path("denoised.exr"), "-q")
         return {
+            **({} if run(*denoised).code != 0 else {"denoised.exr": denoised}),  # the library is there
             "out.exr": (*r, "-o", self.out),
             "out.png": (*r, "-o", self.path("out.png")),
             "out.hdr": (*r, "-o", self.path("out.hdr")),
@@ -323,6 +325,23 @@ class Files(Case):
                         ("query", model, "--points", self.scene, "-o", self.scene), ("selftest", self.scene, "-o", self.scene)):
             with self.subTest(command):
                 self.fails(1, "too, which it would overwrite", *command)
+        # What a scene refers to, known once it is loaded.
+        write_pfm(self.path("p.pfm"), 4, 4, lambda x, y: (1, 1, 1))
+        files = {"m.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "p.pfm": None, "lamp.xml":
+                 '<scene version="3.0.0"><shape type="sphere"><emitter type="area"><rgb name="radiance" value="3"/></emitter></shape></scene>'}
+        for name, text in files.items():
+            if text:
+                self.write(name, text)
+        scene = self.write("refers.xml", """<scene version="3.0.0"><include filename="lamp.xml"/><shape type="obj"><string name="filename" value="m.obj"/>
+            <bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="p.pfm"/><boolean name="raw" value="true"/>
+            </texture></bsdf></shape><sensor type="perspective"/></scene>""")
+        contents = {name: read(self.path(name)) for name in files}
+        for name in files:
+            with self.subTest(name):
+                self.fails(1, f"{name} too, which it would overwrite", "render", scene, "-o", out, "--spp", 1, "--log-json", self.path(name))
+                self.fails(1, f"{name} too, which it would overwrite", "train", scene, "-o", self.path(name), "--overwrite", "--steps", 1, *SMALL)
+        self.fails(1, "p.pfm too, which it would overwrite", "render", scene, "-o", self.path("p.pfm"), "--spp", 1)
+        self.assertEqual({name: read(self.path(name)) for name in files}, contents)
         write_pfm(self.path("p.png"), 4, 4, lambda x, y: (1, 1, 1))
         self.fails(1, "too, which it would overwrite", "tonemap", self.path("p.png"), "-o", self.path("p.png"))
         self.assertEqual({file: read(file) for file in before}, before)

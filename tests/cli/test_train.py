@@ -1,15 +1,18 @@
 """octrad train, render from a model, query."""
+import glob
 import json
 import os
 import random
 import re
 import signal
 import subprocess
+import sys
 import unittest
 
 from support import ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
-FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model"}
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model", "memory_estimate_bytes", "memory_peak_bytes"}
 
 
 class Train(Case):
@@ -399,6 +402,35 @@ class Query(Case):
         self.fails(3, "does not exist", *q, self.points(), "-o", self.path("none/out.csv"))
         self.fails(3, "none.octrad", "query", self.path("none.octrad"), "--points", self.points())
         self.fails(1, "needs -o", *q, self.points(), "--json")
+
+
+class Memory(Case):
+    """What --max-memory is held against is what training takes; the largest ratio is printed."""
+
+    def check(self, scenes):
+        ratios = []
+        for scene, field in scenes:
+            with self.subTest(scene, field=field):
+                train = ("train", scene, "--field", field, "-o", self.path("m.octrad"), "--overwrite", "--steps", 3, "--json", "-q")
+                report = self.ok(*train).json()
+                estimate, peak = report["memory_estimate_bytes"], report["memory_peak_bytes"]
+                self.assertLess(peak, 1.1 * estimate + 100e6)
+                ratios.append((peak / estimate, os.path.basename(os.path.dirname(scene)), field))
+                # With just that the same training is begun, ends, and is saved.
+                tight = self.ok(*train, "--max-memory", int(max(1.05 * estimate, 1.02 * peak))).json()
+                self.assertEqual(tight["steps"], 3)
+        print(f"peak over estimate: at most {max(ratios)}", file=sys.stderr)
+
+    def test_own_scenes(self):
+        self.check((os.path.join(ROOT, "scenes", name, "scene.xml"), field)
+                   for name, field in (("cornell-box", "octaoctree"), ("glossy-room", "nr"), ("courtyard", "octaoctree")))
+
+    def test_shared_scenes(self):
+        shared = os.environ.get("OCTRAD_SHARED", os.path.join(ROOT, "..", "shared"))
+        scenes = sorted(glob.glob(os.path.join(shared, "scenes", "*", "scene.xml")))
+        if not scenes:
+            self.skipTest("SKIPPED: no scenes in OCTRAD_SHARED")
+        self.check((scene, "octaoctree") for scene in scenes)
 
 
 if __name__ == "__main__":

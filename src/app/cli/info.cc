@@ -225,7 +225,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
   const double small_lamps =
-      small_lamp_share(prepared, static_cast<float>(config.render_bounce_below), rhs_follow_below(config));
+      small_lamp_share(prepared, static_cast<float>(config.render_bounce_below), rhs_rules(config).follow_below);
   const std::size_t lights = scene.area_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();

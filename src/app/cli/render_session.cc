@@ -118,8 +118,9 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
       stream(device.make_stream()),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
+      prepared(open_scene(o.scene, definitions_of(o).scene_definitions(),
+                          {{"-o", o.output}, {"--log-json", common.log_json}})),
       log(common.open_log()),
-      prepared(open_scene(o.scene, definitions_of(o).scene_definitions())),
       progress_(o.integrator) {
   const ConfigOptions definitions = definitions_of(o);
   if (model) {

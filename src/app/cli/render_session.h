@@ -46,8 +46,8 @@ struct RenderSession {
   const DeviceChoice device;
   const std::unique_ptr<Stream> stream;  // null: the CPU
   const std::unique_ptr<Denoiser> denoiser;
-  const std::unique_ptr<JsonLines> log;
   const PreparedScene prepared;
+  const std::unique_ptr<JsonLines> log;
   Config config;  // of the model
   RenderSettings settings;
   RenderBudget budget;

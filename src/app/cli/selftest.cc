@@ -88,7 +88,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   std::vector<PreparedScene> scenes;  // the one given, or built-in ones
   const auto prepare = [&](Scene scene) { scenes.emplace_back(std::move(scene), PreparedScene::CpuTree::bvh8); };
   if (!o.scene.empty()) {
-    prepare(open_scene(o.scene, definitions.scene_definitions()));
+    prepare(open_scene(o.scene, definitions.scene_definitions(), {{"-o", o.output}}));
   } else {
     prepare(testing::triangle_soup(seed));
     prepare(testing::every_material());

@@ -14,6 +14,7 @@
 #include "octrad/base/interrupt.h"
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
@@ -137,7 +138,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream();
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
-  const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions()));
+  const PreparedScene scene(
+      open_scene(o.scene, o.config.scene_definitions(), {{"-o", o.output}, {"--log-json", common.log_json}}));
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
@@ -148,6 +150,10 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   options.reference = o.reference.empty() ? nullptr : &reference;
   if (!o.validate_every.empty()) options.validation_seconds = parse_duration(o.validate_every);
   options.max_memory = static_cast<double>(common.memory_budget());
+  if (!stream) {  // what training takes of the scene, before it is measured
+    scene.tracer();
+    scene.surfaces();
+  }
   const std::uint64_t resident = resident_bytes();
   options.used_memory = static_cast<double>(resident - std::min(resident, held));
   options.stream = stream.get();
@@ -228,6 +234,7 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   };
 
   const TrainResult result = train(scene, config, options);
+  set_memory_limit(0);  // what is left is to say what was done
   progress.finish();
   if (result.dropped_contributions > 0) {
     log_warning(fmt::format("{} contributions to targets were not finite and count as black",
@@ -250,6 +257,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
                            {"preset", config.preset},
                            {"interrupted", interrupted()},
                            {"device", device.name}};
+  report["memory_estimate_bytes"] = static_cast<std::uint64_t>(options.used_memory + result.memory);
+  report["memory_peak_bytes"] = peak_resident_bytes();
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
   if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;

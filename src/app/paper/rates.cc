@@ -111,7 +111,8 @@ double cell_cost(const Plan& plan, const Rates& rates, const Cell& cell) {
   double sum = 0.0;
   for (const std::size_t i : cell.references) {
     const double n = pixels(plan.references[i].view);
-    const double samples = n * cell.spp * (1 + timed_frames(plan.references[i].view, cell.spp));
+    const int frame_spp = cell.method->spp;
+    const double samples = n * (cell.spp + frame_spp * timed_frames(plan.references[i].view, frame_spp));
     sum += r.value("load_seconds", 1.0) + sampling_seconds(r, *cell.method, samples);
     sum += 0.3 + 4e-6 * n;  // errors
     if (cell.method->denoise || std::string(cell.method->integrator) == "denoised") sum += 0.5 + 4e-6 * n;

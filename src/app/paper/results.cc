@@ -87,7 +87,7 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
   for (std::size_t v = 0; v < cell.references.size(); ++v) {
     nlohmann::json entry = base;
     for (const char* metric : {"mape", "mape_trimmed", "mape_glossy", "mse", "relmse", "psnr", "ssim", "flip", "lpips",
-                               "mean_ratio", "frame_ms"})
+                               "mean_ratio", "relmse_noise_free", "frame_ms"})
       entry[metric] = nullptr;
     entry["view"] = plan.references[cell.references[v]].view.name;
     entry["status"] = "waiting";

@@ -78,7 +78,7 @@ class Run {
   void render_reference(const Reference& r);
   void train(const Training& t);
   void make_cell(const Cell& cell);
-  std::vector<std::string> render_words(const Cell& cell) const;
+  std::vector<std::string> render_words(const Cell& cell, int spp) const;
   nlohmann::json make_view(const Cell& cell, const Reference& reference);
   void make_learned(const Cell& cell);
   void render_film(const Film& film);
@@ -289,10 +289,10 @@ void Run::train(const Training& t) {
 }
 
 // The beginning of the command that renders the cell's pictures.
-std::vector<std::string> Run::render_words(const Cell& cell) const {
+std::vector<std::string> Run::render_words(const Cell& cell, int spp) const {
   std::vector<std::string> words = {"render", plan_.scenes[cell.scene].file, "--integrator", cell.method->integrator};
   if (cell.training) words.insert(words.end(), {"--model", cell.folder + "/model.octrad"});
-  words.insert(words.end(), {"--spp", std::to_string(cell.spp), "--seed", std::to_string(cell.seed)});
+  words.insert(words.end(), {"--spp", std::to_string(spp), "--seed", std::to_string(cell.seed)});
   if (cell.method->denoise) words.push_back("--denoise");
   if (denoises(*cell.method) && !linked_library_.empty())
     words.insert(words.end(), {"--oidn-library", linked_library_});
@@ -301,11 +301,17 @@ std::vector<std::string> Run::render_words(const Cell& cell) const {
 
 nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
   const std::string base = cell.folder + "/" + reference.view.name, picture = base + ".exr";
-  std::vector<std::string> words = render_words(cell);
-  words.insert(words.end(), {"--frames", std::to_string(timed_frames(reference.view, cell.spp))});
-  words.insert(words.end(), reference.view.words.begin(), reference.view.words.end());
-  words.insert(words.end(), {"-o", picture});
-  const nlohmann::json render = store_.command(base + ".render.json", with_device(words));
+  const int frame_spp = cell.method->spp;
+  const auto render_with = [&](int spp, const std::string& to, const std::string& record) {
+    std::vector<std::string> words = render_words(cell, spp);
+    if (spp == frame_spp) words.insert(words.end(), {"--frames", std::to_string(timed_frames(reference.view, spp))});
+    words.insert(words.end(), reference.view.words.begin(), reference.view.words.end());
+    words.insert(words.end(), {"-o", to});
+    return store_.command(record, with_device(words));
+  };
+  const nlohmann::json render = render_with(cell.spp, picture, base + ".render.json");
+  const nlohmann::json frame =
+      cell.spp == frame_spp ? render : render_with(frame_spp, base + ".frame.exr", base + ".frame.json");
 
   std::vector<std::string> compare = {"compare", reference.picture(), picture};
   if (!linked_weights_.empty()) compare.insert(compare.end(), {"--lpips-weights", linked_weights_});
@@ -318,7 +324,8 @@ nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
 
   nlohmann::json view = all["output"]["images"][0];
   view.erase("image");
-  view["blocks"] = halves["output"]["images"][0]["blocks"];
+  for (const char* member : {"blocks", "relmse_noise_free"})
+    view[member] = halves["output"]["images"][0].value(member, nlohmann::json());
   const nlohmann::json& r = render["output"];
   view["view"] = reference.view.name;
   view["picture"] = picture;
@@ -331,12 +338,15 @@ nlohmann::json Run::make_view(const Cell& cell, const Reference& reference) {
   for (const char* metric : {"lpips", "flip", "ssim"}) {
     if (!view.contains(metric)) view[metric] = nullptr;
   }
-  view["frame_ms"] = r.contains("frames") ? r["frames"]["median_ms"] : nlohmann::json(1e3 * r["seconds"].get<double>());
-  view["stages_ms"] = r.contains("frames") ? r["frames"]["stages_ms"] : nlohmann::json::object();
+  const nlohmann::json& f = frame["output"];
+  view["frame_spp"] = frame_spp;
+  view["frame_ms"] = f.contains("frames") ? f["frames"]["median_ms"] : nlohmann::json(1e3 * f["seconds"].get<double>());
+  view["stages_ms"] = f.contains("frames") ? f["frames"]["stages_ms"] : nlohmann::json::object();
   view["commands"] = {{"render", render["command"]},
                       {"compare", all["command"]},
                       {"compare_glossy", glossy["command"]},
                       {"compare_halves", halves["command"]}};
+  if (cell.spp != frame_spp) view["commands"]["frame"] = frame["command"];
   return view;
 }
 
@@ -406,7 +416,7 @@ void Run::make_temporal(const Cell& cell) {
   const Film& film = plan_.films[*cell.film];
   const std::string folder = cell.folder + "/temporal";
   store_.make_folder(folder + "/frames");
-  std::vector<std::string> words = render_words(cell);
+  std::vector<std::string> words = render_words(cell, cell.spp);
   words.insert(words.end(), {"--path", film.path_file(), "--width", std::to_string(film.width), "--height",
                              std::to_string(film.height), "-o", folder + "/frames/####.exr"});
   const nlohmann::json render = store_.command(folder + "/render.json", with_device(words));

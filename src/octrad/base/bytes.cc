@@ -108,6 +108,8 @@ std::uint64_t resident_bytes() {
   return in ? resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE)) : 0;
 }
 
+std::uint64_t peak_resident_bytes() { return proc_field("/proc/self/status", "VmHWM:"); }
+
 std::uint64_t usable_memory() {
   const std::uint64_t available = proc_field("/proc/meminfo", "MemAvailable:");
   if (available == 0) return 0;

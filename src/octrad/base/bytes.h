@@ -19,6 +19,8 @@ std::string format_rate(double per_second);
 
 // Resident memory of this process in bytes (0 where unknown).
 std::uint64_t resident_bytes();
+// The most that was resident since the program began (0 where unknown).
+std::uint64_t peak_resident_bytes();
 
 // Memory that this process could have in all: the smaller of the system's available memory and the control group's
 // limit, plus what is resident already. 0 where unknown.

@@ -62,6 +62,14 @@ struct QueryRays {
   OCTRAD_HD int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
 };
 
+// How rays go on over surfaces, and what a field is asked where they end: alike for pictures and right-hand sides.
+struct FollowRules {
+  float follow_below = 0.0f;     // of is_followed(): which surfaces are passed (0: none)
+  int max_chain = 16;            // how many
+  bool split_coats = false;      // each lobe of a coated surface is asked for alone (lookup.coats = split)
+  bool emission_inside = false;  // the response about an emitter holds its emission (target.emission = inside)
+};
+
 // Clusters of many points: number c of cluster k of point i at [3 k + c][stride] + i.
 struct HitClusterArray {
   float* data = nullptr;  // [kHitClusterNumbers][stride]

@@ -154,9 +154,9 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
 // The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
 
-// The surfaces that pictures follow rays over (is_followed()); right-hand sides pass perfect mirrors in any case.
-float follow_below(const Config& config);
-float rhs_follow_below(const Config& config);
+// Of pictures' rays (render.delta, render.trace_below) and of right-hand sides, which pass perfect mirrors in any case.
+FollowRules first_hit_rules(const Config& config);
+FollowRules rhs_rules(const Config& config);
 // Whether each lobe of a coated surface is a point of its own (lookup.coats).
 bool split_coats(const Config& config);
 

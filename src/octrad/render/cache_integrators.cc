@@ -17,12 +17,9 @@ class CacheIntegrator : public Integrator {
       : context_(input.scene.context()),
         field_(*input.field),
         options_(first_hit_options(input, bounce)),
-        rays_(query_rays(input.config)) {
+        rays_(query_rays(input.config)),
+        rhs_(rhs_rules(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
-    rhs_.max_chain = options_.max_chain;
-    rhs_.follow_below = rhs_follow_below(input.config);
-    rhs_.split_coats = options_.split_coats;
-    rhs_.emission_inside = options_.emission_inside;
     rhs_.rays = rays_;
     rhs_.seed = input.seed;
   }
@@ -89,11 +86,7 @@ class CacheIntegrator : public Integrator {
 
 FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions::Bounce bounce) {
   const Config& config = input.config;
-  FirstHitOptions options;
-  options.follow_below = follow_below(config);
-  options.split_coats = split_coats(config);
-  options.max_chain = config.train_max_chain;
-  options.emission_inside = config.target_emission == TargetEmission::inside;
+  FirstHitOptions options(first_hit_rules(config));
   options.bounce = bounce;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   if (bounce != FirstHitOptions::Bounce::none) return options;

@@ -15,14 +15,11 @@ class CacheIntegrator : public DeviceIntegrator {
       : field_(field),
         options_(first_hit_options(input, bounce)),
         gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, query_rays(input.config),
-                 split_coats(input.config)),
-        responses_(stream, gbuffer_.queries_of(capacity), "answers of the cache") {
+                 options_.split_coats),
+        responses_(stream, gbuffer_.queries_of(capacity), "answers of the cache"),
+        rhs_options_(rhs_rules(input.config)) {
     if (options_.bounce == FirstHitOptions::Bounce::none) return;
     rhs_options_.directions = 1;
-    rhs_options_.max_chain = options_.max_chain;
-    rhs_options_.follow_below = rhs_follow_below(input.config);
-    rhs_options_.split_coats = options_.split_coats;
-    rhs_options_.emission_inside = options_.emission_inside;
     rhs_options_.seed = input.seed;
     rhs_ = std::make_unique<DeviceRhs>(stream, world, capacity, query_rays(input.config));
     rhs_responses_ = DeviceArray<Vec3f>(stream, capacity, "answers of the cache");

@@ -71,7 +71,7 @@ float bounce_below(const PreparedScene& scene, const Config& config) {
   const auto below = static_cast<float>(config.render_bounce_below);
   if (config.render_highlights == Highlights::cache || below <= 0.0f) return 0.0f;
   if (config.render_highlights == Highlights::bounce) return below;
-  return small_lamp_share(scene, below, rhs_follow_below(config)) > kShareThatMatters ? below : 0.0f;
+  return small_lamp_share(scene, below, rhs_rules(config).follow_below) > kShareThatMatters ? below : 0.0f;
 }
 
 }  // namespace octrad

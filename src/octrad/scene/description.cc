@@ -312,7 +312,7 @@ std::string Description::resolve(const std::string& file, const Location& where)
     const std::filesystem::path path = std::filesystem::path(folder) / file;  // an absolute `file` replaces the folder
     if (std::filesystem::exists(path, code)) {
       if (std::filesystem::is_directory(path, code)) fail(where, "\"" + path.string() + "\" is a folder, not a file");
-      return path.string();
+      return files.emplace_back(path.string());
     }
     if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
   }

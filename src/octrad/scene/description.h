@@ -28,6 +28,7 @@ struct Description {
   std::map<std::string, const Element*> ids;  // every element with an id, aliases included
   std::vector<std::string> search_paths;      // folder of the scene file first, then its <path>s
   std::vector<std::string> warnings;          // of definitions that change nothing
+  mutable std::vector<std::string> files;     // found by resolve()
   // Full name of an existing file, or an error at `where` that lists what was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };

@@ -272,6 +272,7 @@ Scene load_scene(const std::string& file, const LoadOptions& options) {
   const Description description = read_description(file, options.definitions);
   Scene scene = SceneBuilder(description).build();
   scene.file = file;
+  scene.other_files = description.files;
   scene.warnings.insert(scene.warnings.begin(), description.warnings.begin(), description.warnings.end());
   return scene;
 }

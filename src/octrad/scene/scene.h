@@ -57,6 +57,7 @@ struct Film {
 
 struct Scene {
   std::string file;         // as given
+  std::vector<std::string> other_files;  // that it refers to: meshes, pictures, included scenes
   std::string fingerprint;  // 16 hex digits: hash of geometry, materials, textures and lights
   std::vector<TriangleMesh> meshes;
   std::vector<Sphere> spheres;

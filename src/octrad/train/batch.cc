@@ -20,7 +20,7 @@ LhsOptions lhs_options(const Config& config) {
   options.uniform_glossy = config.train_fresh_direction == FreshDirection::uniform;
   options.glossy_boost = config.train_glossy_boost;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
-  options.follow_below = follow_below(config);
+  options.follow_below = first_hit_rules(config).follow_below;
   options.split_coats = split_coats(config);
   options.poses = config.train_poses;
   options.seed = static_cast<unsigned long long>(config.seed);
@@ -38,12 +38,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   targets_.resize(n);
   const std::size_t far_ends = far_end_count(config_, s.points);
   sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
-  RhsOptions rhs;
+  RhsOptions rhs(rhs_rules(config_));
   rhs.directions = s.directions;
-  rhs.max_chain = config_.train_max_chain;
-  rhs.follow_below = rhs_follow_below(config_);
-  rhs.split_coats = split_coats(config_);
-  rhs.emission_inside = config_.target_emission == TargetEmission::inside;
   rhs.rays = query_rays(config_);
   rhs.seed = static_cast<unsigned long long>(config_.seed);
   rhs.stream = stream;

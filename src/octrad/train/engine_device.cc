@@ -91,6 +91,7 @@ class DeviceEngine : public TrainEngine {
              most_points(config), most_points_ahead(config, options)),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
         rhs_(stream, scene.world(stream), most_slots(config), query_rays(config)),
+        rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
@@ -98,10 +99,6 @@ class DeviceEngine : public TrainEngine {
         targets_(stream, most_points(config), "targets"),
         far_ends_(stream, far_end_count(config, static_cast<int>(most_points(config))), "far ends") {
     set_far_ends({});
-    rhs_options_.max_chain = config.train_max_chain;
-    rhs_options_.follow_below = rhs_follow_below(config);
-    rhs_options_.split_coats = split_coats(config);
-    rhs_options_.emission_inside = config.target_emission == TargetEmission::inside;
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);
   }

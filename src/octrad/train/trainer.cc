@@ -305,6 +305,7 @@ TrainResult Run::go() {
   result.loss = state_.loss;
   result.dropped_contributions = dropped_contributions_;
   result.empty_lookups = empty_lookups_;
+  result.memory = bytes_;
   result.stages = engine_->stages();
   result.field = engine_->release_field();
   return result;

@@ -54,6 +54,7 @@ struct TrainResult {
   double loss = -1.0;                   // smoothed; below 0 if there was no step
   long long dropped_contributions = 0;  // of right-hand sides, because they were not finite
   long long empty_lookups = 0;          // of a level, that found no occupied cell: its features were 0
+  double memory = 0.0;                  // estimated bytes of training, without TrainOptions::used_memory
   StageSplit stages;              // mean milliseconds of a step's stages; empty on the CPU and for very short runs
   double validation_mape = -1.0;  // of the finished model against the reference
   bool interrupted = false;

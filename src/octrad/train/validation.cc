@@ -13,11 +13,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
     : spp_(spp) {
   const Image colors = extract_rgb(reference);
   const Camera& camera = context.scene.cameras.front();
-  FirstHitOptions options;
-  options.follow_below = follow_below(config);
-  options.split_coats = split_coats(config);
-  options.max_chain = config.train_max_chain;
-  options.emission_inside = config.target_emission == TargetEmission::inside;
+  const FirstHitOptions options(first_hit_rules(config));
   const QueryRays rays = query_rays(config);
   std::vector<Vec3f> chosen_colors;
   const long long total = static_cast<long long>(reference.width) * reference.height;

@@ -7,11 +7,9 @@
 
 namespace octrad {
 
-struct FirstHitOptions {
-  float follow_below = 0.0f;  // of is_followed(): through mirrors and glass to the next surface (render.delta = trace)
-  bool split_coats = false;   // a query for each lobe of a coated surface (lookup.coats = split)
-  int max_chain = 16;         // delta surfaces passed
-  bool emission_inside = false;  // the field's response about an emitter holds its emission (target.emission = inside)
+struct FirstHitOptions : FollowRules {
+  FirstHitOptions() = default;
+  explicit FirstHitOptions(const FollowRules& rules) : FollowRules(rules) {}
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
   bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass

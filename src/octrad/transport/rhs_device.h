@@ -13,14 +13,12 @@ namespace rhs_kernels {
 struct Memory;
 }
 
-struct DeviceRhsOptions {
-  int directions = 16;                // M
-  float follow_below = kFollowDelta;  // as in RhsOptions
-  bool split_coats = false;
-  int max_chain = 16;            // delta surfaces passed by a BSDF ray
-  bool emission_inside = false;  // responses for emitters include their emission, which is subtracted
-  bool own_emission = false;     // add the points' own emission to the targets
-  bool ask = true;               // false: a black cache (direct light and chains only); there are no queries then
+struct DeviceRhsOptions : FollowRules {
+  DeviceRhsOptions() : FollowRules{.follow_below = kFollowDelta} {}
+  explicit DeviceRhsOptions(const FollowRules& rules) : FollowRules(rules) {}
+  int directions = 16;        // M
+  bool own_emission = false;  // add the points' own emission to the targets
+  bool ask = true;            // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
   FarEnd* far_ends = nullptr;  // device memory: filled by reduce() for the points of far_end_range()
   std::uint32_t far_end_count = 0;

@@ -14,14 +14,11 @@ namespace octrad {
 // transport needs of a radiance field.
 using RadianceQuery = std::function<void(std::span<const SurfacePoint>, std::span<Vec3f>)>;
 
-struct RhsOptions {
-  int directions = 16;                // M
-  int max_chain = 16;                 // surfaces passed by a BSDF ray
-  float follow_below = kFollowDelta;  // of is_followed(): which are passed
-  bool split_coats = false;           // one lobe of coated surfaces is asked for at the end (lookup.coats = split)
-  bool emission_inside =
-      false;       // predictions of emitters hold their emission (target.emission = inside): it is taken off again
-  QueryRays rays;  // traced from the points of the queries
+struct RhsOptions : FollowRules {
+  RhsOptions() : FollowRules{.follow_below = kFollowDelta} {}
+  explicit RhsOptions(const FollowRules& rules) : FollowRules(rules) {}
+  int directions = 16;  // M
+  QueryRays rays;       // traced from the points of the queries
   unsigned long long seed = 0;
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // random stream of each point; empty: its place in the batch
