@@ -108,10 +108,17 @@ class SceneBuilder {
   Material flatten(const Element& element);  // with wrappers folded in; a stand-in where it cannot be used
   Material read_bsdf(const Element& element);
   Material scattering_model(Params& params);
+  void map_normals(Material& m, const Material& map, const Location& where);
+  bool transmits(const Material& m) const;
+  int blended_count(const Material& m) const;  // models in a blend and in the blends that it holds
+  void read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,
+                  float fallback);
+  void read_principled_base(Params& params, Material& m);
 #define OCTRAD_READ(name, Model, transmits) void read_##name(Params& params, Material& m);
   OCTRAD_BSDF_LIST(OCTRAD_READ)  // the parameters of each model
 #undef OCTRAD_READ
   void microfacets(Params& params, Material& m);
+  void anisotropic_microfacets(Params& params, Material& m);
   void conductor_index(Params& params, Material& m);
   Vec3f constant_color(Params& params, const std::string& name, Vec3f fallback);
   float index_of_refraction(Params& params, const std::string& name, const std::string& fallback);

@@ -352,6 +352,16 @@ TEST_F(LoadTest, ScatteringModels) {
   bad("roughplastic", R"(<texture name="alpha" type="checkerboard"/>)", "3:1",
       {"must be <float> or <integer>, not <texture>"});
   bad("roughplastic", R"(<float name="alpha" value="-0.1"/>)", "3:1", {"must be between 0 and 10"});
+  bad("roughdielectric", R"(<float name="int_ior" value="1.3"/><float name="ext_ior" value="1.3"/>)", "3:1",
+      {"differs from ext_ior", "\"null\""});
+  bad("roughdielectric", R"(<float name="alpha" value="0.1"/><float name="alpha_u" value="0.1"/>)", "2:1",
+      {"roughdielectric needs both alpha_u and alpha_v"});
+  bad("principled", R"(<float name="eta" value="1.3"/><float name="specular" value="0.3"/>)", "3:32",
+      {"eta or specular, not both"});
+  bad("principled", R"(<float name="metallic" value="1.3"/>)", "3:1", {"the value must be between 0 and 1", "1.3"});
+  bad("principled", R"(<float name="diff_trans" value="1"/>)", "3:1", {"unknown parameter \"diff_trans\""});
+  bad("principledthin", R"(<float name="diff_trans" value="2.5"/>)", "3:1", {"between 0 and 2"});
+  bad("null", R"(<float name="alpha" value="1"/>)", "3:1", {"unknown parameter \"alpha\""});
   bad("diffuse", R"(<bsdf type="diffuse"/>)", "3:1", {"<bsdf> cannot stand inside bsdf \"diffuse\""});
   bad("diffuse", R"(<float name="reflectance" value="0.5x"/>)", "3:1", {"is not one number"});
   bad("plastic", R"(<boolean name="nonlinear" value="1"/>)", "3:1", {"is not a boolean; supported: true, false"});
@@ -396,6 +406,49 @@ TEST_F(LoadTest, Wrappers) {
       evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)]), {0, 0})
           .x,
       0.2126f, 1e-3f);
+
+  // A normal map is a colour, a bump map is not; both know on which side of twosided they stand.
+  const std::string named =
+      R"(<texture name="normalmap" type="bitmap"><string name="filename" value="t.exr"/></texture>)";
+  m = bsdf(R"(<bsdf type="twosided"><bsdf type="normalmap">)" + named +
+           R"(<boolean name="flip_invalid_normals" value="false"/><bsdf type="plastic"/></bsdf></bsdf>)");
+  EXPECT_TRUE(m.two_sided && m.normal_map && m.bump_mirrored && !m.bump_flips && m.bump_shadows);
+  m = bsdf(R"(<bsdf type="normalmap">)" + named + R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>)");
+  EXPECT_TRUE(m.normal_map && m.two_sided && !m.bump_mirrored);
+
+  const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)";
+  const auto blend = [](const std::string& inside) {
+    return R"(<bsdf type="blendbsdf"><float name="weight" value="0.25"/>)" + inside + "</bsdf>";
+  };
+  scene = load(blend(red + R"(<bsdf type="principled"><float name="spec_trans" value="0"/></bsdf>)"));
+  m = scene.materials.back();
+  EXPECT_EQ(m.type, BsdfType::blendbsdf);
+  EXPECT_EQ(scene.materials.at(static_cast<std::size_t>(m.blended[0])).type, BsdfType::diffuse);
+  const Material& disney = scene.materials.at(static_cast<std::size_t>(m.blended[1]));
+  EXPECT_EQ(disney.type, BsdfType::principled);
+  EXPECT_EQ(disney.extra[ExtraParameter::spec_trans], -1);  // as if it were not given
+  EXPECT_NEAR(disney.int_ior, 1.5f, 1e-6f);                 // specular 0.5
+  EXPECT_FALSE(m.two_sided);
+  EXPECT_TRUE(
+      bsdf(blend(R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf><bsdf type="twosided">)" + red + "</bsdf>"))
+          .two_sided);
+  EXPECT_TRUE(bsdf(R"(<bsdf type="twosided">)" + blend(red + red) + "</bsdf>").two_sided);
+  refuses(R"(<bsdf type="twosided">)" + blend(red + R"(<bsdf type="roughdielectric"/>)") + "</bsdf>", "2:23",
+          {"lets light through"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="principled"><float name="spec_trans" value="0.1"/></bsdf></bsdf>)",
+          "2:23", {"lets light through"});
+  refuses(R"(<bsdf type="blendbsdf"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>)", "2:1", {"needs a weight"});
+  refuses(blend(red), "2:1", {"needs two nested bsdfs"});
+  refuses(blend(red + red + red), "2:193", {"at most 2"});
+  refuses(blend(red + R"(<bsdf type="bumpmap">)" + texture + red + "</bsdf>"), "2:126",
+          {"a bumpmap inside a blendbsdf is not supported"});
+  std::string deep = red;
+  for (int i = 0; i < kMostBlended - 1; ++i) deep = blend(red + deep);
+  EXPECT_EQ(bsdf(deep).type, BsdfType::blendbsdf);
+  refuses(blend(red + deep), "2:1", {"at most 8 bsdfs", "this one 9"});
+  refuses(R"(<bsdf type="normalmap"><bsdf type="diffuse"/></bsdf>)", "2:1", {"name=\"normalmap\""});
+  refuses(R"(<bsdf type="normalmap">)" + named + R"(<bsdf type="bumpmap">)" + texture + red + "</bsdf></bsdf>", "2:1",
+          {"a bumpmap or normalmap inside another"});
 
   refuses(R"(<bsdf type="twosided"/>)", "2:1", {"needs a nested <bsdf>"});
   refuses(R"(<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>)", "2:23", {"lets light through"});

@@ -36,6 +36,18 @@ int SceneMaker::diffuse(Vec3f reflectance, bool two_sided) {
   return material(m);
 }
 
+void SceneMaker::principled(Material& m, int value) {
+  using P = ExtraParameter;
+  for (const int parameter : {P::roughness, P::metallic, P::anisotropic, P::spec_trans, P::spec_tint, P::sheen,
+                              P::sheen_tint, P::flatness, P::clearcoat, P::clearcoat_gloss, P::diff_trans}) {
+    m.extra[parameter] = value;
+  }
+  m.extra[P::eta] = texture(1.5f);
+  for (int rate = P::main_specular_sampling_rate; rate < P::count; ++rate) m.extra[rate] = texture(1.0f);
+  m.int_ior = 1.5f;
+  m.ext_ior = 1.0f;
+}
+
 int SceneMaker::rough_metal(float alpha) {
   Material m;
   m.type = BsdfType::roughconductor;
@@ -221,14 +233,27 @@ Scene every_material() {
   bent.uvs.clear();
   maker.sphere({0.3f, 0.5f, -0.6f}, 0.5f, glass_index);
   maker.sphere({-1.0f, 0.4f, -1.0f}, 0.4f, coat_index);
-  float x = -1.4f;
+  float x = -1.4f, z = 1.0f;
   const auto small = [&](BsdfType type) {
     Material m;
     m.type = type;
     m.reflectance = tiled;
     m.specular_reflectance = m.specular_transmittance = mirrored;
-    maker.sphere({x, 0.2f, 1.0f}, 0.2f, maker.material(m));
+    if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, fine);
+    if (type == BsdfType::blendbsdf) {
+      m.blended[0] = sides_index;
+      m.blended[1] = glass_index;
+      m.extra[ExtraParameter::weight] = checks;
+    } else if (transmits(type)) {
+      m.bump = tiled;
+      m.normal_map = true;
+    }
+    maker.sphere({x, 0.2f, z}, 0.2f, maker.material(m));
     x += 0.45f;
+    if (x > 1.7f) {
+      x = -1.4f;
+      z += 0.45f;
+    }
   };
 #define OCTRAD_SMALL(name, Model, transmits) small(BsdfType::name);
   OCTRAD_BSDF_LIST(OCTRAD_SMALL)

@@ -112,6 +112,29 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   same(
       R"(<bsdf type="roughcoating"><float name="alpha" value="0.3"/><bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.3"/></bsdf></bsdf>)",
       R"(<bsdf type="roughplastic"><float name="alpha" value="0.3"/><string name="int_ior" value="bk7"/><rgb name="diffuse_reflectance" value="0.1 0.2 0.3"/></bsdf>)");
+  // Two lobes that add up are a blend of each, divided by its share.
+  const auto gloss = [](const std::string& alphas) {
+    return R"(<bsdf type="blendbsdf"><float name="weight" value="0.25"/><bsdf type="diffuse"><float name="reflectance" value="0.4"/></bsdf>
+<bsdf type="roughconductor"><string name="material" value="none"/><float name="specular_reflectance" value="0.4"/>)" +
+           alphas + "</bsdf></bsdf>";
+  };
+  same(
+      R"(<bsdf type="phong"><float name="exponent" value="49.5"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
+      gloss(R"(<float name="alpha" value="0.1"/>)"));
+  same(
+      R"(<bsdf type="ward"><string name="variant" value="balanced"/><float name="alphaU" value="0.2"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
+      gloss(R"(<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.1"/>)"));
+  // What a mixture leaves over is absorbed.
+  const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)",
+                    metal = R"(<bsdf type="conductor"/>)";
+  same(R"(<bsdf type="mixturebsdf"><string name="weights" value="0.25, 0.25"/>)" + red + metal + "</bsdf>",
+       R"(<bsdf type="blendbsdf"><float name="weight" value="0.75"/>)" + red +
+           R"(<bsdf type="blendbsdf"><float name="weight" value="0.6666666666666666"/>)" + metal +
+           R"(<bsdf type="diffuse"><float name="reflectance" value="0"/></bsdf></bsdf></bsdf>)");
+  same(
+      R"(<bsdf type="difftrans"><rgb name="transmittance" value="0.1 0.2 0.3"/></bsdf>)",
+      R"(<bsdf type="principledthin"><rgb name="base_color" value="0.1 0.2 0.3"/><float name="diff_trans" value="2"/><float name="roughness" value="1"/></bsdf>)");
+  assumes(R"(<bsdf type="phong"/>)", "bsdf \"phong\" read as a blend");
   assumes(R"(<bsdf type="coating"><bsdf type="conductor"/></bsdf>)", "the coat of bsdf \"coating\" left out");
   EXPECT_THROW(load(R"(<bsdf type="irawan"/>)", "0.6.0"), InputError);
   EXPECT_THROW(load(R"(<bsdf type="hk"/>)", "0.6.0"), InputError);

@@ -165,11 +165,15 @@ std::vector<TextureView> place_textures(const Materials& materials, const Plan& 
   return views;
 }
 
-std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block) {
+// `tables`: where they and the textures will be.
+std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block,
+                                          const MaterialsView& tables) {
   std::vector<MaterialRecord> records(materials.view().records, materials.view().records + materials.size());
   for (MaterialRecord& r : records) {
     const float*& table = r.constant.external_transmittance;
     if (table != nullptr) table = block.at<float>(plan.transmittance.at(table));
+    r.tables = tables;
+    if (r.constant.record != nullptr) r.constant.record = tables.records + (&r - records.data());
   }
   return records;
 }
@@ -218,7 +222,9 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
   const Block block{memory_.data()};
   const std::vector<ShapeView> shapes = place_shapes(tables.scene, plan, block);
   const std::vector<TextureView> textures = place_textures(tables.materials, plan, block);
-  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block);
+  const auto place = [&plan](std::size_t piece) { return plan.layout.pieces[piece].offset; };
+  world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
+  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(tables.lights.view(), shapes, plan, block);
   plan.layout.pieces[plan.shapes].from = shapes.data();
   plan.layout.pieces[plan.textures].from = textures.data();
@@ -233,12 +239,10 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
   }
   upload(stream, plan.layout, memory_.data());
 
-  const auto place = [&plan](std::size_t piece) { return plan.layout.pieces[piece].offset; };
   world_.bvh = tables.bvh.view();
   world_.bvh.nodes = block.at<Bvh8Node>(plan.nodes);
   world_.bvh.primitives = block.at<Bvh8Primitive>(plan.primitives);
   world_.shapes = block.at<ShapeView>(place(plan.shapes));
-  world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
   world_.lights = tables.lights.view();
   world_.lights.area = block.at<LightRecord>(place(plan.area_lights));
   world_.lights.textures = block.at<TextureView>(place(plan.textures));

@@ -22,7 +22,7 @@ struct AskedLobes {
 };
 
 OCTRAD_HD inline AskedLobes asked_lobes(const FirstHitOptions& options, const Bsdf& bsdf) {
-  if (!options.split_coats || !is_coated(bsdf)) return {};
+  if (!options.split_coats || !has_lobes(bsdf)) return {};
   return {static_cast<int>(Lobe::coat), static_cast<int>(Lobe::base)};
 }
 

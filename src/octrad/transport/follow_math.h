@@ -25,8 +25,14 @@ OCTRAD_HD inline SurfacePoint surface_point(const ShadingPoint& shading) {
   point.x = shading.surface.position;
   point.n = viewed_normal(shading);
   point.wo = shading.wo;
-  point.albedo = lobe_albedo(shading.bsdf, shading.to_local(shading.wo));
+  const Vec3f wo = shading.to_local(shading.wo);
+  point.albedo = lobe_albedo(shading.bsdf, wo);
   point.alpha = roughness_bsdf(shading.bsdf);
+  // Where what is seen lies behind the surface, mirror directions must lead there (method section 1).
+  if (shading.bsdf.both_sides) {
+    const SeenThrough behind = seen_through(shading.bsdf, wo);
+    if (behind.mainly) point.wo = reflect(normalize(shading.to_world(behind.direction)), point.n);
+  }
   return point;
 }
 

@@ -160,7 +160,8 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     point = world.shade(surface, wo);
     if (look != end) {
       point.bsdf.opacity = 1.0f;
-      if (point.black || (draw.kind == LhsKind::area && passed(point))) return LhsNext::missing;
+      if (point.black || point.bsdf.type == BsdfType::null) return LhsNext::missing;
+      if (draw.kind == LhsKind::area && passed(point)) return LhsNext::missing;
       if (look == glossy || !options.uniform_glossy || roughness_bsdf(point.bsdf) >= options.rough_threshold)
         return LhsNext::found;
       // A cosine density hardly ever looks along a surface, but pictures of glossy floors and walls do.
@@ -232,7 +233,7 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
       roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }
-  if (next == LhsNext::found && options.split_coats && is_coated(point.bsdf))
+  if (next == LhsNext::found && options.split_coats && has_lobes(point.bsdf))
     point.bsdf.lobe = draw.rng.uniform() < 0.5f ? Lobe::coat : Lobe::base;
   return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_start_try(poses, draw) : next;
 }

@@ -40,7 +40,7 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
 
 // Where a coated surface ends a ray and its lobes are points of their own, one of them is asked for by chance.
 OCTRAD_HD inline void ask_one_lobe(RayEnd& end, Rng& rng) {
-  if (!is_coated(end.point.bsdf)) return;
+  if (!has_lobes(end.point.bsdf)) return;
   end.throughput *= choose_lobe(end.point.bsdf, end.point.to_local(end.point.wo), rng.uniform());
 }
 
