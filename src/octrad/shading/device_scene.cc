@@ -52,7 +52,7 @@ struct Plan {
     std::size_t pixels, tiles, palette;
   };
   struct MeshLight {
-    std::size_t triangles, cdf;
+    std::size_t triangles, cdf, grid;
   };
   Layout layout;
   std::size_t nodes, primitives;
@@ -98,7 +98,9 @@ struct Plan {
     const LightsView& l = t.lights.view();
     for (int i = 0; i < l.area_count; ++i) {
       const auto count = static_cast<std::size_t>(l.area[i].triangle_count);
-      lights.push_back({layout.add(l.area[i].triangles, count), layout.add(l.area[i].cdf, count)});
+      const auto side = static_cast<std::size_t>(l.area[i].grid_side);
+      lights.push_back({layout.add(l.area[i].triangles, count), layout.add(l.area[i].cdf, count),
+                        layout.add(l.area[i].grid, side * side)});
     }
     delta_lights = layout.add(l.delta, static_cast<std::size_t>(l.delta_count));
     placements = layout.add(t.scene.placements.data(), t.scene.placements.size());
@@ -185,6 +187,7 @@ std::vector<LightRecord> place_lights(const LightsView& lights, const std::vecto
     records[i].shape = shapes[static_cast<std::size_t>(records[i].shape_index)];
     records[i].triangles = block.at<LightTriangle>(plan.lights[i].triangles);
     records[i].cdf = block.at<float>(plan.lights[i].cdf);
+    records[i].grid = block.at<float>(plan.lights[i].grid);
   }
   return records;
 }

@@ -142,6 +142,59 @@ TEST(Lights, RectangleIrradianceIsAnalytic) {
   EXPECT_EQ(irradiance(maker.scene, {0, 0, 3}, {0, 0, -1}, 100).mean, 0.0) << "light leaves one side only";
 }
 
+// A picture on a parallelogram is drawn by its brightness: as much light as by area, with far less noise where little
+// of it is bright; hits have the density of samples.
+TEST(Lights, PicturesAreSampledByTheirBrightness) {
+  SceneMaker maker;
+  Texture t;
+  t.kind = Texture::Kind::bitmap;
+  t.width = 20;
+  t.height = 10;
+  t.pixels.assign(200, Vec3f(0.0f));
+  t.pixels[20 * 3 + 4] = Vec3f(9.0f, 30.0f, 1.0f);
+  t.pixels[20 * 7 + 15] = Vec3f(1.0f, 2.0f, 0.0f);
+  const float turned[6] = {0.9f, 0.2f, 0.1f, -0.3f, 1.1f, 0.05f};
+  std::copy(turned, turned + 6, t.to_uv);
+  maker.quad({-1, 1.2f, 2}, {2, 0.3f, 0}, {0.2f, -2, 0.1f}, maker.diffuse(Vec3f(0.5f)), Vec3f(1.0f));
+  maker.scene.area_lights[0].radiance = maker.texture(t);
+  Scene bent = maker.scene;  // not a parallelogram: sampled by area
+  bent.meshes[0].positions[2].z += 1e-3f;
+  const Vec3f x{0.1f, -0.2f, 0.3f}, n{0, 0, 1};
+  const Estimate by_picture = irradiance(maker.scene, x, n, 20000), by_area = irradiance(bent, x, n, 400000);
+  EXPECT_LT(by_picture.error * std::sqrt(20000.0), 0.3 * by_area.error * std::sqrt(400000.0));
+  EXPECT_NEAR(by_picture.mean, by_area.mean, 4.0 * (by_picture.error + by_area.error) + 2e-3 * by_area.mean);
+  const auto tracer = make_embree_tracer(maker.scene);
+  const Lights lights(maker.scene);
+  Rng rng(4, RngPurpose::test, 6);
+  int hits = 0, wrong = 0;
+  double sum = 0.0;
+  for (int i = 0; i < 20000; ++i) {
+    const float pick = rng.uniform();
+    const LightSample s = lights.sample(x, pick, rng.uniform2());
+    if (!s.valid) continue;
+    const Hit hit = tracer->intersect(x, s.direction, 0.0f, 1e30f);
+    if (!hit.valid()) continue;
+    ++hits;
+    const SurfaceInteraction surface = interact(maker.scene, hit, x, s.direction);
+    wrong += std::fabs(lights.pdf(x, surface) - s.pdf) > 1e-2f * s.pdf;  // at the edge of a cell
+    EXPECT_NEAR(lights.emitted(surface, -s.direction).x, s.radiance.x, 1e-2f);
+    sum += 1.0 / static_cast<double>(s.pdf);
+  }
+  EXPECT_GT(hits, 19900);
+  EXPECT_LT(wrong, 20);
+  // The density integrates to 1 over the solid angle of the light, which the mean of 1 / density is.
+  Rng directions(4, RngPurpose::test, 7);
+  double angle = 0.0;
+  constexpr int kDirections = 200000;
+  for (int i = 0; i < kDirections; ++i) {
+    const float z = 1.0f - 2.0f * directions.uniform(), phi = 2.0f * kPi * directions.uniform();
+    const float r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
+    if (tracer->occluded(x, {r * std::cos(phi), r * std::sin(phi), z}, 0.0f, 1e30f))
+      angle += 4.0 * 3.14159265 / kDirections;
+  }
+  EXPECT_NEAR(sum / 20000.0, angle, 0.15 * angle);
+}
+
 TEST(Lights, DensityOfHitAgreesWithSampling) {
   SceneMaker maker;
   const int grey = maker.diffuse(Vec3f(0.5f));
