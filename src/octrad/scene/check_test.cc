@@ -146,6 +146,14 @@ TEST_F(CheckTest, Assumptions) {
             std::string::npos);
 }
 
+TEST_F(CheckTest, NamesOfFilesFromOtherSystems) {
+  std::filesystem::create_directories(folder_.file("models"));
+  folder_.write("models/a.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  EXPECT_EQ(
+      load_scene(write(R"(<shape type="obj"><string name="filename" value="models\a.obj"/></shape>)")).shapes.size(),
+      1u);
+}
+
 // One emitter at the top level, in several shapes.
 TEST_F(CheckTest, SharedObjects) {
   const std::string body = R"(<emitter type="area" id="light"><rgb name="radiance" value="1 2 3"/></emitter>
