@@ -123,7 +123,7 @@ TEST_F(AttributesTest, Mistakes) {
     chain +=
         "<bsdf type=\"mask\" id=\"m" + std::to_string(i + 1) + "\"><ref id=\"m" + std::to_string(i) + "\"/></bsdf>";
   }
-  bad("<shape type=\"sphere\"><ref id=\"m100000\"/></shape>" + chain, "mask inside a mask");
+  bad("<shape type=\"sphere\"><ref id=\"m100000\"/></shape>" + chain, "nested more than 64 deep");
   bad("<emitter type=\"constant\"><texture type=\"mesh_attribute\" name=\"radiance\"><string name=\"name\" value=\"vertex_color\"/></texture></emitter>",
       "shows nothing here");
   bad("<bsdf type=\"mask\" id=\"m\"><texture type=\"mesh_attribute\" name=\"opacity\"><string name=\"name\" value=\"vertex_weight\"/></texture>"

@@ -58,7 +58,7 @@ const std::string kMany = R"(<shape type="sphere" id="a"><bsdf type="velvet"/></
 
 TEST_F(CheckTest, ListsEverything) {
   expect_begins(mistakes(kMany), {
-                                     "9:26 undefined parameter $color",
+                                     "9:22 undefined parameter $color",
                                      "10:1 file \"none.xml\" does not exist",
                                      "2:29 bsdf \"velvet\" is not supported",
                                      "3:1 shape \"teapot\" is not supported",
