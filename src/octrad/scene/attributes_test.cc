@@ -115,6 +115,15 @@ TEST_F(AttributesTest, Mistakes) {
   bad(shape("vertex_color"), "a reflectance must be between 0 and 1");
   bad("<shape type=\"sphere\"><bsdf type=\"diffuse\"><texture type=\"mesh_attribute\" name=\"reflectance\"><string name=\"name\" value=\"vertex_color\"/></texture></bsdf></shape>",
       "shape \"sphere\" has no mesh attributes");
+  bad("<shape type=\"sphere\"><bsdf type=\"diffuse\"><texture type=\"volume\" name=\"reflectance\"/></bsdf></shape>",
+      "bake what the volume shows");
+  // Materials that refer to each other in a long chain.
+  std::string chain = "<bsdf type=\"diffuse\" id=\"m0\"/>";
+  for (int i = 0; i < 100000; ++i) {
+    chain +=
+        "<bsdf type=\"mask\" id=\"m" + std::to_string(i + 1) + "\"><ref id=\"m" + std::to_string(i) + "\"/></bsdf>";
+  }
+  bad("<shape type=\"sphere\"><ref id=\"m100000\"/></shape>" + chain, "nested more than 64 deep");
   bad("<emitter type=\"constant\"><texture type=\"mesh_attribute\" name=\"radiance\"><string name=\"name\" value=\"vertex_color\"/></texture></emitter>",
       "shows nothing here");
   bad("<bsdf type=\"mask\" id=\"m\"><texture type=\"mesh_attribute\" name=\"opacity\"><string name=\"name\" value=\"vertex_weight\"/></texture>"

@@ -142,7 +142,7 @@ class SceneBuilder {
   int attribute_texture(const Element& element, TextureRole role);
   // What kinds of textures an object or what it refers to holds; bits.
   enum : unsigned { kUsesAttributes = 1, kUsesUv = 2 };
-  unsigned texture_kinds(const Element& element);
+  unsigned texture_kinds(const Element& element, int depth = 0);
   void check_attribute_use(const Element& shape, bool mesh);
   void place_attributes(MeshJob& job, const std::vector<MeshAttribute>& attributes);
 

@@ -58,7 +58,7 @@ const std::string kMany = R"(<shape type="sphere" id="a"><bsdf type="velvet"/></
 
 TEST_F(CheckTest, ListsEverything) {
   expect_begins(mistakes(kMany), {
-                                     "9:26 undefined parameter $color",
+                                     "9:22 undefined parameter $color",
                                      "10:1 file \"none.xml\" does not exist",
                                      "2:29 bsdf \"velvet\" is not supported",
                                      "3:1 shape \"teapot\" is not supported",
@@ -144,6 +144,14 @@ TEST_F(CheckTest, Assumptions) {
   EXPECT_EQ(depth("<integrator type=\"direct\"/>").max_depth, 2);
   EXPECT_NE(join(depth("<default name=\"idle\" value=\"1\"/>").warnings).find("the parameter \"idle\" is not used"),
             std::string::npos);
+}
+
+TEST_F(CheckTest, NamesOfFilesFromOtherSystems) {
+  std::filesystem::create_directories(folder_.file("models"));
+  folder_.write("models/a.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  EXPECT_EQ(
+      load_scene(write(R"(<shape type="obj"><string name="filename" value="models\a.obj"/></shape>)")).shapes.size(),
+      1u);
 }
 
 // One emitter at the top level, in several shapes.

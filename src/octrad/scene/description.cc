@@ -370,6 +370,11 @@ std::string Description::resolve(const std::string& file, const Location& where)
     }
     if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
   }
+  if (file.find('\\') != std::string::npos) {  // of another system
+    std::string slashes = file;
+    std::replace(slashes.begin(), slashes.end(), '\\', '/');
+    return resolve(slashes, where);
+  }
   fail(where, "file \"" + file + "\" does not exist (looked for " + join(tried) + ")");
 }
 

@@ -9,6 +9,11 @@
 #include "octrad/scene/builder.h"
 
 namespace octrad {
+namespace {
+
+constexpr int kDeepest = 256;  // objects in objects; bsdfs are refused earlier
+
+}  // namespace
 
 int SceneBuilder::attribute_texture(const Element& element, TextureRole role) {
   Params params(description_, element, scene_.warnings);
@@ -32,7 +37,8 @@ int SceneBuilder::attribute_texture(const Element& element, TextureRole role) {
   return use.texture;
 }
 
-unsigned SceneBuilder::texture_kinds(const Element& element) {
+unsigned SceneBuilder::texture_kinds(const Element& element, int depth) {
+  if (depth > kDeepest) return 0;
   const auto [at, inserted] = texture_kinds_.emplace(&element, 0u);  // 0 also while an object that holds itself is open
   if (!inserted) return at->second;
   unsigned kinds = 0;
@@ -42,7 +48,7 @@ unsigned SceneBuilder::texture_kinds(const Element& element) {
   }
   for (const auto& child : element.children) {
     const auto target = child->tag == "ref" ? description_.ids.find(child->get("id")) : description_.ids.end();
-    kinds |= texture_kinds(target != description_.ids.end() ? *target->second : *child);
+    kinds |= texture_kinds(target != description_.ids.end() ? *target->second : *child, depth + 1);
   }
   texture_kinds_[&element] = kinds;
   return kinds;
@@ -74,7 +80,9 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
   for (const AttributeUse& use : job.attributes) {
     const auto found =
         std::find_if(attributes.begin(), attributes.end(), [&](const MeshAttribute& a) { return a.name == use.name; });
-    if (found == attributes.end()) fail(use.where, "the mesh " + job.path + " has no attribute \"" + use.name + "\"");
+    if (found == attributes.end())
+      fail(use.where, "the mesh " + job.path + (job.path.empty() ? "of this shape" : "") + " has no attribute \"" +
+                          use.name + "\"");
     const bool of_faces = use.name.starts_with("face_");
     const Range range = range_of(use.role);
     const auto value = [&](std::size_t index) {
