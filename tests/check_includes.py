@@ -28,8 +28,9 @@ ALLOWED["app"] = set(ALLOWED["octrad.h"])
 
 # Folder inside a module -> (what of the module it may include besides itself, what of the module may include it).
 INSIDE = {
-    "app/cli": ({"app/paper", "app/report", "app/selftest"}, set()),
-    "app/report": (set(), {"app/cli", "app/paper"}),
+    "app/cli": ({"app/paper", "app/report", "app/selftest", "app/view"}, set()),
+    "app/report": (set(), {"app/cli", "app/paper", "app/view"}),
+    "app/view": ({"app/report"}, {"app/cli"}),
     "app/selftest": (set(), {"app/cli"}),
     "app/paper": ({"app/report"}, {"app/cli"}),
     "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/material_record.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),

@@ -74,6 +74,7 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
 
 void add_train(Program& program);
 void add_render(Program& program);
+void add_view(Program& program);
 void add_compare(Program& program);
 void add_convert(Program& program);
 void add_denoise(Program& program);

@@ -67,6 +67,7 @@ int run(int argc, char** argv) {
   program.app.footer("octrad VERB --help explains a verb and shows an example.");
   add_train(program);
   add_render(program);
+  add_view(program);
   add_compare(program);
   add_convert(program);
   add_merge(program);

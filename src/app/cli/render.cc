@@ -7,6 +7,7 @@
 
 #include "app/cli/common.h"
 #include "app/cli/render_session.h"
+#include "app/report/picture_origin.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
@@ -32,7 +33,7 @@ void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& na
 
 // What a picture must have in common with the one that it goes on from.
 FilmIdentity identity_of(const RenderSession& s, const View& view) {
-  nlohmann::json camera = camera_json(view.camera);
+  nlohmann::json camera = report::camera_json(view.camera);
   camera["near_clip"] = view.camera.near_clip;
   camera["far_clip"] = view.camera.far_clip;
   camera["principal_point_offset"] = {view.camera.principal_point_offset.x, view.camera.principal_point_offset.y};

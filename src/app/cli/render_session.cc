@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "app/cli/open_scene.h"
+#include "app/report/picture_origin.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -12,7 +13,6 @@
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
-#include "octrad/base/version.h"
 #include "octrad/image/io.h"
 #include "octrad/render/highlights.h"
 
@@ -37,20 +37,6 @@ RenderBudget choose_budget(const RenderVerbOptions& o, const IntegratorInfo& int
   budget.spp = o.spp > 0 ? o.spp : budget.seconds > 0.0 ? 0 : integrator.default_spp;
   budget.interrupted = [] { return interrupted(); };
   return budget;
-}
-
-// The configuration of a cached picture: the model's, with what may change after training.
-Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
-  Config config = info.config;
-  for (const auto& [key, value] : definitions.config_definitions()) {
-    if (!key.starts_with("render.")) {
-      Config scratch = config;
-      set(scratch, key, value);  // an unknown key is refused with a suggestion
-      throw UsageError(fmt::format("-D {}: the model fixes this key; only render.* can change after training", key));
-    }
-    set(config, key, value);
-  }
-  return config;
 }
 
 // Options that the integrator, or the kind of result, would ignore are refused.
@@ -108,6 +94,19 @@ ConfigOptions definitions_of(const RenderVerbOptions& o) {
 }
 
 }  // namespace
+
+Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
+  Config config = info.config;
+  for (const auto& [key, value] : definitions.config_definitions()) {
+    if (!key.starts_with("render.")) {
+      Config scratch = config;
+      set(scratch, key, value);  // an unknown key is refused with a suggestion
+      throw UsageError(fmt::format("-D {}: the model fixes this key; only render.* can change after training", key));
+    }
+    set(config, key, value);
+  }
+  return config;
+}
 
 RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOptions options)
     : common(common_options),
@@ -181,24 +180,17 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 }
 
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
-  std::map<std::string, std::string>& metadata = result.image.metadata;
-  metadata["octrad.version"] = kVersion;
-  metadata["octrad.scene"] = json_text({{"file", scene().file}, {"fingerprint", scene().fingerprint}});
-  metadata["octrad.camera"] = camera_json(view.camera).dump();
-  metadata["octrad.render"] = nlohmann::json{
-      {"integrator", o.integrator},
-      {"spp", result.spp},
-      {"max_depth", integrator.uses_depth ? settings.max_depth : -1},
-      {"seed", seed},
-      {"seconds", result.seconds}}.dump();
+  report::PictureOrigin origin{scene(), view, o.integrator};
+  origin.spp = result.spp;
+  if (integrator.uses_depth) origin.max_depth = settings.max_depth;
+  origin.seed = seed;
+  origin.seconds = result.seconds;
   if (model) {
-    metadata["octrad.config"] = json_text(to_json(config));
-    metadata["octrad.model"] = json_text({{"file", o.model}, {"step", model->info.state.step}});
+    origin.config = &config;
+    origin.model_file = o.model;
+    origin.model_step = model->info.state.step;
   }
-  if (view.crop.width > 0) {
-    metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
-    metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
-  }
+  add_origin(result.image, origin);
   if (denoiser) {
     try {
       denoise(*denoiser, result.image, file);
@@ -228,7 +220,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
       text("dataWindow.min") != (crop.x + crop.y > 0 ? fmt::format("{} {}", crop.x, crop.y) : none))
     return "size";
   if (metadata_value(image, "octrad.scene", "fingerprint", none) != scene().fingerprint) return "scene";
-  if (text("octrad.camera") != camera_json(view.camera).dump()) return "camera";
+  if (text("octrad.camera") != report::camera_json(view.camera).dump()) return "camera";
   if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";

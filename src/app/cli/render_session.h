@@ -74,6 +74,9 @@ struct RenderSession {
   Progress progress_;
 };
 
+// The configuration of a cached picture: the model's, with what may change after training.
+Config model_config(const ModelInfo& info, const ConfigOptions& definitions);
+
 // render_frames.cc: the frames of --path.
 void render_frames(RenderSession& session);
 

@@ -23,9 +23,6 @@ struct ViewOptions {
 Camera choose_camera(const Scene& scene, const ViewOptions& o);
 // The camera with the size of the picture: asked for, the camera's own, or the film's of the scene.
 View choose_view(const Scene& scene, const ViewOptions& o, Camera camera);
-// The attribute octrad.camera, which --camera reads.
-nlohmann::json camera_json(const Camera& camera);
-
 inline double pixels_of(const View& view) {
   return view.crop.width > 0 ? static_cast<double>(view.crop.width) * view.crop.height
                              : static_cast<double>(view.width) * view.height;

@@ -54,7 +54,7 @@ class MemoryStream : public Imf::OStream {
   }
   uint64_t tellp() override { return position_; }
   void seekp(uint64_t position) override { position_ = position; }
-  const std::string& bytes() const { return bytes_; }
+  std::string take() { return std::move(bytes_); }
 
  private:
   std::string bytes_;
@@ -234,7 +234,7 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
   }
 }
 
-void write_exr(const std::string& file, const Image& image, ExrPrecision precision) {
+std::string image_io::exr_bytes(const std::string& file, const Image& image, ExrPrecision precision) {
   assert(image.width > 0 && image.height > 0 && !image.channels.empty());
   assert(image.data.size() == image.pixel_count() * image.channels.size());
   const Imf::PixelType type = precision == ExrPrecision::half ? Imf::HALF : Imf::FLOAT;
@@ -261,7 +261,6 @@ void write_exr(const std::string& file, const Image& image, ExrPrecision precisi
     halves.resize(image.data.size());
     std::transform(image.data.begin(), image.data.end(), halves.begin(), [](float v) { return half(v); });
   }
-  require_writable(file);
   MemoryStream stream(file);
   try {
     Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
@@ -286,8 +285,14 @@ void write_exr(const std::string& file, const Image& image, ExrPrecision precisi
   } catch (const std::exception& e) {
     throw IoError(file + ": cannot write EXR file: " + e.what());
   }
+  return stream.take();
+}
+
+void write_exr(const std::string& file, const Image& image, ExrPrecision precision) {
+  require_writable(file);
+  const std::string bytes = image_io::exr_bytes(file, image, precision);
   AtomicFile out(file);
-  out.write(stream.bytes());
+  out.write(bytes);
   out.commit();
 }
 

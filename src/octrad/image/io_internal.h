@@ -5,6 +5,7 @@
 #include <string>
 
 #include "octrad/image/image.h"
+#include "octrad/image/io.h"
 
 namespace octrad::image_io {
 
@@ -26,6 +27,8 @@ Image read_tga(const std::string& file, const std::string& bytes);
 std::string hdr_bytes(const Image& rgb);
 std::string pfm_bytes(const Image& rgb);
 std::string png_bytes(const Image8& image);
-std::string jpeg_bytes(const Image8& image);
+std::string jpeg_bytes(const Image8& image, int quality = 95);
+// `file` is for messages.
+std::string exr_bytes(const std::string& file, const Image& image, ExrPrecision precision);
 
 }  // namespace octrad::image_io

@@ -175,14 +175,13 @@ Image image_io::read_jpeg(const std::string& file, const std::string& bytes) {
   return image;
 }
 
-std::string image_io::jpeg_bytes(const Image8& image) {
-  constexpr int kQuality = 95;
+std::string image_io::jpeg_bytes(const Image8& image, int quality) {
   jpeg_compress_struct jpeg{};
   Errors errors;
   set_errors(errors);
   jpeg.err = &errors.base;
   Output out;
-  const bool written = write_jpeg(jpeg, errors, image, out, kQuality);
+  const bool written = write_jpeg(jpeg, errors, image, out, quality);
   jpeg_destroy_compress(&jpeg);
   if (!written) throw InputError(std::string("the picture cannot be written as JPEG: ") + errors.text);
   return {reinterpret_cast<const char*>(out.data), out.size};

@@ -17,7 +17,6 @@ constexpr int kTile = 16;  // pixels a side; at least twice the reach of a filte
 // Camera samples of a pass: few enough to stop in time, enough to keep all threads busy.
 constexpr long long kPassSamples = 1 << 17;
 constexpr double kUnknown = std::numeric_limits<double>::infinity();
-constexpr double kLongPass = 0.3;  // seconds; a pass of a large picture is longer
 
 // Tiles lie on a grid fixed to the picture. With filters that reach over a tile's rim they are added to the film in
 // four rounds, in each of which no two touch the same pixel: every pixel is summed in the same order whatever the
@@ -105,7 +104,7 @@ class CpuRenderer : public Renderer {
 
   bool sample(int first, int count, const std::function<bool()>& stop) override {
     const int reach = filter_.reach();
-    const bool long_pass = first == 0 || seconds_per_sample_ * count > kLongPass;
+    const bool long_pass = first == 0 || seconds_per_sample_ * count > settings_.long_pass;
     if (stop && long_pass && first > 0) remember();
     const std::vector<SampleCounts> counts_before = counts_;
     std::atomic<bool> stopped = false;

@@ -22,7 +22,9 @@ struct RenderSettings {
   int max_depth = -1;  // path: Mitsuba's meaning, -1 unlimited
   int rr_depth = 5;    // path: Russian roulette from this depth on
   unsigned long long seed = 0;
-  int expected_spp = 16;         // buffers on a device are made for passes of so many samples a pixel, or fewer
+  int expected_spp = 16;  // buffers on a device are made for passes of so many samples a pixel, or fewer
+  // Seconds from which on a pass can be stopped that adds to a film: it has to be copied before.
+  double long_pass = 0.3;
   std::uint64_t max_memory = 0;  // bytes on the stream, beside what is there already; 0: no limit
 };
 

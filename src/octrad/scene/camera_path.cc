@@ -74,9 +74,10 @@ SplinePoint evaluate_spline(const std::vector<SplinePoint>& points, const std::v
   return mix(b1, b2, t1, t2, t);
 }
 
-CameraPath::CameraPath(const std::string& json_file) : file_(json_file) {
-  const nlohmann::json document = read_json_file(json_file);
-  const std::string where = json_file + ": ";
+CameraPath::CameraPath(const std::string& json_file) : CameraPath(read_json_file(json_file), json_file) {}
+
+CameraPath::CameraPath(const nlohmann::json& document, const std::string& name) : file_(name) {
+  const std::string where = name + ": ";
   if (!document.is_object() || !document.contains("keys") || !document["keys"].is_array() ||
       document["keys"].size() < 2)
     throw InputError(where +

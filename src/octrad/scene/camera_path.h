@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,8 @@ class CameraPath {
   // Throws IoError, or InputError naming the file and the key; also where the view turns by more than 120 degrees from
   // a key to the next, between which it would be anything.
   explicit CameraPath(const std::string& json_file);
+  // The same of parsed JSON; `name` is for messages.
+  CameraPath(const nlohmann::json& document, const std::string& name);
 
   int frames() const { return frames_; }
   double fps() const { return fps_; }

@@ -1,0 +1,55 @@
+#include "app/report/picture_origin.h"
+
+#include <fmt/format.h>
+
+#include "octrad/base/json_file.h"
+#include "octrad/base/version.h"
+
+namespace octrad::report {
+
+nlohmann::json camera_json(const Camera& c) {
+  const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
+  static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
+  const Vec3f target = c.origin + c.forward;
+  nlohmann::json json = {{"origin", vector(c.origin)}, {"target", vector(target)}, {"up", vector(c.up)}};
+  if (c.kind == CameraKind::orthographic) {
+    json["type"] = "orthographic";
+    json["view_width"] = 2.0f * c.half_size.x;
+    if (c.half_size.y != c.half_size.x) json["view_height"] = 2.0f * c.half_size.y;
+  } else {
+    json["fov"] = c.fov_degrees;
+    json["fov_axis"] = kAxes[static_cast<int>(c.fov_axis)];
+  }
+  if (c.kind == CameraKind::thinlens) {
+    json["type"] = "thinlens";
+    json["aperture_radius"] = c.aperture_radius;
+    json["focus_distance"] = c.focus_distance;
+  }
+  if (c.crop_size.x != 1.0f || c.crop_size.y != 1.0f)
+    json["window"] = {c.crop_offset.x, c.crop_offset.y, c.crop_size.x, c.crop_size.y};
+  return json;
+}
+
+void add_origin(Image& image, const PictureOrigin& origin) {
+  std::map<std::string, std::string>& metadata = image.metadata;
+  const View& view = origin.view;
+  metadata["octrad.version"] = kVersion;
+  metadata["octrad.scene"] = json_text({{"file", origin.scene.file}, {"fingerprint", origin.scene.fingerprint}});
+  metadata["octrad.camera"] = camera_json(view.camera).dump();
+  metadata["octrad.render"] = nlohmann::json{
+      {"integrator", origin.integrator},
+      {"spp", origin.spp},
+      {"max_depth", origin.max_depth},
+      {"seed", origin.seed},
+      {"seconds", origin.seconds}}.dump();
+  if (origin.config != nullptr) {
+    metadata["octrad.config"] = json_text(to_json(*origin.config));
+    metadata["octrad.model"] = json_text({{"file", origin.model_file}, {"step", origin.model_step}});
+  }
+  if (view.crop.width > 0) {
+    metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
+    metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
+  }
+}
+
+}  // namespace octrad::report

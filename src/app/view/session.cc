@@ -1,0 +1,530 @@
+#include "app/view/session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "app/report/picture_origin.h"
+#include "app/view/inspect.h"
+#include "octrad/base/bytes.h"
+#include "octrad/base/error.h"
+#include "octrad/base/json_file.h"
+#include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/base/stopwatch.h"
+#include "octrad/base/version.h"
+#include "octrad/image/encode.h"
+#include "octrad/image/metrics.h"
+#include "octrad/image/tonemap.h"
+#include "octrad/scene/camera_path.h"
+
+namespace octrad::viewer {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kFrameSeconds = 0.05;                  // of a frame while moving
+constexpr auto kStill = 150ms;                          // without a new camera: the picture refines
+constexpr auto kBetweenFrames = 100ms;                  // of pictures that refine
+constexpr int kMovingQuality = 80, kStillQuality = 92;  // of JPEG
+constexpr int kLeastWidth = 96;                         // of a moving picture
+constexpr std::size_t kMostJobs = 4;
+constexpr int kMostPathFrames = 20000;
+
+}  // namespace
+
+Session::Session(Studio studio, ViewState first, nlohmann::json command)
+    : studio_(std::move(studio)),
+      command_(std::move(command)),
+      a_(studio_),
+      b_(studio_) {
+  for (const std::string& name : integrator_names()) {
+    const IntegratorInfo& info = *find_integrator(name).info;
+    if (!info.needs_model && (!info.denoised || studio_.denoiser)) catalogue_.plain.push_back(name);
+  }
+  for (const ViewerModel& model : studio_.models) {
+    catalogue_.models.push_back({model.file, {}});
+    for (const std::string& name : integrator_names(model.model.field.get())) {
+      if (find_integrator(name).info->needs_model) catalogue_.models.back().integrators.push_back(name);
+    }
+  }
+  catalogue_.layers = {"albedo", "normal", "roughness", "depth"};
+  catalogue_.stored = studio_.stored != nullptr;
+  check_side(first.a, catalogue_, false);
+  if (first.b) check_side(*first.b, catalogue_, true);
+  require_memory_for(first.width, first.height, first.b.has_value());
+  wanted_.state = std::move(first);
+}
+
+Session::~Session() { stop(); }
+
+void Session::start(WebServer& server) {
+  server_ = &server;
+  server.start();
+  renderer_thread_ = std::thread([this] {
+    try {
+      render();
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      failure_ = std::current_exception();
+    }
+  });
+  worker_ = std::thread([this] { work(); });
+}
+
+void Session::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    jobs_.clear();
+  }
+  wake_.notify_all();
+  work_.notify_all();
+  if (renderer_thread_.joinable()) renderer_thread_.join();
+  if (worker_.joinable()) worker_.join();
+}
+
+void Session::check() const {
+  const std::lock_guard lock(mutex_);
+  if (failure_) std::rethrow_exception(failure_);
+}
+
+// Sums of films are doubles, twice: the copy before a pass. Then the picture with its layers, and what is shown of it.
+void Session::require_memory_for(int width, int height, bool two) const {
+  const std::uint64_t bytes = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
+                              (kFilmNumbers * (2 * sizeof(double) + 3 * sizeof(float)) + 16) * (two ? 2 : 1);
+  const MemoryScope scope;
+  ask_memory(bytes, fmt::format("a picture of {} x {} pixels", width, height));
+}
+
+void Session::opened(ClientId client) {
+  nlohmann::json hello;
+  {
+    const std::lock_guard lock(mutex_);
+    clients_.push_back(client);
+    if (controller_ == 0 && clients_.size() == 1) controller_ = client;
+    if (!shown_.a) wanted_.moved = Clock::now();  // something quick first
+    const Scene& scene = studio_.scene.scene();
+    nlohmann::json sensors = nlohmann::json::array();
+    for (const Camera& camera : scene.cameras) sensors.push_back(pose_json(camera));
+    nlohmann::json models = nlohmann::json::array();
+    for (std::size_t m = 0; m < catalogue_.models.size(); ++m) {
+      const ModelInfo& info = studio_.models[m].model.info;
+      models.push_back({{"file", catalogue_.models[m].file},
+                        {"integrators", catalogue_.models[m].integrators},
+                        {"field", info.config.field},
+                        {"step", info.state.step}});
+    }
+    nlohmann::json summaries = nlohmann::json::object();
+    for (const IntegratorInfo& info : integrators()) summaries[info.name] = info.summary;
+    const Bounds3f& bounds = scene.bounds;
+    hello = {{"type", "hello"},
+             {"protocol", kProtocol},
+             {"version", kVersion},
+             {"you", client},
+             {"scene", scene.file},
+             {"radius", bounds.empty() ? 1.0f : 0.5f * length(bounds.extent())},
+             {"sensors", sensors},
+             {"integrators", catalogue_.plain},
+             {"summaries", summaries},
+             {"models", models},
+             {"layers", catalogue_.layers},
+             {"stored", nullptr},
+             {"command", command_},
+             {"limits", {{"least_size", kLeastSize}, {"largest_size", kLargestSize}}}};
+    if (const auto& stored = studio_.stored) {
+      hello["stored"] = {{"width", stored->image.width}, {"height", stored->image.height}};
+      if (stored->view.width > 0) hello["stored"]["camera"] = pose_json(stored->view.camera);
+    }
+    wake_.notify_all();
+  }
+  server_->send(client, json_text(hello));
+  tell_state();
+}
+
+void Session::closed(ClientId client) {
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase(clients_, client);
+    if (controller_ == client) controller_ = clients_.empty() ? 0 : clients_.front();
+    if (clients_.empty()) controller_ = 0;
+  }
+  tell_state();
+}
+
+nlohmann::json Session::state_json() const {
+  nlohmann::json state = to_json(wanted_.state);
+  state["type"] = "state";
+  state["controller"] = controller_;
+  state["clients"] = clients_.size();
+  return state;
+}
+
+void Session::tell_state() {
+  std::string text;
+  {
+    const std::lock_guard lock(mutex_);
+    text = json_text(state_json());
+  }
+  server_->broadcast(text);
+}
+
+void Session::message(ClientId client, const std::string& text) {
+  try {
+    const nlohmann::json message = parse_json(text, "message");
+    if (!message.is_object() || !message.contains("type") || !message["type"].is_string())
+      throw InputError("a message is an object with a \"type\"");
+    handle(client, message);
+  } catch (const std::exception& error) {
+    server_->send(client, json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+  }
+}
+
+void Session::handle(ClientId client, const nlohmann::json& message) {
+  const std::string type = message["type"].get<std::string>();
+  if (type == "ack") {
+    check_keys(message, {"frame"});
+    server_->acknowledge(client, whole_in(message, "frame", 0, 1LL << 50));
+  } else if (type == "set") {
+    set(client, message);
+  } else if (type == "pick") {
+    server_->send(client, json_text(pick(message)));
+  } else if (type == "path") {
+    server_->send(client, json_text(path(message)));
+  } else if (type == "take" || type == "release") {
+    check_keys(message, {});
+    {
+      const std::lock_guard lock(mutex_);
+      if (type == "take" && controller_ != 0 && controller_ != client)
+        throw InputError(fmt::format("viewer {} has the controls; they must be released there first", controller_));
+      if (type == "release" && controller_ != client) throw InputError("only who has the controls can release them");
+      controller_ = type == "take" ? client : 0;
+    }
+    tell_state();
+  } else {
+    const std::vector<std::string> types = {"ack", "set", "pick", "path", "take", "release"};
+    throw InputError(fmt::format("unknown type \"{}\"{}", type.substr(0, 40), did_you_mean(type, types)));
+  }
+}
+
+void Session::set(ClientId client, const nlohmann::json& message) {
+  bool only_camera = true;
+  for (const auto& [key, value] : message.items())
+    only_camera = only_camera && (key == "type" || key == "camera" || key == "input");
+  {
+    const std::lock_guard lock(mutex_);
+    if (client != controller_) throw InputError("another viewer has the controls");
+    ViewState state = apply_set(wanted_.state, message, catalogue_);
+    const ViewState& old = wanted_.state;
+    const bool moved = message.contains("camera");
+    const bool seen_anew = moved || state.width != old.width || state.height != old.height;
+    const bool other_a = !(state.a == old.a), film = seen_anew || other_a || state.b != old.b;
+    if (film && !moved) require_memory_for(state.width, state.height, state.b.has_value());
+    wanted_.state = std::move(state);
+    ++wanted_.display;
+    if (seen_anew) ++wanted_.view;
+    if (film) film_ = ++wanted_.film;
+    if (seen_anew || other_a) wanted_.moved = Clock::now();  // something quick first
+    wake_.notify_all();
+  }
+  if (!only_camera) tell_state();
+}
+
+nlohmann::json Session::pick(const nlohmann::json& message) const {
+  check_keys(message, {"x", "y", "id", "side"});
+  const double x = number_in(message, "x", 0.0, 1.0), y = number_in(message, "y", 0.0, 1.0);
+  const long long id = message.contains("id") ? whole_in(message, "id", 0, 1LL << 50) : 0;
+  ViewState state;
+  Shown shown;
+  {
+    const std::lock_guard lock(mutex_);
+    state = wanted_.state;
+    shown = shown_;
+  }
+  bool second = false;
+  if (message.contains("side")) {
+    if (message["side"] != "a" && message["side"] != "b") throw InputError("\"side\" must be a or b");
+    second = message["side"] == "b" && state.b;
+  }
+  const int number = second ? state.b->model : state.a.model;
+  const ViewerModel* model = studio_.models.empty() ? nullptr : &studio_.models.at(static_cast<std::size_t>(number));
+  nlohmann::json out = inspect(studio_, view_of(state, 1.0), x, y, model);
+  out["type"] = "pick";
+  out["id"] = id;
+  out["x"] = x;
+  out["y"] = y;
+  if (model != nullptr) out["model"] = number;
+  out["pixels"] = nlohmann::json::object();
+  for (const auto& [name, picture] : {std::pair{"a", shown.a}, std::pair{"b", shown.b}}) {
+    if (!picture) continue;
+    const Image& image = picture->image;
+    const int px = std::min(static_cast<int>(x * image.width), image.width - 1),
+              py = std::min(static_cast<int>(y * image.height), image.height - 1);
+    const Vec3f rgb = image.rgb(px, py, image.channel("R"));
+    out["pixels"][name] = {{"integrator", picture->side.integrator},
+                           {"samples", picture->samples},
+                           {"pixel", {px, py}},
+                           {"radiance", {rgb.x, rgb.y, rgb.z}}};
+  }
+  return out;
+}
+
+nlohmann::json Session::path(const nlohmann::json& message) const {
+  nlohmann::json document = message;
+  document.erase("type");
+  const CameraPath path(document, "path");
+  if (path.frames() > kMostPathFrames)
+    throw InputError(fmt::format("path: {} frames; the page plays {} at most", path.frames(), kMostPathFrames));
+  nlohmann::json frames = nlohmann::json::array();
+  // More than a browser shows a second are left out.
+  const int step = std::max(1, static_cast<int>(path.fps() / 60.0));
+  for (int f = 0; f < path.frames(); f += step) frames.push_back(pose_json(path.camera(f)));
+  return {{"type", "path"}, {"fps", path.fps() / step}, {"frames", frames}};
+}
+
+void Session::download(const std::string& path, std::function<void(Download)> answer) {
+  const auto refuse = [&](int status, const std::string& why) {
+    answer({status, "text/plain; charset=utf-8", "", why + "\n"});
+  };
+  const bool exr = path.ends_with(".exr");
+  const bool second = path.starts_with("/picture-b.");
+  if (path != "/picture-a.png" && path != "/picture-a.exr" && path != "/picture-b.png" && path != "/picture-b.exr")
+    return refuse(404, "there is nothing here");
+  const std::lock_guard lock(mutex_);
+  const std::shared_ptr<const Picture> picture = finished_[second ? 1 : 0];
+  if (!picture) return refuse(409, "there is no picture at full resolution yet");
+  if (stopping_ || jobs_.size() >= kMostJobs) return refuse(503, "too many pictures are asked for at once");
+  jobs_.emplace_back([picture, exr, state = wanted_.state, answer = std::move(answer)] {
+    Download file;
+    try {
+      if (exr) {
+        file = {200, "image/x-exr", "view.exr", encode_exr("view.exr", picture->image)};
+      } else {
+        ToneMapper tone;
+        file = {200, "image/png", "view.png", encode_png(tone.show(picture->image, state))};
+      }
+    } catch (const Error& error) {
+      file = {500, "text/plain; charset=utf-8", "", std::string(error.what()) + "\n"};
+    }
+    answer(std::move(file));
+  });
+  work_.notify_one();
+}
+
+void Session::work() {
+  while (true) {
+    std::function<void()> job;
+    {
+      std::unique_lock lock(mutex_);
+      work_.wait(lock, [&] { return stopping_ || !jobs_.empty(); });
+      if (stopping_) return;
+      job = std::move(jobs_.front());
+      jobs_.pop_front();
+    }
+    job();
+  }
+}
+
+View Session::view_of(const ViewState& state, double scale) const {
+  View view;
+  view.camera = state.camera;
+  view.width = std::max(1, static_cast<int>(std::lround(state.width * scale)));
+  view.height = std::max(1, static_cast<int>(std::lround(state.height * scale)));
+  return view;
+}
+
+// Frames are numbered; the film of a moving picture is of the moment, so that only whole pictures are seen.
+void Session::render() {
+  long long film_done = 0, display_done = 0, failed = 0;
+  bool still = false;  // the films are those of the still picture
+  Clock::time_point published{};
+  bool unpublished = false;
+  while (true) {
+    Wanted wanted;
+    bool moving = false;
+    {
+      std::unique_lock lock(mutex_);
+      while (true) {
+        if (stopping_) return;
+        const auto now = Clock::now();
+        moving = now - wanted_.moved < kStill;
+        const bool other_film = wanted_.film != film_done;
+        const bool settles = !moving && !still;
+        const bool refines = still && !(a_.finished() && (!wanted_.state.b || b_.finished()));
+        const bool work = wanted_.film != failed && (other_film || settles || wanted_.display != display_done ||
+                                                     (still && refines) || unpublished);
+        if (!clients_.empty() && work && (other_film || !moving || wanted_.display != display_done)) break;
+        if (!clients_.empty() && moving) wake_.wait_until(lock, wanted_.moved + kStill);
+        else wake_.wait(lock);
+      }
+      wanted = wanted_;
+    }
+    const ViewState& state = wanted.state;
+    try {
+      if (wanted.film != film_done && moving) {
+        const Stopwatch watch;
+        const double pixels = static_cast<double>(state.width) * state.height;
+        double scale = 1.0;
+        if (!state.full) {
+          const double fits = seconds_per_pixel_ > 0.0 ? kFrameSeconds / seconds_per_pixel_ : 25000.0;
+          scale =
+              std::clamp(std::sqrt(fits / pixels), std::min(1.0, static_cast<double>(kLeastWidth) / state.width), 1.0);
+          // Small changes of the rate leave the size as it is.
+          if (scale_ > 0.0 && std::fabs(scale / scale_ - 1.0) < 0.12) scale = scale_;
+          scale_ = scale;
+        }
+        const View view = view_of(state, scale);
+        a_film_.reset();
+        b_film_.reset();
+        a_.show(state.a, view);
+        if (state.b) b_.show(*state.b, view);
+        const auto end = [this] { return stopping_.load(); };
+        if (!a_.add_pass(end) || (state.b && !b_.add_pass(end))) continue;
+        still = false;
+        film_done = wanted.film;
+        display_done = wanted.display;
+        publish(wanted, true, true);
+        const double now = watch.seconds() / (static_cast<double>(view.width) * view.height);
+        seconds_per_pixel_ = seconds_per_pixel_ > 0.0 ? 0.7 * seconds_per_pixel_ + 0.3 * now : now;
+      } else if (wanted.film != film_done || !still) {
+        if (moving) {  // only what is shown of the picture changed
+          publish(wanted, true, false);
+          display_done = wanted.display;
+          continue;
+        }
+        if (!start_still(wanted)) {
+          still = false;
+          film_done = 0;
+          continue;
+        }
+        still = true;
+        film_done = wanted.film;
+        display_done = wanted.display;
+        publish(wanted, false, true);
+        published = Clock::now();
+        unpublished = false;
+      } else if (wanted.display != display_done) {
+        publish(wanted, false, true);
+        display_done = wanted.display;
+        published = Clock::now();
+        unpublished = false;
+      } else {
+        const auto stop = [this, film = wanted.film] { return changed(film); };
+        const bool first = !a_.finished(), second = state.b && !b_.finished();
+        if ((first && !a_.add_pass(stop)) || (second && !b_.add_pass(stop))) {
+          still = false;  // what comes next is another film
+          continue;
+        }
+        unpublished = unpublished || first || second;
+        const bool done = a_.finished() && (!state.b || b_.finished());
+        if (unpublished && (done || Clock::now() - published >= kBetweenFrames)) {
+          publish(wanted, false, true);
+          published = Clock::now();
+          unpublished = false;
+        }
+      }
+    } catch (const Error& error) {
+      failed = wanted.film;
+      still = false;
+      film_done = 0;
+      server_->broadcast(json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+    } catch (const std::bad_alloc&) {
+      failed = wanted.film;
+      still = false;
+      film_done = 0;
+      server_->broadcast(json_text({{"type", "error"}, {"message", "out of memory"}}));
+    }
+  }
+}
+
+// The first samples at full resolution, of the sides that have none: what one side has is kept when the other changes.
+bool Session::start_still(const Wanted& wanted) {
+  const ViewState& state = wanted.state;
+  const View view = view_of(state, 1.0);
+  const auto begin = [&](SideRenderer& renderer, std::optional<std::pair<long long, Side>>& film, const Side& side) {
+    const std::pair key(wanted.view, side);
+    if (film == key) return true;
+    film.reset();
+    renderer.show(side, view);
+    if (!renderer.add_pass([this, number = wanted.film] { return changed(number); })) return false;
+    film = key;
+    return true;
+  };
+  return begin(a_, a_film_, state.a) && (!state.b || begin(b_, b_film_, *state.b));
+}
+
+void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
+  const ViewState& state = wanted.state;
+  Stopwatch watch;
+  const auto lap = [&watch] {
+    const double ms = 1e3 * watch.seconds();
+    watch = {};
+    return ms;
+  };
+  Shown shown;
+  shown.moving = moving;
+  if (samples_are_new) {
+    shown.a = a_.picture(!moving);
+    if (state.b) shown.b = b_.picture(!moving);
+  } else {
+    const std::lock_guard lock(mutex_);
+    shown = shown_;
+    if (!shown.a) return;
+  }
+  const double film_ms = lap();
+  std::vector<Image8> pictures = {tone_.show(shown.a->image, state)};
+  std::vector<std::string> names = {"a"};
+  if (shown.b) {
+    pictures.push_back(tone_.show(shown.b->image, state));
+    names.emplace_back("b");
+    if (state.errors && shown.a->image.width == shown.b->image.width &&
+        shown.a->image.height == shown.b->image.height) {
+      pictures.push_back(
+          false_color(error_image(shown.b->image, shown.a->image), 0, 0.0f, static_cast<float>(state.most_error)));
+      names.emplace_back("errors");
+    }
+  }
+  const double tone_ms = lap();
+  std::vector<std::string> jpegs;
+  nlohmann::json parts = nlohmann::json::array();
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    jpegs.push_back(encode_jpeg(pictures[i], moving ? kMovingQuality : kStillQuality));
+    parts.push_back({{"name", names[i]}, {"bytes", jpegs.back().size()}});
+  }
+  const auto side = [&](const Picture& picture, const SideRenderer& renderer) {
+    return nlohmann::json{{"integrator", picture.side.integrator},
+                          {"model", picture.side.model},
+                          {"samples", picture.samples},
+                          {"seconds", picture.seconds},
+                          {"pass_ms", 1e3 * renderer.last_pass_seconds()},
+                          {"queries_per_s", renderer.last_queries_per_second()},
+                          {"rays_per_s", renderer.last_rays_per_second()}};
+  };
+  nlohmann::json header = {{"frame", ++frame_},
+                           {"input", state.input},
+                           {"camera", state.pose},
+                           {"width", shown.a->view.width},
+                           {"height", shown.a->view.height},
+                           {"moving", moving},
+                           {"pictures", parts},
+                           {"a", side(*shown.a, a_)},
+                           {"memory", resident_bytes()}};
+  if (shown.b) header["b"] = side(*shown.b, b_);
+  const double encode_ms = lap();
+  header["ms"] = {{"samples", 1e3 * (a_.last_pass_seconds() + (shown.b ? b_.last_pass_seconds() : 0.0))},
+                  {"film", film_ms},
+                  {"tone", tone_ms},
+                  {"encode", encode_ms},
+                  {"send", server_->last_send_ms()}};
+  auto frame = std::make_shared<Frame>();
+  frame->number = frame_;
+  frame->bytes = frame_bytes(header, jpegs);
+  server_->publish(std::move(frame));
+  const std::lock_guard lock(mutex_);
+  shown_ = shown;
+  finished_[0] = moving ? nullptr : shown.a;
+  finished_[1] = moving ? nullptr : shown.b;
+}
+
+}  // namespace octrad::viewer

@@ -1,0 +1,97 @@
+// What is shown to whom: the state that one client controls, the thread that renders it, and what clients ask.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "app/view/side_renderer.h"
+#include "app/view/web_server.h"
+
+namespace octrad::viewer {
+
+class Session : public ServerHandler {
+ public:
+  // `command`: what the page needs to write a command line of octrad render (docs/viewer.md, "hello").
+  Session(Studio studio, ViewState first, nlohmann::json command);
+  ~Session() override;
+
+  // Renders for the clients of `server`, until stop().
+  void start(WebServer& server);
+  // Ends the threads. Call before the server ends.
+  void stop();
+  // Throws what ended the rendering thread, if something did that is no mistake of a client.
+  void check() const;
+
+  void opened(ClientId client) override;
+  void closed(ClientId client) override;
+  void message(ClientId client, const std::string& text) override;
+  void download(const std::string& path, std::function<void(Download)> answer) override;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  // What the rendering thread works on. Numbers rise with every change.
+  struct Wanted {
+    ViewState state;
+    long long film = 1;     // changes that need other samples
+    long long view = 1;     // those of them of the camera and the size
+    long long display = 1;  // any change that is seen
+    Clock::time_point moved{};
+  };
+  struct Shown {
+    std::shared_ptr<const Picture> a, b;
+    bool moving = false;
+  };
+
+  void handle(ClientId client, const nlohmann::json& message);
+  void set(ClientId client, const nlohmann::json& message);
+  nlohmann::json pick(const nlohmann::json& message) const;
+  nlohmann::json path(const nlohmann::json& message) const;
+  nlohmann::json state_json() const;  // with who controls; under the mutex
+  void tell_state();
+  void require_memory_for(int width, int height, bool two) const;
+
+  void render();
+  void work();
+  View view_of(const ViewState& state, double scale) const;
+  bool start_still(const Wanted& wanted);
+  void publish(const Wanted& wanted, bool moving, bool samples_are_new);
+  bool changed(long long film) const { return stopping_ || film_ != film; }
+
+  Studio studio_;
+  Catalogue catalogue_;
+  const nlohmann::json command_;
+  WebServer* server_ = nullptr;
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_, work_;
+  Wanted wanted_;
+  std::vector<ClientId> clients_;  // in the order of their coming
+  ClientId controller_ = 0;
+  Shown shown_;
+  std::shared_ptr<const Picture> finished_[2];  // the last at full resolution
+  std::deque<std::function<void()>> jobs_;
+  std::exception_ptr failure_;
+  std::atomic<bool> stopping_{false};
+  std::atomic<long long> film_{1};  // Wanted::film, for the renderer
+
+  // Of the rendering thread.
+  SideRenderer a_, b_;
+  std::optional<std::pair<long long, Side>> a_film_, b_film_;  // view and side of the films at rest; none while moving
+  ToneMapper tone_;
+  long long frame_ = 0;
+  double seconds_per_pixel_ = 0.0;  // of a frame while moving, all sides; 0: not known
+  double scale_ = 0.0;
+
+  std::thread renderer_thread_, worker_;
+};
+
+}  // namespace octrad::viewer

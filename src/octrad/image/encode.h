@@ -1,0 +1,16 @@
+// Pictures as the bytes of a file, for what is sent and not saved.
+#pragma once
+
+#include <string>
+
+#include "octrad/image/io.h"
+
+namespace octrad {
+
+// 1 or 3 channels; `quality` 1 ... 100, colours at full resolution.
+std::string encode_jpeg(const Image8& image, int quality = 95);
+std::string encode_png(const Image8& image);
+// What write_exr() writes. Throws as it does; `name` is what messages call the picture.
+std::string encode_exr(const std::string& name, const Image& image, ExrPrecision precision = ExrPrecision::float32);
+
+}  // namespace octrad
