@@ -54,7 +54,6 @@ bad("two-scenes", scene(SENSOR + CUBE) * 2, "second top-level element")
 bad("another-root", "<mitsuba/>", "top-level element is <mitsuba>")
 bad("no-version", "<scene/>", "no version attribute")
 bad("another-version", scene("", "4.0.0"), 'version "4.0.0" is not supported')
-bad("old-name-of-nothing", scene('<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>', "0.6.0"), 'did you mean "int_ior"')
 for name, inside, message in (
         ("mixture", '<bsdf type="mixturebsdf"><string name="weights" value="1, 1"/><bsdf type="diffuse"/></bsdf>', "as many weights"), ("cloth", '<bsdf type="irawan"/>', "woven cloth"),
         ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),

@@ -159,9 +159,10 @@ void SceneBuilder::add_integrator(const Element& element) {
   if (has_integrator_) fail(element.location, "the scene has a second integrator");
   has_integrator_ = true;
   // moment and aov hold the integrator whose radiance they record.
-  for (const Element* nested : params.nested("integrator")) {
+  const std::vector<const Element*> nested = params.nested("integrator");
+  for (const Element* inner : nested) {
     has_integrator_ = false;
-    add_integrator(*nested);
+    add_integrator(*inner);
   }
   const std::string& type = params.type();
   if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
@@ -170,7 +171,7 @@ void SceneBuilder::add_integrator(const Element& element) {
   if (type == "direct") {
     report().assume(element.location, "integrator \"direct\" read as path of max_depth 2");
     scene_.max_depth = 2;
-  } else if (type != "moment" && type != "aov") {
+  } else if (nested.empty()) {
     scene_.max_depth = depth;
   }
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");

@@ -452,6 +452,12 @@ void Params::finish() {
     std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
     if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
     leave_out(child);
+    // Mitsuba 0.6 warned of these; Mitsuba 3 takes them for mistakes.
+    if (element_.old && is_property(child.tag)) {
+      report().assume(child.location,
+                      "parameter \"" + name + "\" of " + what() + " is not used" + did_you_mean(name, parameters));
+      continue;
+    }
     report().attempt(child.location, [&] {
       const Element& target = follow_reference(description_, child);
       if (target.tag == "medium" || target.tag == "subsurface")

@@ -420,6 +420,7 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"coating", upgrade_coating},
       {"roughcoating", upgrade_coating},
       {"mixturebsdf", upgrade_mixture},
+      {"mixture", upgrade_mixture},
       {"difftrans", upgrade_difftrans},
       {"roughdiffuse", upgrade_roughdiffuse},
       {"conductor", upgrade_conductor},

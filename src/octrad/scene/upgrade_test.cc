@@ -68,6 +68,17 @@ TEST_F(UpgradeTest, Names) {
   EXPECT_THROW(load("", "4.0.0"), InputError);
 }
 
+// As Mitsuba 0.6; Mitsuba 3 refuses them.
+TEST_F(UpgradeTest, UnusedParameters) {
+  const std::string mirror =
+      R"(<bsdf type="conductor"><float name="alpha" value="0.1"/><string name="own" value="x"/></bsdf>)";
+  same(mirror, R"(<bsdf type="conductor"/>)");
+  assumes(mirror, "parameter \"own\" of bsdf \"conductor\" is not used");
+  assumes(R"(<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>)", "did you mean \"int_ior\"?");
+  EXPECT_THROW(load(mirror, "3.0.0"), InputError);
+  EXPECT_THROW(load(R"(<bsdf type="diffuse"><bsdf type="diffuse"/></bsdf>)", "0.6.0"), InputError);
+}
+
 TEST_F(UpgradeTest, Textures) {
   folder_.write("p.pfm", std::string("PF\n1 1\n-1.0\n") + std::string(12, '\0'));
   const auto texture = [](const std::string& inside) {
