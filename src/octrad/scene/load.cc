@@ -120,6 +120,8 @@ void SceneBuilder::add_object(const Element& element) {
   } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
     if (element.find("id") == nullptr)
       fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
+  } else if (element.old && element.find("name") && element.find("value")) {
+    report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
   } else if (element.tag == "medium") {
     report().refuse(element.location,
                     "<medium> is not supported: light travels in straight lines between surfaces; remove it, or ignore "

@@ -255,7 +255,9 @@ void upgrade_phong(Element& e, SceneReport& report) {
 
 void upgrade_ward(Element& e, SceneReport& report) {
   take(e, "variant");
-  upgrade_glossy(e, "ward", {{"alpha_u", "0.1"}, {"alpha_v", "0.1"}}, report);
+  const std::unique_ptr<Element> both = take(e, "alpha");
+  const std::string alpha = both ? both->get("value") : "0.1";
+  upgrade_glossy(e, "ward", {{"alpha_u", alpha}, {"alpha_v", alpha}}, report);
 }
 
 // A coat over a diffuse surface is plastic; over others Mitsuba 3 has none.

@@ -75,6 +75,8 @@ TEST_F(UpgradeTest, UnusedParameters) {
   same(mirror, R"(<bsdf type="conductor"/>)");
   assumes(mirror, "parameter \"own\" of bsdf \"conductor\" is not used");
   assumes(R"(<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>)", "did you mean \"int_ior\"?");
+  assumes(R"(<integer name="maxDepth" value="10"/>)", "parameter \"maxDepth\" of the scene is not used");
+  EXPECT_THROW(load(R"(<integer name="maxDepth" value="10"/>)", "3.0.0"), InputError);
   EXPECT_THROW(load(mirror, "3.0.0"), InputError);
   EXPECT_THROW(load(R"(<bsdf type="diffuse"><bsdf type="diffuse"/></bsdf>)", "0.6.0"), InputError);
 }
@@ -135,6 +137,9 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   same(
       R"(<bsdf type="ward"><string name="variant" value="balanced"/><float name="alphaU" value="0.2"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
       gloss(R"(<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.1"/>)"));
+  same(
+      R"(<bsdf type="ward"><float name="alpha" value="0.3"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
+      gloss(R"(<float name="alpha_u" value="0.3"/><float name="alpha_v" value="0.3"/>)"));
   // What a mixture leaves over is absorbed.
   const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)",
                     metal = R"(<bsdf type="conductor"/>)";
