@@ -8,7 +8,6 @@
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/params.h"
-#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -348,14 +347,6 @@ void upgrade_difftrans(Element& e, SceneReport& report) {
   set(e, "type", "principledthin");
 }
 
-void upgrade_roughdiffuse(Element& e, SceneReport& report) {
-  const std::vector<std::string> known = bsdf_types();
-  if (std::find(known.begin(), known.end(), "roughdiffuse") != known.end()) return;
-  report.assume(e.location, "bsdf \"roughdiffuse\" read as diffuse, as Mitsuba 3 has no other");
-  for (const char* name : {"alpha", "use_fast_approx"}) take(e, name);
-  set(e, "type", "diffuse");
-}
-
 void upgrade_conductor(Element& e, SceneReport& report) {
   if (const std::unique_ptr<Element> outside = take(e, "ext_eta")) {
     const std::string& text = outside->get("value");
@@ -424,7 +415,6 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"mixturebsdf", upgrade_mixture},
       {"mixture", upgrade_mixture},
       {"difftrans", upgrade_difftrans},
-      {"roughdiffuse", upgrade_roughdiffuse},
       {"conductor", upgrade_conductor},
       {"roughconductor", upgrade_conductor},
       {"roughdielectric", upgrade_conductor},
