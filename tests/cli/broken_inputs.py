@@ -284,8 +284,19 @@ def pfm(*values, side=2):
     return f"PF\n{side} {side}\n-1.0\n".encode() + struct.pack(f"<{3 * side * side}f", *(list(values) * (3 * side * side))[:3 * side * side])
 
 
+def bmp(width, height, depth=24, compression=0):
+    return b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, width, height, 1, depth, compression, 0, 0, 0, 0, 0)
+
+
+def tga(kind, width, height, depth=24):
+    return struct.pack("<BBBHHBHHHHBB", 0, 0, kind, 0, 0, 0, 0, 0, width, height, depth, 0)
+
+
 GOOD_PNG = png(2, 2, b"\0\x40\x80\0\x80\x40")
 for name, data, message, code in (
+        ("cut.bmp", bmp(2, 2), "truncated BMP", 2), ("huge.bmp", bmp(100000, 100000), "too large", 2), ("least.bmp", bmp(2, -2 ** 31), "too large", 2), ("short.bmp", b"BM", "truncated BMP", 2),
+        ("packed.bmp", bmp(2, 2, 8, 1) + bytes(64), "without compression", 2), ("palette.bmp", bmp(1, 1, 8) + b"\xff\0\0\0", "truncated BMP", 2), ("cut.tga", tga(2, 2, 2), "truncated TGA", 2),
+        ("huge.tga", tga(10, 65535, 65535), "too large", 2), ("kind.tga", tga(7, 2, 2) + bytes(64), "TGA of type 7", 2), ("short.tga", b"\0", "truncated TGA", 2),
         ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2),
         ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
         ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),
