@@ -54,7 +54,6 @@ bad("two-scenes", scene(SENSOR + CUBE) * 2, "second top-level element")
 bad("another-root", "<mitsuba/>", "top-level element is <mitsuba>")
 bad("no-version", "<scene/>", "no version attribute")
 bad("another-version", scene("", "4.0.0"), 'version "4.0.0" is not supported')
-bad("old-name-of-nothing", scene('<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>', "0.6.0"), 'did you mean "int_ior"')
 for name, inside, message in (
         ("mixture", '<bsdf type="mixturebsdf"><string name="weights" value="1, 1"/><bsdf type="diffuse"/></bsdf>', "as many weights"), ("cloth", '<bsdf type="irawan"/>', "woven cloth"),
         ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),
@@ -103,7 +102,7 @@ body("group-of-lights", '<shape type="shapegroup" id="g"><shape type="cube"><emi
 body("instance-of-nothing", '<shape type="instance"/>', "one <ref> to a shapegroup")
 body("instance-flattened", '<shape type="shapegroup" id="g">' + CUBE + '</shape><shape type="instance"><ref id="g"/><transform name="to_world"><scale y="0"/></transform></shape>', "singular")
 body("instance-far-away", '<shape type="shapegroup" id="g">' + CUBE + '</shape><shape type="instance"><ref id="g"/><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
-bad("many-instances", scene(SENSOR + '<shape type="shapegroup" id="g">' + CUBE * 5000 + "</shape>" + '<shape type="instance"><ref id="g"/></shape>' * 5000), "the budget is", 4)
+bad("many-instances", scene(SENSOR + '<shape type="shapegroup" id="g">' + CUBE * 900 + "</shape>" + '<shape type="instance"><ref id="g"/></shape>' * 5000), "the budget is", 4)
 body("unknown-element", "<thing/>", "unknown element <thing>")
 body("a-medium", '<medium type="homogeneous"/>', "<medium> is not supported")
 
@@ -125,7 +124,7 @@ body("point-twice", '<shape type="sphere"><point name="center" value="1 2 3" x="
 body("matrix-of-five", '<shape type="cube"><transform name="to_world"><matrix value="1 2 3 4 5"/></transform></shape>', "needs 16 (or 9)")
 body("matrix-projective", '<shape type="cube"><transform name="to_world"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 1 0 0 1"/></transform></shape>', "last row")
 body("axis-zero", '<shape type="cube"><transform name="to_world"><rotate angle="5"/></transform></shape>', "<rotate>")
-for name, value, message in (("falling", "700:1, 400:2", "must increase"), ("single", "400:1", "at least two"), ("uneven", "400:1, 700", "pairs"), ("infinite", "400:1, 700:1e999", "pairs"), ("empty", ":", "at least two")):
+for name, value, message in (("falling", "700:1, 400:2", "must increase"), ("single", "400:1", "at least two"), ("uneven", "400:1, 700", "pairs"), ("infinite", "400:1, 700:1e999", "pairs"), ("empty", ":", "pairs")):
     body(f"spectrum-{name}", f'<bsdf type="diffuse"><spectrum name="reflectance" value="{value}"/></bsdf>', message)
 for name, data, message in (("empty", b"", "at least two"), ("words", b"hello world\n", "expected a wavelength"), ("binary", bytes(range(256)), "expected a wavelength"), ("nan", b"400 1\n500 nan\n", "expected a wavelength")):
     body(f"spectrum-file-{name}", '<bsdf type="diffuse"><spectrum name="reflectance" filename="s.spd"/></bsdf>', message, s_spd=data)
@@ -285,8 +284,19 @@ def pfm(*values, side=2):
     return f"PF\n{side} {side}\n-1.0\n".encode() + struct.pack(f"<{3 * side * side}f", *(list(values) * (3 * side * side))[:3 * side * side])
 
 
+def bmp(width, height, depth=24, compression=0):
+    return b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, width, height, 1, depth, compression, 0, 0, 0, 0, 0)
+
+
+def tga(kind, width, height, depth=24):
+    return struct.pack("<BBBHHBHHHHBB", 0, 0, kind, 0, 0, 0, 0, 0, width, height, depth, 0)
+
+
 GOOD_PNG = png(2, 2, b"\0\x40\x80\0\x80\x40")
 for name, data, message, code in (
+        ("cut.bmp", bmp(2, 2), "truncated BMP", 2), ("huge.bmp", bmp(100000, 100000), "too large", 2), ("least.bmp", bmp(2, -2 ** 31), "too large", 2), ("short.bmp", b"BM", "truncated BMP", 2),
+        ("packed.bmp", bmp(2, 2, 8, 1) + bytes(64), "without compression", 2), ("palette.bmp", bmp(1, 1, 8) + b"\xff\0\0\0", "truncated BMP", 2), ("cut.tga", tga(2, 2, 2), "truncated TGA", 2),
+        ("huge.tga", tga(10, 65535, 65535), "too large", 2), ("kind.tga", tga(7, 2, 2) + bytes(64), "TGA of type 7", 2), ("short.tga", b"\0", "truncated TGA", 2),
         ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2),
         ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
         ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),

@@ -214,6 +214,17 @@ TEST_F(ConvertTest, RoundTrip) {
   EXPECT_THROW(round_trip(write(kMany)), InputError);
 }
 
+// Of Mitsuba 0.6 alone.
+TEST_F(ConvertTest, WhatMitsubaCannotSay) {
+  Scene scene;
+  const std::string text = scene_as_xml(
+      write(R"(<shape type="sphere"><bsdf type="roughdiffuse"><float name="alpha" value="0.3"/></bsdf></shape>)"),
+      folder_.file("o.xml"), {}, scene);
+  EXPECT_NE(text.find("<bsdf type=\"diffuse\">"), std::string::npos) << text;
+  EXPECT_EQ(text.find("alpha"), std::string::npos) << text;
+  EXPECT_NE(join(scene.assumed).find("written as diffuse"), std::string::npos);
+}
+
 TEST_F(ConvertTest, SharedScenes) {
   const std::filesystem::path scenes = shared_folder() / "scenes";
   if (!std::filesystem::is_directory(scenes)) GTEST_SKIP() << "no shared scenes at " << scenes;

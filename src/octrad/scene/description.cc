@@ -184,6 +184,7 @@ class Reader {
       aliases_.push_back(std::move(element));
     } else {
       read_children(source, node, *element, depth + 1);
+      element->old = old_;
       if (old_) upgrade_element(*element, report_);
       parent.children.push_back(std::move(element));
     }

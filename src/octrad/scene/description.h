@@ -19,6 +19,7 @@ struct Element {
   std::vector<std::pair<std::string, std::string>> attributes;  // values substituted, in file order
   std::vector<std::unique_ptr<Element>> children;
   Location location;
+  bool old = false;  // of a file whose version is below 2
 
   const std::string* find(std::string_view attribute) const;
   // Value of the attribute or "" when absent.

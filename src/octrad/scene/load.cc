@@ -120,6 +120,8 @@ void SceneBuilder::add_object(const Element& element) {
   } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
     if (element.find("id") == nullptr)
       fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
+  } else if (element.old && element.find("name") && element.find("value")) {
+    report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
   } else if (element.tag == "medium") {
     report().refuse(element.location,
                     "<medium> is not supported: light travels in straight lines between surfaces; remove it, or ignore "
@@ -159,9 +161,10 @@ void SceneBuilder::add_integrator(const Element& element) {
   if (has_integrator_) fail(element.location, "the scene has a second integrator");
   has_integrator_ = true;
   // moment and aov hold the integrator whose radiance they record.
-  for (const Element* nested : params.nested("integrator")) {
+  const std::vector<const Element*> nested = params.nested("integrator");
+  for (const Element* inner : nested) {
     has_integrator_ = false;
-    add_integrator(*nested);
+    add_integrator(*inner);
   }
   const std::string& type = params.type();
   if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
@@ -170,7 +173,7 @@ void SceneBuilder::add_integrator(const Element& element) {
   if (type == "direct") {
     report().assume(element.location, "integrator \"direct\" read as path of max_depth 2");
     scene_.max_depth = 2;
-  } else if (type != "moment" && type != "aov") {
+  } else if (nested.empty()) {
     scene_.max_depth = depth;
   }
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");

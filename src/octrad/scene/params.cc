@@ -264,24 +264,24 @@ Params::Params(const Description& description, const Element& element, std::vect
 
 void Params::check_child(std::size_t i) const {
   const Element& child = *element_.children[i];
-  {
-    if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {
-      std::vector<std::string> known = kPropertyTags;
-      known.insert(known.end(), kObjectTags.begin(), kObjectTags.end());
-      known.push_back("ref");
-      const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
-                             child.tag == "matrix" || child.tag == "lookat";
-      fail(child.location,
-           "unknown element <" + child.tag + "> inside " + what() +
-               (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
-    }
-    if (is_property(child.tag) && !child.find("name"))
-      fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
-    const std::string& name = child.get("name");
-    for (std::size_t j = 0; j < i && !name.empty(); ++j) {
-      if (element_.children[j]->get("name") == name)
-        fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
-    }
+  if (child.tag == "animation")
+    fail(child.location, "<animation> inside " + what() + " is not supported: nothing moves; give one <transform>");
+  if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {
+    std::vector<std::string> known = kPropertyTags;
+    known.insert(known.end(), kObjectTags.begin(), kObjectTags.end());
+    known.push_back("ref");
+    const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
+                           child.tag == "matrix" || child.tag == "lookat";
+    fail(child.location,
+         "unknown element <" + child.tag + "> inside " + what() +
+             (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
+  }
+  if (is_property(child.tag) && !child.find("name"))
+    fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
+  const std::string& name = child.get("name");
+  for (std::size_t j = 0; j < i && !name.empty(); ++j) {
+    if (element_.children[j]->get("name") == name)
+      fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
   }
 }
 
@@ -452,6 +452,12 @@ void Params::finish() {
     std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
     if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
     leave_out(child);
+    // Mitsuba 0.6 warned of these; Mitsuba 3 takes them for mistakes.
+    if (element_.old && is_property(child.tag)) {
+      report().assume(child.location,
+                      "parameter \"" + name + "\" of " + what() + " is not used" + did_you_mean(name, parameters));
+      continue;
+    }
     report().attempt(child.location, [&] {
       const Element& target = follow_reference(description_, child);
       if (target.tag == "medium" || target.tag == "subsurface")

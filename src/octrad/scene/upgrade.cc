@@ -8,7 +8,6 @@
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/params.h"
-#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -255,7 +254,9 @@ void upgrade_phong(Element& e, SceneReport& report) {
 
 void upgrade_ward(Element& e, SceneReport& report) {
   take(e, "variant");
-  upgrade_glossy(e, "ward", {{"alpha_u", "0.1"}, {"alpha_v", "0.1"}}, report);
+  const std::unique_ptr<Element> both = take(e, "alpha");
+  const std::string alpha = both ? both->get("value") : "0.1";
+  upgrade_glossy(e, "ward", {{"alpha_u", alpha}, {"alpha_v", alpha}}, report);
 }
 
 // A coat over a diffuse surface is plastic; over others Mitsuba 3 has none.
@@ -346,14 +347,6 @@ void upgrade_difftrans(Element& e, SceneReport& report) {
   set(e, "type", "principledthin");
 }
 
-void upgrade_roughdiffuse(Element& e, SceneReport& report) {
-  const std::vector<std::string> known = bsdf_types();
-  if (std::find(known.begin(), known.end(), "roughdiffuse") != known.end()) return;
-  report.assume(e.location, "bsdf \"roughdiffuse\" read as diffuse, as Mitsuba 3 has no other");
-  for (const char* name : {"alpha", "use_fast_approx"}) take(e, name);
-  set(e, "type", "diffuse");
-}
-
 void upgrade_conductor(Element& e, SceneReport& report) {
   if (const std::unique_ptr<Element> outside = take(e, "ext_eta")) {
     const std::string& text = outside->get("value");
@@ -420,8 +413,8 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"coating", upgrade_coating},
       {"roughcoating", upgrade_coating},
       {"mixturebsdf", upgrade_mixture},
+      {"mixture", upgrade_mixture},
       {"difftrans", upgrade_difftrans},
-      {"roughdiffuse", upgrade_roughdiffuse},
       {"conductor", upgrade_conductor},
       {"roughconductor", upgrade_conductor},
       {"roughdielectric", upgrade_conductor},

@@ -68,6 +68,19 @@ TEST_F(UpgradeTest, Names) {
   EXPECT_THROW(load("", "4.0.0"), InputError);
 }
 
+// As Mitsuba 0.6; Mitsuba 3 refuses them.
+TEST_F(UpgradeTest, UnusedParameters) {
+  const std::string mirror =
+      R"(<bsdf type="conductor"><float name="alpha" value="0.1"/><string name="own" value="x"/></bsdf>)";
+  same(mirror, R"(<bsdf type="conductor"/>)");
+  assumes(mirror, "parameter \"own\" of bsdf \"conductor\" is not used");
+  assumes(R"(<bsdf type="plastic"><float name="intIORs" value="1"/></bsdf>)", "did you mean \"int_ior\"?");
+  assumes(R"(<integer name="maxDepth" value="10"/>)", "parameter \"maxDepth\" of the scene is not used");
+  EXPECT_THROW(load(R"(<integer name="maxDepth" value="10"/>)", "3.0.0"), InputError);
+  EXPECT_THROW(load(mirror, "3.0.0"), InputError);
+  EXPECT_THROW(load(R"(<bsdf type="diffuse"><bsdf type="diffuse"/></bsdf>)", "0.6.0"), InputError);
+}
+
 TEST_F(UpgradeTest, Textures) {
   folder_.write("p.pfm", std::string("PF\n1 1\n-1.0\n") + std::string(12, '\0'));
   const auto texture = [](const std::string& inside) {
@@ -124,6 +137,9 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   same(
       R"(<bsdf type="ward"><string name="variant" value="balanced"/><float name="alphaU" value="0.2"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
       gloss(R"(<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.1"/>)"));
+  same(
+      R"(<bsdf type="ward"><float name="alpha" value="0.3"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
+      gloss(R"(<float name="alpha_u" value="0.3"/><float name="alpha_v" value="0.3"/>)"));
   // What a mixture leaves over is absorbed.
   const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)",
                     metal = R"(<bsdf type="conductor"/>)";

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "octrad/base/number_text.h"
 #include "octrad/scene/builder.h"
@@ -46,6 +47,8 @@ class Writer {
     }
     return text_ + "</scene>\n";
   }
+
+  std::set<std::string> notes;  // of what Mitsuba 3 cannot say
 
  private:
   using Attributes = std::vector<std::pair<std::string, std::string>>;
@@ -115,6 +118,13 @@ class Writer {
     if (e.tag == "transform") return transform(e, depth);
     if (e.tag == "sampler") return sampler(e, depth);
     Attributes attributes = e.attributes;
+    const bool matt = e.tag == "bsdf" && e.get("type") == "roughdiffuse";  // which Mitsuba 3 has not
+    if (matt) {
+      for (auto& [key, value] : attributes) {
+        if (key == "type") value = "diffuse";
+      }
+      notes.insert("bsdf \"roughdiffuse\" is written as diffuse, as Mitsuba 3 has no other");
+    }
     if (repeated_) std::erase_if(attributes, [](const auto& a) { return a.first == "id"; });
     if (e.tag == "string" && e.get("name") == "filename") {
       for (auto& [key, value] : attributes) {
@@ -123,7 +133,9 @@ class Writer {
     }
     line(depth, tag(e.tag, attributes, e.children.empty()));
     if (e.children.empty()) return;
-    for (const auto& child : e.children) element(*child, depth + 1, e.tag);
+    for (const auto& child : e.children) {
+      if (!(matt && child->get("name") == "alpha")) element(*child, depth + 1, e.tag);
+    }
     line(depth, std::string("</").append(e.tag).append(">"));
   }
 
@@ -202,7 +214,10 @@ std::string scene_as_xml(const std::string& file, const std::string& output, con
   Understood understood;
   description.understood = &understood;
   scene = build_scene(description);
-  return Writer(description, understood, output).write(scene);
+  Writer writer(description, understood, output);
+  std::string text = writer.write(scene);
+  scene.assumed.insert(scene.assumed.end(), writer.notes.begin(), writer.notes.end());
+  return text;
 }
 
 }  // namespace octrad
