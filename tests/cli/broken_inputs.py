@@ -218,11 +218,17 @@ for name, data, message in (
 
 
 
-def serialized(data=None, version=4, flags=0x1000, vertices=3, triangles=1, corner=2, positions=TRIANGLE, count=1, offset=0):
+def deflated(data, zeros):
+    """And so many zeros more: piece by piece, as children inherit the peak memory of this process."""
+    stream = zlib.compressobj()
+    return stream.compress(data) + b"".join(stream.compress(bytes(min(zeros - at, 1 << 20))) for at in range(0, zeros, 1 << 20)) + stream.flush()
+
+
+def serialized(data=None, version=4, flags=0x1000, vertices=3, triangles=1, corner=2, positions=TRIANGLE, count=1, offset=0, zeros=0):
     """A mesh file of Mitsuba's own kind."""
     if data is None:
         data = struct.pack("<I", flags) + (b"a\0" if version == 4 else b"") + struct.pack("<QQ", vertices, triangles) + positions + struct.pack("<3I", 0, 1, corner)
-    return struct.pack("<HH", 0x041C, version) + zlib.compress(data) + struct.pack("<Q" if version == 4 else "<I", offset) * count + struct.pack("<I", count)
+    return struct.pack("<HH", 0x041C, version) + deflated(data, zeros) + struct.pack("<Q" if version == 4 else "<I", offset) * count + struct.pack("<I", count)
 
 
 for name, data, message in (
@@ -232,7 +238,7 @@ for name, data, message in (
         ("triangles-huge", serialized(triangles=2 ** 28), "announces"), ("nothing", serialized(triangles=0), "no triangles"), ("index-9", serialized(corner=9), "refers to vertex 9"),
         ("index-huge", serialized(corner=2 ** 32 - 1), "refers to vertex 4294967295"), ("nan", serialized(positions=struct.pack("<9f", *[float("nan")] * 9)), "not finite"),
         ("no-zlib", struct.pack("<HH", 0x041C, 4) + b"\xff" * 40 + struct.pack("<QI", 0, 1), "damaged"), ("endless-name", serialized(struct.pack("<I", 0x1000) + b"x" * 1000), "ends early"),
-        ("bomb", serialized(struct.pack("<I", 0x1000) + b"a\0" + struct.pack("<QQ", 40000000, 1) + bytes(480000012)), "the budget is")):
+        ("bomb", serialized(struct.pack("<I", 0x1000) + b"a\0" + struct.pack("<QQ", 40000000, 1), zeros=480000012), "the budget is")):
     body(f"serialized-{name}", '<shape type="serialized"><string name="filename" value="m.serialized"/></shape>', message, 4 if name == "bomb" else 2, m_serialized=data)
 body("serialized-index", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="3"/></shape>', "holds 1 meshes", m_serialized=serialized())
 body("serialized-offset", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="1"/></shape>', "begins outside",

@@ -56,8 +56,9 @@ class Scenes(Case):
         self.assertEqual(report["fingerprint"], self.ok("info", out, "--json").json()["fingerprint"])
         self.fails(2, "velvet", "convert", self.write("b.xml", BROKEN), "-o", self.path("never.xml"))
         self.ok("convert", self.path("b.xml"), "--permissive", "-o", out)
-        self.assertIn('value="1, 0, 1"', open(out).read())
-        self.fails(1, "overwritten", "convert", file, "-o", file)
+        with open(out, encoding="utf-8") as text:
+            self.assertIn('value="1, 0, 1"', text.read())
+        self.fails(1, "would overwrite", "convert", file, "-o", file)
         try:
             import mitsuba
         except ImportError:

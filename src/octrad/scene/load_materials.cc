@@ -194,6 +194,14 @@ void SceneBuilder::read_diffuse(Params& params, Material& m) {
   m.reflectance = texture_or(params, "reflectance", TextureRole::reflectance, 0.5f);
 }
 
+void SceneBuilder::read_roughdiffuse(Params& params, Material& m) {
+  read_diffuse(params, m);
+  const int alpha = texture(params, "alpha", TextureRole::roughness);
+  m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.2f));
+  if (params.get_bool("use_fast_approx", false))
+    fail(params.where("use_fast_approx"), "roughdiffuse has no fast approximation; leave use_fast_approx away");
+}
+
 void SceneBuilder::read_plastic(Params& params, Material& m) {
   m.reflectance = texture_or(params, "diffuse_reflectance", TextureRole::reflectance, 0.5f);
   m.nonlinear = params.get_bool("nonlinear", false);

@@ -21,6 +21,7 @@ namespace octrad {
   X(blendbsdf, BlendModel, false)                \
   X(principled, PrincipledModel, false)          \
   X(principledthin, PrincipledThinModel, true)   \
+  X(roughdiffuse, RoughDiffuseModel, false)      \
   /* more models: at the end, for fingerprints of scenes hold the number */
 
 #define OCTRAD_NAME(name, Model, transmits) name,

@@ -12,6 +12,7 @@
 #include "octrad/shading/bsdf/principledthin.h"
 #include "octrad/shading/bsdf/roughconductor.h"
 #include "octrad/shading/bsdf/roughdielectric.h"
+#include "octrad/shading/bsdf/roughdiffuse.h"
 #include "octrad/shading/bsdf/roughplastic.h"
 #include "octrad/shading/bsdf/thindielectric.h"
 

@@ -304,6 +304,34 @@ TEST(Bsdf, FirstHitAttributes) {
   }
 }
 
+// Oren and Nayar's model without roughness is Lambert's; with it, grazing light comes back to where it came from. The
+// numbers are of their equations with sigma = 20 degrees, in double precision.
+TEST(Bsdf, RoughDiffuse) {
+  Bsdf b;
+  b.type = BsdfType::roughdiffuse;
+  b.reflectance = Vec3f(0.9f);
+  b.alpha_u = 0.0f;
+  const auto at = [](double theta, double phi) {
+    return Vec3f(static_cast<float>(std::sin(theta) * std::cos(phi)),
+                 static_cast<float>(std::sin(theta) * std::sin(phi)), static_cast<float>(std::cos(theta)));
+  };
+  const Vec3f wo = at(1.1, 0.3);
+  EXPECT_NEAR(evaluate_bsdf(b, wo, at(0.8, 2.0)).value.x, 0.9f * kInvPi * std::cos(0.8f), 1e-5f);
+  b.alpha_u = static_cast<float>(20.0 * 3.14159265358979 / 180.0 * std::sqrt(2.0));
+  for (const double phi : {0.3, 1.0, 2.5}) {
+    const double s2 = std::pow(20.0 * 3.14159265358979 / 180.0, 2), cos = std::cos(phi - 0.3),
+                 t = 2.0 * 0.8 / 3.14159265358979;
+    const double c1 = 1.0 - 0.5 * s2 / (s2 + 0.33), rough = s2 / (s2 + 0.09);
+    const double c2 = 0.45 * rough * (cos >= 0.0 ? std::sin(1.1) : std::sin(1.1) - t * t * t);
+    const double c3 = 0.125 * rough * std::pow(4.0 * 1.1 * 0.8 / (3.14159265358979 * 3.14159265358979), 2);
+    const double once = c1 + cos * c2 * std::tan(0.8) + (1.0 - std::fabs(cos)) * c3 * std::tan(0.95);
+    const double twice = 0.17 * s2 / (s2 + 0.13) * (1.0 - cos * t * t);
+    const double expected = (0.9 * once + 0.81 * twice) / 3.14159265358979 * std::cos(0.8);
+    EXPECT_NEAR(evaluate_bsdf(b, wo, at(0.8, phi)).value.x, expected, 1e-5) << phi;
+  }
+  EXPECT_GT(evaluate_bsdf(b, wo, at(1.1, 0.3)).value.x, 1.2f * evaluate_bsdf(b, wo, at(1.1, 3.4)).value.x);
+}
+
 // What a radiance field is told of surfaces with several lobes: about what they show of even light.
 TEST(Bsdf, EnergiesOfLobes) {
   int several = 0;

@@ -142,7 +142,7 @@ std::size_t Materials::texture_count() const { return impl_->textures.size(); }
 
 Bsdf Materials::at(int index, Vec2f uv) const {
   Bsdf b;
-  material_at(view_, view_.records[index], uv, b);
+  material_at<>(view_, view_.records[index], uv, b);
   return b;
 }
 
@@ -157,7 +157,7 @@ void Materials::prefetch(int index, Vec2f uv) const {
 }
 
 ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo) {
-  return shade(materials.view(), surface, wo);
+  return shade<>(materials.view(), surface, wo);
 }
 
 }  // namespace octrad

@@ -76,10 +76,10 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
 }
 
 // As rhs_kernels::Arrive.
-template <bool kChain>
+template <bool kChain, typename World>
 struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
-  DeviceWorld world;
+  World world;
   Memory memory;
   FirstHitOptions options;
   OCTRAD_HD void operator()(std::uint32_t i) const {
@@ -190,8 +190,11 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   checked.split_coats = options.split_coats && split_;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory});
-  launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
-  launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
+  with_world(world_, [&](const auto& world) {
+    using World = std::decay_t<decltype(world)>;
+    launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
+    launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
+  });
   if (query_rays_.offset.traced)
     launch(*stream_, queries_of(n), Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());

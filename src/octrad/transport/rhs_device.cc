@@ -36,8 +36,9 @@ struct Memory {
 };
 
 // Both samples of a direction.
+template <typename World>
 struct Sample : Kernel {
-  DeviceWorld world;
+  World world;
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
@@ -45,7 +46,7 @@ struct Sample : Kernel {
     const auto directions = static_cast<std::uint32_t>(options.directions);
     const std::uint32_t i = slot / directions, m = slot - i * directions;
     if (points.count && i >= *points.count) return;
-    const ShadingPoint point = points.points[i];
+    const ShadingPoint point = loaded_point<World>(points.points[i]);
     Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i);
     const Vec3f wo = point.to_local(point.wo);
     const SobolSet light_set(rng), bsdf_set(rng);
@@ -118,10 +119,10 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
 
 // What the bounce's ray hit; `kChain`: follows it through masks and over mirrors and glass to the end, otherwise rays
 // that go on are left to that.
-template <bool kChain>
+template <bool kChain, typename World>
 struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
-  DeviceWorld world;
+  World world;
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
@@ -272,11 +273,16 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   const std::size_t n = points.most * static_cast<std::size_t>(options.directions);
   const Memory memory = this->memory();
   sizes_.fill(0);
-  launch(*stream_, n, Sample{{}, world_, memory, points, options});
+  with_world(world_, [&](const auto& world) {
+    launch(*stream_, n, Sample<std::decay_t<decltype(world)>>{{}, world, memory, points, options});
+  });
   cast(*stream_, n, Occlude{{}, world_, memory});
   cast(*stream_, n, Extend{{}, world_, memory});
-  launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
-  launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
+  with_world(world_, [&](const auto& world) {
+    using World = std::decay_t<decltype(world)>;
+    launch(*stream_, n, Arrive<false, World>{{}, world, memory, points, options});
+    launch(*stream_, n, Arrive<true, World>{{}, world, memory, points, options});
+  });
   if (!options.ask) return;
   if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
