@@ -29,7 +29,7 @@ OCTRAD_HD inline float spot_falloff(const DeltaLight& l, Vec3f local) {
 }
 
 // Irradiance of a surface that faces a spot or a projector, from where the light lies `d` away.
-OCTRAD_HD inline Vec3f aimed_radiance(const DeltaLight& l, const TextureView* textures, Vec3f d) {
+OCTRAD_HD_APART inline Vec3f aimed_radiance(const DeltaLight& l, const TextureView* textures, Vec3f d) {
   const float distance2 = dot(d, d);
   Vec3f local = rotate_to_local(l, -d), radiance(0.0f);
   const bool spot = l.kind == DeltaLight::Kind::spot;
