@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "octrad/base/circle_math.h"
 #include "octrad/base/vec.h"
 
 namespace octrad {
@@ -42,7 +43,10 @@ struct FilterShape {
     return ((-b - 6.0f * c) * a3 + (6.0f * b + 30.0f * c) * a2 + (-12.0f * b - 48.0f * c) * a + 8.0f * b + 24.0f * c) /
            6.0f;
   }
-  OCTRAD_HD static float sinc(float x) { return x < 1e-5f ? 1.0f : std::sin(kPi * x) / (kPi * x); }
+  // sin(pi x) / (pi x), x >= 0.
+  OCTRAD_HD static float sinc(float x) {
+    return x < 1e-5f ? 1.0f : circle_point(0.5f * x - std::floor(0.5f * x)).y / (kPi * x);
+  }
   // The pixels first .. last along the axis that a sample at `p` counts for.
   OCTRAD_HD int first(float p) const { return static_cast<int>(std::ceil(p - radius - 0.5f)); }
   OCTRAD_HD int last(float p) const { return static_cast<int>(std::floor(p + radius - 0.5f)); }

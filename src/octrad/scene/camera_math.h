@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "octrad/base/circle_math.h"
 #include "octrad/base/rng.h"
 #include "octrad/scene/ray.h"
 
@@ -34,8 +35,8 @@ OCTRAD_HD inline Ray camera_ray(const CameraView& view, Vec2f pixel, Vec2f lens 
   Vec3f origin = view.origin;
   if (view.kind == CameraKind::thinlens) {
     // From the point of the lens to where the ray through its centre meets the plane in focus.
-    const float r = view.aperture_radius * std::sqrt(lens.x), phi = 2.0f * kPi * lens.y;
-    const Vec3f aperture = view.right * (r * std::cos(phi)) + view.up * (r * std::sin(phi));
+    const Vec2f at = circle_point(lens.y) * (view.aperture_radius * std::sqrt(lens.x));
+    const Vec3f aperture = view.right * at.x + view.up * at.y;
     to_plane = to_plane - aperture / view.focus_distance;
     origin = origin + aperture;
   }

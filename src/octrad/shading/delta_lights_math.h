@@ -28,11 +28,28 @@ OCTRAD_HD inline float spot_falloff(const DeltaLight& l, Vec3f local) {
   return local.z >= l.cos_beam ? 1.0f : (l.cutoff - std::acos(local.z)) * l.inverse_transition;
 }
 
+// Irradiance of a surface that faces a spot or a projector, from where the light lies `d` away.
+OCTRAD_HD_APART inline Vec3f aimed_radiance(const DeltaLight& l, const TextureView* textures, Vec3f d) {
+  const float distance2 = dot(d, d);
+  Vec3f local = rotate_to_local(l, -d), radiance(0.0f);
+  const bool spot = l.kind == DeltaLight::Kind::spot;
+  if (spot) {
+    local = normalize(local);
+    radiance = l.intensity * (spot_falloff(l, local) / distance2);
+    if (!(max_component(radiance) > 0.0f)) return Vec3f(0.0f);
+  }
+  const Vec2f uv = picture_position(l, local, spot ? 1.0f : -1.0f);
+  if (!spot) {
+    if (!(local.z > 0.0f) || !(uv.x >= 0.0f && uv.x <= 1.0f && uv.y >= 0.0f && uv.y <= 1.0f)) return Vec3f(0.0f);
+    radiance = l.intensity * (-std::sqrt(distance2) / (local.z * local.z * dot(l.axis, d)));
+  }
+  return l.texture >= 0 ? radiance * evaluate_texture(textures[l.texture], uv) : radiance;
+}
+
 }  // namespace lights_detail
 
 // The light's only direction at `x`: density `pick` and the irradiance of a surface facing the light as radiance.
 OCTRAD_HD inline LightSample sample_delta_light(const DeltaLight& l, const TextureView* textures, float pick, Vec3f x) {
-  using namespace lights_detail;
   LightSample s;
   s.delta = true;
   s.pdf = pick;
@@ -40,33 +57,15 @@ OCTRAD_HD inline LightSample sample_delta_light(const DeltaLight& l, const Textu
     s.direction = -l.axis;
     s.distance = kEnvironmentDistance;
     s.radiance = l.intensity;
-    s.valid = true;
-    return s;
-  }
-  const Vec3f d = l.position - x;
-  const float distance2 = dot(d, d);
-  s.distance = std::sqrt(distance2);
-  if (!(s.distance > 0.0f)) return s;
-  s.direction = d / s.distance;
-  if (l.kind == DeltaLight::Kind::point) {
-    s.radiance = l.intensity / distance2;
   } else {
-    Vec3f local = rotate_to_local(l, -d);
-    const bool spot = l.kind == DeltaLight::Kind::spot;
-    if (spot) {
-      local = normalize(local);
-      s.radiance = l.intensity * (spot_falloff(l, local) / distance2);
-      if (!(max_component(s.radiance) > 0.0f)) return s;
-    }
-    const Vec2f uv = picture_position(l, local, spot ? 1.0f : -1.0f);
-    if (!spot) {
-      const float cosine = -dot(l.axis, s.direction);
-      if (!(local.z > 0.0f) || !(uv.x >= 0.0f && uv.x <= 1.0f && uv.y >= 0.0f && uv.y <= 1.0f)) return s;
-      s.radiance = l.intensity / (local.z * local.z * cosine);
-    }
-    if (l.texture >= 0) s.radiance *= evaluate_texture(textures[l.texture], uv);
+    const Vec3f d = l.position - x;
+    const float distance2 = dot(d, d);
+    s.distance = std::sqrt(distance2);
+    s.direction = d / s.distance;
+    s.radiance =
+        l.kind == DeltaLight::Kind::point ? l.intensity / distance2 : lights_detail::aimed_radiance(l, textures, d);
   }
-  s.valid = is_finite(s.radiance);
+  s.valid = s.distance > 0.0f && max_component(s.radiance) > 0.0f && is_finite(s.radiance);
   return s;
 }
 
