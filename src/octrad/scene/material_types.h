@@ -74,6 +74,10 @@ OCTRAD_HD inline bool needs_record(BsdfType type) {
   return type == BsdfType::principled || type == BsdfType::principledthin || type == BsdfType::blendbsdf;
 }
 
+// Models that are in the kernels of scenes that have them alone (shading/device_world.h): all others fit into
+// registers.
+OCTRAD_HD inline bool is_extended(BsdfType type) { return type >= BsdfType::roughdielectric; }
+
 OCTRAD_HD inline bool transmits(BsdfType type) {
   switch (type) {
 #define OCTRAD_CASE(name, Model, transmits) \

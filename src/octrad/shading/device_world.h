@@ -55,7 +55,7 @@ struct DeviceWorld {
   }
 };
 
-// A world without models that refer to their record (principled, blends): kernels of it need no code for them.
+// A world without extended models: kernels of it need no code for them.
 struct PlainDeviceWorld : DeviceWorld {
   static constexpr bool kPlain = true;
   explicit PlainDeviceWorld(const DeviceWorld& world) : DeviceWorld(world) {}
@@ -68,7 +68,7 @@ struct PlainDeviceWorld : DeviceWorld {
 template <typename World>
 OCTRAD_HD inline ShadingPoint loaded_point(const ShadingPoint& from) {
   const ShadingPoint point = from;
-  if constexpr (World::kPlain) OCTRAD_ASSUME_ON_DEVICE(!needs_record(point.bsdf.type));
+  if constexpr (World::kPlain) OCTRAD_ASSUME_ON_DEVICE(!is_extended(point.bsdf.type));
   return point;
 }
 

@@ -11,13 +11,13 @@
 
 namespace octrad {
 
-// Parameters of one side of a material; bump mapping is applied by shade(). `kPlain`: no material of the scene is of a
-// model that refers to its record, and kernels have no code for these, whose calls would take their registers.
+// Parameters of one side of a material; bump mapping is applied by shade(). `kPlain`: no material of the scene is of an
+// extended model, and kernels have no code for these, which would take their registers.
 template <bool kPlain = false>
 OCTRAD_HD inline void material_at(const MaterialsView& view, const MaterialRecord& record, Vec2f uv, Bsdf& b) {
   parameters_at(view.textures, record, uv, b);
   if constexpr (kPlain) {
-    OCTRAD_ASSUME_ON_DEVICE(!needs_record(b.type));
+    OCTRAD_ASSUME_ON_DEVICE(!is_extended(b.type));
   } else {
     if (record.masked_parts) b.opacity *= blend_opacity(record, uv);
   }
