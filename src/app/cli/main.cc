@@ -68,6 +68,7 @@ int run(int argc, char** argv) {
   add_train(program);
   add_render(program);
   add_compare(program);
+  add_convert(program);
   add_merge(program);
   add_denoise(program);
   add_info(program);

@@ -103,6 +103,17 @@ std::string scene_fingerprint(const Scene& scene) {
     }
   }
   for (const AreaLight& l : scene.area_lights) h.add(l.shape).add(l.radiance);
+  // What came later counts only where it is used, so that the models of other scenes stay valid.
+  for (const Placement& p : scene.placements) h.add(p.to_world);
+  if (!scene.placements.empty()) {
+    for (const Shape& s : scene.shapes) h.add(s.placement);
+  }
+  for (const DeltaLight& l : scene.delta_lights) {
+    const auto& [kind, texture, position, axis, intensity, to_local, cos_cutoff, cos_beam, cutoff, inverse_transition,
+                 tan_x, tan_y] = l;
+    h.add(kind).add(texture).add(position).add(axis).add(intensity).add(to_local).add(cos_cutoff).add(cos_beam);
+    h.add(cutoff).add(inverse_transition).add(tan_x).add(tan_y);
+  }
   for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);
   char text[17];
   std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(h.state()));

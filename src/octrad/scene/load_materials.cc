@@ -6,6 +6,7 @@
 #include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/named_materials.h"
+#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -14,6 +15,25 @@ namespace {
 const std::vector<std::string> kModels = {OCTRAD_BSDF_LIST(OCTRAD_NAME)};
 #undef OCTRAD_NAME
 const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap", "normalmap"};
+
+// What can be written instead of models that there are not.
+std::string way_out(const std::string& type) {
+  static const std::pair<const char*, const char*> ways[] = {
+      {"hk", "a thin scattering layer has no counterpart; use diffuse or principledthin"},
+      {"irawan", "woven cloth has no counterpart; use diffuse with a bitmap"},
+      {"hair", "use diffuse or roughconductor"},
+      {"measured", "fit a principled bsdf to the measurement"},
+      {"measured_polarized", "light is not polarised here; fit a principled bsdf to the measurement"},
+      {"pplastic", "light is not polarised here; use roughplastic"},
+      {"polarizer", "light is not polarised here"},
+      {"retarder", "light is not polarised here"},
+      {"circular", "light is not polarised here"},
+  };
+  for (const auto& [name, way] : ways) {
+    if (type == name) return std::string("; ") + way;
+  }
+  return "";
+}
 
 // The bsdfs nested in a wrapper, at least one.
 std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
@@ -26,7 +46,16 @@ std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
   return found;
 }
 
+// What a bsdf that cannot be used looks like.
+constexpr Vec3f kMagenta{1.0f, 0.0f, 1.0f};
+
 }  // namespace
+
+std::vector<std::string> bsdf_types() {
+  std::vector<std::string> types = kModels;
+  types.insert(types.end(), kWrappers.begin(), kWrappers.end());
+  return types;
+}
 
 bool SceneBuilder::transmits(const Material& m) const {
   if (m.opacity >= 0 || octrad::transmits(m.type) || m.extra[ExtraParameter::spec_trans] >= 0) return true;
@@ -36,16 +65,30 @@ bool SceneBuilder::transmits(const Material& m) const {
 }
 
 int SceneBuilder::material(const Element& element) {
-  if (const auto found = materials_.find(&element); found != materials_.end()) return found->second;
+  // What shows attributes is made anew for every mesh.
+  const bool shared = (texture_kinds(element) & kUsesAttributes) == 0;
+  const std::pair<const Element*, int> key{&element, shared ? -1 : static_cast<int>(scene_.meshes.size())};
+  if (const auto found = materials_.find(key); found != materials_.end()) return found->second;
   Material m = flatten(element);
   m.id = element.get("id");
   const int index = static_cast<int>(scene_.materials.size());
   scene_.materials.push_back(std::move(m));
-  materials_.emplace(&element, index);
+  materials_.emplace(key, index);
   return index;
 }
 
 Material SceneBuilder::flatten(const Element& element) {
+  Material m;
+  const std::size_t open = open_materials_.size();
+  if (report().attempt(element.location, [&] { m = read_bsdf(element); })) return m;
+  open_materials_.resize(open);
+  m = {};
+  m.reflectance = constant_texture(kMagenta);
+  if (description_.understood) description_.understood->stand_ins.emplace(&element, kMagenta);
+  return m;
+}
+
+Material SceneBuilder::read_bsdf(const Element& element) {
   if (std::find(open_materials_.begin(), open_materials_.end(), &element) != open_materials_.end()) {
     fail(element.location, "the bsdf \"" + element.get("id") + "\" contains itself through its references");
   }
@@ -132,10 +175,9 @@ Material SceneBuilder::scattering_model(Params& params) {
   const std::string& type = params.type();
   const auto found = std::find(kModels.begin(), kModels.end(), type);
   if (found == kModels.end()) {
-    std::vector<std::string> known = kModels;
-    known.insert(known.end(), kWrappers.begin(), kWrappers.end());
-    fail(params.location(),
-         "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + "; supported: " + join(known));
+    const std::vector<std::string> known = bsdf_types();
+    fail(params.location(), "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + way_out(type) +
+                                "; supported: " + join(known));
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());

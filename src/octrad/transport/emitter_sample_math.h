@@ -28,7 +28,7 @@ OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingP
   if (max_component(f.value) <= 0.0f) return sample;
   sample.valid = true;
   sample.ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  sample.contribution = f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
+  sample.contribution = f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf));
   return sample;
 }
 

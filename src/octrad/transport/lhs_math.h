@@ -45,7 +45,8 @@ OCTRAD_HD inline Vec3f cosine_direction(Vec3f n, Vec2f u) {
 // Through a uniform pixel of the camera's own film.
 OCTRAD_HD inline Ray random_ray(const CameraView& camera, Rng& rng) {
   const Vec2f u = rng.uniform2();
-  return camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)});
+  return sample_camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)},
+                           rng);
 }
 
 // A short random walk through free space from a camera; a pose (origin and direction of a ray) lies on its last leg.

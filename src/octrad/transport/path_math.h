@@ -95,7 +95,7 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
       const BsdfValue f = evaluate_bsdf<World::kModels>(bsdf, wo, point.to_local(light.direction));
       if (max_component(f.value) > 0.0f) {
         connect(shadow_ray(surface.position, surface.geometric_normal, light),
-                path.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf)));
+                path.throughput * f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf)));
       }
     }
   }
