@@ -21,13 +21,6 @@
 #define OCTRAD_HD_OR_HOST
 #endif
 
-// What a device's compiler may rely on, and leaves out code for.
-#if defined(__CUDA_ARCH__)
-#define OCTRAD_ASSUME_ON_DEVICE(condition) __builtin_assume(condition)
-#else
-#define OCTRAD_ASSUME_ON_DEVICE(condition) (static_cast<void>(0))
-#endif
-
 // A function that is not inlined: rare, large, and called from code that must stay small or, on a device, must not hold
 // its registers for it. Its parameters are values: an address would force the caller's variable into memory.
 #if defined(__CUDACC__)

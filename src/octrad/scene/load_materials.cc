@@ -198,8 +198,7 @@ void SceneBuilder::read_roughdiffuse(Params& params, Material& m) {
   read_diffuse(params, m);
   const int alpha = texture(params, "alpha", TextureRole::roughness);
   m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.2f));
-  if (params.get_bool("use_fast_approx", false))
-    fail(params.where("use_fast_approx"), "roughdiffuse has no fast approximation; leave use_fast_approx away");
+  params.ignore({"use_fast_approx"});  // the model itself is used
 }
 
 void SceneBuilder::read_plastic(Params& params, Material& m) {

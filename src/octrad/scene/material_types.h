@@ -74,6 +74,16 @@ OCTRAD_HD inline bool needs_record(BsdfType type) {
   return type == BsdfType::principled || type == BsdfType::principledthin || type == BsdfType::blendbsdf;
 }
 
+// Models that are in the kernels of scenes that have them alone (shading/device_world.h): all others fit into
+// registers.
+OCTRAD_HD constexpr bool is_extended(BsdfType type) { return type >= BsdfType::roughdielectric; }
+
+// Which models code has to know: every one, those that may be parts of a blend, or those that are not extended.
+enum class Models { all, parts, plain };
+OCTRAD_HD constexpr bool knows(Models models, BsdfType type) {
+  return models == Models::all || (models == Models::parts ? type != BsdfType::blendbsdf : !is_extended(type));
+}
+
 OCTRAD_HD inline bool transmits(BsdfType type) {
   switch (type) {
 #define OCTRAD_CASE(name, Model, transmits) \

@@ -21,13 +21,13 @@ namespace octrad {
 // Bump mapping must not open directions that the surface before bumping hides (as Mitsuba's `bumpmap`).
 OCTRAD_HD inline bool bump_hides(const Bsdf& b, Vec3f wi) { return b.bumped && dot(b.base_normal, wi) * wi.z <= 0.0f; }
 
-// The dispatches below exist twice: of a surface, and of the parts of a blend, which are no blends.
-template <bool kPart>
+// The dispatches below are of all models, of the parts of a blend, or of the models in kernels of plain worlds.
+template <Models kModels>
 OCTRAD_HD inline BsdfValue evaluate_model(const Bsdf& b, Vec3f wo, Vec3f wi) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model, transmits)                                                           \
-  case BsdfType::name:                                                                                \
-    if constexpr (!kPart || BsdfType::name != BsdfType::blendbsdf) return Model::evaluate(b, wo, wi); \
+#define OCTRAD_CASE(name, Model, transmits)                                          \
+  case BsdfType::name:                                                               \
+    if constexpr (knows(kModels, BsdfType::name)) return Model::evaluate(b, wo, wi); \
     break;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -35,12 +35,12 @@ OCTRAD_HD inline BsdfValue evaluate_model(const Bsdf& b, Vec3f wo, Vec3f wi) {
   return {};
 }
 
-template <bool kPart>
+template <Models kModels>
 OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model, transmits)                                                                \
-  case BsdfType::name:                                                                                     \
-    if constexpr (!kPart || BsdfType::name != BsdfType::blendbsdf) return Model::sample(b, wo, u_lobe, u); \
+#define OCTRAD_CASE(name, Model, transmits)                                               \
+  case BsdfType::name:                                                                    \
+    if constexpr (knows(kModels, BsdfType::name)) return Model::sample(b, wo, u_lobe, u); \
     break;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -49,10 +49,10 @@ OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, 
 }
 
 // Zero below the surface for one-sided models.
-template <bool kPart = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline BsdfValue evaluate_bsdf(const Bsdf& b, Vec3f wo, Vec3f wi) {
   if (bump_hides(b, wi)) return {};
-  BsdfValue v = evaluate_model<kPart>(b, wo, wi);
+  BsdfValue v = evaluate_model<kModels>(b, wo, wi);
   if (b.shadowed) v.value *= bump_shadowing(b.base_normal.z, dot(b.base_normal, wi));
   v.value *= b.opacity;
   v.pdf *= b.opacity;
@@ -68,10 +68,10 @@ OCTRAD_HD inline BsdfSample sample_pass(const Bsdf& b, Vec3f wo) {
   s.delta = s.null = s.transmission = s.valid = true;
   return s;
 }
-template <bool kPart = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline BsdfSample sample_opaque(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   BsdfSample s =
-      sample_model<kPart>(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
+      sample_model<kModels>(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
   s.pdf *= b.opacity;
   if (s.valid && bump_hides(b, s.wi)) s.valid = false;
   if (b.shadowed) s.weight *= bump_shadowing(b.base_normal.z, dot(b.base_normal, s.wi));
@@ -79,13 +79,14 @@ OCTRAD_HD inline BsdfSample sample_opaque(const Bsdf& b, Vec3f wo, float u_lobe,
 }
 
 // Draws wi. `u_lobe` picks the lobe, `u` the direction; all uniform in [0, 1). Invalid samples carry no light.
+template <Models kModels = Models::all>
 OCTRAD_HD inline BsdfSample sample_bsdf(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   if (u_lobe >= b.opacity) return sample_pass(b, wo);
   if (b.opacity < 1.0f) {
     u_lobe /= b.opacity;
     if (!(u_lobe < 0.99999994f)) u_lobe = 0.99999994f;
   }
-  return sample_opaque(b, wo, u_lobe, u);
+  return sample_opaque<kModels>(b, wo, u_lobe, u);
 }
 
 // Whether the model has only delta (or null) lobes: smooth conductor, dielectric, thin dielectric.
@@ -100,12 +101,12 @@ OCTRAD_HD inline bool is_delta_bsdf(const Bsdf& b) {
 }
 
 // What a radiance field is told of the surface: view-independent albedo, and roughness (1 for diffuse, 0 for smooth).
-template <bool kPart = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model, transmits)                                                 \
-  case BsdfType::name:                                                                      \
-    if constexpr (!kPart || BsdfType::name != BsdfType::blendbsdf) return Model::albedo(b); \
+#define OCTRAD_CASE(name, Model, transmits)                                \
+  case BsdfType::name:                                                     \
+    if constexpr (knows(kModels, BsdfType::name)) return Model::albedo(b); \
     break;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -113,12 +114,12 @@ OCTRAD_HD inline Vec3f albedo_bsdf(const Bsdf& b) {
   return {};
 }
 
-template <bool kPart = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline float roughness_bsdf(const Bsdf& b) {
   switch (b.type) {
-#define OCTRAD_CASE(name, Model, transmits)                                                    \
-  case BsdfType::name:                                                                         \
-    if constexpr (!kPart || BsdfType::name != BsdfType::blendbsdf) return Model::roughness(b); \
+#define OCTRAD_CASE(name, Model, transmits)                                   \
+  case BsdfType::name:                                                        \
+    if constexpr (knows(kModels, BsdfType::name)) return Model::roughness(b); \
     break;
     OCTRAD_BSDF_LIST(OCTRAD_CASE)
 #undef OCTRAD_CASE
@@ -141,8 +142,9 @@ OCTRAD_HD inline bool has_lobes(const Bsdf& b) { return is_coated(b) || b.type =
 
 // Reflectance of the lobe that is meant, towards wo under even light; where all are meant, albedo_bsdf(). Seen through
 // the coat, the base is lit by 1 - internal reflectance of the light outside, by reciprocity.
+template <Models kModels = Models::all>
 OCTRAD_HD inline Vec3f lobe_albedo(const Bsdf& b, Vec3f wo) {
-  if (b.lobe == Lobe::all) return albedo_bsdf(b);
+  if (b.lobe == Lobe::all) return albedo_bsdf<kModels>(b);
   if (b.type == BsdfType::roughdielectric) return RoughDielectricModel::lobe_albedo(b, wo.z);
   const float reflected = coat_reflectance(b, wo.z);
   if (b.lobe == Lobe::coat) return b.specular_reflectance * reflected;
@@ -151,9 +153,10 @@ OCTRAD_HD inline Vec3f lobe_albedo(const Bsdf& b, Vec3f wo) {
 
 // Rays pass a surface like a mirror: it has one lobe, or two of glass, and its roughness is below `follow_below` (0:
 // none passes; kFollowDelta: perfect mirrors and glass). A blend has all kinds of lobes, unless all are smooth.
+template <Models kModels = Models::all>
 OCTRAD_HD inline bool is_followed(const Bsdf& b, float follow_below) {
   if (is_coated(b) && b.lobe != Lobe::coat) return false;
-  const float roughness = roughness_bsdf(b);
+  const float roughness = roughness_bsdf<kModels>(b);
   return roughness < follow_below && (b.type != BsdfType::blendbsdf || roughness == 0.0f);
 }
 
@@ -173,7 +176,7 @@ OCTRAD_HD inline LobeEnergies energies_bsdf(const Bsdf& b) {
   if (b.type == BsdfType::principled) return principled_energies(PrincipledInput(b));
   if (b.type == BsdfType::principledthin) return principled_thin_energies(PrincipledInput(b));
   LobeEnergies e;
-  const float roughness = roughness_bsdf<true>(b);
+  const float roughness = roughness_bsdf<Models::parts>(b);
   e.alpha = e.transmission_alpha = e.coat_alpha = roughness;
   if (is_coated(b)) {
     const float coat = fresnel_diffuse_reflectance(b.eta);
@@ -184,9 +187,9 @@ OCTRAD_HD inline LobeEnergies energies_bsdf(const Bsdf& b) {
     e.reflection = b.specular_reflectance * f;
     e.transmission = b.specular_transmittance * (1.0f - f);
   } else if (roughness < 1.0f) {
-    e.reflection = albedo_bsdf<true>(b);
+    e.reflection = albedo_bsdf<Models::parts>(b);
   } else {
-    e.diffuse = albedo_bsdf<true>(b);
+    e.diffuse = albedo_bsdf<Models::parts>(b);
   }
   return e;
 }
@@ -204,7 +207,7 @@ OCTRAD_HD_APART inline SeenThrough principled_seen_through(BsdfType type, Princi
       wo.z > 0.0f ? principled_energies(in).mainly_transmits() : fresnel_dielectric(wo.z, in.eta).reflectance < 0.5f,
       refracted_direction(in.eta, wo)};
 }
-template <bool kPart = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline SeenThrough seen_through(const Bsdf& b, Vec3f wo);
 
 struct BlendSummary {
@@ -235,7 +238,7 @@ OCTRAD_HD_APART inline BsdfValue evaluate_blend(const MaterialRecord& record, Ve
   BsdfValue sum;
   for (int i = 0; i < parts.count; ++i) {
     const BlendedModel model(parts.part[i], uv, wo);
-    const BsdfValue v = evaluate_bsdf<true>(model.bsdf, model.to_part(wo), model.to_part(wi));
+    const BsdfValue v = evaluate_bsdf<Models::parts>(model.bsdf, model.to_part(wo), model.to_part(wi));
     const float weight = parts.part[i].weight / parts.sum;
     sum.value += v.value * weight;
     sum.pdf += v.pdf * weight;
@@ -253,7 +256,7 @@ OCTRAD_HD_APART inline BsdfSample sample_blend(const MaterialRecord& record, Vec
   for (; i + 1 < parts.count && left >= parts.part[i].weight; ++i) left -= parts.part[i].weight;
   left /= parts.part[i].weight;
   const BlendedModel model(parts.part[i], uv, wo);
-  s = sample_opaque<true>(model.bsdf, model.to_part(wo), left < 0.99999994f ? left : 0.99999994f, u);
+  s = sample_opaque<Models::parts>(model.bsdf, model.to_part(wo), left < 0.99999994f ? left : 0.99999994f, u);
   if (!s.valid) return s;
   s.wi = model.from_part(s.wi);
   if (s.delta) {
@@ -280,12 +283,13 @@ OCTRAD_HD_APART inline SeenThrough blend_seen_through(const MaterialRecord& reco
   }
   if (parts.count == 0) return {};
   const BlendedModel model(parts.part[strongest], uv, wo);
-  const SeenThrough seen = seen_through<true>(model.bsdf, model.to_part(wo));
+  const SeenThrough seen = seen_through<Models::parts>(model.bsdf, model.to_part(wo));
   return {seen.mainly, model.from_part(seen.direction)};
 }
 
-template <bool kPart>
+template <Models kModels>
 OCTRAD_HD inline SeenThrough seen_through(const Bsdf& b, Vec3f wo) {
+  if constexpr (kModels == Models::plain) return {};
   switch (b.type) {
     case BsdfType::roughdielectric:
       return {b.lobe == Lobe::base || (b.lobe == Lobe::all && RoughDielectricModel::reflected(b, wo.z) < 0.5f),
@@ -293,7 +297,7 @@ OCTRAD_HD inline SeenThrough seen_through(const Bsdf& b, Vec3f wo) {
     case BsdfType::principled:
     case BsdfType::principledthin: return principled_seen_through(b.type, PrincipledInput(b), wo);
     case BsdfType::blendbsdf:
-      if constexpr (!kPart) return blend_seen_through(*b.record, b.uv, wo);
+      if constexpr (kModels == Models::all) return blend_seen_through(*b.record, b.uv, wo);
       break;
     default: break;
   }

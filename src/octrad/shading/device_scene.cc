@@ -228,7 +228,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
   const auto place = [&plan](std::size_t piece) { return plan.layout.pieces[piece].offset; };
   world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
   world_.plain = true;
-  for (const Material& m : tables.scene.materials) world_.plain = world_.plain && !needs_record(m.type);
+  for (const Material& m : tables.scene.materials) world_.plain = world_.plain && !is_extended(m.type);
   const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(tables.lights.view(), shapes, plan, block);
   plan.layout.pieces[plan.shapes].from = shapes.data();

@@ -11,7 +11,7 @@
 namespace octrad {
 
 struct DeviceWorld {
-  static constexpr bool kPlain = false;
+  static constexpr Models kModels = Models::all;
   Bvh8View bvh{};
   const ShapeView* shapes = nullptr;
   MaterialsView materials;
@@ -31,7 +31,7 @@ struct DeviceWorld {
     return octrad::interact(shapes[hit.shape], hit, origin, direction);
   }
   OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
-    return octrad::shade<false>(materials, surface, wo);
+    return octrad::shade<kModels>(materials, surface, wo);
   }
 
   OCTRAD_HD LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const {
@@ -55,22 +55,14 @@ struct DeviceWorld {
   }
 };
 
-// A world without models that refer to their record (principled, blends): kernels of it need no code for them.
+// A world without extended models: kernels of it have no code for them, which would take their registers.
 struct PlainDeviceWorld : DeviceWorld {
-  static constexpr bool kPlain = true;
+  static constexpr Models kModels = Models::plain;
   explicit PlainDeviceWorld(const DeviceWorld& world) : DeviceWorld(world) {}
   OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
-    return octrad::shade<true>(materials, surface, wo);
+    return octrad::shade<kModels>(materials, surface, wo);
   }
 };
-
-// A shaded point from memory, for kernels of a `World`.
-template <typename World>
-OCTRAD_HD inline ShadingPoint loaded_point(const ShadingPoint& from) {
-  const ShadingPoint point = from;
-  if constexpr (World::kPlain) OCTRAD_ASSUME_ON_DEVICE(!needs_record(point.bsdf.type));
-  return point;
-}
 
 // Calls run(world) with the world as the type that it needs.
 template <typename Run>

@@ -11,14 +11,12 @@
 
 namespace octrad {
 
-// Parameters of one side of a material; bump mapping is applied by shade(). `kPlain`: no material of the scene is of a
-// model that refers to its record, and kernels have no code for these, whose calls would take their registers.
-template <bool kPlain = false>
+// Parameters of one side of a material; bump mapping is applied by shade(). Models::plain: no
+// material of the scene is of an extended model.
+template <Models kModels = Models::all>
 OCTRAD_HD inline void material_at(const MaterialsView& view, const MaterialRecord& record, Vec2f uv, Bsdf& b) {
   parameters_at(view.textures, record, uv, b);
-  if constexpr (kPlain) {
-    OCTRAD_ASSUME_ON_DEVICE(!needs_record(b.type));
-  } else {
+  if constexpr (kModels == Models::all) {
     if (record.masked_parts) b.opacity *= blend_opacity(record, uv);
   }
 }
@@ -39,7 +37,7 @@ OCTRAD_HD inline Vec3f bumped_normal(const TextureView& texture, const MaterialR
 }
 
 // `wo`: unit, world space, away from the surface. The side is decided by the shading normal, as in Mitsuba.
-template <bool kPlain = false>
+template <Models kModels = Models::all>
 OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const SurfaceInteraction& surface, Vec3f wo) {
   ShadingPoint p;
   p.surface = surface;
@@ -49,7 +47,7 @@ OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const Surfac
   const Vec3f n = surface.shading_normal;
   const bool two_sided = record->constant.two_sided;
   if (two_sided && record->back >= 0 && dot(wo, n) < 0.0f) record = &materials.records[record->back];
-  material_at<kPlain>(materials, *record, surface.uv, p.bsdf);
+  material_at<kModels>(materials, *record, surface.uv, p.bsdf);
   p.bsdf.two_sided = two_sided;
   Frame frame = tangent_frame(n, surface.dp_du);
   if (record->bump >= 0) {

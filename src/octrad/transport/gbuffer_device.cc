@@ -47,9 +47,10 @@ struct Extend : Kernel {
 constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
 
 // The ray of sample `k` has ended, with `segment`.
+template <Models kModels>
 OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, RayEnd& end,
                              const FirstHit& first, const Segment& segment, Rng& rng) {
-  const FirstHitQuery query = first_hit_query(options, end, rng);
+  const FirstHitQuery query = first_hit_query<kModels>(options, end, rng);
   memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
   if (query.next == FirstHitQuery::Next::nothing) return;
@@ -66,7 +67,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
   std::uint32_t owner = k;
   for_each_asked_lobe(options, end.point, [&] {
-    memory.queries.store(q, surface_point(end.point));
+    memory.queries.store(q, surface_point<kModels>(end.point));
     if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
     memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
     memory.query_weight.set3(0, q, end.throughput);
@@ -101,7 +102,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, k, end, first, segment, sample.rng);
+    finish<World::kModels>(memory, options, k, end, first, segment, sample.rng);
   }
 };
 

@@ -68,9 +68,10 @@ struct Memory {
     walks.set3(6, item, draw.walk.pose_origin);
     walks.set3(9, item, draw.walk.pose_direction);
   }
+  template <Models kModels>
   OCTRAD_HD void finish(std::uint32_t item, bool found, const ShadingPoint& point) const {
     points[item] = found ? point : ShadingPoint{};
-    surface_points.store(item, surface_point(points[item]));
+    surface_points.store(item, surface_point<kModels>(points[item]));
   }
 };
 
@@ -125,7 +126,7 @@ struct Arrive : Kernel {
       memory.store(item, draw);
       next_queue.push(next, item);
     } else {
-      memory.finish(item, next == LhsNext::found, point);
+      memory.template finish<World::kModels>(item, next == LhsNext::found, point);
     }
   }
 };
@@ -153,7 +154,7 @@ struct Finish : Kernel {
     LhsDraw draw = memory.load(item);
     ShadingPoint point;
     const bool found = lhs_finish(world, options, poses, ray ? LhsNext::ray : LhsNext::no_ray, draw, point);
-    memory.finish(item, found, point);
+    memory.template finish<World::kModels>(item, found, point);
   }
 };
 

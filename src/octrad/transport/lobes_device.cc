@@ -88,11 +88,11 @@ struct Draw : Kernel {
     const std::uint32_t j = slot / rays.each, m = slot - j * rays.each;
     if (!part.holds(j)) return;
     const std::uint32_t i = part.point(j);
-    const ShadingPoint point = loaded_point<World>(points != nullptr ? points[i] : shaded[j]);
+    const ShadingPoint point = points != nullptr ? points[i] : shaded[j];
     rays.distance(j, m) = -1.0f;
     RayQuery ray;
     bool delta = false;
-    if (!lobe_ray(point, point.to_local(point.wo), samples[i](m), ray, delta)) return;
+    if (!lobe_ray<World::kModels>(point, point.to_local(point.wo), samples[i](m), ray, delta)) return;
     const std::uint32_t place = atomic_append(rays.size);
     rays.queue.store(place, ray);
     rays.owners[place] = slot;

@@ -46,7 +46,7 @@ struct Sample : Kernel {
     const auto directions = static_cast<std::uint32_t>(options.directions);
     const std::uint32_t i = slot / directions, m = slot - i * directions;
     if (points.count && i >= *points.count) return;
-    const ShadingPoint point = loaded_point<World>(points.points[i]);
+    const ShadingPoint point = points.points[i];
     Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i);
     const Vec3f wo = point.to_local(point.wo);
     const SobolSet light_set(rng), bsdf_set(rng);
@@ -63,7 +63,7 @@ struct Sample : Kernel {
     memory.slots.set3(0, slot, light);
     memory.slots.set3(3, slot, Vec3f(0.0f));
     memory.query_of[slot] = kNoQuery;
-    const BounceSample bounce = sample_bounce(point, wo, bsdf_set(m));
+    const BounceSample bounce = sample_bounce<World::kModels>(point, wo, bsdf_set(m));
     if (!bounce.valid) return;
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
@@ -99,6 +99,7 @@ struct Extend : Kernel {
 };
 
 // The BSDF ray of `slot`, which is at `place` in the ray queue, has ended: with `segment` and `hit`.
+template <Models kModels>
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
                              std::uint32_t place, RayEnd& end, const Segment& segment, const Hit& hit, Rng& rng) {
   const Vec3f weight = memory.slots.get3(6, slot);
@@ -107,7 +108,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   if (!end.surface || !options.ask) return;
   if (options.split_coats) ask_one_lobe(end, rng);
   const std::uint32_t q = atomic_append(memory.query_count);
-  memory.queries.store(q, surface_point(end.point));
+  memory.queries.store(q, surface_point<kModels>(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
   memory.lobes.store(q, segment, hit, end.point.bsdf.lobe, rng);
   memory.slots.set(13, slot, static_cast<float>(end.point.bsdf.lobe));
@@ -150,7 +151,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, slot, q, end, segment, hit, rng);
+    finish<World::kModels>(memory, options, slot, q, end, segment, hit, rng);
   }
 };
 

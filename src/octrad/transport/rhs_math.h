@@ -26,9 +26,10 @@ struct BounceSample {
   float pdf = 0.0f;
 };
 
+template <Models kModels = Models::all>
 OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u) {
   BounceSample sample;
-  const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u.u1, u.u2);
+  const BsdfSample scattered = sample_bsdf<kModels>(point.bsdf, wo, u.u1, u.u2);
   if (!scattered.valid || max_component(scattered.weight) <= 0.0f) return sample;
   sample.valid = true;
   sample.delta = scattered.delta;

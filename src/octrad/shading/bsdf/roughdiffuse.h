@@ -24,8 +24,8 @@ struct RoughDiffuseModel {
     const float c1 = 1.0f - 0.5f * s2 / (s2 + 0.33f);
     const float c2 = 0.45f * rough * (cos_phi >= 0.0f ? sin_a : sin_a - t * t * t);
     const float c3 = 0.125f * rough * ab * ab;
-    const float once =
-        c1 + cos_phi * c2 * (sin_b / low) + (1.0f - std::fabs(cos_phi)) * c3 * std::tan(0.5f * (angle_a + angle_b));
+    const float tan_mean = (sin_a + sin_b) / (high + low);  // of (a + b) / 2
+    const float once = c1 + cos_phi * c2 * (sin_b / low) + (1.0f - std::fabs(cos_phi)) * c3 * tan_mean;
     const float twice = 0.17f * s2 / (s2 + 0.13f) * (1.0f - cos_phi * t * t);
     const float p = wi.z * kInvPi;
     return {b.reflectance * (once * p) + b.reflectance * b.reflectance * (twice * p), p};
