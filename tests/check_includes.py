@@ -33,7 +33,7 @@ INSIDE = {
     "app/view": ({"app/report"}, {"app/cli"}),
     "app/selftest": (set(), {"app/cli"}),
     "app/paper": ({"app/report"}, {"app/cli"}),
-    "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
+    "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/material_record.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]', re.M)

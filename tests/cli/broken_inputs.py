@@ -53,7 +53,14 @@ bad("crossed-tags", scene("<shape></sensor></shape>"), "not well-formed XML")
 bad("two-scenes", scene(SENSOR + CUBE) * 2, "second top-level element")
 bad("another-root", "<mitsuba/>", "top-level element is <mitsuba>")
 bad("no-version", "<scene/>", "no version attribute")
-bad("old-version", scene("", "0.6.0"), 'version "0.6.0" is not supported')
+bad("another-version", scene("", "4.0.0"), 'version "4.0.0" is not supported')
+for name, inside, message in (
+        ("mixture", '<bsdf type="mixturebsdf"><string name="weights" value="1, 1"/><bsdf type="diffuse"/></bsdf>', "as many weights"), ("cloth", '<bsdf type="irawan"/>', "woven cloth"),
+        ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),
+        ("gamma", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="gamma" value="nan"/></texture></bsdf>', "filename"),
+        ("phong-nan", '<bsdf type="phong"><float name="exponent" value="nan"/><rgb name="diffuseReflectance" value="nan"/></bsdf>', "s.xml"),
+        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf")):
+    bad("old-" + name, scene(inside, "0.6.0"), message)
 bad("deep-elements", scene("<a>" * 100000 + "</a>" * 100000), "nested more than 64 deep")
 bad("attribute-twice", scene('<shape type="cube" type="cube"/>'), "given twice")
 bad("many-attributes", scene("<shape " + " ".join(f'a{i}="1"' for i in range(50000)) + "/>"), "more than 64 attributes")
@@ -90,9 +97,14 @@ body("reference-to-nothing", '<shape type="cube"><ref id="a"/></shape>', '"a"')
 body("reference-to-itself", '<ref id="a"/><alias id="a" as="a"/>', "")
 body("material-of-itself", '<bsdf type="twosided" id="a"><ref id="a"/></bsdf>', "itself")
 body("materials-in-a-circle", '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>', "itself")
-body("instances", '<shape type="shapegroup" id="g"><shape type="instance"><ref id="g"/></shape></shape>', 'shape "shapegroup" is not supported')
+body("group-of-itself", '<shape type="shapegroup" id="g"><shape type="instance"><ref id="g"/></shape></shape>', "cannot hold another one")
+body("group-of-lights", '<shape type="shapegroup" id="g"><shape type="cube"><emitter type="area"/></shape></shape>', "cannot stand in a shapegroup")
+body("instance-of-nothing", '<shape type="instance"/>', "one <ref> to a shapegroup")
+body("instance-flattened", '<shape type="shapegroup" id="g">' + CUBE + '</shape><shape type="instance"><ref id="g"/><transform name="to_world"><scale y="0"/></transform></shape>', "singular")
+body("instance-far-away", '<shape type="shapegroup" id="g">' + CUBE + '</shape><shape type="instance"><ref id="g"/><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
+bad("many-instances", scene(SENSOR + '<shape type="shapegroup" id="g">' + CUBE * 900 + "</shape>" + '<shape type="instance"><ref id="g"/></shape>' * 5000), "the budget is", 4)
 body("unknown-element", "<thing/>", "unknown element <thing>")
-body("a-medium", '<medium type="homogeneous"/>', "unknown element <medium>")
+body("a-medium", '<medium type="homogeneous"/>', "<medium> is not supported")
 
 # Values of the wrong kind
 for value in ("abc", "", "1e999", "nan", "inf", "-inf", "1,2", "0x10", "1 2", "--1"):
@@ -112,12 +124,21 @@ body("point-twice", '<shape type="sphere"><point name="center" value="1 2 3" x="
 body("matrix-of-five", '<shape type="cube"><transform name="to_world"><matrix value="1 2 3 4 5"/></transform></shape>', "needs 16 (or 9)")
 body("matrix-projective", '<shape type="cube"><transform name="to_world"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 1 0 0 1"/></transform></shape>', "last row")
 body("axis-zero", '<shape type="cube"><transform name="to_world"><rotate angle="5"/></transform></shape>', "<rotate>")
-body("spectrum-curve", '<bsdf type="diffuse"><spectrum name="reflectance" value="400:1, 700:2"/></bsdf>', "spectra over wavelengths")
+for name, value, message in (("falling", "700:1, 400:2", "must increase"), ("single", "400:1", "at least two"), ("uneven", "400:1, 700", "pairs"), ("infinite", "400:1, 700:1e999", "pairs"), ("empty", ":", "pairs")):
+    body(f"spectrum-{name}", f'<bsdf type="diffuse"><spectrum name="reflectance" value="{value}"/></bsdf>', message)
+for name, data, message in (("empty", b"", "at least two"), ("words", b"hello world\n", "expected a wavelength"), ("binary", bytes(range(256)), "expected a wavelength"), ("nan", b"400 1\n500 nan\n", "expected a wavelength")):
+    body(f"spectrum-file-{name}", '<bsdf type="diffuse"><spectrum name="reflectance" filename="s.spd"/></bsdf>', message, s_spd=data)
+body("spectrum-hot", '<emitter type="constant"><spectrum name="radiance" type="blackbody"><float name="temperature" value="1e30"/></spectrum></emitter>', "between 1 and")
+body("spectrum-glowing-paint", '<bsdf type="diffuse"><spectrum name="reflectance" type="blackbody"/></bsdf>', "of emitters only")
 
 # Cameras and films
 bad("no-sensor", scene(CUBE), "no sensor")
 bad("no-shape", scene(SENSOR), "no shape")
-bad("sensor-unknown", scene('<sensor type="orthographic"/>' + CUBE), 'sensor "orthographic" is not supported')
+bad("sensor-unknown", scene('<sensor type="orthograpic"/>' + CUBE), 'did you mean "orthographic"')
+bad("lens-of-nothing", scene('<sensor type="thinlens"/>' + CUBE), "aperture_radius above 0")
+bad("lens-behind", scene('<sensor type="thinlens"><float name="aperture_radius" value="1"/><float name="focus_distance" value="0"/></sensor>' + CUBE), "focus_distance must be above 0")
+bad("orthographic-far-away", scene('<sensor type="orthographic"><transform name="to_world"><scale value="1e30"/></transform></sensor>' + CUBE), "too far away")
+bad("orthographic-sheared", scene('<sensor type="orthographic"><transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform></sensor>' + CUBE), "must not shear")
 for fov in ("0", "180", "-5", "1e30"):
     bad(f"fov-{fov}", sensor(f'<float name="fov" value="{fov}"/>'), "above 0 and below 180")
 bad("fov-axis", sensor('<float name="fov" value="40"/><string name="fov_axis" value="z"/>'), 'cannot be "z"')
@@ -134,8 +155,10 @@ for side in ("0", "-1", "131073", "2147483647"):
     bad(f"film-{side}", sensor("", f'<film type="hdrfilm"><integer name="width" value="{side}"/></film>'), "between 1 and 131072")
 bad("two-films", sensor("", '<film type="hdrfilm"/>' * 2), "at most one film")
 bad("film-unknown", sensor("", '<film type="ldrfilm"/>'), 'film "ldrfilm" is not supported')
-bad("film-crop", sensor("", '<film type="hdrfilm"><integer name="crop_width" value="7"/></film>'), "crop when rendering")
-bad("filter-unknown", sensor("", '<film type="hdrfilm"><rfilter type="lanczos"/></film>'), 'rfilter "lanczos" is not supported')
+bad("film-crop", sensor("", '<film type="hdrfilm"><integer name="crop_offset_x" value="7"/></film>'), "reaches beyond the film")
+bad("film-crop-huge", sensor("", '<film type="hdrfilm"><integer name="crop_offset_x" value="2147483647"/></film>'), "between 0 and 131072")
+bad("filter-unknown", sensor("", '<film type="hdrfilm"><rfilter type="lancos"/></film>'), 'rfilter "lancos" is not supported')
+bad("filter-of-many-lobes", sensor("", '<film type="hdrfilm"><rfilter type="lanczos"><integer name="lobes" value="1000000"/></rfilter></film>'), "between 1 and 8")
 bad("filter-wide", sensor("", '<film type="hdrfilm"><rfilter type="gaussian"><float name="stddev" value="16"/></rfilter></film>'), "s.xml:2:")
 
 # Shapes
@@ -145,6 +168,9 @@ body("scaled-away", '<shape type="cube"><transform name="to_world"><scale value=
 body("moved-away", '<shape type="rectangle"><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
 for radius in ("0", "-1", "1e18"):
     body(f"radius-{radius}", f'<shape type="sphere"><float name="radius" value="{radius}"/></shape>', "sphere")
+body("tube-of-no-length", '<shape type="cylinder"><point name="p1" x="0" y="0" z="0"/></shape>', "must differ")
+body("tube-inside-out", '<shape type="cylinder"><float name="radius" value="-1"/></shape>', "must be above 0")
+bad("many-disks", scene(SENSOR + '<shape type="disk"/>' * 20000), "the budget is", 4)
 body("ellipsoid", '<shape type="sphere"><transform name="to_world"><scale x="2"/></transform></shape>', "ellipsoid")
 body("mesh-missing", '<shape type="obj"><string name="filename" value="none.obj"/></shape>', "does not exist")
 body("mesh-unnamed", '<shape type="obj"><string name="filename" value=""/></shape>', "is empty")
@@ -189,6 +215,34 @@ for name, data, message in (
         ("binary-inf", ply(form="binary_little_endian", rows=struct.pack("<9f", *[float("inf")] * 9) + b"\3" + bytes(12)), "not finite")):
     body(f"ply-{name}", '<shape type="ply"><string name="filename" value="m.ply"/></shape>', message, m_ply=data)
 
+
+
+def deflated(data, zeros):
+    """And so many zeros more: piece by piece, as children inherit the peak memory of this process."""
+    stream = zlib.compressobj()
+    return stream.compress(data) + b"".join(stream.compress(bytes(min(zeros - at, 1 << 20))) for at in range(0, zeros, 1 << 20)) + stream.flush()
+
+
+def serialized(data=None, version=4, flags=0x1000, vertices=3, triangles=1, corner=2, positions=TRIANGLE, count=1, offset=0, zeros=0):
+    """A mesh file of Mitsuba's own kind."""
+    if data is None:
+        data = struct.pack("<I", flags) + (b"a\0" if version == 4 else b"") + struct.pack("<QQ", vertices, triangles) + positions + struct.pack("<3I", 0, 1, corner)
+    return struct.pack("<HH", 0x041C, version) + deflated(data, zeros) + struct.pack("<Q" if version == 4 else "<I", offset) * count + struct.pack("<I", count)
+
+
+for name, data, message in (
+        ("empty", b"", "not a serialized mesh"), ("another-file", b"ply\nformat ascii 1.0\n", "not a serialized mesh"), ("version", serialized(version=2), "version 2 are not supported"),
+        ("cut-off", serialized()[:-1], ""), ("half", serialized()[:30], ""), ("no-table", serialized(count=0), "no table"), ("table-huge", serialized()[:-4] + b"\xff" * 4, "no table"),
+        ("hollow", serialized(b""), "ends early"), ("vertices-huge", serialized(vertices=2 ** 28), "announces"), ("vertices-beyond", serialized(vertices=2 ** 63), "too many"),
+        ("triangles-huge", serialized(triangles=2 ** 28), "announces"), ("nothing", serialized(triangles=0), "no triangles"), ("index-9", serialized(corner=9), "refers to vertex 9"),
+        ("index-huge", serialized(corner=2 ** 32 - 1), "refers to vertex 4294967295"), ("nan", serialized(positions=struct.pack("<9f", *[float("nan")] * 9)), "not finite"),
+        ("no-zlib", struct.pack("<HH", 0x041C, 4) + b"\xff" * 40 + struct.pack("<QI", 0, 1), "damaged"), ("endless-name", serialized(struct.pack("<I", 0x1000) + b"x" * 1000), "ends early"),
+        ("bomb", serialized(struct.pack("<I", 0x1000) + b"a\0" + struct.pack("<QQ", 40000000, 1), zeros=480000012), "the budget is")):
+    body(f"serialized-{name}", '<shape type="serialized"><string name="filename" value="m.serialized"/></shape>', message, 4 if name == "bomb" else 2, m_serialized=data)
+body("serialized-index", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="3"/></shape>', "holds 1 meshes", m_serialized=serialized())
+body("serialized-offset", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="1"/></shape>', "begins outside",
+     m_serialized=serialized(count=2, offset=2 ** 60))
+
 # Materials and lights
 for name, inside, message in (
         ("reflectance-2", '<bsdf type="diffuse"><rgb name="reflectance" value="2"/></bsdf>', "between 0 and 1"),
@@ -206,7 +260,11 @@ for name, inside, message in (
         ("bump-of-nothing", '<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>', "exactly one <texture>"),
         ("radiance-negative", '<emitter type="constant"><rgb name="radiance" value="-1"/></emitter>', "not negative"),
         ("radiance-1e39", '<emitter type="constant"><rgb name="radiance" value="1e39"/></emitter>', "finite"),
-        ("light-unknown", '<emitter type="point"/>', 'emitter "point" is not supported'), ("light-without-shape", '<emitter type="area"/>', "must stand inside a shape"),
+        ("light-unknown", '<emitter type="points"/>', 'did you mean "point"'), ("sky", '<emitter type="sunsky"/>', "bake it"), ("light-far-away", '<emitter type="point"><point name="position" x="1e30" y="0" z="0"/></emitter>', "too far away"),
+        ("light-flattened", '<emitter type="spot"><transform name="to_world"><scale z="0"/></transform></emitter>', "singular"), ("light-nowhere", '<emitter type="directional"><vector name="direction" x="0" y="0" z="0"/></emitter>', "must not be zero"),
+        ("spot-angle", '<emitter type="spot"><float name="cutoff_angle" value="1e9"/></emitter>', "between"), ("spot-beam", '<emitter type="spot"><float name="beam_width" value="30"/></emitter>', "below its cutoff_angle"),
+        ("projector-missing", '<emitter type="projector"><texture name="irradiance" type="bitmap"><string name="filename" value="none"/></texture></emitter>', "does not exist"),
+        ("sky-flattened", '<emitter type="envmap"><string name="filename" value="s.xml"/><transform name="to_world"><scale x="0"/></transform></emitter>', "flattens the sky"), ("light-without-shape", '<emitter type="area"/>', "must stand inside a shape"),
         ("two-lights", '<shape type="cube"><emitter type="area"/><emitter type="area"/></shape>', "at most one emitter"),
         ("two-skies", '<emitter type="constant"/>' * 2, "second environment"), ("sky-missing", '<emitter type="envmap"><string name="filename" value="none"/></emitter>', "does not exist")):
     body(name, inside, message)
@@ -226,8 +284,19 @@ def pfm(*values, side=2):
     return f"PF\n{side} {side}\n-1.0\n".encode() + struct.pack(f"<{3 * side * side}f", *(list(values) * (3 * side * side))[:3 * side * side])
 
 
+def bmp(width, height, depth=24, compression=0):
+    return b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, width, height, 1, depth, compression, 0, 0, 0, 0, 0)
+
+
+def tga(kind, width, height, depth=24):
+    return struct.pack("<BBBHHBHHHHBB", 0, 0, kind, 0, 0, 0, 0, 0, width, height, depth, 0)
+
+
 GOOD_PNG = png(2, 2, b"\0\x40\x80\0\x80\x40")
 for name, data, message, code in (
+        ("cut.bmp", bmp(2, 2), "truncated BMP", 2), ("huge.bmp", bmp(100000, 100000), "too large", 2), ("least.bmp", bmp(2, -2 ** 31), "too large", 2), ("short.bmp", b"BM", "truncated BMP", 2),
+        ("packed.bmp", bmp(2, 2, 8, 1) + bytes(64), "without compression", 2), ("palette.bmp", bmp(1, 1, 8) + b"\xff\0\0\0", "truncated BMP", 2), ("cut.tga", tga(2, 2, 2), "truncated TGA", 2),
+        ("huge.tga", tga(10, 65535, 65535), "too large", 2), ("kind.tga", tga(7, 2, 2) + bytes(64), "TGA of type 7", 2), ("short.tga", b"\0", "truncated TGA", 2),
         ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2),
         ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
         ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),

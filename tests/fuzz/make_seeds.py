@@ -14,10 +14,10 @@ program, folder = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
 here = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(here, "..", "cli"))
 os.environ["OCTRAD"] = program
-from broken_inputs import CASES, OBJ_BOX, TRIANGLE, chunk, pfm, ply, png  # noqa: E402
+from broken_inputs import CASES, OBJ_BOX, TRIANGLE, chunk, pfm, ply, png, serialized  # noqa: E402
 from support import ROOM  # noqa: E402
 
-FORMATS = {"obj": "obj", "ply": "ply", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene"}
+FORMATS = {"obj": "obj", "ply": "ply", "serialized": "serialized", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene"}
 
 
 def put(target, name, data):
@@ -50,6 +50,24 @@ put("ply", "ascii", ply())
 put("ply", "binary", ply(form="binary_little_endian", rows=TRIANGLE + b"\3" + struct.pack("<3i", 0, 1, 2)))
 put("ply", "big", ply(form="binary_big_endian", properties=("x", "y", "z"), rows=struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + b"\3" + struct.pack(">3i", 0, 1, 2)))
 put("ply", "normals", ply(properties=("x", "y", "z", "nx", "ny", "nz", "u", "v"), rows="0 0 0 0 0 1 0 0\n1 0 0 0 0 1 1 0\n0 1 0 0 0 1 0 1\n3 0 1 2\n"))
+put("ply", "attributes", ply(properties=("x", "y", "z", "r", "g", "b", "w_0"), rows="0 0 0 1 1 1 1\n1 0 0 0 0 0 0\n0 1 0 1 0 1 0\n3 0 1 2\n"))
+put("bmp", "24", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, 2, 2, 1, 24, 0, 0, 0, 0, 0, 0) + bytes(16))
+put("bmp", "8", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 62, 40, 2, -1, 1, 8, 0, 0, 0, 0, 0, 0) + bytes(12))
+put("tga", "24", struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 2, 2, 24, 0) + bytes(12))
+put("tga", "runs", struct.pack("<BBBHHBHHHHBB", 0, 0, 11, 0, 0, 0, 0, 0, 3, 1, 8, 0) + b"\x82\xff")
+put("tga", "palette", struct.pack("<BBBHHBHHHHBB", 0, 1, 9, 0, 2, 24, 0, 0, 2, 1, 8, 32) + bytes(6) + b"\x81\0")
+put("old_scene", "all", '<scene version="0.6.0"><sensor type="perspective"><transform name="toWorld"><lookAt origin="0 0 1" target="0 0 0" up="0 1 0"/></transform></sensor><shape type="sphere">'
+    '<bsdf type="mixturebsdf"><string name="weights" value="0.2, 0.3"/><bsdf type="phong"/><bsdf type="coating"><bsdf type="diffuse"/></bsdf></bsdf><emitter type="area"><blackbody name="radiance" temperature="3000K"/>'
+    '</emitter></shape><bsdf type="difftrans"/><bsdf type="ward"/><bsdf type="bumpmap"><texture type="scale"><texture type="bitmap"/></texture></bsdf><bsdf type="diffuse"><spectrum name="reflectance" value="400:1,700:2"/></bsdf>'
+    '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="uscale" value="2"/><string name="filterType" value="ewa"/></texture></bsdf></scene>')
+put("serialized", "old", serialized(version=3))
+put("serialized", "two", serialized(count=2))
+put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
+put("serialized", "double", serialized(flags=0x2003, positions=struct.pack("<24d", 0, 0, 0, 1, 0, 0, 0, 1, 0, *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1)))
+put("scene", "world", '<scene version="3.0.0"><sensor type="thinlens"><float name="aperture_radius" value="0.1"/><float name="focus_distance" value="3"/><film type="hdrfilm"><integer name="crop_width" value="5"/>'
+    '<rfilter type="lanczos"/></film></sensor><sensor type="orthographic"/><shape type="disk"/><shape type="cylinder"/><shape type="shapegroup" id="g"><shape type="cube"/><shape type="sphere"/></shape>'
+    '<shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/></transform></shape><emitter type="point"/><emitter type="spot"><float name="cutoff_angle" value="30"/></emitter>'
+    '<emitter type="directional"/><emitter type="projector"><texture name="irradiance" type="bitmap"><string name="filename" value="t.png"/></texture></emitter></scene>')
 put("png", "grey", png(2, 2, b"\0\x40\x80\0\x80\x40"))
 put("png", "rgba", png(1, 2, b"\0\1\2\3\4\1\5\6\7\x08", 6))
 for depth, color, interlace, rows in ((1, 3, 0, b"\0\x40\0\x80"), (16, 2, 0, b"\0" + bytes(12) + b"\2" + bytes(12)), (8, 0, 1, b"\0\1\0\2\0\3\4"), (8, 4, 0, b"\0\1\2\3\4\4\1\2\3\4")):
@@ -82,8 +100,8 @@ os.remove(os.path.join(folder, "room.xml"))
 
 WORDS = {
     "scene": "<scene <sensor <film <rfilter <shape <bsdf <emitter <texture <transform <lookat <matrix <scale <rotate <translate <rgb <float <integer <boolean <string <point <ref <default "
-             "<include <alias <path type= name= value= id= version=\\\"3.0.0\\\" perspective cube sphere rectangle obj ply diffuse plastic conductor dielectric twosided mask bumpmap area "
-             "constant envmap bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
+             "<include <alias <path type= name= value= id= version=\\\"3.0.0\\\" perspective thinlens orthographic cube sphere disk cylinder shapegroup instance rectangle obj ply serialized diffuse plastic conductor dielectric twosided mask bumpmap area "
+             "constant envmap point spot directional projector bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
     "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
     "hdr": "#?RADIANCE #?RGBE FORMAT=32-bit_rle_rgbe -Y +X \\x02\\x02 \\x01\\x01\\x01".split(),
@@ -94,6 +112,9 @@ WORDS = {
     "model": "__metadata__ dtype shape data_offsets F32 F16 I32 I64 U16 format octrad config scene state octree.level1.cells".split(),
     "config": "octree.levels preset paper default cpu field octaoctree nr ncr train.time 1e999 null true [[[[ {".split(),
     "camera": "origin target up fov to_world width height near_clip far_clip 1e30 1e999 null".split(),
+    "bmp": "BM \\x28\\x00\\x00\\x00 \\x7c\\x00\\x00\\x00".split(),
+    "tga": ["TRUEVISION-XFILE."],
+    "old_scene": "<scene <bsdf <spectrum <srgb <blackbody <texture <lookAt version=\\\"0.6.0\\\" mixturebsdf weights phong ward coating roughcoating difftrans irawan 400:1 toWorld uscale filterType intent= $ />".split(),
     "path": "keys frames duration fps time origin target 1e9 1e30".split(),
     "points": "nan inf 1e39 -1 , \\x0a".split(),
 }

@@ -81,13 +81,21 @@ void guarded(const std::string& bytes) {
 
 constexpr Target kTargets[] = {
     {"scene", guarded<read_scene>},
-    {"ply", guarded<[](const std::string& bytes) { read_mesh(parse_ply("in.ply", bytes)); }>},
+    {"ply", guarded<[](const std::string& bytes) {
+       read_mesh(parse_ply("in.ply", bytes, {"vertex_color", "face_color", "vertex_w", "face_w"}));
+     }>},
     {"obj", guarded<[](const std::string& bytes) { read_mesh(parse_obj("in.obj", bytes)); }>},
+    {"serialized", guarded<[](const std::string& bytes) {
+       for (const int index : {0, 1}) read_mesh(parse_serialized("in.serialized", bytes, index));
+     }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},
     {"exr", guarded<read_picture>},
     {"hdr", guarded<read_picture>},
     {"pfm", guarded<read_picture>},
+    {"bmp", guarded<read_picture>},
+    {"tga", guarded<[](const std::string& bytes) { parse_image("in.tga", bytes); }>},
+    {"old_scene", guarded<[](const std::string& bytes) { check_scene_file(write_input(bytes, "in.xml")); }>},
     {"model", guarded<read_model>},
     {"config", guarded<read_config>},
     {"camera", guarded<read_camera>},

@@ -123,6 +123,11 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
   return verb;
 }
 
+void add_permissive_option(CLI::App& verb, CommonOptions& common) {
+  verb.add_flag("--permissive", common.permissive,
+                "scene: replace what is not supported by a stand-in (magenta surfaces) or leave it out, and list it");
+}
+
 void add_log_option(CLI::App& verb, CommonOptions& common) {
   verb.add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
       ->type_name("FILE")

@@ -32,6 +32,7 @@ struct CommonOptions {
   int quiet = 0, verbose = 0;  // how often they were given
   bool json = false;
   std::string log_json;
+  bool permissive = false;  // of verbs that read scenes
 
   bool has_seed() const { return seed >= 0; }
   std::uint64_t memory_budget() const;
@@ -75,6 +76,7 @@ void add_train(Program& program);
 void add_render(Program& program);
 void add_view(Program& program);
 void add_compare(Program& program);
+void add_convert(Program& program);
 void add_denoise(Program& program);
 void add_merge(Program& program);
 void add_info(Program& program);
@@ -85,6 +87,9 @@ void add_paper(Program& program);
 
 // Adds --log-json: for verbs whose work has progress to write.
 void add_log_option(CLI::App& verb, CommonOptions& common);
+
+// Adds --permissive: for verbs that read scenes.
+void add_permissive_option(CLI::App& verb, CommonOptions& common);
 
 // A check that does not add itself to the help text (the option's own text says what is accepted).
 template <typename Validator>

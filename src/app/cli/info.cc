@@ -9,6 +9,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/threads.h"
 #include "octrad/base/version.h"
 #include "octrad/device/choose.h"
@@ -20,6 +21,8 @@
 #include "octrad/network/mlp_simd.h"
 #include "octrad/render/highlights.h"
 #include "octrad/scene/camera.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/plugins.h"
 #include "octrad/train/domain.h"
 
 namespace octrad::cli {
@@ -29,6 +32,8 @@ struct InfoOptions {
   std::string file;
   bool keys = false;
   bool sampled = false;
+  bool check = false;
+  bool plugins = false;
   ConfigOptions config;
 };
 
@@ -215,7 +220,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const bool octree = field.cell_levels(config) > 0;
   if (options.sampled && !octree)
     throw UsageError(fmt::format("--sampled: the field {} has no octree whose cells could be counted", field.name));
-  const PreparedScene prepared(open_scene(options.file, options.config.scene_definitions()));
+  const PreparedScene prepared(open_scene(options.file, options.config.scene_definitions(), common.permissive));
   const Scene& scene = prepared.scene();
   warn_of_ignored_keys(options.config, config);
   const DomainFit fit = fit_domain(
@@ -226,7 +231,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
 
   const double small_lamps =
       small_lamp_share(prepared, static_cast<float>(config.render_bounce_below), rhs_rules(config).follow_below);
-  const std::size_t lights = scene.area_lights.size() + scene.environments.size();
+  const std::size_t lights = scene.area_lights.size() + scene.delta_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
     for (const Camera& c : scene.cameras) {
@@ -246,6 +251,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                 {"textures", scene.textures.size()},
                 {"lights", lights},
                 {"area_lights", scene.area_lights.size()},
+                {"delta_lights", scene.delta_lights.size()},
                 {"environments", scene.environments.size()},
                 {"small_lamps", small_lamps},
                 {"cameras", cameras},
@@ -269,7 +275,9 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                  {{"features", size.features},
                   {"with_optimizer", size.total},
                   {"without_optimizer", size.total - size.optimizer}}},
-                {"warnings", scene.warnings}});
+                {"warnings", scene.warnings},
+                {"assumed", scene.assumed},
+                {"refused", issues_json(scene.refused)}});
     return;
   }
   const auto point = [](Vec3f v) { return fmt::format("({:.4g}, {:.4g}, {:.4g})", v.x, v.y, v.z); };
@@ -278,15 +286,17 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                      format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(),
                      scene.shapes.size());
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
-  out += fmt::format("lights     {}: {} area, {} environment\n", lights, scene.area_lights.size(),
-                     scene.environments.size());
+  out += fmt::format("lights     {}: {} area, {} without extent, {} environment\n", lights, scene.area_lights.size(),
+                     scene.delta_lights.size(), scene.environments.size());
   out += fmt::format("highlights {:.0f} % of the light on surfaces of roughness below {} is from small lamps: lhs {}\n",
                      100.0 * small_lamps, config.render_bounce_below,
                      bounce_below(prepared, config) > 0.0f ? "takes a bounce there" : "asks the cache there too");
   out += fmt::format("bounds     {} to {}\n", point(scene.bounds.lower), point(scene.bounds.upper));
   for (const Camera& c : scene.cameras) {
-    out += fmt::format("sensor     at {} looking along {}, {:.4g} degrees, {} x {}\n", point(c.origin),
-                       point(c.forward), c.fov_degrees, c.film_width, c.film_height);
+    const bool orthographic = c.kind == CameraKind::orthographic;
+    out += fmt::format("sensor     at {} looking along {}, {:.4g} {}, {} x {}\n", point(c.origin), point(c.forward),
+                       orthographic ? 2.0f * c.half_size.x : c.fov_degrees, orthographic ? "wide" : "degrees",
+                       c.film_width, c.film_height);
   }
   out += fmt::format("depth      {}\n\n{} with preset {}, {}",
                      scene.max_depth < 0 ? std::string("unlimited") : std::to_string(scene.max_depth), field.title,
@@ -301,6 +311,34 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   out +=
       fmt::format("model file about {} with what --resume needs, about {} with --no-optimizer, of which features {}\n",
                   format_bytes(size.total), format_bytes(size.total - size.optimizer), format_bytes(size.features));
+  print_text(out);
+}
+
+// Everything that stands in the way of a scene.
+void info_check(const CommonOptions& common, const InfoOptions& options) {
+  LoadOptions load;
+  load.definitions = options.config.scene_definitions();
+  const SceneCheck check = check_scene_file(options.file, load);
+  const bool loads = check.refused.empty();
+  if (common.json) {
+    print_json({{"loads", loads}, {"refused", issues_json(check.refused)}, {"assumed", check.assumed}});
+  } else {
+    std::string out = fmt::format("{} {}\n", options.file, loads ? "loads" : "does not load");
+    for (const SceneIssue& issue : check.refused) out += fmt::format("refused  {}: {}\n", issue.where, issue.what);
+    for (const std::string& text : check.assumed) out += fmt::format("assumed  {}\n", text);
+    print_text(out);
+  }
+  if (!loads) throw InputError(fmt::format("{}: {} things cannot be used", options.file, check.refused.size()));
+}
+
+void info_plugins(const CommonOptions& common) {
+  nlohmann::json list = nlohmann::json::object();
+  std::string out;
+  for (const auto& [tag, types] : plugin_types()) {
+    list[tag] = types;
+    out += fmt::format("{:<9} {}\n", tag, join(types));
+  }
+  if (common.json) return print_json(list);
   print_text(out);
 }
 
@@ -368,19 +406,29 @@ void info_model(const CommonOptions& common, const std::string& file) {
 }
 
 void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
+  if (options.plugins) {
+    if (!options.file.empty() || options.keys)
+      throw UsageError("--plugins lists what scenes may hold and takes nothing else");
+    return info_plugins(common);
+  }
   if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
   if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.keys) return info_keys(common, options.config.resolve());
   std::string extension = std::filesystem::path(options.file).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (options.check && extension != ".xml") throw UsageError("--check belongs to a scene (.xml)");
+  if (options.check && common.permissive)
+    throw UsageError("--check lists what --permissive would replace; give one of them");
+  if (options.check) return info_check(common, options);
   if (extension == ".xml") return info_scene(common, options);
+  if (common.permissive) throw UsageError("--permissive belongs to a scene");
   if (options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.config.given()) throw UsageError("--preset, --config and -D belong to a scene or to --keys");
   if (options.file.empty()) return info_program(common, device_verbs);
   if (extension == ".octrad") return info_model(common, options.file);
   if (extension == ".exr" || extension == ".hdr" || extension == ".pfm" || extension == ".png" || extension == ".jpg" ||
-      extension == ".jpeg")
+      extension == ".jpeg" || extension == ".bmp" || extension == ".tga")
     return info_image(common, options.file);
   throw UsageError(fmt::format(
       "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
@@ -397,6 +445,10 @@ void add_info(Program& program) {
       ->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
+  verb->add_flag("--check", options->check,
+                 "scene: list everything that is refused or assumed; exit code 2 where it does not load");
+  verb->add_flag("--plugins", options->plugins, "list the shapes, bsdfs, textures ... that scenes may hold");
+  add_permissive_option(*verb, program.common);
   options->config.add_to(*verb);
   verb->callback([&program, options] {
     program.run = [&program, options] { info_verb(program.common, *options, program.device_verbs()); };

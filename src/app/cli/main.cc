@@ -69,6 +69,7 @@ int run(int argc, char** argv) {
   add_render(program);
   add_view(program);
   add_compare(program);
+  add_convert(program);
   add_merge(program);
   add_denoise(program);
   add_info(program);

@@ -3,20 +3,34 @@
 #include "app/cli/common.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/scene/load.h"
 
 namespace octrad::cli {
 
-Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions,
+nlohmann::json issues_json(const std::vector<SceneIssue>& issues) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const SceneIssue& issue : issues) list.push_back({{"where", issue.where}, {"what", issue.what}});
+  return list;
+}
+
+void log_findings(const Scene& scene) {
+  for (const std::string& warning : scene.warnings) log_warning(warning);
+  if (!scene.assumed.empty()) log_warning("assumed: " + join(scene.assumed, "; "));
+  for (const SceneIssue& issue : scene.refused) log_warning(issue.where + ": not used: " + issue.what);
+}
+
+Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions, bool permissive,
                  const std::vector<std::pair<std::string, std::string>>& outputs) {
   const Stopwatch watch;
   LoadOptions options;
   options.definitions = definitions;
+  options.permissive = permissive;
   Scene scene = load_scene(file, options);
   for (const auto& [option, output] : outputs) refuse_input_as_output(option, output, scene.other_files);
-  for (const std::string& warning : scene.warnings) log_warning(warning);
+  log_findings(scene);
   log_verbose("{}: {} triangles in {} shapes, parsed in {}", file,
               format_count(static_cast<long long>(scene.triangle_count())), scene.shapes.size(),
               format_duration(watch.seconds()));

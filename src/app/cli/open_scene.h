@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,9 +11,13 @@
 
 namespace octrad::cli {
 
-// `definitions`: values of the scene file's parameters. `outputs`: options and the files that they name, which must not
-// be what the scene refers to. Throws as load_scene() does, and UsageError.
-Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions,
+// `definitions`: values of the scene file's parameters. `permissive`: LoadOptions. `outputs`: options and the files
+// that they name, which must not be what the scene refers to. Throws as load_scene() does, and UsageError.
+Scene open_scene(const std::string& file, const std::map<std::string, std::string>& definitions, bool permissive,
                  const std::vector<std::pair<std::string, std::string>>& outputs = {});
+// Logs its warnings, one of all that was assumed, and what stand-ins were taken for.
+void log_findings(const Scene& scene);
+// [{"where": "file:line:column", "what": "..."}]
+nlohmann::json issues_json(const std::vector<SceneIssue>& issues);
 
 }  // namespace octrad::cli

@@ -39,6 +39,8 @@ FilmIdentity identity_of(const RenderSession& s, const View& view) {
   camera["principal_point_offset"] = {view.camera.principal_point_offset.x, view.camera.principal_point_offset.y};
   const Crop& c = view.crop;
   const FilterShape shape = ReconstructionFilter(s.settings.film).shape();
+  std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
+  if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
   return {{"scene", s.scene().fingerprint},
           {"camera", camera.dump()},
           {"size", fmt::format("{} x {}, crop {},{},{},{}", view.width, view.height, c.x, c.y, c.width, c.height)},
@@ -46,7 +48,7 @@ FilmIdentity identity_of(const RenderSession& s, const View& view) {
           {"seed", std::to_string(s.settings.seed)},
           {"max_depth", std::to_string(s.settings.max_depth)},
           {"rr_depth", std::to_string(s.settings.rr_depth)},
-          {"filter", fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent)},
+          {"filter", filter},
           {"device", s.device.name}};
 }
 
@@ -276,6 +278,7 @@ void add_render(Program& program) {
       ->type_name("T");
   verb->add_flag("--denoise", o->denoise, "remove the noise with Intel Open Image Denoise")->group("Denoiser");
   o->denoiser.add_to(*verb, "denoise-", "Denoiser");
+  add_permissive_option(*verb, program.common);
   add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {
     o->view.sensor_given = sensor->count() > 0;

@@ -117,7 +117,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
       stream(device.make_stream()),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
-      prepared(open_scene(o.scene, definitions_of(o).scene_definitions(),
+      prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),
       log(common.open_log()),
       progress_(o.integrator) {
@@ -130,7 +130,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
                                  definitions.config_definitions().front().first, o.integrator));
   }
   budget = choose_budget(o, integrator);
-  settings.film = scene().film;
+  settings.film = scene().film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));
   settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene().max_depth;
   settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
   settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));

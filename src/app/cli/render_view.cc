@@ -45,6 +45,7 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o) {
     }
     camera = scene.cameras[static_cast<std::size_t>(o.sensor)];
     if (o.fov > 0.0) {
+      if (camera.kind == CameraKind::orthographic) throw UsageError("--fov: the sensor is orthographic");
       camera.fov_degrees = static_cast<float>(o.fov);
       camera.fov_axis = from_options([&] { return parse_fov_axis(o.fov_axis); });
     }

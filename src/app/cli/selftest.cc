@@ -88,7 +88,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   std::vector<PreparedScene> scenes;  // the one given, or built-in ones
   const auto prepare = [&](Scene scene) { scenes.emplace_back(std::move(scene), PreparedScene::CpuTree::bvh8); };
   if (!o.scene.empty()) {
-    prepare(open_scene(o.scene, definitions.scene_definitions(), {{"-o", o.output}}));
+    prepare(open_scene(o.scene, definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
   } else {
     prepare(testing::triangle_soup(seed));
     prepare(testing::every_material());
@@ -216,6 +216,7 @@ void add_selftest(Program& program) {
       ->expected(1)
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_permissive_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { selftest_verb(program.common, *o); }; });
 }
 

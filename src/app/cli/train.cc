@@ -138,8 +138,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream();
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
-  const PreparedScene scene(
-      open_scene(o.scene, o.config.scene_definitions(), {{"-o", o.output}, {"--log-json", common.log_json}}));
+  const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,
+                                       {{"-o", o.output}, {"--log-json", common.log_json}}));
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
@@ -318,6 +318,7 @@ void add_train(Program& program) {
   verb->add_flag("--overwrite", o->overwrite, "replace MODEL.octrad if there is one")->excludes(resume);
   verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
+  add_permissive_option(*verb, program.common);
   add_log_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
 }

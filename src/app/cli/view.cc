@@ -166,7 +166,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
     if (!name.empty() && find_integrator(name).info->needs_model && o.models.empty())
       throw UsageError(fmt::format("integrator {} needs --model FILE.octrad", name));
   }
-  const PreparedScene prepared(open_scene(o.scene, definitions_of(o).scene_definitions()));
+  const PreparedScene prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive));
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
@@ -258,6 +258,7 @@ void add_view(Program& program) {
   verb->add_option("--camera", o->view.camera_file, "JSON file with origin, target, up, fov to begin at")
       ->type_name("FILE")
       ->group("Camera");
+  add_permissive_option(*verb, program.common);
   verb->add_option("--port", o->server.port, "port to listen at; 0, the default: a free one")
       ->check(whole_in_range(0, 65535))
       ->type_name("N")

@@ -11,11 +11,23 @@ nlohmann::json camera_json(const Camera& c) {
   const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
   static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
   const Vec3f target = c.origin + c.forward;
-  return {{"origin", vector(c.origin)},
-          {"target", vector(target)},
-          {"up", vector(c.up)},
-          {"fov", c.fov_degrees},
-          {"fov_axis", kAxes[static_cast<int>(c.fov_axis)]}};
+  nlohmann::json json = {{"origin", vector(c.origin)}, {"target", vector(target)}, {"up", vector(c.up)}};
+  if (c.kind == CameraKind::orthographic) {
+    json["type"] = "orthographic";
+    json["view_width"] = 2.0f * c.half_size.x;
+    if (c.half_size.y != c.half_size.x) json["view_height"] = 2.0f * c.half_size.y;
+  } else {
+    json["fov"] = c.fov_degrees;
+    json["fov_axis"] = kAxes[static_cast<int>(c.fov_axis)];
+  }
+  if (c.kind == CameraKind::thinlens) {
+    json["type"] = "thinlens";
+    json["aperture_radius"] = c.aperture_radius;
+    json["focus_distance"] = c.focus_distance;
+  }
+  if (c.crop_size.x != 1.0f || c.crop_size.y != 1.0f)
+    json["window"] = {c.crop_offset.x, c.crop_offset.y, c.crop_size.x, c.crop_size.y};
+  return json;
 }
 
 void add_origin(Image& image, const PictureOrigin& origin) {

@@ -19,4 +19,13 @@ OCTRAD_HD inline Frame make_frame(Vec3f n) {
   return {{1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}, n};
 }
 
+// The frame of the unit normal `n` whose first axis follows `tangent` as far as it can.
+OCTRAD_HD inline Frame tangent_frame(Vec3f n, Vec3f tangent) {
+  const Vec3f s = tangent - n * dot(n, tangent);
+  const float l2 = dot(s, s);
+  if (!(l2 > 1e-24f && std::isfinite(l2))) return make_frame(n);
+  const Vec3f unit = s / std::sqrt(l2);
+  return {unit, cross(n, unit), n};
+}
+
 }  // namespace octrad

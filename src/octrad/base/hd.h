@@ -20,3 +20,11 @@
 #else
 #define OCTRAD_HD_OR_HOST
 #endif
+
+// A function that is not inlined: rare, large, and called from code that must stay small or, on a device, must not hold
+// its registers for it. Its parameters are values: an address would force the caller's variable into memory.
+#if defined(__CUDACC__)
+#define OCTRAD_HD_APART __host__ __device__ __noinline__
+#else
+#define OCTRAD_HD_APART __attribute__((noinline))
+#endif

@@ -19,7 +19,8 @@ inline constexpr int kHitClusterNumbers = 3 * kHitClusters;
 struct SurfacePoint {
   Vec3f x;                        // world position
   Vec3f n;                        // unit shading normal, on the side of wo
-  Vec3f wo;                       // unit direction towards the viewer
+  Vec3f wo;                       // unit direction towards the viewer; seen through, that whose mirror direction
+                                  // is the refracted one (method section 1)
   Vec3f albedo;                   // linear RGB, independent of wo
   float alpha = 1.0f;             // roughness: 1 diffuse, 0 perfectly smooth
   float disparity = 0.0f;         // 1 / distance along the look-up direction, only with QueryRays::offset

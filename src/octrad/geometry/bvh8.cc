@@ -8,13 +8,17 @@
 #include <stdexcept>
 
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 #include "octrad/geometry/bvh2.h"
+#include "octrad/geometry/shape_view.h"
 
 namespace octrad {
 namespace {
 
 constexpr std::size_t kBlock = 4096;
+constexpr std::uint64_t kBuildBytes =
+    sizeof(BvhReference) + sizeof(Bvh2Node) + sizeof(Bvh8Primitive) + 32;  // a triangle
 
 // ---- References ----------------------------------------------------------------------------------------------------
 
@@ -24,11 +28,9 @@ bool fits(const float* p) {
   return inside;
 }
 
-BvhReference triangle_reference(const TriangleMesh& mesh, int shape, std::size_t i) {
+BvhReference triangle_reference(const MeshView& mesh, int shape, std::size_t i) {
   const Vec3i t = mesh.triangles[i];
-  const Vec3f& a = mesh.positions[static_cast<std::size_t>(t.x)];
-  const Vec3f& b = mesh.positions[static_cast<std::size_t>(t.y)];
-  const Vec3f& c = mesh.positions[static_cast<std::size_t>(t.z)];
+  const Vec3f a = mesh_position(mesh, t.x), b = mesh_position(mesh, t.y), c = mesh_position(mesh, t.z);
   const Vec3f lower = min(a, min(b, c)), upper = max(a, max(b, c));
   const bool valid = fits(&a.x) && fits(&b.x) && fits(&c.x);
   return {{lower.x, lower.y, lower.z}, valid ? shape : -1, {upper.x, upper.y, upper.z}, static_cast<std::int32_t>(i)};
@@ -48,6 +50,8 @@ std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_ou
     first[i + 1] = first[i] + (sphere ? 1 : scene.meshes[static_cast<std::size_t>(shape.geometry)].triangles.size());
   }
   if (first.back() > (std::size_t{1} << 30)) throw MemoryError("ray tracing: more than 2^30 triangles");
+  // Instances are copied out: a bounded price for one kind of tree in the kernels.
+  if (!scene.placements.empty()) ask_memory(first.back() * kBuildBytes, "ray tracing: the triangles of all instances");
   std::vector<BvhReference> references(first.back());
   for (std::size_t i = 0; i < scene.shapes.size(); ++i) {
     const Shape& shape = scene.shapes[i];
@@ -58,8 +62,9 @@ std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_ou
       continue;
     }
     const TriangleMesh& mesh = scene.meshes[geometry];
+    const MeshView view = shape_view(scene, i).mesh;
     parallel_blocks(mesh.triangles.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k) out[k] = triangle_reference(mesh, static_cast<int>(i), k);
+      for (std::size_t k = begin; k < end; ++k) out[k] = triangle_reference(view, static_cast<int>(i), k);
     });
   }
   left_out = std::erase_if(references, [](const BvhReference& r) { return r.shape < 0; });
@@ -81,10 +86,10 @@ Bvh8Primitive primitive_of(const Scene& scene, const BvhReference& r) {
     }
     return p;
   }
-  const TriangleMesh& mesh = scene.meshes[geometry];
-  const Vec3i t = mesh.triangles[static_cast<std::size_t>(r.primitive)];
+  const MeshView mesh = shape_view(scene, static_cast<std::size_t>(r.shape)).mesh;
+  const Vec3i t = mesh.triangles[r.primitive];
   for (int k = 0; k < 3; ++k) {
-    const Vec3f& corner = mesh.positions[static_cast<std::size_t>(t[k])];
+    const Vec3f corner = mesh_position(mesh, t[k]);
     for (int axis = 0; axis < 3; ++axis) p.rows[axis].corner[k] = corner[axis];
   }
   return p;

@@ -28,10 +28,10 @@ struct Bvh8Options {
   int max_levels = 64;  // of the binary tree before it is split at medians only (for tests)
 };
 
-// All shapes of the scene. A binary tree by the surface area heuristic (MacDonald & Booth 1990) over bins (Wald 2007,
-// "On fast Construction of SAH-based Bounding Volume Hierarchies"), collapsed to eight children at the least expected
-// cost (Ylitie et al. 2017). Parallel; the same bytes at any number of threads. Throws MemoryError above 2^30
-// primitives.
+// All shapes of the scene, a copy of its triangles for every instance. A binary tree by the surface area heuristic
+// (MacDonald & Booth 1990) over bins (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies"),
+// collapsed to eight children at the least expected cost (Ylitie et al. 2017). Parallel; the same bytes at any number
+// of threads. Throws MemoryError above 2^30 primitives, or where instances do not fit into the memory budget.
 Bvh8 build_bvh8(const Scene& scene, const Bvh8Options& options = {});
 
 // A tracer without Embree, one ray at a time: the reference for devices. The tree must outlive it.

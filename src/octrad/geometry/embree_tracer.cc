@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -115,8 +116,14 @@ class EmbreeTracer final : public Tracer {
       const Shape& shape = scene.shapes[i];
       if (shape.kind == Shape::Kind::sphere) {
         spheres_.shapes.push_back(static_cast<int>(i));
+      } else if (shape.placement < 0) {
+        const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(shape.geometry)];
+        if (mesh.triangles.empty()) continue;
+        const unsigned id = geometries_++;
+        add_mesh(scene_.get(), mesh, id);
+        set_shape(id, static_cast<int>(i));
       } else {
-        add_mesh(scene.meshes[static_cast<std::size_t>(shape.geometry)], static_cast<int>(i));
+        i = add_instance(scene, i);
       }
     }
     if (!spheres_.shapes.empty()) add_spheres();
@@ -133,7 +140,7 @@ class EmbreeTracer final : public Tracer {
     rh.hit.primID = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(scene_.get(), &context, &rh);
-    return make_hit(rh.hit.geomID, rh.hit.primID, rh.ray.tfar, rh.hit.u, rh.hit.v);
+    return make_hit(rh.hit.instID[0], rh.hit.geomID, rh.hit.primID, rh.ray.tfar, rh.hit.u, rh.hit.v);
   }
 
   bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const override {
@@ -162,11 +169,16 @@ class EmbreeTracer final : public Tracer {
   }
 
  private:
-  Hit make_hit(unsigned geometry, unsigned primitive, float t, float u, float v) const {
+  Hit make_hit(unsigned instance, unsigned geometry, unsigned primitive, float t, float u, float v) const {
     Hit hit;
     if (geometry == RTC_INVALID_GEOMETRY_ID) return hit;
     hit.t = t;
-    if (geometry == sphere_geometry_) {
+    if (instance != RTC_INVALID_GEOMETRY_ID) {
+      hit.shape = shape_of_[instance] + static_cast<int>(geometry);
+      hit.primitive = static_cast<int>(primitive);
+      hit.u = u;
+      hit.v = v;
+    } else if (geometry == sphere_geometry_) {
       hit.shape = spheres_.shapes[primitive];
       hit.primitive = 0;
     } else {
@@ -191,7 +203,8 @@ class EmbreeTracer final : public Tracer {
       for (std::size_t i = 0; i < N; ++i) rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
       trace(valid, scene_.get(), &context, &rh);
       for (std::size_t i = 0; i < n; ++i) {
-        hits[first + i] = make_hit(rh.hit.geomID[i], rh.hit.primID[i], rh.ray.tfar[i], rh.hit.u[i], rh.hit.v[i]);
+        hits[first + i] =
+            make_hit(rh.hit.instID[0][i], rh.hit.geomID[i], rh.hit.primID[i], rh.ray.tfar[i], rh.hit.u[i], rh.hit.v[i]);
       }
     }
   }
@@ -245,8 +258,7 @@ class EmbreeTracer final : public Tracer {
     ray.flags = 0;
   }
 
-  void add_mesh(const TriangleMesh& mesh, int shape) {
-    if (mesh.triangles.empty()) return;
+  void add_mesh(RTCScene scene, const TriangleMesh& mesh, unsigned id) const {
     RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
     // Embree may read up to 16 bytes at the last vertex, which a shared vector of 12-byte vertices does not have.
     void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
@@ -256,10 +268,45 @@ class EmbreeTracer final : public Tracer {
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
                                sizeof(Vec3i), mesh.triangles.size());
     rtcCommitGeometry(geometry);
-    const unsigned id = rtcAttachGeometry(scene_.get(), geometry);
+    rtcAttachGeometryByID(scene, geometry, id);
     rtcReleaseGeometry(geometry);
-    if (shape_of_.size() <= id) shape_of_.resize(id + 1, -1);
-    shape_of_[id] = shape;
+  }
+
+  void set_shape(unsigned geometry, int shape) {
+    if (shape_of_.size() <= geometry) shape_of_.resize(geometry + 1, -1);
+    shape_of_[geometry] = shape;
+  }
+
+  // The shapes from `first` on that have its placement, which are those of one instance; returns the last. Instances of
+  // the same meshes share a tree, whose geometries are numbered like the shapes.
+  std::size_t add_instance(const Scene& scene, std::size_t first) {
+    const int placement = scene.shapes[first].placement;
+    std::vector<int> meshes;
+    std::size_t i = first;
+    for (; i < scene.shapes.size() && scene.shapes[i].placement == placement; ++i)
+      meshes.push_back(scene.shapes[i].geometry);
+    ScenePtr& group = groups_[meshes];
+    if (!group) {
+      group.reset(rtcNewScene(device_.get()));
+      rtcSetSceneFlags(group.get(), RTC_SCENE_FLAG_ROBUST);
+      rtcSetSceneBuildQuality(group.get(), RTC_BUILD_QUALITY_HIGH);
+      for (unsigned k = 0; k < meshes.size(); ++k) {
+        const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(meshes[k])];
+        if (!mesh.triangles.empty()) add_mesh(group.get(), mesh, k);
+      }
+      rtcCommitScene(group.get());
+      check();
+    }
+    RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(geometry, group.get());
+    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
+                            scene.placements[static_cast<std::size_t>(placement)].to_world);
+    rtcCommitGeometry(geometry);
+    const unsigned id = geometries_++;
+    rtcAttachGeometryByID(scene_.get(), geometry, id);
+    set_shape(id, static_cast<int>(first));
+    rtcReleaseGeometry(geometry);
+    return i - 1;
   }
 
   void add_spheres() {
@@ -271,7 +318,8 @@ class EmbreeTracer final : public Tracer {
     rtcSetGeometryIntersectFunction(geometry, sphere_intersect);
     rtcSetGeometryOccludedFunction(geometry, sphere_occluded);
     rtcCommitGeometry(geometry);
-    sphere_geometry_ = rtcAttachGeometry(scene_.get(), geometry);
+    sphere_geometry_ = geometries_++;
+    rtcAttachGeometryByID(scene_.get(), geometry, sphere_geometry_);
     rtcReleaseGeometry(geometry);
   }
 
@@ -290,9 +338,11 @@ class EmbreeTracer final : public Tracer {
   std::uint64_t before_ = 0;  // memory in use before anything was built
   std::atomic<ssize_t> allocated_{0};
   DevicePtr device_;
+  std::map<std::vector<int>, ScenePtr> groups_;  // meshes of instances -> their tree
   ScenePtr scene_;
   SphereSet spheres_;
-  std::vector<int> shape_of_;  // Embree geometry -> shape
+  std::vector<int> shape_of_;  // Embree geometry -> shape, of an instance its first
+  unsigned geometries_ = 0;    // in the scene
   unsigned sphere_geometry_ = RTC_INVALID_GEOMETRY_ID;
   int packet_ = 1;  // rays that the machine traces at once
 };

@@ -7,18 +7,25 @@
 #include "octrad/base/frame.h"
 #include "octrad/geometry/hit.h"
 #include "octrad/geometry/surface_interaction.h"
+#include "octrad/scene/placement.h"
 #include "octrad/scene/sphere.h"
 
 namespace octrad {
 
-// An indexed triangle mesh in world space (scene/scene.h: TriangleMesh).
+// An indexed triangle mesh (scene/scene.h: TriangleMesh), in world space where it has no placement.
 struct MeshView {
   const Vec3f* positions = nullptr;
   const Vec3f* normals = nullptr;  // per vertex; null: face normals
   const Vec2f* uvs = nullptr;      // per vertex; null: barycentric coordinates
   const Vec3i* triangles = nullptr;
   bool flip_normals = false;
+  const Placement* placement = nullptr;
 };
+
+OCTRAD_HD inline Vec3f mesh_position(const MeshView& mesh, int vertex) {
+  const Vec3f p = mesh.positions[vertex];
+  return mesh.placement == nullptr ? p : mesh.placement->point(p);
+}
 
 struct ShapeView {
   MeshView mesh;
@@ -30,7 +37,8 @@ struct ShapeView {
 // barycentric coordinates, or any frame around the normal.
 OCTRAD_HD inline void triangle_interaction(const MeshView& mesh, const Hit& hit, SurfaceInteraction& s) {
   const Vec3i triangle = mesh.triangles[hit.primitive];
-  const Vec3f p0 = mesh.positions[triangle.x], p1 = mesh.positions[triangle.y], p2 = mesh.positions[triangle.z];
+  const Vec3f p0 = mesh_position(mesh, triangle.x), p1 = mesh_position(mesh, triangle.y),
+              p2 = mesh_position(mesh, triangle.z);
   const float b1 = hit.u, b2 = hit.v, b0 = 1.0f - b1 - b2;
   const Vec3f e1 = p1 - p0, e2 = p2 - p0;
   s.position = p0 * b0 + p1 * b1 + p2 * b2;
@@ -44,6 +52,8 @@ OCTRAD_HD inline void triangle_interaction(const MeshView& mesh, const Hit& hit,
     l = 1.0f;
   }
   n = n / l;
+  // Normals keep their side of the surface, whichever way round the triangle goes.
+  if (mesh.placement != nullptr && mesh.placement->mirrors) n = -n;
   s.uv = {b1, b2};
   s.dp_du = e1;
   s.dp_dv = e2;
@@ -65,8 +75,8 @@ OCTRAD_HD inline void triangle_interaction(const MeshView& mesh, const Hit& hit,
   }
   s.geometric_normal = s.shading_normal = n;
   if (mesh.normals != nullptr) {
-    const Vec3f interpolated =
-        mesh.normals[triangle.x] * b0 + mesh.normals[triangle.y] * b1 + mesh.normals[triangle.z] * b2;
+    Vec3f interpolated = mesh.normals[triangle.x] * b0 + mesh.normals[triangle.y] * b1 + mesh.normals[triangle.z] * b2;
+    if (mesh.placement != nullptr) interpolated = mesh.placement->normal(interpolated);
     const float length_squared = dot(interpolated, interpolated);
     if (length_squared > 1e-12f) s.shading_normal = interpolated / std::sqrt(length_squared);
   }

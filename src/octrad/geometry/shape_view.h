@@ -11,7 +11,7 @@ namespace octrad {
 inline MeshView mesh_view(const TriangleMesh& mesh) {
   const Vec3f* normals = mesh.normals.empty() ? nullptr : mesh.normals.data();
   const Vec2f* uvs = mesh.uvs.empty() ? nullptr : mesh.uvs.data();
-  return {mesh.positions.data(), normals, uvs, mesh.triangles.data(), mesh.flip_normals};
+  return {mesh.positions.data(), normals, uvs, mesh.triangles.data(), mesh.flip_normals, nullptr};
 }
 
 inline ShapeView shape_view(const Scene& scene, std::size_t index) {
@@ -22,6 +22,7 @@ inline ShapeView shape_view(const Scene& scene, std::size_t index) {
     view.sphere = &scene.spheres[geometry];
   } else {
     view.mesh = mesh_view(scene.meshes[geometry]);
+    if (shape.placement >= 0) view.mesh.placement = &scene.placements[static_cast<std::size_t>(shape.placement)];
   }
   view.material = shape.material;
   view.emitter = shape.emitter;

@@ -1,4 +1,4 @@
-// Points uniform in area over all surfaces of a scene.
+// Points uniform in area over all surfaces of a scene; in an instance that stretches a mesh, uniform before it does.
 #pragma once
 
 #include <cstdint>
@@ -30,6 +30,8 @@ class SurfaceSampler {
   std::vector<double> cumulative_;
   std::vector<std::uint32_t> guide_;
   std::vector<ShapeView> shapes_;
+  std::vector<std::vector<float>> placed_areas_;
+  std::vector<PlacedMesh> placed_;
   SurfaceSamplerView view_;
 };
 

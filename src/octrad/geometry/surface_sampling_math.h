@@ -9,9 +9,16 @@
 
 namespace octrad {
 
-// A triangle or a sphere, as in Hit.
+// A triangle or a sphere, as in Hit; or, with the primitive -1 - k, all of a mesh that has a placement, whose areas are
+// in SurfaceSamplerView::placed[k].
 struct SurfaceElement {
   int shape = -1, primitive = -1;
+};
+
+// Areas of a mesh that instances share, before they place it.
+struct PlacedMesh {
+  const float* cumulative = nullptr;  // [count] share of the area up to and including each triangle
+  int count = 0;
 };
 
 struct SurfaceSamplerView {
@@ -22,16 +29,45 @@ struct SurfaceSamplerView {
   std::uint32_t count = 0;
   double total_area = 0.0;
   const ShapeView* shapes = nullptr;
+  const PlacedMesh* placed = nullptr;
+  std::uint32_t placed_count = 0;
 };
 
-OCTRAD_HD inline SurfaceElement pick_surface(const SurfaceSamplerView& view, float u_pick) {
+// The triangle where `u.x` falls, which becomes a new random number: what is left of it, shifted by `rest`, a number
+// that is independent of it.
+OCTRAD_HD inline int pick_placed(const PlacedMesh& mesh, float rest, Vec2f& u) {
+  int first = 0, length = mesh.count;
+  while (length > 0) {
+    const int half = length / 2;
+    if (u.x < mesh.cumulative[first + half]) {
+      length = half;
+    } else {
+      first += half + 1;
+      length -= half + 1;
+    }
+  }
+  first = std::min(first, mesh.count - 1);
+  const float below = first > 0 ? mesh.cumulative[first - 1] : 0.0f, share = mesh.cumulative[first] - below;
+  const float left = (share > 0.0f ? (u.x - below) / share : 0.0f) + rest;
+  u.x = std::min(left - std::floor(left), 0.99999994f);
+  return first;
+}
+
+// `u`: uniform in [0, 1)^2, and so when it is returned.
+OCTRAD_HD inline SurfaceElement pick_surface(const SurfaceSamplerView& view, float u_pick, Vec2f& u) {
   const double target = static_cast<double>(u_pick) * view.total_area;
   const auto slot = static_cast<std::uint32_t>(static_cast<double>(u_pick) * static_cast<double>(view.count + 1));
   // Rounding may put the start of the slot just past the target: step back, then forward.
   std::uint32_t i = view.guide[std::min(slot, view.count)];
   while (i > 0 && view.cumulative[i - 1] > target) --i;
   while (i + 1 < view.count && view.cumulative[i] <= target) ++i;
-  return view.elements[i];
+  SurfaceElement element = view.elements[i];
+  if (element.primitive < 0) {
+    const double below = i > 0 ? view.cumulative[i - 1] : 0.0;
+    const auto rest = static_cast<float>((target - below) / (view.cumulative[i] - below));
+    element.primitive = pick_placed(view.placed[-1 - element.primitive], rest, u);
+  }
+  return element;
 }
 
 // Barycentric coordinates (u, v) uniform on a triangle (Osada et al. 2002).
@@ -46,7 +82,7 @@ OCTRAD_HD inline Vec3f uniform_sphere(const Sphere& sphere, Vec2f u) {
 }
 
 OCTRAD_HD inline SurfaceInteraction sample_surface(const SurfaceSamplerView& view, float u_pick, Vec2f u) {
-  const SurfaceElement element = pick_surface(view, u_pick);
+  const SurfaceElement element = pick_surface(view, u_pick, u);
   const ShapeView& shape = view.shapes[element.shape];
   Hit hit;
   hit.shape = element.shape;
@@ -63,13 +99,13 @@ OCTRAD_HD inline SurfaceInteraction sample_surface(const SurfaceSamplerView& vie
 }
 
 OCTRAD_HD inline Vec3f sample_surface_position(const SurfaceSamplerView& view, float u_pick, Vec2f u) {
-  const SurfaceElement element = pick_surface(view, u_pick);
+  const SurfaceElement element = pick_surface(view, u_pick, u);
   const ShapeView& shape = view.shapes[element.shape];
   if (shape.sphere != nullptr) return uniform_sphere(*shape.sphere, u);
   const Vec3i triangle = shape.mesh.triangles[element.primitive];
   const Vec2f b = uniform_triangle(u);
-  const Vec3f* positions = shape.mesh.positions;
-  return positions[triangle.x] * (1.0f - b.x - b.y) + positions[triangle.y] * b.x + positions[triangle.z] * b.y;
+  return mesh_position(shape.mesh, triangle.x) * (1.0f - b.x - b.y) + mesh_position(shape.mesh, triangle.y) * b.x +
+         mesh_position(shape.mesh, triangle.z) * b.y;
 }
 
 }  // namespace octrad

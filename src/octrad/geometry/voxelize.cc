@@ -9,6 +9,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
+#include "octrad/geometry/shape_view.h"
 #include "octrad/geometry/surface_sampling.h"
 
 namespace octrad {
@@ -256,18 +257,19 @@ bool overlaps(Vec3d lower, Vec3d upper, Vec3d a, Vec3d b, Vec3d c) {
 std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels) {
   const Grid grid = make_grid(domain, levels);
   Bits bits(grid.resolution);
-  for (const Shape& shape : scene.shapes) {
+  for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
+    const Shape& shape = scene.shapes[s];
     if (shape.kind == Shape::Kind::sphere) {
       mark_sphere(grid, scene.spheres[static_cast<std::size_t>(shape.geometry)], bits);
       continue;
     }
     const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(shape.geometry)];
+    const MeshView view = shape_view(scene, s).mesh;
     parallel_blocks(mesh.triangles.size(), 64, [&](std::size_t begin, std::size_t end) {
       for (std::size_t t = begin; t < end; ++t) {
         const Vec3i tri = mesh.triangles[t];
-        mark_triangle(grid, grid.cells(mesh.positions[static_cast<std::size_t>(tri.x)]),
-                      grid.cells(mesh.positions[static_cast<std::size_t>(tri.y)]),
-                      grid.cells(mesh.positions[static_cast<std::size_t>(tri.z)]), bits);
+        mark_triangle(grid, grid.cells(mesh_position(view, tri.x)), grid.cells(mesh_position(view, tri.y)),
+                      grid.cells(mesh_position(view, tri.z)), bits);
       }
     });
   }

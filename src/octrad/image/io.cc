@@ -35,6 +35,14 @@ void check_size(const std::string& file, long long width, long long height, long
 
 namespace {
 
+// Of the file's name, in small letters.
+std::string ending_of(const std::string& file) {
+  std::string ending = std::filesystem::path(file).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
 void write_bytes(const std::string& file, const std::string& bytes) {
   AtomicFile out(file);
   out.write(bytes);
@@ -49,7 +57,10 @@ Image parse_image(const std::string& file, const std::string& bytes) {
   if (bytes.starts_with("\xff\xd8\xff")) return image_io::read_jpeg(file, bytes);
   if (bytes.starts_with("#?")) return image_io::read_hdr(file, bytes);
   if (bytes.starts_with("PF") || bytes.starts_with("Pf")) return image_io::read_pfm(file, bytes);
-  throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR and PFM can)");
+  if (bytes.starts_with("BM")) return image_io::read_bmp(file, bytes);
+  if (ending_of(file) == ".tga" || bytes.ends_with(std::string_view("TRUEVISION-XFILE.\0", 18)))
+    return image_io::read_tga(file, bytes);
+  throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR, PFM, BMP and TGA can)");
 }
 
 Image read_image(const std::string& file) {
@@ -58,9 +69,7 @@ Image read_image(const std::string& file) {
 }
 
 PictureFormat picture_format(const std::string& file) {
-  std::string ending = std::filesystem::path(file).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string ending = ending_of(file);
   if (ending == ".exr") return PictureFormat::exr;
   if (ending == ".hdr") return PictureFormat::hdr;
   if (ending == ".pfm") return PictureFormat::pfm;

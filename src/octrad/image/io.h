@@ -1,9 +1,8 @@
 // Pictures on disk.
 //
 // Metadata keys with a meaning here:
-//   "encoding"        "srgb8": values in [0, 1] still sRGB-encoded (PNG and JPEG, whatever their depth); "linear"
-//                     (HDR, PFM).
-//                     EXR files are linear and get no such key.
+//   "encoding"        "srgb8": values in [0, 1] still sRGB-encoded (PNG, JPEG, BMP and TGA, whatever their depth);
+//                     "linear" (HDR, PFM). EXR files are linear and get no such key.
 //   "dataWindow.min"  "x y": where the picture lies in a larger display window (a crop); absent for 0 0.
 //   "displayWindow"   "width height" of that display window; absent when it is the picture itself.
 #pragma once
@@ -15,11 +14,13 @@
 
 namespace octrad {
 
-// Reads EXR, PNG, JPEG, Radiance HDR or PFM; the format is recognised by content, not by name.
+// Reads EXR, PNG, JPEG, Radiance HDR, PFM, BMP or TGA; the format is recognised by content, only TGA also by name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
 // channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.
 // String attributes become metadata. PNG, JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A.
+//
+// BMP: uncompressed, 1 to 32 bits. TGA: grey, colour, palettes, plain or run-length encoded. Without their alpha.
 //
 // Of CMYK what it looks like without a profile; colour profiles and gamma chunks are not looked at.
 //

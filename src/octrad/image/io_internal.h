@@ -20,6 +20,8 @@ Image read_hdr(const std::string& file, const std::string& bytes);
 Image read_pfm(const std::string& file, const std::string& bytes);
 Image read_png(const std::string& file, const std::string& bytes);
 Image read_jpeg(const std::string& file, const std::string& bytes);
+Image read_bmp(const std::string& file, const std::string& bytes);
+Image read_tga(const std::string& file, const std::string& bytes);
 
 // The content of a file; `rgb` has the channels R, G, B.
 std::string hdr_bytes(const Image& rgb);

@@ -24,6 +24,10 @@ OCTRAD_HD inline float encode_srgb(float linear) {
 OCTRAD_HD inline float decode_srgb(float encoded) {
   return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
 }
+// For the colours of scene files.
+inline double decode_srgb(double encoded) {
+  return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
+}
 
 // An S-shaped curve that rolls highlights off: Krzysztof Narkowicz's fit of the ACES reference curve ("ACES Filmic Tone
 // Mapping Curve", 2016), for values from 0 on; 0.18 becomes 0.27, 1 becomes 0.80, and from 7.3 on all is white.

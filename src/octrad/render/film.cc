@@ -12,15 +12,18 @@ const std::vector<std::string>& picture_channels() {
 }
 
 ReconstructionFilter::ReconstructionFilter(const Film& film) {
-  shape_.type = film.filter == Film::Filter::box    ? FilterShape::Type::box
-                : film.filter == Film::Filter::tent ? FilterShape::Type::tent
-                                                    : FilterShape::Type::gaussian;
-  shape_.radius = film.filter_radius;
-  if (!(shape_.radius > 0.0f)) {
-    shape_.radius = shape_.type == FilterShape::Type::box
-                        ? 0.5f
-                        : (shape_.type == FilterShape::Type::tent ? 1.0f : 4.0f * film.filter_stddev);
+  using Filter = Film::Filter;
+  using Type = FilterShape::Type;
+  float usual = 2.0f;
+  switch (film.filter) {
+    case Filter::box: shape_.type = Type::box, usual = 0.5f; break;
+    case Filter::tent: shape_.type = Type::tent, usual = 1.0f; break;
+    case Filter::gaussian: shape_.type = Type::gaussian, usual = 4.0f * film.filter_stddev; break;
+    case Filter::mitchell: shape_.type = Type::cubic, shape_.b = film.filter_b, shape_.c = film.filter_c; break;
+    case Filter::catmullrom: shape_.type = Type::cubic, shape_.b = 0.0f, shape_.c = 0.5f; break;
+    case Filter::lanczos: shape_.type = Type::lanczos, usual = 3.0f; break;
   }
+  shape_.radius = film.filter_radius > 0.0f ? film.filter_radius : usual;
   reach_ =
       shape_.type == FilterShape::Type::box && shape_.radius <= 0.5f ? 0 : static_cast<int>(std::ceil(shape_.radius));
   if (shape_.type == FilterShape::Type::gaussian) {
@@ -51,7 +54,7 @@ void FilmBuffer::add(const ReconstructionFilter& filter, Vec2f p, const PixelSam
     if (wy == 0.0f) continue;
     for (int x = xa; x <= xb; ++x) {
       const float w = wy * shape(static_cast<float>(x) + 0.5f - p.x);
-      if (w > 0.0f) accumulate_sample(pixel(x, y), 1, sample, static_cast<double>(w));
+      if (w != 0.0f) accumulate_sample(pixel(x, y), 1, sample, static_cast<double>(w));
     }
   }
 }

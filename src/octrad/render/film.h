@@ -15,10 +15,11 @@ namespace octrad {
 const std::vector<std::string>& picture_channels();
 
 // A reconstruction filter along one axis. The picture's is the product over both; weights are normalised per pixel, as
-// Mitsuba's hdrfilm does: pixel = sum f(d) v / sum f(d) over the samples within the radius.
+// Mitsuba's hdrfilm does: pixel = sum f(d) v / sum f(d) over the samples within the radius. Where the weights of a few
+// samples sum up to 0 or less, which negative lobes can do, the pixel is 0 until there are more.
 class ReconstructionFilter {
  public:
-  // Radius 0 means the type's usual one: box 1/2, tent 1, gaussian 4 standard deviations.
+  // Radius 0 means the type's usual one: box 1/2, tent 1, gaussian 4 standard deviations, cubic 2, lanczos 3.
   explicit ReconstructionFilter(const Film& film);
   float radius() const { return shape_.radius; }
   // How many pixels around its own a sample counts for; 0: exactly its own.

@@ -43,7 +43,8 @@ CheckResult check_film(Stream& stream, int width, int height, int strip, std::ui
   const int x0 = 2, y0 = 1, inner_width = width - 5, inner_height = height - 3;
   CheckErrors errors;
   bool same_counts = true, cleared = true;
-  for (const Film::Filter type : {Film::Filter::box, Film::Filter::tent, Film::Filter::gaussian}) {
+  for (const Film::Filter type : {Film::Filter::box, Film::Filter::tent, Film::Filter::gaussian, Film::Filter::mitchell,
+                                  Film::Filter::catmullrom, Film::Filter::lanczos}) {
     Film film;
     film.filter = type;
     if (type == Film::Filter::tent) film.filter_radius = 1.5f;

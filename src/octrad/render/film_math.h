@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "octrad/base/circle_math.h"
 #include "octrad/base/vec.h"
 
 namespace octrad {
@@ -18,18 +19,33 @@ struct PixelSample {
   float roughness = 1.0f;
 };
 
-// A filter along one axis.
+// A filter along one axis. Cubic ones and Lanczos' have negative lobes.
 struct FilterShape {
-  enum class Type { box, tent, gaussian } type = Type::box;
+  enum class Type { box, tent, gaussian, cubic, lanczos } type = Type::box;
   float radius = 0.5f;
   float exponent = 0.0f, floor = 0.0f;  // gaussian
+  float b = 0.0f, c = 0.0f;             // cubic
 
   // At signed distance `d` in pixels.
   OCTRAD_HD float operator()(float d) const {
     const float a = std::fabs(d);
     if (type == Type::box) return a <= radius ? 1.0f : 0.0f;
     if (type == Type::tent) return std::fmax(0.0f, 1.0f - a / radius);
-    return a < radius ? std::fmax(0.0f, std::exp(exponent * d * d) - floor) : 0.0f;
+    if (a >= radius) return 0.0f;
+    if (type == Type::gaussian) return std::fmax(0.0f, std::exp(exponent * d * d) - floor);
+    return type == Type::cubic ? cubic(a) : sinc(a) * sinc(a / radius);
+  }
+  // Mitchell & Netravali 1988, "Reconstruction Filters in Computer Graphics".
+  OCTRAD_HD float cubic(float a) const {
+    const float a2 = a * a, a3 = a2 * a;
+    if (a < 1.0f)
+      return ((12.0f - 9.0f * b - 6.0f * c) * a3 + (-18.0f + 12.0f * b + 6.0f * c) * a2 + 6.0f - 2.0f * b) / 6.0f;
+    return ((-b - 6.0f * c) * a3 + (6.0f * b + 30.0f * c) * a2 + (-12.0f * b - 48.0f * c) * a + 8.0f * b + 24.0f * c) /
+           6.0f;
+  }
+  // sin(pi x) / (pi x), x >= 0.
+  OCTRAD_HD static float sinc(float x) {
+    return x < 1e-5f ? 1.0f : circle_point(0.5f * x - std::floor(0.5f * x)).y / (kPi * x);
   }
   // The pixels first .. last along the axis that a sample at `p` counts for.
   OCTRAD_HD int first(float p) const { return static_cast<int>(std::ceil(p - radius - 0.5f)); }

@@ -60,7 +60,7 @@ double small_lamp_share(const PreparedScene& prepared, float alpha_below, float 
         if (!std::isfinite(reached)) continue;
         all += reached;
         // Lamps are sampled about uniformly over the solid angle that they fill.
-        if (1.0 / (emitters * static_cast<double>(light.pdf)) < kSmallLamp) small += reached;
+        if (light.delta || 1.0 / (emitters * static_cast<double>(light.pdf)) < kSmallLamp) small += reached;
       }
     }
   }

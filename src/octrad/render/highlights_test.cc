@@ -57,6 +57,11 @@ TEST(Highlights, LampsThatAreSmallFromGlossySurfacesMatter) {
   // No surface that is glossy enough; no lamp but the sky.
   EXPECT_EQ(small_lamp_share(Floor(0.2, 0.05).prepared, 0.1f), 0.0);
   EXPECT_EQ(small_lamp_share(Floor(1.0, 0.05).prepared, 0.1f), 0.0);
+  // A lamp without extent is small from everywhere, also when it is all there is besides the other's dark side.
+  const Floor lit(
+      0.05, 0.4,
+      R"(<emitter type="point"><point name="position" x="0" y="3" z="0"/><rgb name="intensity" value="99"/></emitter>)");
+  EXPECT_GT(small_lamp_share(lit.prepared, 0.1f), 0.3);
   // Beside a sky that gives a hundred times as much light it does not matter.
   const Floor sky(0.05, 0.05, R"(<emitter type="constant"><rgb name="radiance" value="10"/></emitter>)");
   EXPECT_LT(small_lamp_share(sky.prepared, 0.1f), 0.05);

@@ -6,6 +6,8 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
+#include "octrad/render/film.h"
+#include "octrad/scene/mitsuba_world_test_data.h"
 #include "octrad/scene/sample_scenes.h"
 
 namespace octrad {
@@ -59,7 +61,21 @@ SampleCounts noisy(std::span<CameraSample> samples, std::span<PixelSample> out) 
   return counts;
 }
 
-constexpr Film::Filter kFilters[] = {Film::Filter::box, Film::Filter::tent, Film::Filter::gaussian};
+constexpr Film::Filter kFilters[] = {Film::Filter::box,      Film::Filter::tent,       Film::Filter::gaussian,
+                                     Film::Filter::mitchell, Film::Filter::catmullrom, Film::Filter::lanczos};
+
+TEST(Renderer, FiltersAreMitsubas) {
+  for (const MitsubaFilter& expected : kMitsubaFilters) {
+    Film film;
+    film.filter = kFilters[&expected - kMitsubaFilters];
+    const ReconstructionFilter filter(film);
+    EXPECT_EQ(filter.radius(), expected.radius) << expected.type;
+    for (int i = 0; i < 24; ++i) {
+      // Theirs is tabulated; and a gaussian is cut off differently.
+      EXPECT_NEAR(filter.shape()(-0.125f * static_cast<float>(i)), expected.values[i], 2e-3f) << expected.type << i;
+    }
+  }
+}
 
 TEST(Renderer, SameBitsAtAnyThreadCount) {
   for (const Film::Filter filter : kFilters) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -11,18 +13,10 @@
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/params.h"
 #include "octrad/scene/scene.h"
+#include "octrad/scene/spectrum.h"
+#include "octrad/scene/texture_roles.h"
 
 namespace octrad {
-
-// What a texture's values mean: decides the permitted range and whether colours are reduced to luminance.
-enum class TextureRole {
-  reflectance,  // colour in [0, 1]
-  radiance,     // colour >= 0
-  opacity,      // scalar in [0, 1]
-  roughness,    // scalar in [0, 10]
-  index,        // of refraction and absorption: scalar in [0, 1000]
-  height,       // any scalar
-};
 
 class SceneBuilder {
  public:
@@ -30,26 +24,101 @@ class SceneBuilder {
   Scene build();
 
  private:
+  SceneReport& report() const { return *description_.report; }
+  // Adds an object to the scene; where a mistake is collected, what it left behind is taken out again.
+  template <typename Add>
+  void add(const Element& element, Add&& add) {
+    const Mark before = mark();
+    if (!report().attempt(element.location, add)) roll_back(before, element);
+  }
+  struct Mark {
+    std::size_t lights, delta_lights, projectors, shapes, placements, groups, meshes, mesh_jobs, spheres, environments,
+        bitmaps, open;
+    bool in_shape;
+  };
+  Mark mark() const;
+  void roll_back(const Mark& mark, const Element& element);
+
   // load.cc
+  void add_object(const Element& element);
+  void drop_failed_shapes();
+  void check_complete() const;
   void add_integrator(const Element& element);
-  void add_sensor(const Element& element);
-  void add_film(const Element& element, Camera& camera, bool first);
-  void add_environment(const Element& element);
   void load_files();
 
+  // load_sensors.cc
+  void add_sensor(const Element& element);
+  Film read_film(const Element& element, Camera& camera);  // sets the camera's picture and crop window
+  void read_filter(const Element& element, Film& film);
+  void field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis);
+
+  // load_emitters.cc
+  void add_emitter(const Element& element);
+  void add_environment(Params& params);
+  void add_delta_light(Params& params);
+  void aim_projectors();
+
+  // A texture that shows an attribute of a mesh.
+  struct AttributeUse {
+    int texture = -1;
+    std::string name;  // vertex_... or face_...
+    float scale = 1.0f;
+    TextureRole role = TextureRole::reflectance;
+    Location where;
+  };
+  struct MeshJob {
+    int mesh = -1;
+    std::string path;  // empty: `raw` is filled already
+    enum class Format { obj, ply, serialized } format = Format::obj;
+    int index = 0;  // of the mesh in a serialized file
+    RawMesh raw;
+    Transform to_world;
+    MeshOptions options;
+    Location where;
+    std::vector<AttributeUse> attributes;
+    bool failed = false;
+  };
+
   // load_shapes.cc
+  // A sphere as its file gives it.
+  struct SphereJob {
+    Transform to_world;
+    Vec3d center;
+    float radius = 1.0f;
+    bool flip_normals = false;
+    Location where;  // of to_world
+  };
+  // What a shape group holds: meshes, which all instances share, and spheres, of which each has its own.
+  struct Group {
+    std::vector<Shape> meshes;
+    std::vector<std::pair<Shape, SphereJob>> spheres;
+  };
   void add_shape(const Element& element);
-  void add_sphere(Params& params, Shape& shape, const Transform& to_world, bool flip_normals);
+  // A shape that has its mesh and material but is not in the scene yet; spheres are described by `sphere`.
+  Shape read_shape(Params& params, SphereJob& sphere, bool in_group);
+  void read_mesh_source(Params& params, MeshJob& job);
+  void add_sphere(Shape shape, const SphereJob& job, const Transform& placement);
   int shape_material(Params& params, bool emits);
+  const Group& group(const Element& element);
+  void add_instance(Params& params);
+  void find_bounds();
 
   // load_materials.cc
   int material(const Element& element);      // index, building it on first use
-  Material flatten(const Element& element);  // with wrappers folded in
+  Material flatten(const Element& element);  // with wrappers folded in; a stand-in where it cannot be used
+  Material read_bsdf(const Element& element);
   Material scattering_model(Params& params);
+  void map_normals(Material& m, const Material& map, const Location& where);
+  bool transmits(const Material& m) const;
+  int blended_count(const Material& m) const;  // models in a blend and in the blends that it holds
+  void read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,
+                  float fallback);
+  void read_principled_base(Params& params, Material& m);
 #define OCTRAD_READ(name, Model, transmits) void read_##name(Params& params, Material& m);
   OCTRAD_BSDF_LIST(OCTRAD_READ)  // the parameters of each model
 #undef OCTRAD_READ
   void microfacets(Params& params, Material& m);
+  void anisotropic_microfacets(Params& params, Material& m);
   void conductor_index(Params& params, Material& m);
   Vec3f constant_color(Params& params, const std::string& name, Vec3f fallback);
   float index_of_refraction(Params& params, const std::string& name, const std::string& fallback);
@@ -62,6 +131,20 @@ class SceneBuilder {
   // Value of <float>, <integer>, <rgb> or <spectrum>; nullopt for other elements.
   std::optional<Vec3f> constant_value(const Element& element, TextureRole role);
   void load_bitmap(std::size_t job);
+  struct BitmapJob;
+  void fill_bitmap(const BitmapJob& job, int width, int height, std::vector<Vec3f> pixels);
+
+  // load_spectra.cc
+  Vec3f spectrum_value(const Element& element, TextureRole role);
+  Vec3f rgb_of(const Spectrum& spectrum, TextureRole role, const Location& where);
+
+  // load_attributes.cc
+  int attribute_texture(const Element& element, TextureRole role);
+  // What kinds of textures an object or what it refers to holds; bits.
+  enum : unsigned { kUsesAttributes = 1, kUsesUv = 2 };
+  unsigned texture_kinds(const Element& element, int depth = 0);
+  void check_attribute_use(const Element& shape, bool mesh);
+  void place_attributes(MeshJob& job, const std::vector<MeshAttribute>& attributes);
 
   struct BitmapJob {
     int texture = -1;  // or -1: the environment
@@ -71,28 +154,35 @@ class SceneBuilder {
     float scale = 1.0f;
     Location where;
   };
-  struct MeshJob {
-    int mesh = -1;
-    std::string path;  // empty: `raw` is filled already
-    bool ply = false;
-    RawMesh raw;
-    Transform to_world;
-    MeshOptions options;
-    Location where;
+  struct Projector {
+    std::size_t light;
+    float fov_degrees;
+    Camera::FovAxis fov_axis;
   };
 
   const Description& description_;
   Scene scene_;
-  std::map<const Element*, int> materials_;
+  // By element, and the mesh for which it was made where it shows attributes of that (else -1).
+  std::map<std::pair<const Element*, int>, int> materials_;
   std::vector<const Element*> open_materials_;
   std::map<std::pair<const Element*, bool>, int> textures_;  // by element, and whether it is reduced to a scalar
   std::map<int, std::size_t> bitmap_of_;                     // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
+  std::map<const Element*, unsigned> texture_kinds_;
+  std::vector<AttributeUse> attribute_uses_;  // of the shape that is being added
+  bool in_shape_ = false;
   int black_material_ = -1;
   bool has_integrator_ = false;
   MemoryMeter shape_meter_{"the shapes of the scene"};
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
+  std::vector<Projector> projectors_;
+  std::map<const Element*, Group> groups_;
+  std::vector<const Element*> group_order_;  // in which they were made
+  std::vector<Location> placed_at_;          // of each placement
 };
+
+// The scene of a whole description, with what its report says.
+Scene build_scene(const Description& description);
 
 }  // namespace octrad

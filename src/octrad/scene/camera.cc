@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -14,6 +15,7 @@
 namespace octrad {
 namespace {
 
+const std::vector<std::string> kCameraTypes = {"perspective", "thinlens", "orthographic"};
 const std::vector<std::string> kFovAxes = {"x", "y", "diagonal", "smaller", "larger"};
 
 }  // namespace
@@ -62,8 +64,9 @@ int read_integer(const nlohmann::json& object, const std::string& key, int fallb
 Camera read_camera(const nlohmann::json& object, const std::string& where) {
   if (!object.is_object())
     throw InputError(where + "must be an object such as {\"origin\": [0,1,4], \"target\": [0,1,0], \"fov\": 40}");
-  const std::vector<std::string> keys = {"origin",    "target",   "up",    "to_world", "fov", "fov_axis",
-                                         "near_clip", "far_clip", "width", "height",   "name"};
+  const std::vector<std::string> keys = {"origin",         "target",     "up",    "to_world", "fov",  "fov_axis",
+                                         "near_clip",      "far_clip",   "width", "height",   "type", "aperture_radius",
+                                         "focus_distance", "view_width", "name"};
   for (const auto& [key, value] : object.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
       throw InputError(where + "unknown key \"" + key + "\"" + did_you_mean(key, keys) + "; supported: " + join(keys));
@@ -101,6 +104,34 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
       throw InputError(where + "origin, target and up define no view (equal points, or up along the view direction)");
     place(*t);
   }
+  if (object.contains("type")) {
+    const nlohmann::json& type = object.at("type");
+    const auto found =
+        std::find(kCameraTypes.begin(), kCameraTypes.end(), type.is_string() ? type.get<std::string>() : "");
+    if (found == kCameraTypes.end()) throw InputError(where + "\"type\" must be a string: " + join(kCameraTypes));
+    camera.kind = static_cast<CameraKind>(found - kCameraTypes.begin());
+  }
+  const bool orthographic = camera.kind == CameraKind::orthographic, lens = camera.kind == CameraKind::thinlens;
+  for (const auto& [key, belongs, owner] : {std::tuple{"fov", !orthographic, "perspective and thinlens"},
+                                            {"fov_axis", !orthographic, "perspective and thinlens"},
+                                            {"aperture_radius", lens, "thinlens"},
+                                            {"focus_distance", lens, "thinlens"},
+                                            {"view_width", orthographic, "orthographic"}}) {
+    if (!belongs && object.contains(key))
+      throw InputError(where + "\"" + key + "\" belongs to cameras of type " + owner);
+  }
+  if (lens) {
+    for (const char* key : {"aperture_radius", "focus_distance"}) {
+      if (!object.contains(key)) throw InputError(where + "a thinlens camera needs \"" + key + "\"");
+    }
+    camera.aperture_radius = static_cast<float>(read_number(object, "aperture_radius", 0.0, 1e-9, 1e9, where));
+    camera.focus_distance = static_cast<float>(read_number(object, "focus_distance", 0.0, 1e-9, 1e12, where));
+  }
+  if (orthographic) {
+    if (!object.contains("view_width")) throw InputError(where + "an orthographic camera needs \"view_width\"");
+    const double view_width = read_number(object, "view_width", 0.0, 1e-9, 1e9, where);
+    camera.half_size.x = camera.half_size.y = static_cast<float>(0.5 * view_width);
+  }
   camera.fov_degrees = static_cast<float>(read_number(object, "fov", camera.fov_degrees, 1e-3, 179.999, where));
   if (object.contains("fov_axis")) {
     if (!object.at("fov_axis").is_string())
@@ -121,16 +152,34 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
 }
 
 CameraView Camera::view(int width, int height) const {
-  const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  // Of the whole film.
+  const float aspect = static_cast<float>(width) / crop_size.x / (static_cast<float>(height) / crop_size.y);
   float tan_x = std::tan(fov_degrees * (0.5f * kPi / 180.0f));
   bool along_y = fov_axis == FovAxis::y;
   if (fov_axis == FovAxis::smaller) along_y = aspect > 1.0f;
   if (fov_axis == FovAxis::larger) along_y = aspect < 1.0f;
   if (along_y) tan_x *= aspect;
   if (fov_axis == FovAxis::diagonal) tan_x /= std::sqrt(1.0f + 1.0f / (aspect * aspect));
-  const CameraView view = {
-      origin, right, up, forward, principal_point_offset, tan_x, tan_x / aspect, near_clip, far_clip - near_clip,
-      width,  height};
+  CameraView view;
+  view.kind = kind;
+  view.origin = origin;
+  view.right = right;
+  view.up = up;
+  view.forward = forward;
+  view.window_offset = crop_offset + principal_point_offset;
+  view.window_scale = crop_size;
+  view.tan_x = tan_x;
+  view.tan_y = tan_x / aspect;
+  view.near_clip = near_clip;
+  view.depth = far_clip - near_clip;
+  view.aperture_radius = aperture_radius;
+  view.focus_distance = focus_distance;
+  view.width = width;
+  view.height = height;
+  if (kind == CameraKind::orthographic) {
+    view.tan_x = half_size.x;
+    view.tan_y = half_size.y / aspect;
+  }
   for (const float x : {0.0f, 1.0f}) {
     for (const float y : {0.0f, 1.0f}) {
       const Vec2f corner{x * static_cast<float>(width), y * static_cast<float>(height)};

@@ -1,4 +1,5 @@
-// Perspective camera. Mitsuba's convention: camera space looks along +z, +x to the left of the picture, +y up.
+// Cameras: perspective, with a thin lens, orthographic. Mitsuba's convention: camera space looks along +z, +x to the
+// left of the picture, +y up.
 #pragma once
 
 #include <string>
@@ -11,17 +12,23 @@ namespace octrad {
 struct Transform;
 
 struct Camera {
+  CameraKind kind = CameraKind::perspective;
   Vec3f origin{0, 0, 0};
   Vec3f right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};  // unit; `right` points to the right of the picture
   float fov_degrees = 45.0f;                            // along fov_axis
   enum class FovAxis { x, y, diagonal, smaller, larger };
   FovAxis fov_axis = FovAxis::x;
   float near_clip = 0.01f, far_clip = 10000.0f;
-  Vec2f principal_point_offset{0, 0};  // in pictures' widths and heights, added to the position on the film
-  int film_width = 0, film_height = 0;
+  Vec2f principal_point_offset{0, 0};  // in the film's widths and heights, added to the position on it
+  // The part of the film that the picture shows, in widths and heights of the whole film, to which the field of view
+  // belongs.
+  Vec2f crop_offset{0, 0}, crop_size{1, 1};
+  float aperture_radius = 0.0f, focus_distance = 0.0f;  // thinlens; the distance is along `forward`
+  Vec2f half_size{1, 1};                                // orthographic: of what a square film sees, world units
+  int film_width = 0, film_height = 0;                  // of the picture: the part that is shown; 0: not given
 
   // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
-  // on the near clipping plane, as in Mitsuba 3.
+  // on the near clipping plane, as in Mitsuba 3; through the centre of the lens.
   Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
   // Throws InputError where rays would begin too far away: a near plane far out, or a field of view close to 180
   // degrees.
@@ -38,7 +45,8 @@ Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::
 // Cameras of a JSON file: one object or a list of objects with
 //   {"origin": [x,y,z], "target": [x,y,z], "up": [x,y,z] (default 0,1,0), "fov": degrees, "fov_axis": "x"}   or
 //   {"to_world": [16 numbers, row after row], "fov": degrees, ...}
-// and optionally "near_clip", "far_clip", "width", "height" (film size; 0 where absent).
+// and optionally "near_clip", "far_clip", "width", "height" (film size; 0 where absent), "type": "perspective",
+// "thinlens" (with "aperture_radius" and "focus_distance") or "orthographic" (with "view_width" instead of "fov").
 // Throws IoError, or InputError naming the file and the camera.
 std::vector<Camera> read_cameras(const std::string& json_file);
 

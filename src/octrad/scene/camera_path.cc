@@ -105,6 +105,7 @@ CameraPath::CameraPath(const nlohmann::json& document, const std::string& name) 
     const Camera camera = read_camera(key, here);
     if (i == 0) first_ = camera;
     if (camera.fov_axis != first_.fov_axis) throw InputError(here + "\"fov_axis\" must be that of the first key");
+    if (camera.kind != first_.kind) throw InputError(here + "\"type\" must be that of the first key");
     points_.push_back(spline_point(camera, key, here));
     if (i == 0) continue;
     const SplinePoint &a = points_[i - 1], &b = points_[i];
@@ -136,6 +137,10 @@ Camera CameraPath::camera(int frame) const {
                             static_cast<float>(std::clamp(p[9], 1e-3, 179.0)), first_.fov_axis);
     camera.near_clip = first_.near_clip;
     camera.far_clip = first_.far_clip;
+    camera.kind = first_.kind;
+    camera.aperture_radius = first_.aperture_radius;
+    camera.focus_distance = first_.focus_distance;
+    camera.half_size = first_.half_size;
     camera.film_width = first_.film_width;
     camera.film_height = first_.film_height;
     return camera;

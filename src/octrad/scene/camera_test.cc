@@ -5,6 +5,8 @@
 
 #include "octrad/base/error.h"
 #include "octrad/scene/files_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/mitsuba_world_test_data.h"
 
 namespace octrad {
 namespace {
@@ -80,6 +82,46 @@ TEST(Camera, LookAtOffsetAndClipping) {
        {{0.25f, 0.75f}, {0.9958920f, 1.9913968f, 2.9956572f}, {-0.3921217f, -0.8212126f, -0.4145485f}, 10476.153f}});
 }
 
+TEST(Camera, SensorsOfScenesAreMitsubas) {
+  const TestFolder folder;
+  std::vector<Camera> cameras;
+  for (const char* sensor : kMitsubaSensors) {
+    cameras.push_back(load_scene(folder.write("s.xml", std::string("<scene version=\"3.0.0\"><shape type=\"cube\"/>") +
+                                                           sensor + "</scene>"))
+                          .cameras.at(0));
+  }
+  for (const MitsubaRay& expected : kMitsubaRays) {
+    SCOPED_TRACE(kMitsubaSensors[expected.sensor]);
+    const Camera& c = cameras[static_cast<std::size_t>(expected.sensor)];
+    const Vec2f pixel{expected.position.x * static_cast<float>(c.film_width),
+                      expected.position.y * static_cast<float>(c.film_height)};
+    const Ray ray = c.generate(pixel, c.film_width, c.film_height);
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_NEAR(ray.origin[i], expected.origin[i], 1e-5f);
+      EXPECT_NEAR(ray.direction[i], expected.direction[i], 1e-5f);
+    }
+    EXPECT_NEAR(ray.t_max, expected.t_max, 1e-4f * expected.t_max);
+    if (c.kind != CameraKind::thinlens) continue;
+    // Whatever the point of the lens, rays meet where the one through its centre crosses the plane in focus.
+    const CameraView view = c.view(c.film_width, c.film_height);
+    const Ray centre = camera_ray(view, pixel);
+    const Vec3f focus = c.origin + centre.direction * (c.focus_distance / dot(centre.direction, c.forward));
+    Rng rng(1, RngPurpose::test, 0);
+    double radius2 = 0.0;
+    constexpr int kRays = 4000;
+    for (int i = 0; i < kRays; ++i) {
+      const Ray r = sample_camera_ray(view, pixel, rng);
+      const Vec3f to_focus = focus - r.origin;
+      EXPECT_LT(length(cross(to_focus, r.direction)), 2e-5f);
+      EXPECT_NEAR(dot(r.direction * r.t_max, c.forward), c.far_clip - c.near_clip, 1e-3f);
+      const Vec3f on_lens = r.origin - r.direction * (c.near_clip / dot(r.direction, c.forward)) - c.origin;
+      EXPECT_NEAR(dot(on_lens, c.forward), 0.0f, 1e-5f);
+      radius2 += static_cast<double>(dot(on_lens, on_lens)) / kRays;
+    }
+    EXPECT_NEAR(std::sqrt(2.0 * radius2), c.aperture_radius, 0.003) << "uniform on a disk of that radius";
+  }
+}
+
 TEST(Camera, LookAtRefusesDegenerateViews) {
   EXPECT_THROW(look_at({1, 2, 3}, {1, 2, 3}, {0, 1, 0}, 60.0f, Camera::FovAxis::x), InputError);
   EXPECT_THROW(look_at({0, 0, 0}, {0, 5, 0}, {0, 1, 0}, 60.0f, Camera::FovAxis::x), InputError);
@@ -93,6 +135,20 @@ TEST(Camera, FilesOfCameras) {
     {"to_world": [-1,0,0,4, 0,1,0,5, 0,0,-1,6, 0,0,0,1], "fov": 50}])");
   const std::vector<Camera> cameras = read_cameras(file);
   ASSERT_EQ(cameras.size(), 2u);
+  const auto one = [&](const std::string& more) {
+    return read_cameras(folder.write("d.json", R"({"origin": [0,0,4], "target": [0,0,0], )" + more + "}"))[0];
+  };
+  const Camera wide = one(R"("type": "orthographic", "view_width": 3, "width": 30, "height": 20)");
+  const Ray corner = wide.generate({0, 0}, 30, 20);
+  EXPECT_NEAR(corner.origin.x, -1.5f, 1e-6f);
+  EXPECT_NEAR(corner.origin.y, 1.0f, 1e-6f);
+  EXPECT_EQ(corner.direction, Vec3f(0, 0, -1));
+  const Camera lens = one(R"("type": "thinlens", "aperture_radius": 0.1, "focus_distance": 2, "fov": 30)");
+  EXPECT_EQ(lens.aperture_radius, 0.1f);
+  EXPECT_THROW(one(R"("type": "orthographic")"), InputError);
+  EXPECT_THROW(one(R"("type": "thinlens", "aperture_radius": 0.1)"), InputError);
+  EXPECT_THROW(one(R"("view_width": 3)"), InputError);
+  EXPECT_THROW(one(R"("type": "fisheye")"), InputError);
   const Camera expected = look_at({1, 2, 3}, {0, 0, 1}, {0, 1, 0}, 60.0f, Camera::FovAxis::y);
   EXPECT_EQ(cameras[0].forward, expected.forward);
   EXPECT_EQ(cameras[0].right, expected.right);

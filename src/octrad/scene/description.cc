@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <set>
 
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/scene/scene.h"
+#include "octrad/scene/upgrade.h"
 
 namespace octrad {
 namespace {
@@ -42,8 +45,9 @@ bool is_name_character(char c) {
 
 class Reader {
  public:
-  Reader(const std::map<std::string, std::string>& definitions, Description& description)
+  Reader(const std::map<std::string, std::string>& definitions, Description& description, SceneReport& report)
       : description_(description),
+        report_(report),
         parameters_(definitions),
         definitions_(definitions) {}
 
@@ -90,6 +94,10 @@ class Reader {
       read_scene_attributes(top, locate(source, top));
       read_children(source, top, *parent, 1);
     } else {
+      if (const pugi::xml_attribute version = top.attribute("version")) {
+        read_version(version.value(), locate(source, top));
+        top.remove_attribute(version);
+      }
       read_element(source, top, *parent, 1);
     }
   }
@@ -100,16 +108,20 @@ class Reader {
     return {source, static_cast<std::size_t>(offset > 0 ? offset - 1 : 0)};
   }
 
+  // Of the file that is read: files that are included may have other versions.
+  void read_version(const std::string& version, const Location& where) {
+    const auto dot = version.find('.');
+    const std::string major = version.substr(0, dot);
+    if (major != "0" && major != "1" && major != "2" && major != "3")
+      fail(where, "scene version \"" + version + "\" is not supported; expected 3.x (Mitsuba 3), 2.x or 0.x");
+    old_ = major == "0" || major == "1";
+    if (old_) report_.assume(where, "scene version " + version + " read by the names of Mitsuba 3");
+  }
+
   void read_scene_attributes(const pugi::xml_node& node, const Location& where) {
     const std::string version = node.attribute("version").value();
     if (version.empty()) fail(where, "<scene> has no version attribute; expected version=\"3.0.0\"");
-    if (version[0] != '3' && version[0] != '2') {
-      fail(
-          where,
-          "scene version \"" + version +
-              "\" is not supported; expected 3.x (Mitsuba 3), or 2.x with the same names; older files can be converted "
-              "by loading them in Mitsuba 3");
-    }
+    read_version(version, where);
   }
 
   void read_children(const std::shared_ptr<const SourceFile>& source, const pugi::xml_node& node, Element& parent,
@@ -134,14 +146,17 @@ class Reader {
     auto element = std::make_unique<Element>();
     element->tag = node.name();
     element->location = where;
+    bool complete = true;  // otherwise the mistake is listed, and the element left out
     for (const pugi::xml_attribute attribute : node.attributes()) {
       if (element->attributes.size() == kMaxAttributes)
         fail(where, "the element has more than " + std::to_string(kMaxAttributes) + " attributes");
       if (element->find(attribute.name()))
         fail(where, std::string("attribute \"") + attribute.name() + "\" is given twice");
-      element->attributes.emplace_back(attribute.name(),
-                                       substitute(attribute.value(), where, has_effect(*element, parent, node)));
+      complete &= report_.attempt(where, [&] {
+        element->attributes.emplace_back(attribute.name(), substitute(attribute, *element, parent, node, where));
+      });
     }
+    if (!complete) return;
     meter_.add(bytes_of(*element));
     if (element->tag == "default") {
       check_attributes(*element, {"name", "value"});
@@ -149,23 +164,28 @@ class Reader {
       if (name.empty() || !std::all_of(name.begin(), name.end(), is_name_character)) {
         fail(where, "<default> needs a name of letters, digits and underscores, not \"" + name + "\"");
       }
-      declared_.insert(name);
+      declared_.emplace(name, where);
       parameters_.emplace(name, element->get("value"));  // an earlier value (command line, first default) stays
     } else if (element->tag == "include") {
       check_attributes(*element, {"filename"});
-      include(*element, parent);
+      report_.attempt(where, [&] { include(*element, parent); });
     } else if (element->tag == "path") {
       check_attributes(*element, {"value"});
       const std::filesystem::path path =
           std::filesystem::path(description_.search_paths.front()) / element->get("value");
       std::error_code code;
-      if (!std::filesystem::is_directory(path, code)) fail(where, "<path>: \"" + path.string() + "\" is not a folder");
-      description_.search_paths.push_back(path.string());
+      if (std::filesystem::is_directory(path, code)) {
+        description_.search_paths.push_back(path.string());
+      } else {
+        report_.refuse(where, "<path>: \"" + path.string() + "\" is not a folder");
+      }
     } else if (element->tag == "alias") {
       check_attributes(*element, {"id", "as"});
       aliases_.push_back(std::move(element));
     } else {
       read_children(source, node, *element, depth + 1);
+      element->old = old_;
+      if (old_) upgrade_element(*element, report_);
       parent.children.push_back(std::move(element));
     }
   }
@@ -174,7 +194,21 @@ class Reader {
   // (load.cc).
   static bool has_effect(const Element& element, const Element& parent, const pugi::xml_node& node) {
     if (element.tag == "sampler" || parent.tag == "sampler" || element.tag == "integrator") return false;
-    return parent.tag != "integrator" || std::string_view(node.attribute("name").value()) == "max_depth";
+    return parent.tag != "integrator" || is_depth(node.attribute("name").value());
+  }
+  static bool is_depth(std::string_view name) { return name == "max_depth" || name == "maxDepth"; }
+
+  // What a parameter stands for that the file gives no value: what this program takes where a file says nothing, or
+  // anything where nothing depends on it.
+  static std::optional<std::string> own_default(std::string_view attribute, const Element& element,
+                                                const Element& parent, const pugi::xml_node& node) {
+    const std::string_view name = node.attribute("name").value();
+    if (element.tag == "integrator" && attribute == "type") return "path";
+    if (parent.tag == "integrator" && is_depth(name)) return "-1";
+    if (parent.tag == "film" && name == "width") return std::to_string(Film().width);
+    if (parent.tag == "film" && name == "height") return std::to_string(Film().height);
+    if (has_effect(element, parent, node)) return std::nullopt;
+    return element.tag == "boolean" ? "false" : element.tag == "string" || element.tag == "sampler" ? "" : "1";
   }
 
   static void check_attributes(const Element& element, const std::vector<std::string>& required) {
@@ -201,12 +235,16 @@ class Reader {
     if (++includes_ > kMaxIncludes)
       fail(element.location, "<include>: more than " + std::to_string(kMaxIncludes) + " files");
     including_.push_back(identity);
-    read_document(file, read_file(file), &parent);
+    const bool old = old_;
+    report_.attempt(element.location, [&] { read_document(file, read_file(file), &parent); });
+    old_ = old;
     including_.pop_back();
   }
 
   // Replaces $name by the parameter's value. Values are not substituted again.
-  std::string substitute(const std::string& text, const Location& where, bool effect) {
+  std::string substitute(const pugi::xml_attribute& attribute, const Element& element, const Element& parent,
+                         const pugi::xml_node& node, const Location& where) {
+    const std::string text = attribute.value();
     if (text.find('$') == std::string::npos) return text;
     std::string result;
     for (std::size_t i = 0; i < text.size();) {
@@ -218,6 +256,15 @@ class Reader {
       while (end < text.size() && is_name_character(text[end])) ++end;
       const std::string name = text.substr(i + 1, end - i - 1);
       const auto found = parameters_.find(name);
+      i = end;
+      const auto fallback = own_default(attribute.name(), element, parent, node);
+      if (!name.empty() && found == parameters_.end() && fallback) {
+        report_.assume(where, "$" + name + " has no value: " +
+                                  (has_effect(element, parent, node) ? *fallback : "it changes nothing") +
+                                  ", unless the command line says otherwise");
+        result += *fallback;
+        continue;
+      }
       if (name.empty() || found == parameters_.end()) {
         std::vector<std::string> known;
         for (const auto& [key, value] : parameters_) known.push_back(key);
@@ -225,12 +272,11 @@ class Reader {
                         (name.empty() ? "..." : name) + "\" value=\"...\"/> before its use or with -D " +
                         (name.empty() ? "..." : name) + "=value");
       }
-      (effect ? used_ : used_without_effect_).insert(name);
+      (has_effect(element, parent, node) ? used_ : used_without_effect_).insert(name);
       result += found->second;
       if (result.size() > kMaxValueLength)
         fail(where,
              "an attribute is longer than " + std::to_string(kMaxValueLength) + " characters after substitution");
-      i = end;
     }
     return result;
   }
@@ -245,10 +291,15 @@ class Reader {
                                              : "does not use this parameter"));
         continue;
       }
-      const std::vector<std::string> known(declared_.begin(), declared_.end());
+      std::vector<std::string> known;
+      for (const auto& [key, where] : declared_) known.push_back(key);
       throw InputError("-D " + name + "=" + value + ": " + description_.root->location.file->name() +
                        " has no parameter \"" + name + "\"" + did_you_mean(name, known) +
                        (known.empty() ? "; it has none at all" : "; it has: " + join(known)));
+    }
+    for (const auto& [name, where] : declared_) {
+      if (!used_.count(name) && !used_without_effect_.count(name) && !definitions_.count(name))
+        description_.warnings.push_back(where.text() + ": the parameter \"" + name + "\" is not used");
     }
   }
 
@@ -258,7 +309,7 @@ class Reader {
       if (id->empty()) fail(element.location, "<" + element.tag + "> has an empty id");
       const auto [at, inserted] = description_.ids.emplace(*id, &element);
       if (!inserted)
-        fail(element.location, "the id \"" + *id + "\" is taken already, at " + at->second->location.text());
+        report_.refuse(element.location, "the id \"" + *id + "\" is taken already, at " + at->second->location.text());
     }
     for (const auto& child : element.children) collect_ids(*child);
   }
@@ -269,19 +320,23 @@ class Reader {
       if (target == description_.ids.end()) {
         std::vector<std::string> known;
         for (const auto& [id, element] : description_.ids) known.push_back(id);
-        fail(alias->location,
-             "<alias>: nothing has the id \"" + alias->get("id") + "\"" + did_you_mean(alias->get("id"), known));
+        report_.refuse(alias->location, "<alias>: nothing has the id \"" + alias->get("id") + "\"" +
+                                            did_you_mean(alias->get("id"), known));
+        continue;
       }
       if (!description_.ids.emplace(alias->get("as"), target->second).second) {
-        fail(alias->location, "<alias>: the id \"" + alias->get("as") + "\" is taken already");
+        report_.refuse(alias->location, "<alias>: the id \"" + alias->get("as") + "\" is taken already");
       }
     }
   }
 
   Description& description_;
+  SceneReport& report_;
+  bool old_ = false;  // the file that is read has a version below 2
   std::map<std::string, std::string> parameters_;
   const std::map<std::string, std::string>& definitions_;
-  std::set<std::string> declared_, used_, used_without_effect_;
+  std::map<std::string, Location> declared_;
+  std::set<std::string> used_, used_without_effect_;
   std::vector<std::unique_ptr<Element>> aliases_;
   std::vector<std::string> including_;
   int includes_ = 0;
@@ -316,14 +371,21 @@ std::string Description::resolve(const std::string& file, const Location& where)
     }
     if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
   }
+  if (file.find('\\') != std::string::npos) {  // of another system
+    std::string slashes = file;
+    std::replace(slashes.begin(), slashes.end(), '\\', '/');
+    return resolve(slashes, where);
+  }
   fail(where, "file \"" + file + "\" does not exist (looked for " + join(tried) + ")");
 }
 
-Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions) {
+Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,
+                             SceneReport& report) {
   Description description;
+  description.report = &report;
   const std::filesystem::path folder = std::filesystem::path(file).parent_path();
   description.search_paths.push_back(folder.empty() ? "." : folder.string());
-  Reader(definitions, description).read_main(file);
+  Reader(definitions, description, report).read_main(file);
   return description;
 }
 

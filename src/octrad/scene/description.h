@@ -1,14 +1,16 @@
-// A Mitsuba 3 XML file as a tree: <default>s substituted, <include>s spliced in, <alias>es and ids collected. Nothing
+// A Mitsuba XML file as a tree: <default>s substituted, <include>s spliced in, <alias>es and ids collected. Nothing
 // is interpreted yet; every element and attribute keeps its line and column.
 #pragma once
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "octrad/scene/source.h"
+#include "octrad/base/vec.h"
+#include "octrad/scene/report.h"
 
 namespace octrad {
 
@@ -17,23 +19,36 @@ struct Element {
   std::vector<std::pair<std::string, std::string>> attributes;  // values substituted, in file order
   std::vector<std::unique_ptr<Element>> children;
   Location location;
+  bool old = false;  // of a file whose version is below 2
 
   const std::string* find(std::string_view attribute) const;
   // Value of the attribute or "" when absent.
   const std::string& get(std::string_view attribute) const;
 };
 
+// What became of single elements, for writing the scene again (write_xml.h).
+struct Understood {
+  std::map<const Element*, Vec3f> constants;  // colours and spectra
+  std::map<const Element*, Vec3f> stand_ins;  // textures and bsdfs that could not be used, and their colour
+  std::set<const Element*> left_out;          // what could not be used, and what changes nothing
+};
+
 struct Description {
   std::unique_ptr<Element> root;              // the <scene>
   std::map<std::string, const Element*> ids;  // every element with an id, aliases included
   std::vector<std::string> search_paths;      // folder of the scene file first, then its <path>s
-  std::vector<std::string> warnings;          // of definitions that change nothing
+  std::vector<std::string> warnings;          // of definitions and defaults that change nothing
+  SceneReport* report = nullptr;              // where mistakes and assumptions go
+  Understood* understood = nullptr;           // where not null, filled by those who read the elements
   mutable std::vector<std::string> files;     // found by resolve()
   // Full name of an existing file, or an error at `where` that lists what was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };
 
-// Throws InputError with file:line:column, or IoError when the scene file itself cannot be read.
-Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions);
+// Files of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with file:line:column, or IoError
+// when the scene file itself cannot be read; mistakes that `report` collects are listed there, and what holds them is
+// left out. `report` must outlive the result.
+Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,
+                             SceneReport& report);
 
 }  // namespace octrad

@@ -91,12 +91,29 @@ std::string scene_fingerprint(const Scene& scene) {
     // Names every member, so that one more does not compile before it is here.
     const auto& [id, type, two_sided, back, opacity, bump, bump_scale, reflectance, specular_reflectance,
                  specular_transmittance, alpha_u, alpha_v, distribution, sample_visible, nonlinear, int_ior, ext_ior,
-                 eta, k] = m;
+                 eta, k, normal_map, bump_mirrored, bump_flips, bump_shadows, blended, extra] = m;
     h.add(type).add(two_sided).add(back).add(opacity).add(bump).add(bump_scale);
     h.add(reflectance).add(specular_reflectance).add(specular_transmittance).add(alpha_u).add(alpha_v);
     h.add(distribution).add(sample_visible).add(nonlinear).add(int_ior).add(ext_ior).add(eta).add(k);
+    // What came later, where it is used, so that the others keep their fingerprints.
+    if (bump >= 0) h.add(normal_map).add(bump_mirrored).add(bump_flips).add(bump_shadows);
+    if (needs_record(type)) {
+      for (const int part : blended) h.add(part);
+      for (const int texture : extra) h.add(texture);
+    }
   }
   for (const AreaLight& l : scene.area_lights) h.add(l.shape).add(l.radiance);
+  // What came later counts only where it is used, so that the models of other scenes stay valid.
+  for (const Placement& p : scene.placements) h.add(p.to_world);
+  if (!scene.placements.empty()) {
+    for (const Shape& s : scene.shapes) h.add(s.placement);
+  }
+  for (const DeltaLight& l : scene.delta_lights) {
+    const auto& [kind, texture, position, axis, intensity, to_local, cos_cutoff, cos_beam, cutoff, inverse_transition,
+                 tan_x, tan_y] = l;
+    h.add(kind).add(texture).add(position).add(axis).add(intensity).add(to_local).add(cos_cutoff).add(cos_beam);
+    h.add(cutoff).add(inverse_transition).add(tan_x).add(tan_y);
+  }
   for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);
   char text[17];
   std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(h.state()));

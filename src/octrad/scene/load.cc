@@ -10,14 +10,79 @@
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"
+#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
 
 const std::vector<std::string> kSceneTags = {"integrator", "sensor", "bsdf", "texture", "shape", "emitter"};
-constexpr int kMaxFilmSide = 131072;
+
+// Names also the object that refers to the file.
+[[noreturn]] void rethrow_at(const Location& where, const std::exception_ptr& error) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const Error& e) {
+    const std::string message = e.what();
+    const std::string prefix = where.text();
+    if (message.rfind(prefix, 0) == 0) throw;
+    if (e.code() == ExitCode::io) throw IoError(prefix + ": " + message);
+    if (e.code() == ExitCode::out_of_memory) throw MemoryError(prefix + ": " + message);
+    fail(where, message);
+  }
+}
+
+// Integrators of Mitsuba that find what `path` finds, and those that hold another one.
+const std::vector<std::string> kPathIntegrators = {"path", "direct", "moment", "aov"};
 
 }  // namespace
+
+std::vector<std::pair<std::string, std::vector<std::string>>> plugin_types() {
+  return {{"shape", shape_types()},       {"bsdf", bsdf_types()},       {"texture", texture_types()},
+          {"spectrum", spectrum_types()}, {"emitter", emitter_types()}, {"sensor", sensor_types()},
+          {"film", film_types()},         {"rfilter", rfilter_types()}};
+}
+
+SceneBuilder::Mark SceneBuilder::mark() const {
+  return {scene_.area_lights.size(),
+          scene_.delta_lights.size(),
+          projectors_.size(),
+          scene_.shapes.size(),
+          scene_.placements.size(),
+          group_order_.size(),
+          scene_.meshes.size(),
+          mesh_jobs_.size(),
+          scene_.spheres.size(),
+          scene_.environments.size(),
+          bitmaps_.size(),
+          open_materials_.size(),
+          in_shape_};
+}
+
+void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
+  scene_.area_lights.resize(mark.lights);
+  scene_.delta_lights.resize(mark.delta_lights);
+  projectors_.resize(mark.projectors);
+  scene_.shapes.resize(mark.shapes);
+  scene_.placements.resize(mark.placements);
+  placed_at_.resize(mark.placements);
+  for (; group_order_.size() > mark.groups; group_order_.pop_back()) groups_.erase(group_order_.back());
+  scene_.meshes.resize(mark.meshes);
+  mesh_jobs_.resize(mark.mesh_jobs);
+  scene_.spheres.resize(mark.spheres);
+  scene_.environments.resize(mark.environments);
+  for (std::size_t i = mark.bitmaps; i < bitmaps_.size(); ++i) {
+    if (bitmaps_[i].texture < 0) bitmaps_[i].path.clear();  // of the environment: not read
+  }
+  open_materials_.resize(mark.open);
+  in_shape_ = mark.in_shape;
+  if (description_.understood) description_.understood->left_out.insert(&element);
+}
+
+void SceneBuilder::check_complete() const {
+  const Location& where = description_.root->location;
+  if (scene_.cameras.empty()) fail(where, "the scene has no sensor; add <sensor type=\"perspective\">");
+  if (scene_.shapes.empty()) fail(where, "the scene has no shape");
+}
 
 Scene SceneBuilder::build() {
   Material standard;
@@ -25,210 +90,97 @@ Scene SceneBuilder::build() {
   standard.reflectance = constant_texture(Vec3f(0.5f));
   scene_.materials.push_back(standard);
   const Element& root = *description_.root;
-  for (const auto& child : root.children) {
-    const Element& element = follow_reference(description_, *child);
-    if (element.tag == "shape") {
-      add_shape(element);
-    } else if (element.tag == "bsdf") {
-      material(element);  // also when nothing uses it: mistakes are found now, not when it is first used
-    } else if (element.tag == "sensor") {
-      add_sensor(element);
-    } else if (element.tag == "integrator") {
-      add_integrator(element);
-    } else if (element.tag == "emitter") {
-      add_environment(element);
-    } else if (element.tag == "texture") {
-      if (element.find("id") == nullptr)
-        fail(element.location, "a <texture> at the top level needs an id, to be referred to");
-    } else {
-      std::vector<std::string> known = kSceneTags;
-      known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
-      fail(element.location, "unknown element <" + element.tag + "> at the top level" +
-                                 did_you_mean(element.tag, known) + "; supported: " + join(known));
-    }
-  }
-  if (scene_.cameras.empty()) fail(root.location, "the scene has no sensor; add <sensor type=\"perspective\">");
-  if (scene_.shapes.empty()) fail(root.location, "the scene has no shape");
+  for (const auto& child : root.children) add(*child, [&] { add_object(follow_reference(description_, *child)); });
+  if (!report().collects()) check_complete();
   load_files();
-  for (const Shape& shape : scene_.shapes) {
-    if (shape.kind == Shape::Kind::sphere) {
-      const Sphere& s = scene_.spheres[static_cast<std::size_t>(shape.geometry)];
-      scene_.bounds.extend(s.center - Vec3f(s.radius));
-      scene_.bounds.extend(s.center + Vec3f(s.radius));
-    } else {
-      const TriangleMesh& mesh = scene_.meshes[static_cast<std::size_t>(shape.geometry)];
-      for (const Vec3i& triangle : mesh.triangles) {
-        for (int i = 0; i < 3; ++i) scene_.bounds.extend(mesh.positions[static_cast<std::size_t>(triangle[i])]);
-      }
-    }
-  }
+  drop_failed_shapes();
+  check_complete();
+  aim_projectors();
+  find_bounds();
   scene_.fingerprint = scene_fingerprint(scene_);
   return std::move(scene_);
+}
+
+void SceneBuilder::add_object(const Element& element) {
+  if (element.tag == "shape") {
+    add_shape(element);
+  } else if (element.tag == "bsdf") {
+    // Also when nothing uses it: mistakes are found now, not when it is first used.
+    if ((texture_kinds(element) & kUsesAttributes) == 0) material(element);
+  } else if (element.tag == "sensor") {
+    add_sensor(element);
+  } else if (element.tag == "integrator") {
+    add_integrator(element);
+  } else if (element.tag == "emitter") {
+    // One with an id may be meant for shapes that refer to it.
+    if (element.get("type") != "area" || !element.find("id")) add_emitter(element);
+  } else if (element.tag == "texture" || element.tag == "spectrum") {
+    if (element.find("id") == nullptr)
+      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to");
+  } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
+    if (element.find("id") == nullptr)
+      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
+  } else if (element.old && element.find("name") && element.find("value")) {
+    report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
+  } else if (element.tag == "medium") {
+    report().refuse(element.location,
+                    "<medium> is not supported: light travels in straight lines between surfaces; remove it, or ignore "
+                    "it with --permissive");
+  } else {
+    std::vector<std::string> known = kSceneTags;
+    known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
+    fail(element.location, "unknown element <" + element.tag + "> at the top level" + did_you_mean(element.tag, known) +
+                               "; supported: " + join(known));
+  }
+}
+
+// Shapes whose files could not be read, after that was listed.
+void SceneBuilder::drop_failed_shapes() {
+  std::set<int> failed;
+  for (const MeshJob& job : mesh_jobs_) {
+    if (job.failed) failed.insert(job.mesh);
+  }
+  if (failed.empty()) return;
+  std::vector<Shape> shapes;
+  std::vector<AreaLight> lights;
+  for (Shape& shape : scene_.shapes) {
+    if (shape.kind == Shape::Kind::mesh && failed.count(shape.geometry)) continue;
+    if (shape.emitter >= 0) {
+      lights.push_back(scene_.area_lights[static_cast<std::size_t>(shape.emitter)]);
+      lights.back().shape = static_cast<int>(shapes.size());
+      shape.emitter = static_cast<int>(lights.size()) - 1;
+    }
+    shapes.push_back(std::move(shape));
+  }
+  scene_.shapes = std::move(shapes);
+  scene_.area_lights = std::move(lights);
 }
 
 void SceneBuilder::add_integrator(const Element& element) {
   Params params(description_, element, scene_.warnings);
   if (has_integrator_) fail(element.location, "the scene has a second integrator");
   has_integrator_ = true;
-  scene_.max_depth = params.int_in("max_depth", -1, -1, 1 << 30);
+  // moment and aov hold the integrator whose radiance they record.
+  const std::vector<const Element*> nested = params.nested("integrator");
+  for (const Element* inner : nested) {
+    has_integrator_ = false;
+    add_integrator(*inner);
+  }
+  const std::string& type = params.type();
+  if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
+    report().assume(element.location, "integrator \"" + type + "\" read as path");
+  const int depth = params.int_in("max_depth", -1, -1, 1 << 30);
+  if (type == "direct") {
+    report().assume(element.location, "integrator \"direct\" read as path of max_depth 2");
+    scene_.max_depth = 2;
+  } else if (nested.empty()) {
+    scene_.max_depth = depth;
+  }
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");
   if (params.get_bool("hide_emitters", false)) {
     scene_.warnings.push_back(element.location.text() + ": hide_emitters is not supported; emitters are shown");
   }
   params.ignore_rest();  // the integrator is chosen on the command line
-}
-
-void SceneBuilder::add_sensor(const Element& element) {
-  Params params(description_, element, scene_.warnings);
-  if (params.type() != "perspective") {
-    fail(element.location, "sensor \"" + params.type() + "\" is not supported" +
-                               did_you_mean(params.type(), {"perspective"}) + "; supported: perspective");
-  }
-  const bool first = scene_.cameras.empty();
-  Camera camera;
-  const std::vector<const Element*> films = params.nested("film");
-  if (films.size() > 1) fail(films[1]->location, "a sensor holds at most one film");
-  if (films.empty()) {
-    camera.film_width = scene_.film.width;
-    camera.film_height = scene_.film.height;
-    if (first) scene_.film.filter_radius = 4.0f * scene_.film.filter_stddev;
-  } else {
-    add_film(*films[0], camera, first);
-  }
-  for (const Element* sampler : params.nested("sampler")) Params(description_, *sampler, scene_.warnings).ignore_rest();
-
-  const bool has_fov =
-      element.children.end() != std::find_if(element.children.begin(), element.children.end(),
-                                             [](const auto& child) { return child->get("name") == "fov"; });
-  const std::string focal_length = params.get_string("focal_length", "");
-  if (has_fov) {
-    if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
-    camera.fov_degrees = params.get_float("fov", 0.0f);
-    if (!(camera.fov_degrees > 0.0f && camera.fov_degrees < 180.0f))
-      fail(params.where("fov"), "fov must be above 0 and below 180 degrees");
-    const std::vector<std::string> names = {"x", "y", "diagonal", "smaller", "larger"};
-    const std::string axis = params.choice("fov_axis", "x", names);
-    camera.fov_axis = static_cast<Camera::FovAxis>(std::find(names.begin(), names.end(), axis) - names.begin());
-  } else {
-    // Millimetres on 35 mm film (36 x 24), whose diagonal sees the field of view.
-    std::string text = focal_length.empty() ? "50mm" : focal_length;
-    if (text.size() > 2 && text.substr(text.size() - 2) == "mm") text.resize(text.size() - 2);
-    const auto f = parse_numbers(text);
-    if (!f || f->size() != 1 || !((*f)[0] > 0.0))
-      fail(params.where("focal_length"), "focal_length \"" + focal_length + "\" is not a length such as 50mm");
-    camera.fov_degrees = static_cast<float>(2.0 * std::atan(std::sqrt(36.0 * 36.0 + 24.0 * 24.0) / (2.0 * (*f)[0])) *
-                                            180.0 / 3.14159265358979323846);
-    camera.fov_axis = Camera::FovAxis::diagonal;
-    params.ignore({"fov_axis"});
-  }
-  camera.near_clip = params.get_float("near_clip", 0.01f);
-  camera.far_clip = params.get_float("far_clip", 10000.0f);
-  if (!(camera.near_clip > 0.0f)) fail(params.where("near_clip"), "near_clip must be above 0");
-  if (!(camera.far_clip > camera.near_clip)) fail(params.where("far_clip"), "far_clip must be greater than near_clip");
-  camera.principal_point_offset = {params.float_in("principal_point_offset_x", 0.0f, -100.0f, 100.0f),
-                                   params.float_in("principal_point_offset_y", 0.0f, -100.0f, 100.0f)};
-  params.ignore({"focus_distance", "shutter_open", "shutter_close"});  // no motion, no lens: they change nothing
-
-  const Transform to_world = params.get_transform("to_world");
-  for (int i = 0; i < 3; ++i) {
-    if (!(std::fabs(length(to_world.column(i)) - 1.0) < 1e-3) ||
-        !(std::fabs(dot(to_world.column(i), to_world.column((i + 1) % 3))) < 1e-3)) {
-      fail(params.where("to_world"), "to_world of a sensor must not scale or shear (it may mirror)");
-    }
-  }
-  try {
-    set_frame(camera, to_world);
-    camera.view(1, 1);
-  } catch (const InputError& error) {
-    fail(params.where("to_world"), error.what());
-  }
-  params.finish();
-  scene_.cameras.push_back(camera);
-}
-
-void SceneBuilder::add_film(const Element& element, Camera& camera, bool first) {
-  Params params(description_, element, scene_.warnings);
-  if (params.type() != "hdrfilm")
-    fail(element.location, "film \"" + params.type() + "\" is not supported" +
-                               did_you_mean(params.type(), {"hdrfilm"}) + "; supported: hdrfilm");
-  Film film;
-  film.width = params.int_in("width", film.width, 1, kMaxFilmSide);
-  film.height = params.int_in("height", film.height, 1, kMaxFilmSide);
-  if (params.int_in("crop_offset_x", 0, 0, kMaxFilmSide) != 0 ||
-      params.int_in("crop_offset_y", 0, 0, kMaxFilmSide) != 0 ||
-      params.int_in("crop_width", film.width, 1, kMaxFilmSide) != film.width ||
-      params.int_in("crop_height", film.height, 1, kMaxFilmSide) != film.height) {
-    fail(element.location, "a crop window in the scene file is not supported; crop when rendering (--crop)");
-  }
-  params.ignore({"file_format", "pixel_format", "component_format", "banner", "compensate", "sample_border",
-                 "high_quality_edges"});
-  const std::vector<const Element*> filters = params.nested("rfilter");
-  if (filters.size() > 1) fail(filters[1]->location, "a film holds at most one rfilter");
-  film.filter_radius = 4.0f * film.filter_stddev;
-  if (!filters.empty()) {
-    Params filter(description_, *filters[0], scene_.warnings);
-    if (filter.type() == "box") {
-      film.filter = Film::Filter::box;
-      film.filter_radius = 0.5f;
-    } else if (filter.type() == "tent") {
-      film.filter = Film::Filter::tent;
-      film.filter_radius = filter.float_in("radius", 1.0f, 1e-3f, 8.0f);
-    } else if (filter.type() == "gaussian") {
-      film.filter_stddev = filter.float_in("stddev", 0.5f, 1e-3f, 2.0f);
-      film.filter_radius = 4.0f * film.filter_stddev;
-    } else {
-      const std::vector<std::string> known = {"box", "tent", "gaussian"};
-      fail(filters[0]->location, "rfilter \"" + filter.type() + "\" is not supported" +
-                                     did_you_mean(filter.type(), known) + "; supported: " + join(known));
-    }
-    filter.finish();
-  }
-  params.finish();
-  camera.film_width = film.width;
-  camera.film_height = film.height;
-  if (first) scene_.film = film;
-}
-
-void SceneBuilder::add_environment(const Element& element) {
-  Params params(description_, element, scene_.warnings);
-  const std::string& type = params.type();
-  if (type != "envmap" && type != "constant") {
-    if (type == "area") fail(element.location, "an area emitter must stand inside a shape");
-    fail(element.location, "emitter \"" + type + "\" is not supported" + did_you_mean(type, {"envmap", "constant"}) +
-                               "; supported: envmap, constant, and area inside a shape");
-  }
-  if (!scene_.environments.empty()) fail(element.location, "the scene has a second environment emitter");
-  scene_.environments.emplace_back();
-  Environment& environment = scene_.environments.back();
-  if (type == "constant") {
-    environment.width = environment.height = 1;
-    const int radiance = texture_or(params, "radiance", TextureRole::radiance, 1.0f);
-    const Texture& t = scene_.textures[static_cast<std::size_t>(radiance)];
-    if (t.kind != Texture::Kind::constant)
-      fail(params.where("radiance"), "the radiance of a constant emitter must be a constant");
-    environment.pixels = {t.color0};
-    params.ignore({"to_world"});
-  } else {
-    BitmapJob job;
-    const std::string file = params.required_string("filename");
-    job.where = params.where("filename");
-    job.path = description_.resolve(file, job.where);
-    job.scale = params.get_float("scale", 1.0f);
-    job.roles = {TextureRole::radiance};
-    if (!(job.scale >= 0.0f)) fail(params.where("scale"), "the scale of an envmap must not be negative");
-    bitmaps_.push_back(job);
-    const Transform to_world = params.get_transform("to_world");
-    for (int i = 0; i < 3; ++i) {
-      const Vec3d a = to_world.column(i), b = to_world.column((i + 1) % 3);
-      if (!(length(a) > 0.0) || !(std::fabs(dot(a, b)) < 1e-3 * length(a) * length(b)) ||
-          !(std::fabs(length(a) - length(b)) < 1e-3 * length(a))) {
-        fail(params.where("to_world"), "to_world of an envmap must be a rotation");
-      }
-      for (int row = 0; row < 3; ++row) environment.to_world[row * 3 + i] = static_cast<float>(a[row] / length(a));
-    }
-  }
-  params.ignore({"sampling_weight"});
-  params.finish();
 }
 
 void SceneBuilder::load_files() {
@@ -239,42 +191,61 @@ void SceneBuilder::load_files() {
     try {
       const MemoryScope scope;
       if (i < bitmaps_.size()) {
-        load_bitmap(i);
+        if (!bitmaps_[i].path.empty()) load_bitmap(i);
         return;
       }
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
-      if (!job.path.empty()) job.raw = job.ply ? read_ply(job.path) : read_obj(job.path);
+      std::vector<std::string> wanted;
+      for (const AttributeUse& use : job.attributes) wanted.push_back(use.name);
+      if (!job.path.empty()) {
+        job.raw = job.format == MeshJob::Format::ply   ? read_ply(job.path, wanted)
+                  : job.format == MeshJob::Format::obj ? read_obj(job.path)
+                                                       : read_serialized(job.path, job.index);
+      }
+      const std::vector<MeshAttribute> attributes = std::move(job.raw.attributes);
       // Normals as doubles, then as floats.
       if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);
       scene_.meshes[static_cast<std::size_t>(job.mesh)] = place_mesh(std::move(job.raw), job.to_world, job.options);
+      if (!job.attributes.empty()) place_attributes(job, attributes);
     } catch (...) {
       errors[i] = std::current_exception();
     }
   });
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;
-    // Name also the object that refers to the file.
     const Location& where = i < bitmaps_.size() ? bitmaps_[i].where : mesh_jobs_[i - bitmaps_.size()].where;
-    try {
-      std::rethrow_exception(errors[i]);
-    } catch (const Error& error) {
-      const std::string message = error.what();
-      const std::string prefix = where.text();
-      if (message.rfind(prefix, 0) == 0) throw;
-      if (error.code() == ExitCode::io) throw IoError(prefix + ": " + message);
-      if (error.code() == ExitCode::out_of_memory) throw MemoryError(prefix + ": " + message);
-      throw InputError(prefix + ": " + message);
+    if (report().attempt(where, [&] { rethrow_at(where, errors[i]); })) continue;
+    if (i < bitmaps_.size()) {
+      fill_bitmap(bitmaps_[i], 1, 1, {stand_in(bitmaps_[i].roles.front())});
+    } else {
+      mesh_jobs_[i - bitmaps_.size()].failed = true;
     }
   }
 }
 
-Scene load_scene(const std::string& file, const LoadOptions& options) {
-  const Description description = read_description(file, options.definitions);
+Scene build_scene(const Description& description) {
   Scene scene = SceneBuilder(description).build();
-  scene.file = file;
+  scene.file = description.root->location.file->name();
   scene.other_files = description.files;
   scene.warnings.insert(scene.warnings.begin(), description.warnings.begin(), description.warnings.end());
+  scene.assumed = description.report->assumed();
+  scene.refused = description.report->refused();
   return scene;
+}
+
+Scene load_scene(const std::string& file, const LoadOptions& options) {
+  SceneReport report(options.permissive);
+  return build_scene(read_description(file, options.definitions, report));
+}
+
+SceneCheck check_scene_file(const std::string& file, const LoadOptions& options) {
+  SceneReport report(true);
+  try {
+    build_scene(read_description(file, options.definitions, report));
+  } catch (const InputError& error) {  // what no stand-in helps
+    report.collect({}, error);
+  }
+  return {report.refused(), report.assumed()};
 }
 
 }  // namespace octrad

@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/named_materials.h"
+#include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
@@ -11,7 +14,26 @@ namespace {
 #define OCTRAD_NAME(name, Model, transmits) #name,
 const std::vector<std::string> kModels = {OCTRAD_BSDF_LIST(OCTRAD_NAME)};
 #undef OCTRAD_NAME
-const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap"};
+const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap", "normalmap"};
+
+// What can be written instead of models that there are not.
+std::string way_out(const std::string& type) {
+  static const std::pair<const char*, const char*> ways[] = {
+      {"hk", "a thin scattering layer has no counterpart; use diffuse or principledthin"},
+      {"irawan", "woven cloth has no counterpart; use diffuse with a bitmap"},
+      {"hair", "use diffuse or roughconductor"},
+      {"measured", "fit a principled bsdf to the measurement"},
+      {"measured_polarized", "light is not polarised here; fit a principled bsdf to the measurement"},
+      {"pplastic", "light is not polarised here; use roughplastic"},
+      {"polarizer", "light is not polarised here"},
+      {"retarder", "light is not polarised here"},
+      {"circular", "light is not polarised here"},
+  };
+  for (const auto& [name, way] : ways) {
+    if (type == name) return std::string("; ") + way;
+  }
+  return "";
+}
 
 // The bsdfs nested in a wrapper, at least one.
 std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
@@ -24,21 +46,49 @@ std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
   return found;
 }
 
-bool transmits(const Material& m) { return m.opacity >= 0 || transmits(m.type); }
+// What a bsdf that cannot be used looks like.
+constexpr Vec3f kMagenta{1.0f, 0.0f, 1.0f};
 
 }  // namespace
 
+std::vector<std::string> bsdf_types() {
+  std::vector<std::string> types = kModels;
+  types.insert(types.end(), kWrappers.begin(), kWrappers.end());
+  return types;
+}
+
+bool SceneBuilder::transmits(const Material& m) const {
+  if (m.opacity >= 0 || octrad::transmits(m.type) || m.extra[ExtraParameter::spec_trans] >= 0) return true;
+  return std::any_of(std::begin(m.blended), std::end(m.blended), [this](int part) {
+    return part >= 0 && transmits(scene_.materials[static_cast<std::size_t>(part)]);
+  });
+}
+
 int SceneBuilder::material(const Element& element) {
-  if (const auto found = materials_.find(&element); found != materials_.end()) return found->second;
+  // What shows attributes is made anew for every mesh.
+  const bool shared = (texture_kinds(element) & kUsesAttributes) == 0;
+  const std::pair<const Element*, int> key{&element, shared ? -1 : static_cast<int>(scene_.meshes.size())};
+  if (const auto found = materials_.find(key); found != materials_.end()) return found->second;
   Material m = flatten(element);
   m.id = element.get("id");
   const int index = static_cast<int>(scene_.materials.size());
   scene_.materials.push_back(std::move(m));
-  materials_.emplace(&element, index);
+  materials_.emplace(key, index);
   return index;
 }
 
 Material SceneBuilder::flatten(const Element& element) {
+  Material m;
+  const std::size_t open = open_materials_.size();
+  if (report().attempt(element.location, [&] { m = read_bsdf(element); })) return m;
+  open_materials_.resize(open);
+  m = {};
+  m.reflectance = constant_texture(kMagenta);
+  if (description_.understood) description_.understood->stand_ins.emplace(&element, kMagenta);
+  return m;
+}
+
+Material SceneBuilder::read_bsdf(const Element& element) {
   if (std::find(open_materials_.begin(), open_materials_.end(), &element) != open_materials_.end()) {
     fail(element.location, "the bsdf \"" + element.get("id") + "\" contains itself through its references");
   }
@@ -54,6 +104,7 @@ Material SceneBuilder::flatten(const Element& element) {
           parts[0]->location,
           "twosided cannot hold a bsdf that lets light through (dielectric, thindielectric, mask); put the mask around twosided");
     m.two_sided = true;
+    m.bump_mirrored = m.bump >= 0;
     if (parts.size() == 2) {
       m.back = material(*parts[1]);
       if (transmits(scene_.materials[static_cast<std::size_t>(m.back)])) {
@@ -70,26 +121,29 @@ Material SceneBuilder::flatten(const Element& element) {
     m.opacity = opacity;
   } else if (params.type() == "bumpmap") {
     const auto parts = nested_bsdfs(params, 1);
-    const float scale = params.get_float("scale", 1.0f);
+    Material map;
+    map.bump_scale = params.get_float("scale", 1.0f);
+    map.bump_flips = params.get_bool("flip_invalid_normals", true);
+    map.bump_shadows = params.get_bool("use_shadowing_function", true);
     const auto textures = params.nested("texture");
     if (textures.size() != 1)
       fail(element.location, "bumpmap needs exactly one <texture>, not " + std::to_string(textures.size()));
     m = flatten(*parts[0]);
-    if (m.bump >= 0) fail(element.location, "a bumpmap inside a bumpmap is not supported");
-    m.bump = texture_object(*textures[0], TextureRole::height);
-    if (scene_.textures[static_cast<std::size_t>(m.bump)].kind != Texture::Kind::bitmap) {
+    map.bump = texture_object(*textures[0], TextureRole::height);
+    if (scene_.textures[static_cast<std::size_t>(map.bump)].kind != Texture::Kind::bitmap) {
       fail(textures[0]->location, "a bumpmap needs a texture with a gradient: bitmap (a checkerboard has none)");
     }
-    m.bump_scale = scale;
-    if (m.back >= 0) {
-      // Other materials may refer to the same back: apply the bump map to a copy.
-      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
-      if (back.bump >= 0) fail(element.location, "a bumpmap inside a bumpmap is not supported");
-      back.bump = m.bump;
-      back.bump_scale = scale;
-      m.back = static_cast<int>(scene_.materials.size());
-      scene_.materials.push_back(std::move(back));
-    }
+    map_normals(m, map, element.location);
+  } else if (params.type() == "normalmap") {
+    const auto parts = nested_bsdfs(params, 1);
+    Material map;
+    map.normal_map = true;
+    map.bump_flips = params.get_bool("flip_invalid_normals", true);
+    map.bump_shadows = params.get_bool("use_shadowing_function", true);
+    map.bump = texture(params, "normalmap", TextureRole::normal);
+    if (map.bump < 0) fail(element.location, "normalmap needs a <texture name=\"normalmap\">");
+    m = flatten(*parts[0]);
+    map_normals(m, map, element.location);
   } else {
     m = scattering_model(params);
   }
@@ -98,14 +152,32 @@ Material SceneBuilder::flatten(const Element& element) {
   return m;
 }
 
+// Puts a bump or normal map around `m`.
+void SceneBuilder::map_normals(Material& m, const Material& map, const Location& where) {
+  const auto apply = [&](Material& to) {
+    if (to.bump >= 0) fail(where, "a bumpmap or normalmap inside another is not supported");
+    to.bump = map.bump;
+    to.bump_scale = map.bump_scale;
+    to.normal_map = map.normal_map;
+    to.bump_flips = map.bump_flips;
+    to.bump_shadows = map.bump_shadows;
+  };
+  apply(m);
+  if (m.back < 0) return;
+  // Other materials may refer to the same back: apply the map to a copy.
+  Material back = scene_.materials[static_cast<std::size_t>(m.back)];
+  apply(back);
+  m.back = static_cast<int>(scene_.materials.size());
+  scene_.materials.push_back(std::move(back));
+}
+
 Material SceneBuilder::scattering_model(Params& params) {
   const std::string& type = params.type();
   const auto found = std::find(kModels.begin(), kModels.end(), type);
   if (found == kModels.end()) {
-    std::vector<std::string> known = kModels;
-    known.insert(known.end(), kWrappers.begin(), kWrappers.end());
-    fail(params.location(),
-         "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + "; supported: " + join(known));
+    const std::vector<std::string> known = bsdf_types();
+    fail(params.location(), "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + way_out(type) +
+                                "; supported: " + join(known));
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());
@@ -120,6 +192,13 @@ Material SceneBuilder::scattering_model(Params& params) {
 
 void SceneBuilder::read_diffuse(Params& params, Material& m) {
   m.reflectance = texture_or(params, "reflectance", TextureRole::reflectance, 0.5f);
+}
+
+void SceneBuilder::read_roughdiffuse(Params& params, Material& m) {
+  read_diffuse(params, m);
+  const int alpha = texture(params, "alpha", TextureRole::roughness);
+  m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.2f));
+  params.ignore({"use_fast_approx"});  // the model itself is used
 }
 
 void SceneBuilder::read_plastic(Params& params, Material& m) {
@@ -144,15 +223,7 @@ void SceneBuilder::read_conductor(Params& params, Material& m) {
 
 void SceneBuilder::read_roughconductor(Params& params, Material& m) {
   read_conductor(params, m);
-  microfacets(params, m);
-  const int alpha = texture(params, "alpha", TextureRole::roughness);
-  m.alpha_u = texture(params, "alpha_u", TextureRole::roughness);
-  m.alpha_v = texture(params, "alpha_v", TextureRole::roughness);
-  if ((m.alpha_u >= 0) != (m.alpha_v >= 0))
-    fail(params.location(), "roughconductor needs both alpha_u and alpha_v, or alpha alone");
-  if (alpha >= 0 && m.alpha_u >= 0)
-    fail(params.where("alpha"), "roughconductor takes alpha or alpha_u and alpha_v, not both");
-  if (m.alpha_u < 0) m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.1f));
+  anisotropic_microfacets(params, m);
 }
 
 void SceneBuilder::read_dielectric(Params& params, Material& m) {
@@ -163,6 +234,127 @@ void SceneBuilder::read_dielectric(Params& params, Material& m) {
 }
 
 void SceneBuilder::read_thindielectric(Params& params, Material& m) { read_dielectric(params, m); }
+
+void SceneBuilder::read_roughdielectric(Params& params, Material& m) {
+  read_dielectric(params, m);
+  if (m.int_ior == m.ext_ior) {
+    fail(
+        params.where("int_ior"),
+        "roughdielectric needs an int_ior that differs from ext_ior; a boundary without a change of the index is bsdf \"null\"");
+  }
+  anisotropic_microfacets(params, m);
+}
+
+void SceneBuilder::read_null(Params&, Material&) {}
+
+void SceneBuilder::read_blendbsdf(Params& params, Material& m) {
+  m.extra[ExtraParameter::weight] = texture(params, "weight", TextureRole::fraction);
+  if (m.extra[ExtraParameter::weight] < 0)
+    fail(params.location(), "blendbsdf needs a weight: how much of the second bsdf, from 0 to 1");
+  const auto parts = nested_bsdfs(params, 2);
+  if (parts.size() != 2) fail(params.location(), "blendbsdf needs two nested bsdfs");
+  for (int i = 0; i < 2; ++i) {
+    m.blended[i] = material(*parts[static_cast<std::size_t>(i)]);
+    const Material& part = scene_.materials[static_cast<std::size_t>(m.blended[i])];
+    if (part.bump >= 0 && (!part.normal_map || part.blended[0] >= 0)) {
+      fail(parts[static_cast<std::size_t>(i)]->location,
+           std::string("a ") + (part.normal_map ? "normalmap around a blendbsdf" : "bumpmap") +
+               " inside a blendbsdf is not supported; put it around the outer one");
+    }
+  }
+  // Two-sided parts make a two-sided blend; with backs of their own, or beside one-sided ones, they turn by themselves.
+  m.two_sided = std::all_of(std::begin(m.blended), std::end(m.blended), [this](int i) {
+    const Material& part = scene_.materials[static_cast<std::size_t>(i)];
+    return part.two_sided && part.back < 0 && part.bump < 0;
+  });
+  if (blended_count(m) > kMostBlended) {
+    fail(params.location(), "a blendbsdf mixes at most " + std::to_string(kMostBlended) +
+                                " bsdfs, those of the blends in it included; this one " +
+                                std::to_string(blended_count(m)));
+  }
+}
+
+int SceneBuilder::blended_count(const Material& m) const {
+  if (m.blended[0] < 0) return 1;
+  return blended_count(scene_.materials[static_cast<std::size_t>(m.blended[0])]) +
+         blended_count(scene_.materials[static_cast<std::size_t>(m.blended[1])]);
+}
+
+void SceneBuilder::read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,
+                              float fallback) {
+  m.extra[parameter] = fallback == 0.0f ? texture(params, name, role) : texture_or(params, name, role, fallback);
+}
+
+// What both principled models have.
+void SceneBuilder::read_principled_base(Params& params, Material& m) {
+  using P = ExtraParameter;
+  m.reflectance = texture_or(params, "base_color", TextureRole::reflectance, 0.5f);
+  read_extra(params, m, P::roughness, "roughness", TextureRole::roughness, 0.5f);
+  for (const auto& [parameter, name] :
+       {std::pair(P::anisotropic, "anisotropic"), std::pair(P::spec_trans, "spec_trans"),
+        std::pair(P::spec_tint, "spec_tint"), std::pair(P::sheen, "sheen"), std::pair(P::sheen_tint, "sheen_tint"),
+        std::pair(P::flatness, "flatness")}) {
+    read_extra(params, m, parameter, name, TextureRole::fraction, 0.0f);
+  }
+  const auto rate = [&](int parameter, const char* name) {
+    m.extra[parameter] = constant_texture(Vec3f(params.float_in(name, 1.0f, 0.0f, 1e6f)));
+  };
+  rate(P::diffuse_reflectance_sampling_rate, "diffuse_reflectance_sampling_rate");
+  if (m.type == BsdfType::principled) {
+    rate(P::main_specular_sampling_rate, "main_specular_sampling_rate");
+    rate(P::clearcoat_sampling_rate, "clearcoat_sampling_rate");
+  } else {
+    rate(P::specular_reflectance_sampling_rate, "specular_reflectance_sampling_rate");
+    rate(P::specular_transmittance_sampling_rate, "specular_transmittance_sampling_rate");
+    rate(P::diffuse_transmittance_sampling_rate, "diffuse_transmittance_sampling_rate");
+  }
+  // A constant 0 is as good as none: the back of such an object is black.
+  int& spec_trans = m.extra[P::spec_trans];
+  if (spec_trans >= 0) {
+    const Texture& t = scene_.textures[static_cast<std::size_t>(spec_trans)];
+    if (t.kind == Texture::Kind::constant && t.color0.x == 0.0f) spec_trans = -1;
+  }
+}
+
+void SceneBuilder::read_principled(Params& params, Material& m) {
+  using P = ExtraParameter;
+  read_principled_base(params, m);
+  read_extra(params, m, P::metallic, "metallic", TextureRole::fraction, 0.0f);
+  read_extra(params, m, P::clearcoat, "clearcoat", TextureRole::fraction, 0.0f);
+  read_extra(params, m, P::clearcoat_gloss, "clearcoat_gloss", TextureRole::fraction, 0.0f);
+  const bool transmissive = m.extra[P::spec_trans] >= 0;
+  constexpr float kAbsent = -1.0f;
+  const bool given = params.where("eta").offset != params.location().offset;
+  float specular = params.float_in("specular", given ? kAbsent : 0.5f, given ? kAbsent : 0.0f, 1.0f);
+  if (given && specular != kAbsent) fail(params.where("specular"), "principled takes eta or specular, not both");
+  m.ext_ior = 1.0f;
+  m.int_ior = params.float_in("eta", 1.5f, 1e-3f, 100.0f);
+  if (given) {
+    if (transmissive && m.int_ior == 1.0f) m.int_ior = 1.001f;  // as Mitsuba, and below
+  } else {
+    if (transmissive && specular == 0.0f) specular = 1e-3f;
+    m.int_ior = 2.0f / (1.0f - std::sqrt(0.08f * specular)) - 1.0f;
+  }
+}
+
+void SceneBuilder::read_principledthin(Params& params, Material& m) {
+  read_principled_base(params, m);
+  read_extra(params, m, ExtraParameter::diff_trans, "diff_trans", TextureRole::two_sides, 0.0f);
+  read_extra(params, m, ExtraParameter::eta, "eta", TextureRole::index, 1.5f);
+}
+
+// The distribution of microfacets, and alpha, or alpha_u and alpha_v.
+void SceneBuilder::anisotropic_microfacets(Params& params, Material& m) {
+  microfacets(params, m);
+  const int alpha = texture(params, "alpha", TextureRole::roughness);
+  m.alpha_u = texture(params, "alpha_u", TextureRole::roughness);
+  m.alpha_v = texture(params, "alpha_v", TextureRole::roughness);
+  if ((m.alpha_u >= 0) != (m.alpha_v >= 0))
+    fail(params.location(), params.type() + " needs both alpha_u and alpha_v, or alpha alone");
+  if (alpha >= 0 && m.alpha_u >= 0)
+    fail(params.where("alpha"), params.type() + " takes alpha or alpha_u and alpha_v, not both");
+  if (m.alpha_u < 0) m.alpha_u = m.alpha_v = alpha >= 0 ? alpha : constant_texture(Vec3f(0.1f));
+}
 
 void SceneBuilder::microfacets(Params& params, Material& m) {
   m.distribution = params.choice("distribution", "beckmann", {"beckmann", "ggx"}) == "ggx"

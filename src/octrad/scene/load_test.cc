@@ -292,10 +292,8 @@ TEST_F(LoadTest, Colors) {
   bad(R"(<rgb name="reflectance" value="nan"/>)", {"is not a colour"});
   bad(R"(<rgb name="reflectance" r="0.5"/>)", {"has no attribute \"r\""});
   bad(R"(<rgb name="reflectance"/>)", {"needs the attribute \"value\""});
-  bad(R"(<spectrum name="reflectance" value="400:0.1, 700:0.6"/>)", {"wavelengths are not supported"});
-  bad(R"(<spectrum name="reflectance" filename="a.spd"/>)", {"from files are not supported"});
-  bad(R"(<spectrum name="reflectance" type="blackbody"/>)",
-      {"spectrum \"blackbody\" is not supported; supported: uniform, d65"});
+  bad(R"(<spectrum name="reflectance" filename="a.spd"/>)", {"\"a.spd\" does not exist"});
+  bad(R"(<spectrum name="reflectance" type="blackbody"/>)", {"a blackbody spectrum is one of emitters only"});
   bad(R"(<string name="reflectance" value="red"/>)", {"must be <float>, <rgb>, <spectrum> or <texture>, not <string>"});
 }
 
@@ -353,6 +351,16 @@ TEST_F(LoadTest, ScatteringModels) {
   bad("roughplastic", R"(<texture name="alpha" type="checkerboard"/>)", "3:1",
       {"must be <float> or <integer>, not <texture>"});
   bad("roughplastic", R"(<float name="alpha" value="-0.1"/>)", "3:1", {"must be between 0 and 10"});
+  bad("roughdielectric", R"(<float name="int_ior" value="1.3"/><float name="ext_ior" value="1.3"/>)", "3:1",
+      {"differs from ext_ior", "\"null\""});
+  bad("roughdielectric", R"(<float name="alpha" value="0.1"/><float name="alpha_u" value="0.1"/>)", "2:1",
+      {"roughdielectric needs both alpha_u and alpha_v"});
+  bad("principled", R"(<float name="eta" value="1.3"/><float name="specular" value="0.3"/>)", "3:32",
+      {"eta or specular, not both"});
+  bad("principled", R"(<float name="metallic" value="1.3"/>)", "3:1", {"the value must be between 0 and 1", "1.3"});
+  bad("principled", R"(<float name="diff_trans" value="1"/>)", "3:1", {"unknown parameter \"diff_trans\""});
+  bad("principledthin", R"(<float name="diff_trans" value="2.5"/>)", "3:1", {"between 0 and 2"});
+  bad("null", R"(<float name="alpha" value="1"/>)", "3:1", {"unknown parameter \"alpha\""});
   bad("diffuse", R"(<bsdf type="diffuse"/>)", "3:1", {"<bsdf> cannot stand inside bsdf \"diffuse\""});
   bad("diffuse", R"(<float name="reflectance" value="0.5x"/>)", "3:1", {"is not one number"});
   bad("plastic", R"(<boolean name="nonlinear" value="1"/>)", "3:1", {"is not a boolean; supported: true, false"});
@@ -397,6 +405,49 @@ TEST_F(LoadTest, Wrappers) {
       evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials.back().opacity)]), {0, 0})
           .x,
       0.2126f, 1e-3f);
+
+  // A normal map is a colour, a bump map is not; both know on which side of twosided they stand.
+  const std::string named =
+      R"(<texture name="normalmap" type="bitmap"><string name="filename" value="t.exr"/></texture>)";
+  m = bsdf(R"(<bsdf type="twosided"><bsdf type="normalmap">)" + named +
+           R"(<boolean name="flip_invalid_normals" value="false"/><bsdf type="plastic"/></bsdf></bsdf>)");
+  EXPECT_TRUE(m.two_sided && m.normal_map && m.bump_mirrored && !m.bump_flips && m.bump_shadows);
+  m = bsdf(R"(<bsdf type="normalmap">)" + named + R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>)");
+  EXPECT_TRUE(m.normal_map && m.two_sided && !m.bump_mirrored);
+
+  const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)";
+  const auto blend = [](const std::string& inside) {
+    return R"(<bsdf type="blendbsdf"><float name="weight" value="0.25"/>)" + inside + "</bsdf>";
+  };
+  scene = load(blend(red + R"(<bsdf type="principled"><float name="spec_trans" value="0"/></bsdf>)"));
+  m = scene.materials.back();
+  EXPECT_EQ(m.type, BsdfType::blendbsdf);
+  EXPECT_EQ(scene.materials.at(static_cast<std::size_t>(m.blended[0])).type, BsdfType::diffuse);
+  const Material& disney = scene.materials.at(static_cast<std::size_t>(m.blended[1]));
+  EXPECT_EQ(disney.type, BsdfType::principled);
+  EXPECT_EQ(disney.extra[ExtraParameter::spec_trans], -1);  // as if it were not given
+  EXPECT_NEAR(disney.int_ior, 1.5f, 1e-6f);                 // specular 0.5
+  EXPECT_FALSE(m.two_sided);
+  EXPECT_TRUE(
+      bsdf(blend(R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf><bsdf type="twosided">)" + red + "</bsdf>"))
+          .two_sided);
+  EXPECT_TRUE(bsdf(R"(<bsdf type="twosided">)" + blend(red + red) + "</bsdf>").two_sided);
+  refuses(R"(<bsdf type="twosided">)" + blend(red + R"(<bsdf type="roughdielectric"/>)") + "</bsdf>", "2:23",
+          {"lets light through"});
+  refuses(R"(<bsdf type="twosided"><bsdf type="principled"><float name="spec_trans" value="0.1"/></bsdf></bsdf>)",
+          "2:23", {"lets light through"});
+  refuses(R"(<bsdf type="blendbsdf"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>)", "2:1", {"needs a weight"});
+  refuses(blend(red), "2:1", {"needs two nested bsdfs"});
+  refuses(blend(red + red + red), "2:193", {"at most 2"});
+  refuses(blend(red + R"(<bsdf type="bumpmap">)" + texture + red + "</bsdf>"), "2:126",
+          {"a bumpmap inside a blendbsdf is not supported"});
+  std::string deep = red;
+  for (int i = 0; i < kMostBlended - 1; ++i) deep = blend(red + deep);
+  EXPECT_EQ(bsdf(deep).type, BsdfType::blendbsdf);
+  refuses(blend(red + deep), "2:1", {"at most 8 bsdfs", "this one 9"});
+  refuses(R"(<bsdf type="normalmap"><bsdf type="diffuse"/></bsdf>)", "2:1", {"name=\"normalmap\""});
+  refuses(R"(<bsdf type="normalmap">)" + named + R"(<bsdf type="bumpmap">)" + texture + red + "</bsdf></bsdf>", "2:1",
+          {"a bumpmap or normalmap inside another"});
 
   refuses(R"(<bsdf type="twosided"/>)", "2:1", {"needs a nested <bsdf>"});
   refuses(R"(<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>)", "2:23", {"lets light through"});
@@ -487,14 +538,30 @@ TEST_F(LoadTest, Emitters) {
   EXPECT_EQ(scene.environments[0].pixels[1], Vec3f(8, 10, 12));
   EXPECT_NEAR(scene.environments[0].to_world[2], 1.0f, 1e-6f);  // +z goes to +x
 
-  refuses(R"(<emitter type="point"/>)", "2:1",
-          {"emitter \"point\" is not supported", "supported: envmap, constant, and area inside a shape"});
+  scene = load(R"(<emitter type="point"/><emitter type="spot"><float name="cutoff_angle" value="30"/></emitter>)");
+  ASSERT_EQ(scene.delta_lights.size(), 2u);
+  EXPECT_EQ(scene.delta_lights[0].intensity, Vec3f(1.0f));
+  EXPECT_NEAR(scene.delta_lights[1].cos_cutoff, std::cos(kPi / 6.0f), 1e-6f);
+  refuses(R"(<emitter type="pointy"/>)", "2:1",
+          {"emitter \"pointy\" is not supported (did you mean \"point\"?)",
+           "supported: point, spot, directional, projector, envmap, constant, and area inside a shape"});
+  for (const char* sky : {"sky", "sun", "sunsky"})
+    refuses("<emitter type=\"" + std::string(sky) + "\"/>", "2:1", {"is not supported: bake it", "envmap"});
+  refuses(R"(<emitter type="directionalarea"/>)", "2:1", {"\"directionalarea\" is not supported", "directional"});
+  refuses(
+      R"(<emitter type="spot"><float name="cutoff_angle" value="10"/><float name="beam_width" value="10"/></emitter>)",
+      "2:61", {"below its cutoff_angle"});
+  refuses(R"(<emitter type="directional"><vector name="direction" x="0" y="0" z="0"/></emitter>)", "2:29",
+          {"must not be zero"});
+  refuses(R"(<emitter type="point"><rgb name="intensity" value="-1"/></emitter>)", "2:23", {"radiance must be"});
+  refuses(R"(<emitter type="point"><point name="position" x="1e10" y="0" z="0"/></emitter>)", "2:1", {"too far away"});
+  refuses(R"(<emitter type="projector"><float name="fov" value="200"/></emitter>)", "2:27", {"below 180"});
   refuses(R"(<emitter type="area"/>)", "2:1", {"must stand inside a shape"});
   refuses(R"(<emitter type="constant"/><emitter type="constant"/>)", "2:27", {"second environment"});
   refuses(R"(<emitter type="envmap"/>)", "2:1", {"filename"});
   refuses(
-      R"(<emitter type="envmap"><string name="filename" value="e.exr"/><transform name="to_world"><scale x="2"/></transform></emitter>)",
-      "2:63", {"must be a rotation"});
+      R"(<emitter type="envmap"><string name="filename" value="e.exr"/><transform name="to_world"><scale x="0"/></transform></emitter>)",
+      "2:63", {"is singular"});
   refuses(R"(<shape type="sphere"><emitter type="point"/></shape>)", "2:22",
           {"cannot stand inside a shape; supported: area"});
   refuses(R"(<shape type="sphere"><emitter type="area"/><emitter type="area"/></shape>)", "2:44",
@@ -521,9 +588,10 @@ TEST_F(LoadTest, Shapes) {
   EXPECT_TRUE(scene.meshes[0].flip_normals);
   EXPECT_EQ(scene.triangle_count(), 2u);
 
-  refuses(R"(<shape type="instance"/>)", "2:1",
-          {"shape \"instance\" is not supported", "supported: obj, ply, rectangle, cube, sphere"});
-  refuses(R"(<shape type="disk"/>)", "2:1", {"shape \"disk\" is not supported"});
+  refuses(R"(<shape type="hair"/>)", "2:1",
+          {"shape \"hair\" is not supported",
+           "supported: obj, ply, serialized, rectangle, cube, disk, sphere, cylinder, shapegroup, instance"});
+  refuses(R"(<shape type="cylinder"><float name="radius" value="-1"/></shape>)", "2:24", {"must be above 0"});
   refuses(R"(<shape type="sphere"><float name="radiu" value="3"/></shape>)", "2:22", {"did you mean \"radius\""});
   refuses(R"(<shape type="sphere"><float name="radius" value="0"/></shape>)", "2:22", {"above 0"});
   refuses(R"(<shape type="sphere"><string name="radius" value="3"/></shape>)", "2:22",
@@ -534,10 +602,12 @@ TEST_F(LoadTest, Shapes) {
   refuses(R"(<shape type="obj"/>)", "2:1", {"filename"});
   refuses(R"(<shape type="obj"><string name="filename" value="none.obj"/></shape>)", "2:19",
           {"\"none.obj\" does not exist"});
-  refuses(R"(<shape type="cube"><boolean name="face_normals" value="true"/></shape>)", "2:20",
+  EXPECT_TRUE(
+      load(R"(<shape type="cube"><boolean name="face_normals" value="true"/></shape>)").meshes[0].normals.empty());
+  refuses(R"(<shape type="disk"><boolean name="face_normals" value="true"/></shape>)", "2:20",
           {"unknown parameter \"face_normals\""});
   refuses(R"(<shape type="sphere"><medium name="interior" type="homogeneous"/></shape>)", "2:22",
-          {"unknown parameter \"interior\""});
+          {"<medium> inside shape \"sphere\" is not supported"});
   folder_.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
   refuses(R"(<shape type="obj"><string name="filename" value="bad.obj"/></shape>)", "2:19",
           {"bad.obj:2:5: face: there is no vertex 2"});
@@ -565,13 +635,21 @@ TEST_F(LoadTest, SensorsAndFilms) {
   EXPECT_EQ(scene.film.filter, Film::Filter::tent);
   EXPECT_EQ(scene.film.filter_radius, 2.0f);
   EXPECT_EQ(scene.cameras[1].film_width, 64);
+  ASSERT_EQ(scene.films.size(), 2u);
+  EXPECT_EQ(scene.film_of(0).filter, Film::Filter::tent);
+  EXPECT_EQ(scene.film_of(1).filter, Film::Filter::box);
   // No fov: 50 mm on 35 mm film.
   EXPECT_EQ(scene.cameras[1].fov_axis, Camera::FovAxis::diagonal);
   EXPECT_NEAR(scene.cameras[1].fov_degrees, 46.7930f, 1e-3f);
 
   const auto sensor = [](const std::string& body) { return "<sensor type=\"perspective\">\n" + body + "</sensor>"; };
   const auto film = [&](const std::string& body) { return sensor("<film type=\"hdrfilm\">" + body + "</film>"); };
-  refuses(R"(<sensor type="thinlens"/>)", "2:1", {"sensor \"thinlens\" is not supported; supported: perspective"});
+  refuses(
+      R"(<sensor type="thinlense"/>)", "2:1",
+      {"sensor \"thinlense\" is not supported (did you mean \"thinlens\"?); supported: perspective, thinlens, orthographic"});
+  refuses(R"(<sensor type="thinlens"/>)", "2:1", {"needs an aperture_radius above 0"});
+  refuses(R"(<sensor type="orthographic"><float name="fov" value="60"/></sensor>)", "2:29",
+          {"unknown parameter \"fov\""});
   refuses(sensor(R"(<float name="fov" value="180"/>)"), "3:1", {"below 180"});
   refuses(sensor(R"(<float name="fov" value="60"/><string name="fov_axis" value="z"/>)"), "3:31",
           {"supported: x, y, diagonal, smaller, larger"});
@@ -583,11 +661,12 @@ TEST_F(LoadTest, SensorsAndFilms) {
   refuses(film(R"(<integer name="width" value="0"/>)"), "3:22", {"must be between 1 and 131072"});
   refuses(film(R"(<integer name="width" value="1.5"/>)"), "3:22", {"is not a 32-bit integer"});
   refuses(film(R"(<float name="width" value="100"/>)"), "3:22", {"must be <integer>, not <float>"});
-  refuses(film(R"(<rfilter type="mitchell"/>)"), "3:22",
-          {"rfilter \"mitchell\" is not supported", "supported: box, tent, gaussian"});
+  refuses(film(R"(<rfilter type="michell"/>)"), "3:22",
+          {"rfilter \"michell\" is not supported", "supported: box, tent, gaussian, mitchell, catmullrom, lanczos"});
+  refuses(film(R"(<rfilter type="lanczos"><integer name="lobes" value="9"/></rfilter>)"), "3:46", {"between 1 and 8"});
   refuses(film(R"(<rfilter type="box"><float name="radius" value="2"/></rfilter>)"), "3:42",
           {"unknown parameter \"radius\""});
-  refuses(film(R"(<integer name="crop_width" value="10"/>)"), "3:1", {"crop"});
+  refuses(film(R"(<integer name="crop_width" value="769"/>)"), "3:1", {"reaches beyond the film of 768 x 576"});
   refuses(R"(<integrator type="path"><integer name="max_depth" value="-2"/></integrator>)", "2:25",
           {"must be between -1"});
   refuses(R"(<integrator type="path"/><integrator type="path"/>)", "2:26", {"second integrator"});
@@ -598,13 +677,13 @@ TEST_F(LoadTest, WholeFiles) {
   EXPECT_NE(error_whole(scene_text(kSensor)).find("s.xml:1:1: the scene has no shape"), std::string::npos);
   EXPECT_NE(error_whole("").find("s.xml:1:1: "), std::string::npos);
   EXPECT_NE(error_whole("<scene/>").find("no version attribute"), std::string::npos);
-  EXPECT_NE(error_whole("<scene version=\"0.6.0\"/>").find("version \"0.6.0\" is not supported"), std::string::npos);
+  EXPECT_NE(error_whole("<scene version=\"4.0.0\"/>").find("version \"4.0.0\" is not supported"), std::string::npos);
   EXPECT_NE(error_whole("<bsdf type=\"diffuse\"/>").find("expected <scene>"), std::string::npos);
   EXPECT_NE(error_whole("<scene version=\"3.0.0\">\n<shape type=\"cube\">\n</scene>").find("s.xml:3:"),
             std::string::npos);
   EXPECT_NE(error_whole("<scene version=\"3.0.0\">hello</scene>").find("unexpected text"), std::string::npos);
   refuses("<shap type=\"cube\"/>", "2:1", {"unknown element <shap>", "did you mean \"shape\""});
-  refuses("<medium type=\"homogeneous\"/>", "2:1", {"unknown element <medium>", "supported:"});
+  refuses("<medium type=\"homogeneous\"/>", "2:1", {"<medium> is not supported"});
   EXPECT_THROW(load_scene(folder_.file("none.xml")), IoError);
   EXPECT_THROW(load_scene(folder_.file("")), IoError);
 }

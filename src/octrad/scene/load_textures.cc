@@ -1,88 +1,23 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap_math.h"
 #include "octrad/scene/builder.h"
+#include "octrad/scene/plugins.h"
+#include "octrad/scene/texture_roles.h"
 
 namespace octrad {
 namespace {
 
-// Linear sRGB of a spectrum that is 1 at every wavelength (the equal-energy illuminant); what a uniform emitter shows.
-constexpr Vec3f kEqualEnergy{1.204793f, 0.948290f, 0.908917f};
-
-float decode_srgb(double v) {
-  return static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
-}
-
-bool is_scalar(TextureRole role) { return role != TextureRole::reflectance && role != TextureRole::radiance; }
-
-struct Range {
-  float low, high;
-  const char* text;
-  bool holds(float v, float tolerance = 0.0f) const { return v >= low - tolerance && v <= high + tolerance; }
-};
-
-Range range_of(TextureRole role) {
-  constexpr float kMax = std::numeric_limits<float>::max();
-  switch (role) {
-    case TextureRole::reflectance: return {0.0f, 1.0f, "a reflectance must be between 0 and 1"};
-    case TextureRole::radiance: return {0.0f, kMax, "a radiance must be finite and not negative"};
-    case TextureRole::opacity: return {0.0f, 1.0f, "an opacity must be between 0 and 1"};
-    case TextureRole::roughness: return {0.0f, 10.0f, "a roughness must be between 0 and 10"};
-    case TextureRole::index: return {0.0f, 1000.0f, "an index of refraction must be between 0 and 1000"};
-    case TextureRole::height: return {-kMax, kMax, "a height must be finite"};
-  }
-  return {};
-}
-
-void check_range(Vec3f value, TextureRole role, const Element& element) {
-  const Range range = range_of(role);
-  if (!range.holds(value.x) || !range.holds(value.y) || !range.holds(value.z))
-    fail(element.location, range.text + std::string(", not ") + element.get("value"));
-}
+const std::vector<std::string> kTextures = {"bitmap", "checkerboard", "mesh_attribute"};
 
 }  // namespace
 
-std::optional<Vec3f> SceneBuilder::constant_value(const Element& element, TextureRole role) {
-  if (element.tag == "rgb") {
-    const Vec3f value = parse_rgb(element);
-    check_range(value, role, element);
-    return value;
-  }
-  const auto number = [&](const Element& e) {
-    const auto numbers = parse_numbers(e.get("value"));
-    if (!numbers || numbers->size() != 1) {
-      fail(e.location, "<" + e.tag + ">: \"" + e.get("value") + "\" is not one number" +
-                           (e.tag == "spectrum" ? "; spectra over wavelengths are not supported, use <rgb>" : ""));
-    }
-    const Vec3f value(static_cast<float>((*numbers)[0]));
-    check_range(value, role, e);
-    return value;
-  };
-  if (element.tag == "float" || element.tag == "integer") return number(element);
-  if (element.tag != "spectrum") return std::nullopt;
-  const Vec3f white = role == TextureRole::radiance ? kEqualEnergy : Vec3f(1.0f);
-  if (element.find("type")) {
-    Params params(description_, element, scene_.warnings);
-    Vec3f value(0.0f);
-    if (params.type() == "uniform") {
-      value = white * params.get_float("value", 1.0f);
-    } else if (params.type() == "d65") {
-      value = Vec3f(params.get_float("scale", 1.0f));  // the white of linear sRGB
-    } else {
-      fail(element.location,
-           "spectrum \"" + params.type() + "\" is not supported; supported: uniform, d65; or use <rgb>");
-    }
-    params.finish();
-    check_range(value, role, element);
-    return value;
-  }
-  if (element.find("filename")) fail(element.location, "spectra from files are not supported, use <rgb>");
-  return number(element) * white;
-}
+std::vector<std::string> texture_types() { return kTextures; }
 
 int SceneBuilder::constant_texture(Vec3f value) {
   const auto [at, inserted] =
@@ -98,14 +33,21 @@ int SceneBuilder::constant_texture(Vec3f value) {
 int SceneBuilder::texture(Params& params, const std::string& name, TextureRole role) {
   const Element* parameter = params.find(name);
   if (!parameter) return -1;
-  if (const auto value = constant_value(*parameter, role))
-    return constant_texture(is_scalar(role) ? Vec3f(luminance(*value)) : *value);
-  const Element& target = follow_reference(description_, *parameter);
-  if (target.tag != "texture") {
-    fail(parameter->location, "parameter \"" + name + "\" of " + params.what() +
-                                  " must be <float>, <rgb>, <spectrum> or <texture>, not <" + target.tag + ">");
-  }
-  return texture_object(target, role);
+  int index = -1;
+  const bool usable = report().attempt(parameter->location, [&] {
+    const Element& target = follow_reference(description_, *parameter);
+    if (const auto value = constant_value(target, role)) {
+      index = constant_texture(is_scalar(role) ? Vec3f(luminance(*value)) : *value);
+    } else if (target.tag == "texture") {
+      index = texture_object(target, role);
+    } else {
+      fail(parameter->location, "parameter \"" + name + "\" of " + params.what() +
+                                    " must be <float>, <rgb>, <spectrum> or <texture>, not <" + target.tag + ">");
+    }
+  });
+  if (usable) return index;
+  if (description_.understood) description_.understood->stand_ins.emplace(parameter, stand_in(role));
+  return constant_texture(stand_in(role));
 }
 
 int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRole role, float fallback) {
@@ -114,6 +56,7 @@ int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRol
 }
 
 int SceneBuilder::texture_object(const Element& element, TextureRole role) {
+  if (element.get("type") == "mesh_attribute") return attribute_texture(element, role);
   // A role matters only through its kind of value; one record serves all colours, another all scalars.
   const auto key = std::make_pair(&element, is_scalar(role));
   if (const auto found = textures_.find(key); found != textures_.end()) {
@@ -159,9 +102,10 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
       *color = is_scalar(role) ? Vec3f(luminance(*value)) : *value;
     }
   } else {
-    fail(element.location, "texture \"" + params.type() + "\" is not supported" +
-                               did_you_mean(params.type(), {"bitmap", "checkerboard"}) +
-                               "; supported: bitmap, checkerboard");
+    fail(element.location,
+         "texture \"" + params.type() + "\" is not supported" + did_you_mean(params.type(), kTextures) +
+             "; supported: " + join(kTextures) +
+             (params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : ""));
   }
   params.finish();
   textures_.emplace(key, index);
@@ -185,7 +129,7 @@ void SceneBuilder::load_bitmap(std::size_t number) {
   const auto encoding = image.metadata.find("encoding");
   const bool decode = !job.raw && encoding != image.metadata.end() && encoding->second == "srgb8";
   float table[256];
-  for (int i = 0; i < 256; ++i) table[i] = decode_srgb(i / 255.0);
+  for (int i = 0; i < 256; ++i) table[i] = static_cast<float>(decode_srgb(i / 255.0));
   ask_memory(pixels * sizeof(Vec3f), job.path);
   std::vector<Vec3f> result(pixels);
   const std::size_t stride = image.channels.size();
@@ -196,7 +140,9 @@ void SceneBuilder::load_bitmap(std::size_t number) {
       float x = image.data[i * stride + static_cast<std::size_t>(channel[c])];
       if (decode) {
         const int byte = static_cast<int>(std::clamp(x, 0.0f, 1.0f) * 255.0f + 0.5f);
-        x = std::fabs(x * 255.0f - static_cast<float>(byte)) < 1e-3f ? table[byte] : decode_srgb(x);  // 8 bits, or 16
+        x = std::fabs(x * 255.0f - static_cast<float>(byte)) < 1e-3f
+                ? table[byte]
+                : static_cast<float>(decode_srgb(static_cast<double>(x)));  // or 16 bits
       }
       bad += std::isfinite(x) ? 0 : 1;
       v[c] = x;
@@ -215,16 +161,20 @@ void SceneBuilder::load_bitmap(std::size_t number) {
       }
     }
   }
+  fill_bitmap(job, image.width, image.height, std::move(result));
+}
+
+void SceneBuilder::fill_bitmap(const BitmapJob& job, int width, int height, std::vector<Vec3f> pixels) {
   if (job.texture >= 0) {
     Texture& t = scene_.textures[static_cast<std::size_t>(job.texture)];
-    t.width = image.width;
-    t.height = image.height;
-    t.pixels = std::move(result);
+    t.width = width;
+    t.height = height;
+    t.pixels = std::move(pixels);
   } else {
     Environment& e = scene_.environments[0];
-    e.width = image.width;
-    e.height = image.height;
-    e.pixels = std::move(result);
+    e.width = width;
+    e.height = height;
+    e.pixels = std::move(pixels);
   }
 }
 

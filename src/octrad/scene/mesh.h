@@ -9,12 +9,20 @@
 
 namespace octrad {
 
+// Values of a mesh's vertices or triangles, of one or three channels.
+struct MeshAttribute {
+  std::string name;  // vertex_... or face_...
+  int channels = 1;
+  std::vector<float> values;  // [vertices or triangles][channels]
+};
+
 // A mesh as its file holds it, in object space.
 struct RawMesh {
   std::vector<Vec3f> positions;
   std::vector<Vec3f> normals;  // empty, or one per vertex of any length; (0, 0, 0) where the file has none
   std::vector<Vec2f> uvs;      // empty, or one per vertex
   std::vector<Vec3i> triangles;
+  std::vector<MeshAttribute> attributes;  // those that were asked for
 };
 
 // Wavefront OBJ: v, vt, vn and f (any polygon, negative indices); other statements are skipped. Polygons become fans.
@@ -24,13 +32,24 @@ RawMesh read_obj(const std::string& file);
 RawMesh parse_obj(const std::string& name, const std::string& text);
 
 // Stanford PLY, ascii and binary of either byte order. Vertex properties x y z, nx ny nz, u v (or s t, texture_u
-// texture_v); face property vertex_indices (or vertex_index). Others are skipped.
-RawMesh read_ply(const std::string& file);
-RawMesh parse_ply(const std::string& name, const std::string& bytes);
+// texture_v); face property vertex_indices (or vertex_index). Others are skipped, but for the attributes that are asked
+// for: NAME of the vertices is "vertex_NAME", that of the faces "face_NAME"; its properties are NAME, or NAME_0,
+// NAME_1, NAME_2, or r, g, b for the name "color". Those that the file lacks are left out.
+RawMesh read_ply(const std::string& file, const std::vector<std::string>& attributes = {});
+RawMesh parse_ply(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes = {});
+
+// Mitsuba's serialized meshes of versions 3 and 4: mesh `index` of the file, from 0. Vertex colours are skipped; the
+// flag of face normals has no effect, as in Mitsuba 3. Throws InputError, IoError, MemoryError.
+RawMesh read_serialized(const std::string& file, int index);
+RawMesh parse_serialized(const std::string& name, const std::string& bytes, int index);
 
 // [-1,1]^2 in the xy-plane facing +z, and [-1,1]^3, with Mitsuba's uv.
 RawMesh make_rectangle();
 RawMesh make_cube();
+// The unit disk in the xy-plane facing +z, and the open cylinder about the line from p0 to p1, facing outwards: 256
+// segments, uv as in Mitsuba, (distance, azimuth) and (azimuth, height).
+RawMesh make_disk();
+RawMesh make_cylinder(Vec3d p0, Vec3d p1, double radius);
 
 struct MeshOptions {
   bool face_normals = false;  // drop vertex normals

@@ -6,14 +6,17 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/number_text.h"
+#include "octrad/image/tonemap_math.h"
 
 namespace octrad {
 namespace {
 
 const std::vector<std::string> kPropertyTags = {"float",    "integer", "boolean", "string",   "rgb",
                                                 "spectrum", "point",   "vector",  "transform"};
-const std::vector<std::string> kObjectTags = {"bsdf",    "texture", "emitter",    "shape",  "sensor", "film",
-                                              "rfilter", "sampler", "integrator", "medium", "volume", "phase"};
+const std::vector<std::string> kObjectTags = {"bsdf",   "texture", "emitter",   "shape",      "sensor",
+                                              "film",   "rfilter", "sampler",   "integrator", "medium",
+                                              "volume", "phase",   "subsurface"};
 
 bool is_property(const std::string& tag) {
   return std::find(kPropertyTags.begin(), kPropertyTags.end(), tag) != kPropertyTags.end();
@@ -53,6 +56,8 @@ const std::string& value_of(const Element& element) {
   return *value;
 }
 
+}  // namespace
+
 void check_attributes(const Element& element, const std::vector<std::string>& supported) {
   for (const auto& [name, value] : element.attributes) {
     if (std::find(supported.begin(), supported.end(), name) == supported.end()) {
@@ -61,6 +66,8 @@ void check_attributes(const Element& element, const std::vector<std::string>& su
     }
   }
 }
+
+namespace {
 
 double parse_double(const Element& element) {
   check_attributes(element, {"name", "value"});
@@ -72,9 +79,9 @@ double parse_double(const Element& element) {
   return value;
 }
 
-// value="x y z" or x=, y=, z= attributes.
-Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single,
-                   const std::vector<std::string>& other = {}) {
+}  // namespace
+
+Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single, const std::vector<std::string>& other) {
   std::vector<std::string> supported = {"value", "x", "y", "z"};
   supported.insert(supported.end(), other.begin(), other.end());
   check_attributes(element, supported);
@@ -100,6 +107,8 @@ Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single,
   }
   return result;
 }
+
+namespace {
 
 Vec3d triple(const Element& element, const std::string& attribute) {
   const auto numbers = parse_numbers(element.get(attribute));
@@ -197,8 +206,7 @@ Vec3f parse_rgb(const Element& element) {
       const auto result = std::from_chars(begin, begin + 2, byte, 16);
       if (result.ptr != begin + 2 || byte < 0)
         fail(element.location, "\"" + text + "\" is not a colour of the form #rrggbb");
-      const double v = byte / 255.0;
-      rgb[i] = static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
+      rgb[i] = static_cast<float>(decode_srgb(byte / 255.0));
     }
     return rgb;
   }
@@ -249,23 +257,31 @@ Params::Params(const Description& description, const Element& element, std::vect
     fail(element.location, what() + " has more than " + std::to_string(kMaxParameters) + " parameters");
   for (std::size_t i = 0; i < element.children.size(); ++i) {
     const Element& child = *element.children[i];
-    if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {
-      std::vector<std::string> known = kPropertyTags;
-      known.insert(known.end(), kObjectTags.begin(), kObjectTags.end());
-      known.push_back("ref");
-      const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
-                             child.tag == "matrix" || child.tag == "lookat";
-      fail(child.location,
-           "unknown element <" + child.tag + "> inside " + what() +
-               (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
-    }
-    if (is_property(child.tag) && !child.find("name"))
-      fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
-    const std::string& name = child.get("name");
-    for (std::size_t j = 0; j < i && !name.empty(); ++j) {
-      if (element.children[j]->get("name") == name)
-        fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
-    }
+    used_[i] = !report().attempt(child.location, [&] { check_child(i); });
+    if (used_[i]) leave_out(child);
+  }
+}
+
+void Params::check_child(std::size_t i) const {
+  const Element& child = *element_.children[i];
+  if (child.tag == "animation")
+    fail(child.location, "<animation> inside " + what() + " is not supported: nothing moves; give one <transform>");
+  if (child.tag != "ref" && !is_property(child.tag) && !is_object(child.tag)) {
+    std::vector<std::string> known = kPropertyTags;
+    known.insert(known.end(), kObjectTags.begin(), kObjectTags.end());
+    known.push_back("ref");
+    const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
+                           child.tag == "matrix" || child.tag == "lookat";
+    fail(child.location,
+         "unknown element <" + child.tag + "> inside " + what() +
+             (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
+  }
+  if (is_property(child.tag) && !child.find("name"))
+    fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
+  const std::string& name = child.get("name");
+  for (std::size_t j = 0; j < i && !name.empty(); ++j) {
+    if (element_.children[j]->get("name") == name)
+      fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
   }
 }
 
@@ -297,51 +313,55 @@ Location Params::where(const std::string& name) const {
 }
 
 float Params::get_float(const std::string& name, float fallback) {
-  const Element* e = take(name, {"float", "integer"});
-  if (!e) return fallback;
-  const auto value = static_cast<float>(parse_double(*e));
-  if (!std::isfinite(value)) fail(e->location, "\"" + e->get("value") + "\" is too large");
-  return value;
+  return read<float>(name, fallback, [&] {
+    const Element* e = take(name, {"float", "integer"});
+    if (!e) return fallback;
+    const auto value = static_cast<float>(parse_double(*e));
+    if (!std::isfinite(value)) fail(e->location, "\"" + e->get("value") + "\" is too large");
+    return value;
+  });
 }
 
 float Params::float_in(const std::string& name, float fallback, float lower, float upper) {
   const float value = get_float(name, fallback);
   if (!(value >= lower && value <= upper)) {
-    const auto text = [](float v) {
-      char buffer[32];
-      return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, v).ptr);
-    };
-    fail(where(name), "parameter \"" + name + "\" of " + what() + " is " + text(value) + "; it must be between " +
-                          text(lower) + " and " + text(upper));
+    refuse(where(name), "parameter \"" + name + "\" of " + what() + " is " + number_text(value) +
+                            "; it must be between " + number_text(lower) + " and " + number_text(upper));
+    leave_out(name);
+    return fallback;
   }
   return value;
 }
 
 int Params::int_in(const std::string& name, int fallback, int lower, int upper) {
-  const Element* e = take(name, {"integer"});
-  if (!e) return fallback;
-  check_attributes(*e, {"name", "value"});
-  const std::string text = trimmed(value_of(*e));
-  int value = 0;
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || result.ec != std::errc() || result.ptr != text.data() + text.size()) {
-    fail(e->location, "\"" + value_of(*e) + "\" is not a 32-bit integer");
-  }
-  if (value < lower || value > upper) {
-    fail(e->location, "parameter \"" + name + "\" of " + what() + " is " + std::to_string(value) +
-                          "; it must be between " + std::to_string(lower) + " and " + std::to_string(upper));
-  }
-  return value;
+  return read<int>(name, fallback, [&] {
+    const Element* e = take(name, {"integer"});
+    if (!e) return fallback;
+    check_attributes(*e, {"name", "value"});
+    const std::string text = trimmed(value_of(*e));
+    int value = 0;
+    const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (text.empty() || result.ec != std::errc() || result.ptr != text.data() + text.size()) {
+      fail(e->location, "\"" + value_of(*e) + "\" is not a 32-bit integer");
+    }
+    if (value < lower || value > upper) {
+      fail(e->location, "parameter \"" + name + "\" of " + what() + " is " + std::to_string(value) +
+                            "; it must be between " + std::to_string(lower) + " and " + std::to_string(upper));
+    }
+    return value;
+  });
 }
 
 bool Params::get_bool(const std::string& name, bool fallback) {
-  const Element* e = take(name, {"boolean"});
-  if (!e) return fallback;
-  check_attributes(*e, {"name", "value"});
-  const std::string text = lower_case(trimmed(value_of(*e)));
-  if (text != "true" && text != "false")
-    fail(e->location, "\"" + value_of(*e) + "\" is not a boolean; supported: true, false");
-  return text == "true";
+  return read<bool>(name, fallback, [&] {
+    const Element* e = take(name, {"boolean"});
+    if (!e) return fallback;
+    check_attributes(*e, {"name", "value"});
+    const std::string text = lower_case(trimmed(value_of(*e)));
+    if (text != "true" && text != "false")
+      fail(e->location, "\"" + value_of(*e) + "\" is not a boolean; supported: true, false");
+    return text == "true";
+  });
 }
 
 std::string Params::get_string(const std::string& name, const std::string& fallback) {
@@ -363,27 +383,47 @@ std::string Params::choice(const std::string& name, const std::string& fallback,
                            const std::vector<std::string>& choices) {
   std::string value = lower_case(get_string(name, fallback));
   if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
-    fail(where(name), "parameter \"" + name + "\" of " + what() + " cannot be \"" + value + "\"" +
-                          did_you_mean(value, choices) + "; supported: " + join(choices));
+    refuse(where(name), "parameter \"" + name + "\" of " + what() + " cannot be \"" + value + "\"" +
+                            did_you_mean(value, choices) + "; supported: " + join(choices));
+    leave_out(name);
+    return fallback;
   }
   return value;
 }
 
 Vec3d Params::get_point(const std::string& name, Vec3d fallback) {
-  const Element* e = take(name, {"point", "vector"});
-  return e ? parse_vector(*e, Vec3d(0.0), false, {"name"}) : fallback;
+  return read<Vec3d>(name, fallback, [&] {
+    const Element* e = take(name, {"point", "vector"});
+    return e ? parse_vector(*e, Vec3d(0.0), false, {"name"}) : fallback;
+  });
 }
 
 Transform Params::get_transform(const std::string& name) {
-  const Element* e = take(name, {"transform"});
-  return e ? parse_transform(*e, warnings_) : Transform();
+  return read<Transform>(name, Transform(), [&] {
+    const Element* e = take(name, {"transform"});
+    return e ? parse_transform(*e, warnings_) : Transform();
+  });
 }
 
 const Element* Params::find(const std::string& name) { return take(name); }
 
 void Params::ignore(const std::vector<std::string>& names) {
-  for (const std::string& name : names) take(name);
+  for (const std::string& name : names) {
+    if (const Element* found = take(name)) leave_out(*found);
+  }
 }
+
+void Params::leave_out(const Element& child) const {
+  if (description_.understood) description_.understood->left_out.insert(&child);
+}
+
+void Params::leave_out(const std::string& name) const {
+  for (const auto& child : element_.children) {
+    if (child->get("name") == name) leave_out(*child);
+  }
+}
+
+void Params::refuse(const Location& where, const std::string& message) { report().refuse(where, message); }
 
 void Params::ignore_rest() { used_.assign(used_.size(), true); }
 
@@ -411,11 +451,24 @@ void Params::finish() {
     }
     std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
     if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
-    if (!name.empty())
-      fail(child.location,
-           "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);
-    const Element& target = follow_reference(description_, child);
-    fail(child.location, "<" + target.tag + "> cannot stand inside " + what() + supported);
+    leave_out(child);
+    // Mitsuba 0.6 warned of these; Mitsuba 3 takes them for mistakes.
+    if (element_.old && is_property(child.tag)) {
+      report().assume(child.location,
+                      "parameter \"" + name + "\" of " + what() + " is not used" + did_you_mean(name, parameters));
+      continue;
+    }
+    report().attempt(child.location, [&] {
+      const Element& target = follow_reference(description_, child);
+      if (target.tag == "medium" || target.tag == "subsurface")
+        fail(child.location, "<" + target.tag + "> inside " + what() +
+                                 " is not supported: light travels in straight lines between surfaces; remove it, or"
+                                 " ignore it with --permissive");
+      if (!name.empty())
+        fail(child.location,
+             "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);
+      fail(child.location, "<" + target.tag + "> cannot stand inside " + what() + supported);
+    });
   }
 }
 

@@ -50,10 +50,21 @@ class Params {
 
   Location where(const std::string& name) const;  // of the parameter, else of the object
 
-  // Throws on the first parameter or object that was not read.
+  // Refuses the parameters and objects that were not read.
   void finish();
 
  private:
+  SceneReport& report() const { return *description_.report; }
+  void refuse(const Location& where, const std::string& message);
+  void check_child(std::size_t index) const;
+  void leave_out(const Element& child) const;
+  void leave_out(const std::string& name) const;
+  // What `get` returns; where that fails and mistakes are collected, the fallback.
+  template <typename T, typename Get>
+  T read(const std::string& name, T fallback, Get&& get) {
+    if (!report().attempt(where(name), [&] { fallback = get(); })) leave_out(name);
+    return fallback;
+  }
   const Element* take(const std::string& name);
   const Element* take(const std::string& name, const std::vector<std::string>& tags);
 
@@ -64,6 +75,13 @@ class Params {
   std::vector<bool> used_;
   std::vector<std::string> asked_, asked_tags_;
 };
+
+// Refuses attributes that are not in the list.
+void check_attributes(const Element& element, const std::vector<std::string>& supported);
+
+// value="x y z" or x=, y=, z= attributes, of which absent ones are the fallback's; `other` attributes are permitted.
+Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single,
+                   const std::vector<std::string>& other = {});
 
 // The element that a <ref> names (or the element itself when it is none).
 const Element& follow_reference(const Description& description, const Element& element);

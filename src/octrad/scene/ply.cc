@@ -52,10 +52,26 @@ struct PlyElement {
 
 enum class Format { ascii, little, big };
 
+// The attribute that a property is a channel of, as Mitsuba 3 groups them: "weight_0" and "weight_x" are of "weight",
+// "r" and "red" of "color", "top_r" of "top_color". Empty: of none.
+std::string attribute_of(const std::string& property) {
+  static const char* const colors[] = {"r", "g", "b", "a", "red", "green", "blue", "alpha"};
+  const std::size_t bar = property.rfind('_');
+  const std::string suffix = bar == std::string::npos ? property : property.substr(bar + 1);
+  const std::string prefix = bar == std::string::npos ? "" : property.substr(0, bar);
+  if (std::find(std::begin(colors), std::end(colors), suffix) != std::end(colors))
+    return prefix.empty() ? "color" : prefix + "_color";
+  const bool index =
+      !suffix.empty() && std::all_of(suffix.begin(), suffix.end(), [](char c) { return c >= '0' && c <= '9'; });
+  const bool axis = suffix == "x" || suffix == "y" || suffix == "z" || suffix == "w";
+  return index || axis ? prefix : "";
+}
+
 class PlyReader {
  public:
-  PlyReader(const std::string& name, const std::string& bytes)
+  PlyReader(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes)
       : name_(name),
+        wanted_(attributes),
         bytes_(bytes),
         p_(bytes.data()),
         end_(p_ + bytes.size()) {}
@@ -262,11 +278,14 @@ class PlyReader {
     mesh_.positions.reserve(element.count);
     if (normals) mesh_.normals.reserve(element.count);
     if (uvs) mesh_.uvs.reserve(element.count);
+    const std::vector<Channel> channels = attribute_channels(element, "vertex_");
     for (std::uint64_t i = 0; i < element.count; ++i) {
       const char* where = p_;
       float row[8] = {};
       for (std::size_t j = 0; j < targets.size(); ++j) {
-        if (targets[j] < 0) {
+        if (targets[j] < 0 && channels[j].channel >= 0) {
+          read_channel(channels[j], element.properties[j]);
+        } else if (targets[j] < 0) {
           skip_property(element.properties[j]);
         } else {
           const auto value = static_cast<float>(read_value(element.properties[j].type));
@@ -282,8 +301,42 @@ class PlyReader {
     }
   }
 
+  // Of the wanted attributes of vertices or faces: where each property goes, [attribute][channel], or nowhere.
+  struct Channel {
+    std::size_t attribute;  // in mesh_.attributes
+    int channel;            // -1: nowhere
+  };
+  std::vector<Channel> attribute_channels(const PlyElement& element, const std::string& kind) {
+    std::vector<Channel> channels(element.properties.size(), Channel{0, -1});
+    for (const std::string& name : wanted_) {
+      if (name.compare(0, kind.size(), kind) != 0) continue;
+      MeshAttribute attribute{name, 0, {}};
+      for (std::size_t j = 0; j < channels.size(); ++j) {
+        const Property& property = element.properties[j];
+        if (!property.list && attribute.channels < 3 && attribute_of(property.name) == name.substr(kind.size()))
+          channels[j] = {mesh_.attributes.size(), attribute.channels++};
+      }
+      if (attribute.channels == 0) continue;
+      if (attribute.channels == 2)
+        fail_at(bytes_.data(), "the attribute \"" + name + "\" has two channels; one or three can be shown");
+      ask_memory(element.count * sizeof(float) * static_cast<std::size_t>(attribute.channels), name_);
+      attribute.values.reserve(element.count * static_cast<std::size_t>(attribute.channels));
+      mesh_.attributes.push_back(std::move(attribute));
+    }
+    return channels;
+  }
+
+  // Reads one property of an attribute; its channels stand in the file in their order.
+  void read_channel(const Channel& channel, const Property& property) {
+    const char* where = p_;
+    const auto value = static_cast<float>(read_value(property.type));
+    if (!std::isfinite(value)) fail_at(where, "the attribute property \"" + property.name + "\" is not finite");
+    mesh_.attributes[channel.attribute].values.push_back(value);
+  }
+
   void read_faces(const PlyElement& element) {
     faces_begin_ = p_;
+    const std::vector<Channel> channels = attribute_channels(element, "face_");
     std::size_t indices = element.properties.size();
     for (std::size_t j = 0; j < element.properties.size(); ++j) {
       const Property& property = element.properties[j];
@@ -293,7 +346,12 @@ class PlyReader {
     ask_memory(element.count * sizeof(Vec3i), name_);
     mesh_.triangles.reserve(element.count);
     for (std::uint64_t i = 0; i < element.count; ++i) {
+      const std::size_t first_triangle = mesh_.triangles.size();
       for (std::size_t j = 0; j < element.properties.size(); ++j) {
+        if (channels[j].channel >= 0) {
+          read_channel(channels[j], element.properties[j]);
+          continue;
+        }
         if (j != indices) {
           skip_property(element.properties[j]);
           continue;
@@ -316,10 +374,26 @@ class PlyReader {
         if (mesh_.triangles.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) / 4)
           fail_at(where, "the PLY file has too many faces");
       }
+      repeat_face(mesh_.triangles.size() - first_triangle);
+    }
+  }
+
+  // The triangles of a polygon all have its attributes.
+  void repeat_face(std::size_t triangles) {
+    for (MeshAttribute& attribute : mesh_.attributes) {
+      if (!attribute.name.starts_with("face_")) continue;
+      const auto channels = static_cast<std::size_t>(attribute.channels);
+      for (std::size_t k = 1; k < triangles; ++k) {
+        for (std::size_t c = 0; c < channels; ++c) {
+          ask_to_grow(attribute.values, name_);
+          attribute.values.push_back(attribute.values[attribute.values.size() - channels]);
+        }
+      }
     }
   }
 
   const std::string& name_;
+  const std::vector<std::string>& wanted_;  // attributes
   const std::string& bytes_;
   const char* p_;
   const char* end_;
@@ -331,8 +405,12 @@ class PlyReader {
 
 }  // namespace
 
-RawMesh parse_ply(const std::string& name, const std::string& bytes) { return PlyReader(name, bytes).read(); }
+RawMesh parse_ply(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes) {
+  return PlyReader(name, bytes, attributes).read();
+}
 
-RawMesh read_ply(const std::string& file) { return parse_ply(file, read_file(file)); }
+RawMesh read_ply(const std::string& file, const std::vector<std::string>& attributes) {
+  return parse_ply(file, read_file(file), attributes);
+}
 
 }  // namespace octrad

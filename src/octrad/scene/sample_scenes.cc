@@ -36,6 +36,18 @@ int SceneMaker::diffuse(Vec3f reflectance, bool two_sided) {
   return material(m);
 }
 
+void SceneMaker::principled(Material& m, int value) {
+  using P = ExtraParameter;
+  for (const int parameter : {P::roughness, P::metallic, P::anisotropic, P::spec_trans, P::spec_tint, P::sheen,
+                              P::sheen_tint, P::flatness, P::clearcoat, P::clearcoat_gloss, P::diff_trans}) {
+    m.extra[parameter] = value;
+  }
+  m.extra[P::eta] = texture(1.5f);
+  for (int rate = P::main_specular_sampling_rate; rate < P::count; ++rate) m.extra[rate] = texture(1.0f);
+  m.int_ior = 1.5f;
+  m.ext_ior = 1.0f;
+}
+
 int SceneMaker::rough_metal(float alpha) {
   Material m;
   m.type = BsdfType::roughconductor;
@@ -221,14 +233,27 @@ Scene every_material() {
   bent.uvs.clear();
   maker.sphere({0.3f, 0.5f, -0.6f}, 0.5f, glass_index);
   maker.sphere({-1.0f, 0.4f, -1.0f}, 0.4f, coat_index);
-  float x = -1.4f;
+  float x = -1.4f, z = 1.0f;
   const auto small = [&](BsdfType type) {
     Material m;
     m.type = type;
     m.reflectance = tiled;
     m.specular_reflectance = m.specular_transmittance = mirrored;
-    maker.sphere({x, 0.2f, 1.0f}, 0.2f, maker.material(m));
+    if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, fine);
+    if (type == BsdfType::blendbsdf) {
+      m.blended[0] = sides_index;
+      m.blended[1] = glass_index;
+      m.extra[ExtraParameter::weight] = checks;
+    } else if (transmits(type)) {
+      m.bump = tiled;
+      m.normal_map = true;
+    }
+    maker.sphere({x, 0.2f, z}, 0.2f, maker.material(m));
     x += 0.45f;
+    if (x > 1.7f) {
+      x = -1.4f;
+      z += 0.45f;
+    }
   };
 #define OCTRAD_SMALL(name, Model, transmits) small(BsdfType::name);
   OCTRAD_BSDF_LIST(OCTRAD_SMALL)
@@ -244,6 +269,47 @@ Scene every_material() {
   maker.sphere({1.2f, 2.2f, 0.8f}, 0.25f, plain, {4, 4, 4});
   scene.area_lights.back().radiance = checks;
   maker.sphere({-1.2f, 2.3f, 1.0f}, 0.5f, plain, {0.3f, 0.3f, 0.5f}, true);
+  // Lights without extent, of each kind.
+  DeltaLight bulb;
+  bulb.position = {0.5f, 1.8f, 1.2f};
+  bulb.intensity = {2, 3, 2};
+  DeltaLight cone = bulb;
+  cone.kind = DeltaLight::Kind::spot;
+  cone.position = {-0.5f, 2.0f, 0.3f};
+  cone.texture = checks;
+  const float down[12] = {1, 0, 0, 0.5f, 0, 0, 1, -0.3f, 0, -1, 0, 2.0f};  // its +z is the world's -y
+  std::copy(down, down + 12, cone.to_local);
+  cone.cutoff = 0.8f;
+  cone.cos_cutoff = std::cos(0.8f);
+  cone.cos_beam = std::cos(0.5f);
+  cone.inverse_transition = 1.0f / 0.3f;
+  cone.tan_x = cone.tan_y = std::tan(0.8f);
+  DeltaLight slides = cone;
+  slides.kind = DeltaLight::Kind::projector;
+  slides.texture = tiled;
+  slides.axis = {0, -1, 0};
+  DeltaLight sun = bulb;
+  sun.kind = DeltaLight::Kind::directional;
+  sun.axis = normalize(Vec3f(0.2f, -1, -0.3f));
+  scene.delta_lights = {bulb, cone, slides, sun};
+  // A mesh in two places, one of them mirrored.
+  TriangleMesh shared;
+  shared.positions = {{0, 0, 0}, {0.5f, 0, 0}, {0.5f, 0.4f, 0.1f}, {0, 0.4f, 0}};
+  shared.normals.assign(4, normalize(Vec3f(0.1f, 0.0f, 1)));
+  shared.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  shared.triangles = {{0, 1, 2}, {0, 2, 3}};
+  scene.meshes.push_back(shared);
+  for (const float side : {-1.0f, 1.0f}) {
+    Placement p;
+    const float place[12] = {1.4f, 0, 0.3f, 0.6f * side, 0, 1.1f, 0, 0.3f, -0.3f, 0, 0.7f * side, 1.1f};
+    const float normals[9] = {0.7f * side, 0, 0.3f, 0, 1, 0, -0.3f, 0, 1.4f};
+    std::copy(place, place + 12, p.to_world);
+    std::copy(normals, normals + 9, p.normals);
+    p.mirrors = side < 0.0f;
+    scene.placements.push_back(p);
+    maker.shape(Shape::Kind::mesh, scene.meshes.size() - 1, sides_index, Vec3f(0.0f));
+    scene.shapes.back().placement = static_cast<int>(scene.placements.size()) - 1;
+  }
   Environment sky;
   sky.width = 16;
   sky.height = 9;

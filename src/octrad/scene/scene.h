@@ -9,13 +9,17 @@
 
 #include "octrad/base/vec.h"
 #include "octrad/scene/camera.h"
+#include "octrad/scene/delta_light.h"
 #include "octrad/scene/material.h"
+#include "octrad/scene/placement.h"
+#include "octrad/scene/report.h"
 #include "octrad/scene/sphere.h"
 #include "octrad/scene/texture.h"
 
 namespace octrad {
 
-// An indexed triangle mesh in world space. Analytic shapes (rectangle, cube) become meshes; spheres stay analytic.
+// An indexed triangle mesh, in world space where its shapes have no placement. All shapes but spheres become meshes;
+// those stay analytic.
 struct TriangleMesh {
   std::vector<Vec3f> positions;
   std::vector<Vec3f> normals;    // per vertex, unit, world space; empty: face normals
@@ -31,6 +35,7 @@ struct Shape {
   int material = -1;  // index into Scene::materials
   int emitter = -1;   // index into Scene::area_lights
   std::string id;
+  int placement = -1;  // index into Scene::placements, of a mesh in an instance; such shapes emit nothing
 };
 
 // Area light over one whole shape, emitting from the side of the geometric normal.
@@ -43,35 +48,45 @@ struct AreaLight {
 // orientation as in Mitsuba 3's `envmap`. A constant environment is a 1x1 image.
 struct Environment {
   int width = 0, height = 0;
-  std::vector<Vec3f> pixels;                        // [height][width], scale applied
-  float to_world[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row-major rotation, object -> world
+  std::vector<Vec3f> pixels;  // [height][width], scale applied
+  // Row-major linear part, object -> world. The radiance along a direction d is that of the map along the inverse of d.
+  float to_world[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 };
 
 struct Film {
-  enum class Filter { box, tent, gaussian };
+  enum class Filter { box, tent, gaussian, mitchell, catmullrom, lanczos };
   int width = 768, height = 576;
   Filter filter = Filter::gaussian;
-  float filter_radius = 0.0f;  // box .5, tent: radius, gaussian: 4 stddev (Mitsuba's conventions)
+  // Mitsuba's conventions: box .5, tent: radius, gaussian: 4 stddev, mitchell and catmullrom 2, lanczos: lobes.
+  float filter_radius = 0.0f;
   float filter_stddev = 0.5f;
+  float filter_b = 1.0f / 3.0f, filter_c = 1.0f / 3.0f;  // mitchell
 };
 
 struct Scene {
-  std::string file;         // as given
+  std::string file;                      // as given
   std::vector<std::string> other_files;  // that it refers to: meshes, pictures, included scenes
-  std::string fingerprint;  // 16 hex digits: hash of geometry, materials, textures and lights
+  std::string fingerprint;               // 16 hex digits: hash of geometry, materials, textures and lights
   std::vector<TriangleMesh> meshes;
   std::vector<Sphere> spheres;
   std::vector<Shape> shapes;
   std::vector<Material> materials;  // index 0 is the default material
   std::vector<Texture> textures;
+  std::vector<Placement> placements;  // of instances
   std::vector<AreaLight> area_lights;
+  std::vector<DeltaLight> delta_lights;
   std::vector<Environment> environments;  // none or one
   std::vector<Camera> cameras;            // the scene's sensors, in file order (at least one)
   Film film;                              // of the first sensor
+  std::vector<Film> films;                // of each sensor; empty: all have that of the first
   int max_depth = -1;                     // the file's integrator setting, Mitsuba's meaning
   Bounds3f bounds;                        // of all surfaces
   std::vector<std::string> warnings;
+  std::vector<std::string> assumed;  // what the file leaves open or means otherwise than Mitsuba 3
+  std::vector<SceneIssue> refused;   // what a stand-in was taken for, where that was asked for
 
+  const Film& film_of(std::size_t sensor) const { return sensor < films.size() ? films[sensor] : film; }
+  // Of all meshes, however many instances share one.
   std::size_t triangle_count() const {
     std::size_t n = 0;
     for (const TriangleMesh& m : meshes) n += m.triangles.size();

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "octrad/base/error.h"
-
 namespace octrad {
 
 SourceFile::SourceFile(std::string name, std::string text) : name_(std::move(name)), text_(std::move(text)) {
@@ -20,14 +18,19 @@ std::string SourceFile::where(std::size_t offset) const {
   return name_ + ":" + std::to_string(line) + ":" + std::to_string(offset - *(next - 1) + 1);
 }
 
-void fail(const Location& location, const std::string& message) { throw InputError(location.text() + ": " + message); }
+SceneError::SceneError(std::string place, std::string mistake)
+    : InputError(place + ": " + mistake),
+      where(std::move(place)),
+      message(std::move(mistake)) {}
+
+void fail(const Location& location, const std::string& message) { throw SceneError(location.text(), message); }
 
 void fail(const std::string& name, std::string_view text, std::size_t offset, const std::string& message) {
   const std::string_view before = text.substr(0, offset);
   const auto line = std::count(before.begin(), before.end(), '\n') + 1;
   const std::size_t start = before.rfind('\n');
   const std::size_t column = start == std::string_view::npos ? offset + 1 : offset - start;
-  throw InputError(name + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + message);
+  throw SceneError(name + ":" + std::to_string(line) + ":" + std::to_string(column), message);
 }
 
 }  // namespace octrad

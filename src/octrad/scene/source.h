@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "octrad/base/error.h"
+
 namespace octrad {
 
 // A text file in memory, with line and column of a byte offset.
@@ -30,7 +32,13 @@ struct Location {
   std::string text() const { return file ? file->where(offset) : std::string("scene"); }
 };
 
-// Throws InputError("file:line:column: message").
+// A mistake in a scene file or in one that it refers to, with its place.
+struct SceneError : InputError {
+  SceneError(std::string place, std::string mistake);
+  std::string where, message;  // "file:line:column", and what is wrong; what() is both
+};
+
+// Throws SceneError.
 [[noreturn]] void fail(const Location& location, const std::string& message);
 // The same of a text that is in memory, without a copy of it.
 [[noreturn]] void fail(const std::string& name, std::string_view text, std::size_t offset, const std::string& message);

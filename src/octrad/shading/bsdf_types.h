@@ -14,8 +14,11 @@ namespace octrad {
 // Samples of the directional transmittance of a rough dielectric boundary at cos = i / (kTransmittanceResolution - 1).
 inline constexpr int kTransmittanceResolution = 64;
 
-// Part of a coated model (plastic, roughplastic) that is meant; the others have one part, `all`.
+// Part of a model that is meant: coat or base of plastics, reflection (coat) or transmission (base) of rough glass; the
+// others have one part, `all`.
 enum class Lobe : std::uint8_t { all, coat, base };
+
+struct MaterialRecord;  // shading/material_record.h
 
 // Parameters of a material at a point: textures looked up, wrappers applied.
 struct Bsdf {
@@ -25,8 +28,10 @@ struct Bsdf {
   bool two_sided = false;
   bool nonlinear = false;
   bool sample_visible = true;
-  bool bumped = false;   // the frame is tilted against `base_normal`
-  float opacity = 1.0f;  // probability of not passing straight through
+  bool bumped = false;      // the frame is tilted against `base_normal`
+  bool shadowed = false;    // bumped, and what the tilt hides darkens gradually
+  bool both_sides = false;  // not black from behind although it is not two-sided: glass, blends with such parts
+  float opacity = 1.0f;     // probability of not passing straight through
   float alpha_u = 1.0f, alpha_v = 1.0f;
   float eta = 1.0f;  // int_ior / ext_ior
   Vec3f reflectance{0, 0, 0}, specular_reflectance{1, 1, 1}, specular_transmittance{1, 1, 1};
@@ -37,6 +42,9 @@ struct Bsdf {
   // values.
   float internal_reflectance = 0.0f;
   const float* external_transmittance = nullptr;
+  // Models with extra parameters (OCTRAD_EXTRA_PARAMETERS) or parts: where they find them, and at which coordinates.
+  const MaterialRecord* record = nullptr;
+  Vec2f uv;
 };
 
 struct BsdfValue {

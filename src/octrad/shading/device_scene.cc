@@ -52,7 +52,7 @@ struct Plan {
     std::size_t pixels, tiles, palette;
   };
   struct MeshLight {
-    std::size_t triangles, cdf;
+    std::size_t triangles, cdf, grid;
   };
   Layout layout;
   std::size_t nodes, primitives;
@@ -63,7 +63,9 @@ struct Plan {
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
               environment_cells = kAbsent;
-  std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent;
+  std::size_t delta_lights = kAbsent, placements = kAbsent;
+  std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent, placed_meshes = kAbsent;
+  std::vector<std::size_t> placed_areas;
   // Pieces of tables that point to the above.
   std::size_t shapes, textures, records, area_lights;
 
@@ -96,8 +98,12 @@ struct Plan {
     const LightsView& l = t.lights.view();
     for (int i = 0; i < l.area_count; ++i) {
       const auto count = static_cast<std::size_t>(l.area[i].triangle_count);
-      lights.push_back({layout.add(l.area[i].triangles, count), layout.add(l.area[i].cdf, count)});
+      const auto side = static_cast<std::size_t>(l.area[i].grid_side);
+      lights.push_back({layout.add(l.area[i].triangles, count), layout.add(l.area[i].cdf, count),
+                        layout.add(l.area[i].grid, side * side)});
     }
+    delta_lights = layout.add(l.delta, static_cast<std::size_t>(l.delta_count));
+    placements = layout.add(t.scene.placements.data(), t.scene.placements.size());
     const EnvironmentView& e = l.environment;
     if (l.has_environment()) {
       const auto width = static_cast<std::size_t>(e.width), height = static_cast<std::size_t>(e.height);
@@ -111,6 +117,9 @@ struct Plan {
       elements = layout.add(s.elements, s.count);
       cumulative = layout.add(s.cumulative, s.count);
       guide = layout.add(s.guide, std::size_t{s.count} + 1);
+      for (std::uint32_t i = 0; i < s.placed_count; ++i)
+        placed_areas.push_back(layout.add(s.placed[i].cumulative, static_cast<std::size_t>(s.placed[i].count)));
+      placed_meshes = layout.reserve<PlacedMesh>(s.placed_count);
     }
     shapes = layout.reserve<ShapeView>(t.scene.shapes.size());
     textures = layout.reserve<TextureView>(t.materials.texture_count());
@@ -137,8 +146,9 @@ std::vector<ShapeView> place_shapes(const Scene& scene, const Plan& plan, const 
       v.sphere = block.at<Sphere>(plan.spheres) + geometry;
     } else {
       const Plan::Mesh& m = plan.meshes[geometry];
-      v.mesh = {block.at<Vec3f>(m.positions), block.at<Vec3f>(m.normals), block.at<Vec2f>(m.uvs),
-                block.at<Vec3i>(m.triangles), scene.meshes[geometry].flip_normals};
+      v.mesh = {block.at<Vec3f>(m.positions), block.at<Vec3f>(m.normals),          block.at<Vec2f>(m.uvs),
+                block.at<Vec3i>(m.triangles), scene.meshes[geometry].flip_normals, nullptr};
+      if (shape.placement >= 0) v.mesh.placement = block.at<Placement>(plan.placements) + shape.placement;
     }
     v.material = shape.material;
     v.emitter = shape.emitter;
@@ -157,11 +167,15 @@ std::vector<TextureView> place_textures(const Materials& materials, const Plan& 
   return views;
 }
 
-std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block) {
+// `tables`: where they and the textures will be.
+std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block,
+                                          const MaterialsView& tables) {
   std::vector<MaterialRecord> records(materials.view().records, materials.view().records + materials.size());
   for (MaterialRecord& r : records) {
     const float*& table = r.constant.external_transmittance;
     if (table != nullptr) table = block.at<float>(plan.transmittance.at(table));
+    r.tables = tables;
+    if (r.constant.record != nullptr) r.constant.record = tables.records + (&r - records.data());
   }
   return records;
 }
@@ -173,6 +187,7 @@ std::vector<LightRecord> place_lights(const LightsView& lights, const std::vecto
     records[i].shape = shapes[static_cast<std::size_t>(records[i].shape_index)];
     records[i].triangles = block.at<LightTriangle>(plan.lights[i].triangles);
     records[i].cdf = block.at<float>(plan.lights[i].cdf);
+    records[i].grid = block.at<float>(plan.lights[i].grid);
   }
   return records;
 }
@@ -210,23 +225,33 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
   const Block block{memory_.data()};
   const std::vector<ShapeView> shapes = place_shapes(tables.scene, plan, block);
   const std::vector<TextureView> textures = place_textures(tables.materials, plan, block);
-  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block);
+  const auto place = [&plan](std::size_t piece) { return plan.layout.pieces[piece].offset; };
+  world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
+  world_.plain = true;
+  for (const Material& m : tables.scene.materials) world_.plain = world_.plain && !is_extended(m.type);
+  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(tables.lights.view(), shapes, plan, block);
   plan.layout.pieces[plan.shapes].from = shapes.data();
   plan.layout.pieces[plan.textures].from = textures.data();
   plan.layout.pieces[plan.records].from = records.data();
   plan.layout.pieces[plan.area_lights].from = lights.data();
+  std::vector<PlacedMesh> placed;
+  if (tables.surfaces != nullptr) {
+    const SurfaceSamplerView& s = tables.surfaces->view();
+    placed.assign(s.placed, s.placed + s.placed_count);
+    for (std::size_t i = 0; i < placed.size(); ++i) placed[i].cumulative = block.at<float>(plan.placed_areas[i]);
+    plan.layout.pieces[plan.placed_meshes].from = placed.data();
+  }
   upload(stream, plan.layout, memory_.data());
 
-  const auto place = [&plan](std::size_t piece) { return plan.layout.pieces[piece].offset; };
   world_.bvh = tables.bvh.view();
   world_.bvh.nodes = block.at<Bvh8Node>(plan.nodes);
   world_.bvh.primitives = block.at<Bvh8Primitive>(plan.primitives);
   world_.shapes = block.at<ShapeView>(place(plan.shapes));
-  world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
   world_.lights = tables.lights.view();
   world_.lights.area = block.at<LightRecord>(place(plan.area_lights));
   world_.lights.textures = block.at<TextureView>(place(plan.textures));
+  world_.lights.delta = block.at<DeltaLight>(plan.delta_lights);
   world_.lights.environment.pixels = block.at<Vec3f>(plan.environment_pixels);
   world_.lights.environment.sines = block.at<float>(plan.environment_sines);
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);
@@ -237,6 +262,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
     world_.surfaces.cumulative = block.at<double>(plan.cumulative);
     world_.surfaces.guide = block.at<std::uint32_t>(plan.guide);
     world_.surfaces.shapes = world_.shapes;
+    world_.surfaces.placed = block.at<PlacedMesh>(place(plan.placed_meshes));
   }
 }
 

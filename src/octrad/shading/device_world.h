@@ -11,10 +11,12 @@
 namespace octrad {
 
 struct DeviceWorld {
+  static constexpr Models kModels = Models::all;
   Bvh8View bvh{};
   const ShapeView* shapes = nullptr;
   MaterialsView materials;
   LightsView lights;
+  bool plain = false;           // PlainDeviceWorld will do
   SurfaceSamplerView surfaces;  // without elements where DeviceScene was given no sampler
 
   // The nearest surface between t_min and t_max, and whether there is one.
@@ -29,7 +31,7 @@ struct DeviceWorld {
     return octrad::interact(shapes[hit.shape], hit, origin, direction);
   }
   OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
-    return octrad::shade(materials, surface, wo);
+    return octrad::shade<kModels>(materials, surface, wo);
   }
 
   OCTRAD_HD LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const {
@@ -52,5 +54,21 @@ struct DeviceWorld {
     return octrad::sample_surface(surfaces, u_pick, u);
   }
 };
+
+// A world without extended models: kernels of it have no code for them, which would take their registers.
+struct PlainDeviceWorld : DeviceWorld {
+  static constexpr Models kModels = Models::plain;
+  explicit PlainDeviceWorld(const DeviceWorld& world) : DeviceWorld(world) {}
+  OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
+    return octrad::shade<kModels>(materials, surface, wo);
+  }
+};
+
+// Calls run(world) with the world as the type that it needs.
+template <typename Run>
+void with_world(const DeviceWorld& world, const Run& run) {
+  if (world.plain) run(PlainDeviceWorld(world));
+  else run(world);
+}
 
 }  // namespace octrad

@@ -7,12 +7,31 @@
 #include "octrad/base/threads.h"
 
 namespace octrad {
+namespace {
+
+// Of a rotation the transpose, to the bit.
+void set_inverse(const float* m, EnvironmentView& view) {
+  const auto column = [m](int i) { return Vec3d(m[i], m[3 + i], m[6 + i]); };
+  for (int i = 0; i < 3; ++i) {
+    view.rotates = view.rotates && std::fabs(dot(column(i), column(i)) - 1.0) < 2e-3 &&
+                   std::fabs(dot(column(i), column((i + 1) % 3))) < 2e-3;
+  }
+  const double determinant = dot(column(0), cross(column(1), column(2)));
+  if (!view.rotates) view.determinant = static_cast<float>(1.0 / std::fabs(determinant));
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d row = view.rotates ? column(i) : cross(column((i + 1) % 3), column((i + 2) % 3)) / determinant;
+    for (int k = 0; k < 3; ++k) view.to_map_rows[3 * i + k] = static_cast<float>(row[k]);
+  }
+}
+
+}  // namespace
 
 EnvironmentMap::EnvironmentMap(const Environment& environment) {
   view_.pixels = environment.pixels.data();
   view_.width = environment.width;
   view_.height = environment.height;
   std::copy(std::begin(environment.to_world), std::end(environment.to_world), view_.to_world_rows);
+  set_inverse(environment.to_world, view_);
   // A single row (or a constant) is the same at every latitude: handled as two equal rows of weight sin(theta) would be
   // zero everywhere, so such maps are sampled uniformly.
   if (view_.height < 2) return;

@@ -19,7 +19,10 @@ struct AliasEntry {
 struct EnvironmentView {
   const Vec3f* pixels = nullptr;  // [height][width]; null: no environment
   int width = 0, height = 0;
-  float to_world_rows[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  float to_world_rows[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // and back; not unit for a unit vector unless it rotates
+  float to_map_rows[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  bool rotates = true;       // or mirrors: keeps solid angles
+  float determinant = 1.0f;  // of to_map_rows, absolute
   // For maps of two rows and more; others are sampled uniformly.
   const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
   const AliasEntry* rows = nullptr;   // [height - 1] of cells
@@ -32,12 +35,20 @@ struct EnvironmentView {
             m[6] * v.x + m[7] * v.y + m[8] * v.z};
   }
   OCTRAD_HD Vec3f to_map(Vec3f v) const {
-    const float* m = to_world_rows;
-    return {m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
-            m[2] * v.x + m[5] * v.y + m[8] * v.z};
+    const float* m = to_map_rows;
+    return {m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+            m[6] * v.x + m[7] * v.y + m[8] * v.z};
   }
   OCTRAD_HD Vec3f texel(int x, int y) const {
     return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+  }
+  // Makes `v`, a direction in the world taken to the map, unit there; returns the solid angle in the map for one in the
+  // world: |det A| / |A d|^3 for the linear map A and a unit direction d.
+  OCTRAD_HD float normalize_in_map(Vec3f& v) const {
+    if (rotates) return 1.0f;
+    const float l = length(v);
+    v = v / l;
+    return determinant / (l * l * l);
   }
   // Luminance times sin(theta) at a pixel.
   OCTRAD_HD float weight(int x, int y) const {
@@ -135,10 +146,11 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f dire
 OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f direction) {
   using namespace environment_detail;
   if (e.height < 2) return 0.25f * kInvPi;
-  const Vec3f d = e.to_map(direction);
+  Vec3f d = e.to_map(direction);
+  const float stretch = e.normalize_in_map(d);
   const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
   if (!(sin_theta > 0.0f)) return 0.0f;
-  return bilinear_weight(e, cell(e, direction_to_uv(d))) * e.inv_integral / (2.0f * kPi * kPi * sin_theta);
+  return bilinear_weight(e, cell(e, direction_to_uv(d))) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) * stretch;
 }
 
 // Both at once.
@@ -148,10 +160,11 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f dire
     density = 0.25f * kInvPi;
     return environment_radiance(e, direction);
   }
-  const Vec3f d = e.to_map(direction);
+  Vec3f d = e.to_map(direction);
+  const float stretch = e.normalize_in_map(d);
   const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
   const Cell c = cell(e, direction_to_uv(d));
-  density = sin_theta > 0.0f ? bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) : 0.0f;
+  density = sin_theta > 0.0f ? bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) * stretch : 0.0f;
   return bilinear_radiance(e, c);
 }
 
@@ -183,6 +196,11 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
   s.direction = e.to_world({std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta});
   s.radiance = bilinear_radiance(e, c);
   s.pdf = bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta);
+  if (!e.rotates) {
+    s.direction = normalize(s.direction);
+    Vec3f d = e.to_map(s.direction);
+    s.pdf *= e.normalize_in_map(d);
+  }
   return s;
 }
 

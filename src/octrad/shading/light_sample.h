@@ -12,7 +12,14 @@ struct LightSample {
   Vec3f radiance;         // emitted towards the reference point
   float pdf = 0.0f;       // solid angle at the reference point, times the probability of picking the light
   bool valid = false;
+  bool delta = false;  // of a light without extent: no ray from a BSDF finds it
 };
+
+// What the sample's contribution is divided by: the balance heuristic of its density and of the BSDF's for the same
+// direction (Veach & Guibas 1995).
+OCTRAD_HD inline float light_mis_density(const LightSample& light, float bsdf_pdf) {
+  return light.pdf + (light.delta ? 0.0f : bsdf_pdf);
+}
 
 inline constexpr float kEnvironmentDistance = 1e30f;
 

@@ -1,5 +1,7 @@
 #include "octrad/shading/lights.h"
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "octrad/geometry/shape_view.h"
@@ -11,6 +13,7 @@ namespace {
 struct MeshTables {
   std::vector<LightTriangle> triangles;
   std::vector<float> cdf;
+  std::vector<float> grid;
 };
 
 // Fills `tables`, and the members of `l` for mesh lights.
@@ -36,6 +39,53 @@ void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) 
   l.inv_area = area > 0.0 ? static_cast<float>(1.0 / area) : 0.0f;
 }
 
+// Whether both triangles are one parallelogram with affine texture coordinates that fill [0, 1]^2.
+bool shows_whole_picture(const TriangleMesh& mesh) {
+  if (mesh.triangles.size() != 2 || mesh.uvs.size() != mesh.positions.size()) return false;
+  const MeshView view = mesh_view(mesh);
+  unsigned corners = 0;
+  for (const Vec3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) {
+      const Vec2f uv = mesh.uvs[static_cast<std::size_t>(t[k])];
+      if ((uv.x != 0.0f && uv.x != 1.0f) || (uv.y != 0.0f && uv.y != 1.0f)) return false;
+      corners |= 1u << (static_cast<int>(uv.x) + 2 * static_cast<int>(uv.y));
+      // Where the first triangle's plane and coordinates put it.
+      const Vec2f b = lights_detail::barycentric_of_uv(view, 0, uv);
+      const Vec3i f = mesh.triangles[0];
+      const auto at = [&](int i) { return mesh.positions[static_cast<std::size_t>(i)]; };
+      const Vec3f p = at(f.x) + (at(f.y) - at(f.x)) * b.x + (at(f.z) - at(f.x)) * b.y;
+      if (!(length(p - at(t[k])) <= 1e-4f * length(at(f.y) - at(f.z)))) return false;
+    }
+  }
+  return corners == 15;
+}
+
+// Cells of about a texel, up to 128 a side; also dark ones are drawn sometimes, as their edges may not be.
+void prepare_grid(const TextureView& texture, MeshTables& tables, LightRecord& l) {
+  constexpr int kMostSide = 128, kPoints = 3;
+  constexpr double kUniformShare = 0.02;
+  l.grid_side = std::clamp(std::max(texture.width, texture.height), 16, kMostSide);
+  const auto side = static_cast<float>(l.grid_side * kPoints);
+  std::vector<double> sums;
+  double sum = 0.0;
+  for (int i = 0; i < l.grid_side * l.grid_side; ++i) {
+    for (int k = 0; k < kPoints * kPoints; ++k) {
+      const Vec2f uv{(static_cast<float>(i % l.grid_side * kPoints + k % kPoints) + 0.5f) / side,
+                     (static_cast<float>(i / l.grid_side * kPoints + k / kPoints) + 0.5f) / side};
+      sum += static_cast<double>(luminance(evaluate_texture(texture, uv)));
+    }
+    sums.push_back(sum);
+  }
+  if (!(sum > 0.0)) return;
+  const auto count = static_cast<double>(sums.size());
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    tables.grid.push_back(
+        static_cast<float>((1.0 - kUniformShare) * sums[i] / sum + kUniformShare * static_cast<double>(i + 1) / count));
+  }
+  tables.grid.back() = 1.0f;
+  l.grid = tables.grid.data();
+}
+
 }  // namespace
 
 struct Lights::Impl {
@@ -45,7 +95,7 @@ struct Lights::Impl {
   std::optional<EnvironmentMap> environment;
 
   bool picks_environment(const LightsView& view, float u_pick) const {
-    return environment && pick_light(view, u_pick) >= view.area_count;
+    return environment && pick_light(view, u_pick) >= view.area_count + view.delta_count;
   }
 };
 
@@ -65,13 +115,19 @@ Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
       l.inv_area = 1.0f / (4.0f * kPi * l.shape.sphere->radius * l.shape.sphere->radius);
     } else {
       const Shape& shape = scene.shapes[static_cast<std::size_t>(source.shape)];
-      prepare_mesh(scene.meshes[static_cast<std::size_t>(shape.geometry)], impl_->meshes[i], l);
+      const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(shape.geometry)];
+      prepare_mesh(mesh, impl_->meshes[i], l);
+      if (l.texture >= 0 && shows_whole_picture(mesh))
+        prepare_grid(impl_->textures[static_cast<std::size_t>(l.texture)], impl_->meshes[i], l);
     }
     impl_->area.push_back(l);
   }
   view_.area = impl_->area.data();
   view_.textures = impl_->textures.data();
-  view_.area_count = view_.count = static_cast<int>(impl_->area.size());
+  view_.area_count = static_cast<int>(impl_->area.size());
+  view_.delta = scene.delta_lights.data();
+  view_.delta_count = static_cast<int>(scene.delta_lights.size());
+  view_.count = view_.area_count + view_.delta_count;
   if (!scene.environments.empty()) {
     impl_->environment.emplace(scene.environments.front());
     view_.environment = impl_->environment->view();

@@ -1,4 +1,4 @@
-// Emitters: area lights and the environment; picking one for next-event estimation.
+// Emitters: area lights, lights without extent and the environment; picking one for next-event estimation.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,9 @@
 
 namespace octrad {
 
-// All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area, spheres by the
-// cone they subtend, the environment by its radiance. The scene must outlive this object.
+// All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area (a
+// parallelogram that shows one whole picture by that), spheres by the cone they subtend, the environment by its
+// radiance. The scene must outlive this object.
 //
 // Meshes with vertex normals emit from the side of the interpolated normal, and densities per area are turned into
 // densities per solid angle by its cosine, both as Mitsuba 3 does. The second is exact for flat lights and as good as

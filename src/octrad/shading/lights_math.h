@@ -7,6 +7,7 @@
 #include "octrad/base/frame.h"
 #include "octrad/geometry/interaction_math.h"
 #include "octrad/scene/texture_math.h"
+#include "octrad/shading/delta_lights_math.h"
 #include "octrad/shading/environment_math.h"
 #include "octrad/shading/light_sample.h"
 #include "octrad/shading/square_maps.h"
@@ -29,13 +30,17 @@ struct LightRecord {
   int triangle_count = 0;
   float inv_area = 0.0f;
   float side = 1.0f;  // of a sphere; -1: emits inwards
+  // Of a parallelogram that shows a picture over [0, 1]^2: its cells, drawn by how bright they are.
+  const float* grid = nullptr;  // [grid_side][grid_side] cumulative, last entry 1
+  int grid_side = 0;
 };
 
 struct LightsView {
   const LightRecord* area = nullptr;
   const TextureView* textures = nullptr;
-  int area_count = 0;
-  int count = 0;                // with the environment, which comes last
+  const DeltaLight* delta = nullptr;
+  int area_count = 0, delta_count = 0;
+  int count = 0;                // area lights, lights without extent, the environment
   float pick = 0.0f;            // probability of each emitter
   EnvironmentView environment;  // without pixels where there is none
 
@@ -82,16 +87,54 @@ OCTRAD_HD inline int pick_triangle(const float* cdf, int count, float u) {
   return std::min(first, count - 1);
 }
 
+// How much likelier a point with these coordinates is drawn than uniformly by area.
+OCTRAD_HD inline float grid_density(const LightRecord& l, Vec2f uv) {
+  const auto cell = [&l](float x) {
+    return std::max(0, std::min(static_cast<int>(x * static_cast<float>(l.grid_side)), l.grid_side - 1));
+  };
+  const int i = cell(uv.y) * l.grid_side + cell(uv.x);
+  return (l.grid[i] - (i > 0 ? l.grid[i - 1] : 0.0f)) * static_cast<float>(l.grid_side * l.grid_side);
+}
+
+// Barycentric coordinates (b1, b2) of texture coordinates in a triangle, which may lie outside of it.
+OCTRAD_HD inline Vec2f barycentric_of_uv(const MeshView& mesh, int triangle, Vec2f uv) {
+  const Vec3i t = mesh.triangles[triangle];
+  const Vec2f p = uv - mesh.uvs[t.x], e1 = mesh.uvs[t.y] - mesh.uvs[t.x], e2 = mesh.uvs[t.z] - mesh.uvs[t.x];
+  const float determinant = e1.x * e2.y - e1.y * e2.x;
+  return {(p.x * e2.y - p.y * e2.x) / determinant, (e1.x * p.y - e1.y * p.x) / determinant};
+}
+
+// A point of the grid: triangle and barycentric coordinates. Returns grid_density() there.
+OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle, Vec2f& b) {
+  const int i = pick_triangle(l.grid, l.grid_side * l.grid_side, u.x);
+  const float below = i > 0 ? l.grid[i - 1] : 0.0f, share = l.grid[i] - below;
+  u.x = share > 0.0f ? std::min((u.x - below) / share, 0.99999994f) : 0.5f;
+  const auto side = static_cast<float>(l.grid_side);
+  const Vec2f uv{(static_cast<float>(i % l.grid_side) + u.x) / side,
+                 (static_cast<float>(i / l.grid_side) + u.y) / side};
+  triangle = 0;
+  b = barycentric_of_uv(l.shape.mesh, 0, uv);
+  if (!(b.x >= 0.0f && b.y >= 0.0f && b.x + b.y <= 1.0f)) b = barycentric_of_uv(l.shape.mesh, triangle = 1, uv);
+  return share * side * side;
+}
+
 OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightRecord& l, Vec3f x, Vec2f u) {
   LightSample s;
   if (l.triangle_count == 0) return s;
-  const int i = l.triangle_count == 1 ? 0 : pick_triangle(l.cdf, l.triangle_count, u.x);
-  const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
-  const float share = l.cdf[i] - below;
-  if (!(share > 0.0f)) return s;
-  u.x = std::min((u.x - below) / share, 0.99999994f);
+  int i = 0;
+  Vec2f b;
+  float density = 1.0f;
+  if (l.grid != nullptr) {
+    density = sample_grid(l, u, i, b);
+  } else {
+    i = l.triangle_count == 1 ? 0 : pick_triangle(l.cdf, l.triangle_count, u.x);
+    const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
+    const float share = l.cdf[i] - below;
+    if (!(share > 0.0f)) return s;
+    u.x = std::min((u.x - below) / share, 0.99999994f);
+    b = square_to_triangle(u);
+  }
   const LightTriangle& t = l.triangles[i];
-  const Vec2f b = square_to_triangle(u);
   const Vec3f d = t.p0 + t.e1 * b.x + t.e2 * b.y - x;
   const float distance2 = dot(d, d);
   s.distance = std::sqrt(distance2);
@@ -100,7 +143,7 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   const MeshView& mesh = l.shape.mesh;
   const float cos = -dot(s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal));
   if (!(cos > 0.0f)) return s;
-  s.pdf = view.pick * l.inv_area * distance2 / cos;
+  s.pdf = view.pick * l.inv_area * distance2 / cos * density;
   s.radiance = l.texture >= 0 ? evaluate_texture(view.textures[l.texture], mesh_uv(mesh, i, b)) : l.radiance;
   s.valid = std::isfinite(s.pdf);
   return s;
@@ -162,6 +205,8 @@ OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float
     return l.shape.sphere != nullptr ? lights_detail::sample_sphere(view, l, x, u)
                                      : lights_detail::sample_mesh(view, l, x, u);
   }
+  if (i - view.area_count < view.delta_count)
+    return sample_delta_light(view.delta[i - view.area_count], view.textures, view.pick, x);
   const EnvironmentSample e = sample_environment(view.environment, u);
   s.direction = e.direction;
   s.distance = kEnvironmentDistance;
@@ -194,7 +239,9 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
   const Vec3f d = surface.position - x;
   const float distance2 = dot(d, d);
   const float cos = -dot(d, surface.shading_normal) / std::sqrt(distance2);
-  return cos > 0.0f ? view.pick * l.inv_area * distance2 / cos : 0.0f;
+  if (!(cos > 0.0f)) return 0.0f;
+  const float pdf = view.pick * l.inv_area * distance2 / cos;
+  return l.grid == nullptr ? pdf : pdf * lights_detail::grid_density(l, surface.uv);
 }
 
 // Radiance of the environment along a unit direction that hit nothing, and the density of sample_light() for it.

@@ -46,6 +46,38 @@ TEST(EnvironmentMap, SamplesFollowTheirDensity) {
   }
 }
 
+// Stretched and sheared skies: densities per solid angle of the world.
+TEST(EnvironmentMap, AnyLinearMapKeepsDensitiesTrue) {
+  Environment e = speckled_environment(16, 9);
+  const float m[9] = {1.0f, 0.4f, 0.0f, 0.0f, 0.6f, 0.1f, -0.2f, 0.0f, 0.5f};
+  std::copy(m, m + 9, e.to_world);
+  const EnvironmentMap map(e);
+  const auto result = testing::chi_square(
+      [&](Rng& rng, Vec3f& w) {
+        const EnvironmentMap::Sample s = map.sample(rng.uniform2());
+        w = s.direction;
+        if (s.pdf > 0.0f) {
+          EXPECT_NEAR(length(w), 1.0f, 1e-5f);
+          float density = 0.0f;
+          EXPECT_NEAR(map.radiance(w, density).y, s.radiance.y, 2e-3f);
+          EXPECT_NEAR(density, s.pdf, 2e-3f * s.pdf + 1e-5f);
+          EXPECT_EQ(density, map.pdf(w));
+        }
+        return s.pdf > 0.0f;
+      },
+      [&](Vec3f w) { return static_cast<double>(map.pdf(w)); }, 200000, 5);
+  EXPECT_GT(result.p_value, 0.001) << result.text;
+  EXPECT_NEAR(result.integral, 1.0, 0.01);
+  // The radiance towards M d is that of the map towards d.
+  Environment plain = e;
+  const float one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::copy(one, one + 9, plain.to_world);
+  const Vec3f d = normalize(Vec3f(0.3f, 0.5f, -0.7f));
+  const Vec3f world = normalize(Vec3f(m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
+                                      m[6] * d.x + m[7] * d.y + m[8] * d.z));
+  EXPECT_NEAR(map.radiance(world).x, EnvironmentMap(plain).radiance(d).x, 1e-4f);
+}
+
 TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
   Environment e;
   e.width = e.height = 64;
@@ -108,6 +140,59 @@ TEST(Lights, RectangleIrradianceIsAnalytic) {
   const double factor = 4.0 / (2.0 * 3.14159265358979) * (2.0 * x / r * std::atan(x / r));
   expect_irradiance(irradiance(maker.scene, {0, 0, 0}, {0, 0, 1}, 20000), 3.14159265 * 5.0 * factor);
   EXPECT_EQ(irradiance(maker.scene, {0, 0, 3}, {0, 0, -1}, 100).mean, 0.0) << "light leaves one side only";
+}
+
+// A picture on a parallelogram is drawn by its brightness: as much light as by area, with far less noise where little
+// of it is bright; hits have the density of samples.
+TEST(Lights, PicturesAreSampledByTheirBrightness) {
+  SceneMaker maker;
+  Texture t;
+  t.kind = Texture::Kind::bitmap;
+  t.width = 20;
+  t.height = 10;
+  t.pixels.assign(200, Vec3f(0.0f));
+  t.pixels[20 * 3 + 4] = Vec3f(9.0f, 30.0f, 1.0f);
+  t.pixels[20 * 7 + 15] = Vec3f(1.0f, 2.0f, 0.0f);
+  const float turned[6] = {0.9f, 0.2f, 0.1f, -0.3f, 1.1f, 0.05f};
+  std::copy(turned, turned + 6, t.to_uv);
+  maker.quad({-1, 1.2f, 2}, {2, 0.3f, 0}, {0.2f, -2, 0.1f}, maker.diffuse(Vec3f(0.5f)), Vec3f(1.0f));
+  maker.scene.area_lights[0].radiance = maker.texture(t);
+  Scene bent = maker.scene;  // not a parallelogram: sampled by area
+  bent.meshes[0].positions[2].z += 1e-3f;
+  const Vec3f x{0.1f, -0.2f, 0.3f}, n{0, 0, 1};
+  const Estimate by_picture = irradiance(maker.scene, x, n, 20000), by_area = irradiance(bent, x, n, 400000);
+  EXPECT_LT(by_picture.error * std::sqrt(20000.0), 0.3 * by_area.error * std::sqrt(400000.0));
+  EXPECT_NEAR(by_picture.mean, by_area.mean, 4.0 * (by_picture.error + by_area.error) + 2e-3 * by_area.mean);
+  const auto tracer = make_embree_tracer(maker.scene);
+  const Lights lights(maker.scene);
+  Rng rng(4, RngPurpose::test, 6);
+  int hits = 0, wrong = 0;
+  double sum = 0.0;
+  for (int i = 0; i < 20000; ++i) {
+    const float pick = rng.uniform();
+    const LightSample s = lights.sample(x, pick, rng.uniform2());
+    if (!s.valid) continue;
+    const Hit hit = tracer->intersect(x, s.direction, 0.0f, 1e30f);
+    if (!hit.valid()) continue;
+    ++hits;
+    const SurfaceInteraction surface = interact(maker.scene, hit, x, s.direction);
+    wrong += std::fabs(lights.pdf(x, surface) - s.pdf) > 1e-2f * s.pdf;  // at the edge of a cell
+    EXPECT_NEAR(lights.emitted(surface, -s.direction).x, s.radiance.x, 1e-2f);
+    sum += 1.0 / static_cast<double>(s.pdf);
+  }
+  EXPECT_GT(hits, 19900);
+  EXPECT_LT(wrong, 20);
+  // The density integrates to 1 over the solid angle of the light, which the mean of 1 / density is.
+  Rng directions(4, RngPurpose::test, 7);
+  double angle = 0.0;
+  constexpr int kDirections = 200000;
+  for (int i = 0; i < kDirections; ++i) {
+    const float z = 1.0f - 2.0f * directions.uniform(), phi = 2.0f * kPi * directions.uniform();
+    const float r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
+    if (tracer->occluded(x, {r * std::cos(phi), r * std::sin(phi), z}, 0.0f, 1e30f))
+      angle += 4.0 * 3.14159265 / kDirections;
+  }
+  EXPECT_NEAR(sum / 20000.0, angle, 0.15 * angle);
 }
 
 TEST(Lights, DensityOfHitAgreesWithSampling) {

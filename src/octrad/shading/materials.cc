@@ -15,6 +15,27 @@ namespace {
 
 using SlotTextures = std::array<int, kMaterialSlots>;
 
+// Light passes through it, or its back is not black although it is not two-sided.
+bool scatters_on_both_sides(const Scene& scene, const Material& m) {
+  if (transmits(m.type) || m.extra[ExtraParameter::spec_trans] >= 0) return true;
+  for (const int part : m.blended) {
+    if (part < 0) continue;
+    const Material& p = scene.materials[static_cast<std::size_t>(part)];
+    if (p.two_sided || scatters_on_both_sides(scene, p)) return true;
+  }
+  return false;
+}
+
+// A blend has parts that let rays pass straight through.
+bool has_masked_parts(const Scene& scene, const Material& m) {
+  for (const int part : m.blended) {
+    if (part < 0) continue;
+    const Material& p = scene.materials[static_cast<std::size_t>(part)];
+    if (p.opacity >= 0 || p.type == BsdfType::null || has_masked_parts(scene, p)) return true;
+  }
+  return false;
+}
+
 // The texture of each slot, -1: none.
 SlotTextures slot_textures(const Material& m) {
 #define OCTRAD_MEMBER(name) m.name,
@@ -40,6 +61,9 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     for (const int i : slot_textures(m)) {
       if (i >= 0) used[static_cast<std::size_t>(i)] = 1;
     }
+    for (const int i : m.extra) {
+      if (i >= 0) used[static_cast<std::size_t>(i)] = 1;
+    }
   }
   parallel_for(scene.textures.size(), [&](std::size_t i) {
     if (used[i]) impl_->compact[i] = CompactTexture::make(scene.textures[i]);
@@ -53,6 +77,8 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     b.type = m.type;
     b.distribution = m.distribution;
     b.two_sided = m.two_sided;
+    b.both_sides = scatters_on_both_sides(scene, m);
+    if (m.type == BsdfType::null) b.opacity = 0.0f;
     b.nonlinear = m.nonlinear;
     b.sample_visible = m.sample_visible;
     b.eta = m.int_ior / m.ext_ior;
@@ -75,11 +101,26 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     }
     if (m.bump >= 0) {
       const Texture& texture = scene.textures[static_cast<std::size_t>(m.bump)];
-      if (texture.kind != Texture::Kind::constant) {
+      if (texture.kind != Texture::Kind::constant || m.normal_map) {
         r.bump = m.bump;
         r.bump_scale = m.bump_scale;
+        r.normal_map = m.normal_map;
+        r.bump_mirrored = m.bump_mirrored;
+        r.bump_flips = m.bump_flips;
+        r.bump_shadows = m.bump_shadows;
       }
     }
+    for (int i = 0; i < ExtraParameter::count; ++i) {
+      const int t = m.extra[i];
+      if (t < 0) continue;
+      const Texture& texture = scene.textures[static_cast<std::size_t>(t)];
+      r.extra[i] = texture.color0.x;
+      r.extra_textures[i] = t;
+      if (texture.kind != Texture::Kind::constant) r.extra_textured |= 1u << i;
+    }
+    r.blended[0] = m.blended[0];
+    r.blended[1] = m.blended[1];
+    r.masked_parts = has_masked_parts(scene, m);
     if (m.type == BsdfType::plastic) b.internal_reflectance = fresnel_diffuse_reflectance(1.0f / b.eta);
     if (m.type == BsdfType::roughplastic) {
       auto& table = impl_->tables[{static_cast<int>(b.distribution), b.alpha_u, b.eta}];
@@ -91,6 +132,7 @@ Materials::Materials(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     impl_->records.push_back(r);
   }
   view_ = {impl_->records.data(), impl_->textures.data()};
+  for (MaterialRecord& r : impl_->records) r.refer(view_);
 }
 
 Materials::~Materials() = default;
@@ -100,7 +142,7 @@ std::size_t Materials::texture_count() const { return impl_->textures.size(); }
 
 Bsdf Materials::at(int index, Vec2f uv) const {
   Bsdf b;
-  material_at(view_, view_.records[index], uv, b);
+  material_at<>(view_, view_.records[index], uv, b);
   return b;
 }
 
@@ -115,7 +157,7 @@ void Materials::prefetch(int index, Vec2f uv) const {
 }
 
 ShadingPoint shade(const Materials& materials, const SurfaceInteraction& surface, Vec3f wo) {
-  return shade(materials.view(), surface, wo);
+  return shade<>(materials.view(), surface, wo);
 }
 
 }  // namespace octrad

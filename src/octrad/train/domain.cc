@@ -115,8 +115,7 @@ SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>
         walk.points[walk.count++] = hit.point.surface.position;
         if (v == 0 && sensor) {
           walk.distance = static_cast<double>(length(hit.point.surface.position - ray.origin));
-          const float pixels = std::sqrt(static_cast<float>(view.width) * static_cast<float>(view.height));
-          walk.pixel = walk.distance * static_cast<double>(2.0f * std::sqrt(view.tan_x * view.tan_y) / pixels);
+          walk.pixel = pixel_footprint(view, walk.distance);
         }
         const float u_lobe = rng.uniform();
         const BsdfSample scattered =

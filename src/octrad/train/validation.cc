@@ -15,6 +15,7 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
   const Camera& camera = context.scene.cameras.front();
   const FirstHitOptions options(first_hit_rules(config));
   const QueryRays rays = query_rays(config);
+  const CameraView view = camera.view(reference.width, reference.height);
   std::vector<Vec3f> chosen_colors;
   const long long total = static_cast<long long>(reference.width) * reference.height;
   const long long stride = std::max<long long>(1, (total + max_pixels - 1) / max_pixels);
@@ -30,7 +31,8 @@ Validation::Validation(const TransportContext& context, const Image& reference, 
     for (int s = 0; s < spp; ++s) {
       const Vec2f u = rng.uniform2();
       const Vec2f position{static_cast<float>(x) + u.x, static_cast<float>(y) + u.y};
-      CameraSample sample{camera.generate(position, reference.width, reference.height), rng, position};
+      const Ray ray = sample_camera_ray(view, position, rng);
+      CameraSample sample{ray, rng, position};
       RayEnd end;
       FirstHit first;
       const FirstHitQuery query = trace_first_hit(context, options, sample, end, first);

@@ -11,6 +11,7 @@
 namespace octrad {
 
 struct TransportContext {
+  static constexpr Models kModels = Models::all;
   const Scene& scene;
   const Tracer& tracer;
   const Materials& materials;

@@ -24,11 +24,11 @@ OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingP
   const LightSample light = world.sample_light(point.surface.position, u.u1, u.u2);
   if (!light.valid || light.pdf <= 0.0f) return sample;
   const Vec3f wi = point.to_local(light.direction);
-  const BsdfValue f = evaluate_bsdf(point.bsdf, wo, wi);
+  const BsdfValue f = evaluate_bsdf<World::kModels>(point.bsdf, wo, wi);
   if (max_component(f.value) <= 0.0f) return sample;
   sample.valid = true;
   sample.ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  sample.contribution = f.value * light.radiance * (1.0f / (light.pdf + f.pdf));
+  sample.contribution = f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf));
   return sample;
 }
 

@@ -22,7 +22,7 @@ struct AskedLobes {
 };
 
 OCTRAD_HD inline AskedLobes asked_lobes(const FirstHitOptions& options, const Bsdf& bsdf) {
-  if (!options.split_coats || !is_coated(bsdf)) return {};
+  if (!options.split_coats || !has_lobes(bsdf)) return {};
   return {static_cast<int>(Lobe::coat), static_cast<int>(Lobe::base)};
 }
 
@@ -46,13 +46,14 @@ struct FirstHitQuery {
 };
 
 // `rng`: the sample's generator after its ray was followed.
+template <Models kModels = Models::all>
 OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, const RayEnd& end, Rng& rng) {
   using Bounce = FirstHitOptions::Bounce;
   FirstHitQuery query;
   query.known = end.first_emitted + end.emitted;
   if (!end.surface) return query;
   if (options.bounce == Bounce::all ||
-      (options.bounce == Bounce::glossy && roughness_bsdf(end.point.bsdf) < options.rough_threshold &&
+      (options.bounce == Bounce::glossy && roughness_bsdf<kModels>(end.point.bsdf) < options.rough_threshold &&
        (options.bounce_delta || !is_delta_bsdf(end.point.bsdf)))) {
     query.next = FirstHitQuery::Next::bounce;
     const unsigned long long high = rng.bits();
@@ -71,7 +72,7 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
                                                RayEnd& end, FirstHit& first) {
   end = follow_ray(world, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_below,
                    options.max_chain, sample.ray.t_max, &first);
-  return first_hit_query(options, end, sample.rng);
+  return first_hit_query<World::kModels>(options, end, sample.rng);
 }
 
 // The point as it is given to a field, with SurfacePoint::disparity where `offset` is traced (lookup.offset = traced),
@@ -80,7 +81,7 @@ OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
                                                 const OffsetRay& offset) {
-  SurfacePoint point = surface_point(shading);
+  SurfacePoint point = surface_point<World::kModels>(shading);
   if (offset.traced) point.disparity = traced_disparity(world, offset.rule, point, shading.surface.geometric_normal);
   return point;
 }

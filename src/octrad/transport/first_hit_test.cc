@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/prepared_scene.h"
 #include "octrad/transport/rhs_estimator.h"
@@ -146,6 +149,39 @@ TEST(FirstHit, MirrorsBounceOnlyWhereTheyAreAskedTo) {
   options.bounce_delta = false;
   EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::query);
   EXPECT_EQ(look_along(scene, {1, 0, 0}, options).query.next, Next::bounce);  // glossy
+}
+
+// Rough glass is two points: its reflection, looked up like a mirror, and what comes through it, looked up where that
+// comes from (method section 1).
+TEST(FirstHit, RoughGlassIsAskedForWhatIsBehindIt) {
+  testing::SceneMaker maker;
+  Material glass;
+  glass.type = BsdfType::roughdielectric;
+  glass.alpha_u = glass.alpha_v = maker.texture(0.2f);
+  glass.int_ior = 1.5f;
+  glass.ext_ior = 1.0f;
+  maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(glass));  // faces -x
+  const PreparedScene scene(maker.scene);
+  FirstHitOptions options;
+  options.split_coats = true;
+  Found found = look_along(scene, normalize(Vec3f(1.0f, 0.0f, 0.5f)), options);
+  ASSERT_EQ(found.query.next, Next::query);
+  std::vector<SurfacePoint> points;
+  for_each_asked_lobe(options, found.end.point, [&] { points.push_back(surface_point(found.end.point)); });
+  ASSERT_EQ(points.size(), 2u);
+  const float sine = 0.5f / std::sqrt(1.25f);
+  const LookupRule rule;
+  for (const SurfacePoint& p : points) EXPECT_LT(length(p.n - Vec3f(-1, 0, 0)), 1e-5f);
+  const Vec3f reflected = lookup_direction(rule, points[0]), refracted = lookup_direction(rule, points[1]);
+  EXPECT_LT(reflected.x, 0.0f);
+  EXPECT_NEAR(reflected.z, sine, 1e-5f);
+  EXPECT_GT(refracted.x, 0.0f);
+  EXPECT_NEAR(refracted.z, sine / 1.5f, 1e-5f);  // Snell
+  EXPECT_NEAR(length(points[1].wo), 1.0f, 1e-5f);
+  EXPECT_NEAR(points[0].albedo.x + points[1].albedo.x * 2.25f, 1.0f, 1e-5f);  // light is stronger by eta^2 inside
+  options.split_coats = false;
+  found = look_along(scene, {1, 0, 0}, options);
+  EXPECT_GT(lookup_direction(rule, surface_point(found.end.point)).x, 0.99f);
 }
 
 TEST(FirstHit, DisparityIsTracedOnRequest) {

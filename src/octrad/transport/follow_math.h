@@ -20,13 +20,22 @@ OCTRAD_HD inline Vec3f viewed_normal(const ShadingPoint& point) {
 }
 
 // The point as a query of a radiance field: normal on the side of the viewer (method section 1).
+template <Models kModels = Models::all>
 OCTRAD_HD inline SurfacePoint surface_point(const ShadingPoint& shading) {
   SurfacePoint point;
   point.x = shading.surface.position;
   point.n = viewed_normal(shading);
   point.wo = shading.wo;
-  point.albedo = lobe_albedo(shading.bsdf, shading.to_local(shading.wo));
-  point.alpha = roughness_bsdf(shading.bsdf);
+  const Vec3f wo = shading.to_local(shading.wo);
+  point.albedo = lobe_albedo<kModels>(shading.bsdf, wo);
+  point.alpha = roughness_bsdf<kModels>(shading.bsdf);
+  // Where what is seen lies behind the surface, mirror directions must lead there (method section 1).
+  if constexpr (kModels != Models::plain) {
+    if (shading.bsdf.both_sides) {
+      const SeenThrough behind = seen_through<kModels>(shading.bsdf, wo);
+      if (behind.mainly) point.wo = reflect(normalize(shading.to_world(behind.direction)), point.n);
+    }
+  }
   return point;
 }
 
@@ -127,19 +136,20 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   const bool passes = passes_mask(end.point, rng);
   if (first && !passes && !first->valid) {
     first->valid = true;
-    first->albedo = end.point.black ? Vec3f(0.0f) : albedo_bsdf(end.point.bsdf);
+    first->albedo = end.point.black ? Vec3f(0.0f) : albedo_bsdf<World::kModels>(end.point.bsdf);
     first->normal = viewed_normal(end.point);
     first->depth = length(surface.position - position);
-    first->roughness = roughness_bsdf(end.point.bsdf);
+    first->roughness = roughness_bsdf<World::kModels>(end.point.bsdf);
   }
   if (!passes) {
     if (end.point.black) return false;
-    if (!is_followed(end.point.bsdf, follow_below)) {
+    if (!is_followed<World::kModels>(end.point.bsdf, follow_below)) {
       end.surface = true;
       return false;
     }
     const float u_lobe = rng.uniform();
-    const BsdfSample scattered = sample_bsdf(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
+    const BsdfSample scattered =
+        sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
     if (!scattered.valid) return false;
     end.throughput *= scattered.weight;
     if (max_component(end.throughput) <= 0.0f) return false;

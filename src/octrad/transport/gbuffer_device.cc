@@ -47,9 +47,10 @@ struct Extend : Kernel {
 constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
 
 // The ray of sample `k` has ended, with `segment`.
+template <Models kModels>
 OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, RayEnd& end,
                              const FirstHit& first, const Segment& segment, Rng& rng) {
-  const FirstHitQuery query = first_hit_query(options, end, rng);
+  const FirstHitQuery query = first_hit_query<kModels>(options, end, rng);
   memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
   if (query.next == FirstHitQuery::Next::nothing) return;
@@ -66,7 +67,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
   std::uint32_t owner = k;
   for_each_asked_lobe(options, end.point, [&] {
-    memory.queries.store(q, surface_point(end.point));
+    memory.queries.store(q, surface_point<kModels>(end.point));
     if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
     memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
     memory.query_weight.set3(0, q, end.throughput);
@@ -76,10 +77,10 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
 }
 
 // As rhs_kernels::Arrive.
-template <bool kChain>
+template <bool kChain, typename World>
 struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
-  DeviceWorld world;
+  World world;
   Memory memory;
   FirstHitOptions options;
   OCTRAD_HD void operator()(std::uint32_t i) const {
@@ -101,7 +102,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, k, end, first, segment, sample.rng);
+    finish<World::kModels>(memory, options, k, end, first, segment, sample.rng);
   }
 };
 
@@ -190,8 +191,11 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   checked.split_coats = options.split_coats && split_;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory});
-  launch(*stream_, n, Arrive<false>{{}, world_, memory, checked});
-  launch(*stream_, n, Arrive<true>{{}, world_, memory, checked});
+  with_world(world_, [&](const auto& world) {
+    using World = std::decay_t<decltype(world)>;
+    launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
+    launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
+  });
   if (query_rays_.offset.traced)
     launch(*stream_, queries_of(n), Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());

@@ -68,9 +68,10 @@ struct Memory {
     walks.set3(6, item, draw.walk.pose_origin);
     walks.set3(9, item, draw.walk.pose_direction);
   }
+  template <Models kModels>
   OCTRAD_HD void finish(std::uint32_t item, bool found, const ShadingPoint& point) const {
     points[item] = found ? point : ShadingPoint{};
-    surface_points.store(item, surface_point(points[item]));
+    surface_points.store(item, surface_point<kModels>(points[item]));
   }
 };
 
@@ -105,9 +106,10 @@ struct Extend : Kernel {
   OCTRAD_HD void met(std::uint32_t q, const Hit& hit) const { memory.hits[q] = hit; }
 };
 
+template <typename World>
 struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = 3;  // 141 registers; with 128 it spills
-  DeviceWorld world;
+  World world;
   Memory memory;
   LhsOptions options;
   LhsPoses poses;
@@ -124,17 +126,18 @@ struct Arrive : Kernel {
       memory.store(item, draw);
       next_queue.push(next, item);
     } else {
-      memory.finish(item, next == LhsNext::found, point);
+      memory.template finish<World::kModels>(item, next == LhsNext::found, point);
     }
   }
 };
 
 // Finishes the items that the rounds have left, one thread an item. Where there are few, only some lanes of a warp take
 // one, to reduce divergence.
+template <typename World>
 struct Finish : Kernel {
   static constexpr unsigned kMinBlocks = 2;
   static constexpr std::uint32_t kThreads = 1u << 15;  // about what a large GPU runs at once of this kernel
-  DeviceWorld world;
+  World world;
   Memory memory;
   LhsOptions options;
   LhsPoses poses;
@@ -151,7 +154,7 @@ struct Finish : Kernel {
     LhsDraw draw = memory.load(item);
     ShadingPoint point;
     const bool found = lhs_finish(world, options, poses, ray ? LhsNext::ray : LhsNext::no_ray, draw, point);
-    memory.finish(item, found, point);
+    memory.template finish<World::kModels>(item, found, point);
   }
 };
 
@@ -190,8 +193,9 @@ struct Take : Kernel {
   }
 };
 
+template <typename World>
 struct TakeFarEnds : Kernel {
-  DeviceWorld world;
+  World world;
   const FarEnd* far_ends;
   ShadingPoint* taken;
   SurfacePointArray taken_surface_points;
@@ -270,9 +274,14 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, c
                queue(0)});
   for (int r = 0; r < rounds_; ++r) {
     cast(*stream_, items, Extend{{}, world_, memory, queue(r)});
-    launch(*stream_, items, Arrive{{}, world_, memory, options_, poses, queue(r), queue(r + 1)});
+    with_world(world_, [&](const auto& world) {
+      launch(*stream_, items,
+             Arrive<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(r), queue(r + 1)});
+    });
   }
-  launch(*stream_, items, Finish{{}, world_, memory, options_, poses, queue(rounds_)});
+  with_world(world_, [&](const auto& world) {
+    launch(*stream_, items, Finish<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(rounds_)});
+  });
   if (offset.traced)
     launch(*stream_, items, Disparity{{}, world_, offset.rule, drawn_.data(), drawn_surface_points_.points()});
 }
@@ -293,7 +302,11 @@ void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
 
 void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset) {
   check(count, 1);
-  launch(*stream_, count, TakeFarEnds{{}, world_, far_ends, points_.data(), surface_points_.points(), offset});
+  with_world(world_, [&](const auto& world) {
+    launch(*stream_, count,
+           TakeFarEnds<std::decay_t<decltype(world)>>{
+               {}, world, far_ends, points_.data(), surface_points_.points(), offset});
+  });
 }
 
 void DeviceLhs::check(std::size_t n, int steps) const {

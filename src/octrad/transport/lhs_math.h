@@ -45,7 +45,8 @@ OCTRAD_HD inline Vec3f cosine_direction(Vec3f n, Vec2f u) {
 // Through a uniform pixel of the camera's own film.
 OCTRAD_HD inline Ray random_ray(const CameraView& camera, Rng& rng) {
   const Vec2f u = rng.uniform2();
-  return camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)});
+  return sample_camera_ray(camera, {u.x * static_cast<float>(camera.width), u.y * static_cast<float>(camera.height)},
+                           rng);
 }
 
 // A short random walk through free space from a camera; a pose (origin and direction of a ray) lies on its last leg.
@@ -149,7 +150,7 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     look = fresh;
   }
   const auto passed = [&](const ShadingPoint& p) {
-    return draw.tries < kLhsTries / 2 && is_followed(p.bsdf, options.follow_below);
+    return draw.tries < kLhsTries / 2 && is_followed<World::kModels>(p.bsdf, options.follow_below);
   };
   for (;;) {  // a loop, so that kernels contain the code of shading once
     if (look == fresh) {
@@ -159,8 +160,10 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     point = world.shade(surface, wo);
     if (look != end) {
       point.bsdf.opacity = 1.0f;
-      if (point.black || (draw.kind == LhsKind::area && passed(point))) return LhsNext::missing;
-      if (look == glossy || !options.uniform_glossy || roughness_bsdf(point.bsdf) >= options.rough_threshold)
+      if (point.black || point.bsdf.type == BsdfType::null) return LhsNext::missing;
+      if (draw.kind == LhsKind::area && passed(point)) return LhsNext::missing;
+      if (look == glossy || !options.uniform_glossy ||
+          roughness_bsdf<World::kModels>(point.bsdf) >= options.rough_threshold)
         return LhsNext::found;
       // A cosine density hardly ever looks along a surface, but pictures of glossy floors and walls do.
       wo = uniform_direction(u);
@@ -177,7 +180,8 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     if (draw.kind == LhsKind::view && !follow) return LhsNext::found;
     if (draw.vertex >= longest) return LhsNext::missing;
     // What a glossy surface shows also depends on the direction: it needs more points than a rough one of its size.
-    const double reluctance = roughness_bsdf(point.bsdf) < options.rough_threshold ? 1.0 : options.glossy_boost;
+    const double reluctance =
+        roughness_bsdf<World::kModels>(point.bsdf) < options.rough_threshold ? 1.0 : options.glossy_boost;
     if (!follow && draw.rng.uniform() * reluctance < options.stop_probability) {
       if (draw.rng.uniform() < options.keep_direction) return LhsNext::found;
       n = viewed_normal(point);
@@ -185,7 +189,8 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
       continue;
     }
     const float u_lobe = draw.rng.uniform();
-    const BsdfSample scattered = sample_bsdf(point.bsdf, point.to_local(point.wo), u_lobe, draw.rng.uniform2());
+    const BsdfSample scattered =
+        sample_bsdf<World::kModels>(point.bsdf, point.to_local(point.wo), u_lobe, draw.rng.uniform2());
     if (!scattered.valid) return LhsNext::missing;
     walk.direction = normalize(point.to_world(scattered.wi));
     walk.origin = offset_origin(surface.position, surface.geometric_normal, walk.direction);
@@ -228,10 +233,11 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
   }
   if (next == LhsNext::ray) return next;
   if (area && next == LhsNext::found && options.glossy_boost > 1.0 && draw.tries < kLhsTries / 2 &&
-      roughness_bsdf(point.bsdf) >= options.rough_threshold && !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
+      roughness_bsdf<World::kModels>(point.bsdf) >= options.rough_threshold &&
+      !(draw.rng.uniform() * options.glossy_boost < 1.0)) {
     next = LhsNext::missing;
   }
-  if (next == LhsNext::found && options.split_coats && is_coated(point.bsdf))
+  if (next == LhsNext::found && options.split_coats && has_lobes(point.bsdf))
     point.bsdf.lobe = draw.rng.uniform() < 0.5f ? Lobe::coat : Lobe::base;
   return next == LhsNext::missing && ++draw.tries < kLhsTries ? lhs_start_try(poses, draw) : next;
 }

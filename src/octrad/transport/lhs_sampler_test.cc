@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/furnace_test_helper.h"
 #include "octrad/transport/lhs_sampler.h"
 
@@ -33,6 +34,39 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
       EXPECT_LE(max_component(max(p.x, -p.x)), 1.0f + 1e-4f);
       EXPECT_TRUE(p.x == again[i].surface.position);
     }
+  }
+}
+
+// A floor, and a sensor of each kind above a part of it of its own.
+TEST(LhsSampler, WalksStartFromEveryKindOfSensor) {
+  for (const CameraKind kind : {CameraKind::perspective, CameraKind::thinlens, CameraKind::orthographic}) {
+    testing::SceneMaker maker;
+    maker.quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, maker.diffuse(Vec3f(0.5f)));
+    maker.camera({3, 2, 4}, {3, 2, 0}, 20.0f, 20, 20);
+    Camera& camera = maker.scene.cameras[0];
+    camera.kind = kind;
+    camera.aperture_radius = 0.01f;
+    camera.focus_distance = 4.0f;
+    camera.half_size = {0.7f, 0.7f};
+    const PreparedScene prepared(std::move(maker.scene));
+    LhsOptions options;
+    options.walks = 0.0;
+    options.view = 1.0;
+    std::vector<ShadingPoint> points(2000);
+    LhsSampler(prepared, options).sample(3, points);
+    double squares = 0.0;
+    for (const ShadingPoint& p : points) {
+      EXPECT_LT(std::fabs(p.surface.position.x - 3.0f), 0.72f);
+      EXPECT_LT(std::fabs(p.surface.position.y - 2.0f), 0.72f);
+      squares += std::pow(static_cast<double>(p.surface.position.x) - 3.0, 2.0);
+      if (kind == CameraKind::orthographic) {
+        EXPECT_EQ(p.wo, Vec3f(0, 0, 1));
+      }
+    }
+    EXPECT_NEAR(std::sqrt(3.0 * squares / 2000.0), 0.7, 0.02) << "uniform over the film";
+    options.view = 0.0;
+    options.walks = 1.0;
+    LhsSampler(prepared, options).sample(3, points);
   }
 }
 

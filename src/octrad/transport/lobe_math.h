@@ -13,9 +13,10 @@ OCTRAD_HD inline Rng lobe_generator(unsigned long long seed, unsigned long long 
 
 // One ray of a point, drawn with a number of a SobolSet; wo: local. False where the sample carries no light: it counts
 // as a ray that met nothing. `delta`: samples of a delta lobe are one and the same ray.
+template <Models kModels = Models::all>
 OCTRAD_HD inline bool lobe_ray(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u, RayQuery& ray,
                                bool& delta) {
-  const BounceSample bounce = sample_bounce(point, wo, u);
+  const BounceSample bounce = sample_bounce<kModels>(point, wo, u);
   if (!bounce.valid) return false;
   const Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
   ray = {segment.origin, segment.direction, segment.t_max};

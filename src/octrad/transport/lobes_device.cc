@@ -52,9 +52,10 @@ struct Part {
 };
 
 // The surfaces of queries once more.
+template <typename World>
 struct Shade : Kernel {
   static constexpr unsigned kMinBlocks = 4;
-  DeviceWorld world;
+  World world;
   Part part;
   const FarEnd* ends;
   ShadingPoint* shaded;
@@ -76,6 +77,7 @@ struct Rays {
   }
 };
 
+template <typename World>
 struct Draw : Kernel {
   Part part;
   const ShadingPoint* shaded;  // by item
@@ -90,7 +92,7 @@ struct Draw : Kernel {
     rays.distance(j, m) = -1.0f;
     RayQuery ray;
     bool delta = false;
-    if (!lobe_ray(point, point.to_local(point.wo), samples[i](m), ray, delta)) return;
+    if (!lobe_ray<World::kModels>(point, point.to_local(point.wo), samples[i](m), ray, delta)) return;
     const std::uint32_t place = atomic_append(rays.size);
     rays.queue.store(place, ray);
     rays.owners[place] = slot;
@@ -203,9 +205,12 @@ void DeviceLobes::run(SurfacePointArray points, const std::uint32_t* count, cons
     const std::size_t some = std::min(at_once_, n - first), slots = some * each;
     const Part part{glossy_.data(), sizes_.data(), static_cast<std::uint32_t>(first)};
     const Rays rays{ray_queue_.rays(), owners_.data(), ++ray_count, distances_.data(), each, items};
-    if (shading == nullptr) launch(*stream_, some, Shade{{}, world_, part, ends_.data(), shaded_.data()});
-    launch(*stream_, slots,
-           Draw{{}, part, shading == nullptr ? shaded_.data() : nullptr, shading, samples_.data(), rays});
+    with_world(world_, [&](const auto& world) {
+      using World = std::decay_t<decltype(world)>;
+      if (shading == nullptr) launch(*stream_, some, Shade<World>{{}, world, part, ends_.data(), shaded_.data()});
+      launch(*stream_, slots,
+             Draw<World>{{}, part, shading == nullptr ? shaded_.data() : nullptr, shading, samples_.data(), rays});
+    });
     cast(*stream_, slots, Extend{{}, world_, rays});
     launch(*stream_, some, Cluster{{}, part, rays, rays_, clusters(), counts != nullptr ? &counts->rays : nullptr});
   }

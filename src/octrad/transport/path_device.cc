@@ -109,9 +109,10 @@ struct QueueConnection {
   }
 };
 
+template <typename World>
 struct Scatter : Kernel {
-  static constexpr unsigned kMinBlocks = 3;  // 168 registers: nothing spills
-  DeviceWorld world;
+  static constexpr unsigned kMinBlocks = 3;  // 168 registers: in a plain world nothing spills
+  World world;
   Memory memory;
   PathLimits limits;
   int depth;
@@ -180,9 +181,10 @@ struct KeepConnection {
 };
 
 // The rest of the paths that are longer than the bounces of the wavefront.
+template <typename World>
 struct Finish : Kernel {
   static constexpr unsigned kMinBlocks = 3;
-  DeviceWorld world;
+  World world;
   Memory memory;
   PathLimits limits;
   int depth;
@@ -268,14 +270,20 @@ void DevicePathTracer::run(const PathLimits& limits, std::size_t samples) {
   for (int b = 0; b < bounces; ++b) {
     const std::uint32_t* queue = queue_[b % 2].data();
     cast(*stream_, n, Extend{{}, world_, memory, queue, paths + b});
-    launch(
-        *stream_, n,
-        Scatter{
-            {}, world_, memory, limits, b, queue, paths + b, queue_[(b + 1) % 2].data(), paths + b + 1, shadows + b});
+    with_world(world_, [&](const auto& world) {
+      launch(
+          *stream_, n,
+          Scatter<std::decay_t<decltype(world)>>{
+              {}, world, memory, limits, b, queue, paths + b, queue_[(b + 1) % 2].data(), paths + b + 1, shadows + b});
+    });
     cast(*stream_, n, Connect{{}, world_, memory, shadows + b});
   }
   if (limits.max_depth < 0 || limits.max_depth > bounces) {
-    launch(*stream_, n, Finish{{}, world_, memory, limits, bounces, queue_[bounces % 2].data(), paths + bounces});
+    with_world(world_, [&](const auto& world) {
+      launch(*stream_, n,
+             Finish<std::decay_t<decltype(world)>>{
+                 {}, world, memory, limits, bounces, queue_[bounces % 2].data(), paths + bounces});
+    });
   }
 }
 

@@ -81,10 +81,10 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
   const float u_lobe = rng.uniform();
   if (!first.valid && u_lobe < bsdf.opacity) {
     first.valid = true;
-    first.albedo = point.black ? Vec3f(0.0f) : albedo_bsdf(bsdf);
+    first.albedo = point.black ? Vec3f(0.0f) : albedo_bsdf<World::kModels>(bsdf);
     first.normal = dot(point.ns, path.direction) > 0.0f ? -point.ns : point.ns;
     first.depth = path.passed + distance;
-    first.roughness = roughness_bsdf(bsdf);
+    first.roughness = roughness_bsdf<World::kModels>(bsdf);
   }
   if (last || point.black) return false;
 
@@ -92,15 +92,15 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
     if (!environment) numbers = draw_light_numbers(rng);
     const LightSample light = world.sample_light(surface.position, numbers.u_pick, numbers.u);
     if (light.valid) {
-      const BsdfValue f = evaluate_bsdf(bsdf, wo, point.to_local(light.direction));
+      const BsdfValue f = evaluate_bsdf<World::kModels>(bsdf, wo, point.to_local(light.direction));
       if (max_component(f.value) > 0.0f) {
         connect(shadow_ray(surface.position, surface.geometric_normal, light),
-                path.throughput * f.value * light.radiance * (1.0f / (light.pdf + f.pdf)));
+                path.throughput * f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf)));
       }
     }
   }
 
-  const BsdfSample s = sample_bsdf(bsdf, wo, u_lobe, rng.uniform2());
+  const BsdfSample s = sample_bsdf<World::kModels>(bsdf, wo, u_lobe, rng.uniform2());
   if (!s.valid) return false;
   path.throughput *= s.weight;
   path.eta *= s.eta;

@@ -36,8 +36,9 @@ struct Memory {
 };
 
 // Both samples of a direction.
+template <typename World>
 struct Sample : Kernel {
-  DeviceWorld world;
+  World world;
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
@@ -62,7 +63,7 @@ struct Sample : Kernel {
     memory.slots.set3(0, slot, light);
     memory.slots.set3(3, slot, Vec3f(0.0f));
     memory.query_of[slot] = kNoQuery;
-    const BounceSample bounce = sample_bounce(point, wo, bsdf_set(m));
+    const BounceSample bounce = sample_bounce<World::kModels>(point, wo, bsdf_set(m));
     if (!bounce.valid) return;
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
@@ -98,6 +99,7 @@ struct Extend : Kernel {
 };
 
 // The BSDF ray of `slot`, which is at `place` in the ray queue, has ended: with `segment` and `hit`.
+template <Models kModels>
 OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& options, std::uint32_t slot,
                              std::uint32_t place, RayEnd& end, const Segment& segment, const Hit& hit, Rng& rng) {
   const Vec3f weight = memory.slots.get3(6, slot);
@@ -106,7 +108,7 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   if (!end.surface || !options.ask) return;
   if (options.split_coats) ask_one_lobe(end, rng);
   const std::uint32_t q = atomic_append(memory.query_count);
-  memory.queries.store(q, surface_point(end.point));
+  memory.queries.store(q, surface_point<kModels>(end.point));
   if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
   memory.lobes.store(q, segment, hit, end.point.bsdf.lobe, rng);
   memory.slots.set(13, slot, static_cast<float>(end.point.bsdf.lobe));
@@ -118,10 +120,10 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
 
 // What the bounce's ray hit; `kChain`: follows it through masks and over mirrors and glass to the end, otherwise rays
 // that go on are left to that.
-template <bool kChain>
+template <bool kChain, typename World>
 struct Arrive : Kernel {
   static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
-  DeviceWorld world;
+  World world;
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
@@ -149,7 +151,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish(memory, options, slot, q, end, segment, hit, rng);
+    finish<World::kModels>(memory, options, slot, q, end, segment, hit, rng);
   }
 };
 
@@ -272,11 +274,16 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   const std::size_t n = points.most * static_cast<std::size_t>(options.directions);
   const Memory memory = this->memory();
   sizes_.fill(0);
-  launch(*stream_, n, Sample{{}, world_, memory, points, options});
+  with_world(world_, [&](const auto& world) {
+    launch(*stream_, n, Sample<std::decay_t<decltype(world)>>{{}, world, memory, points, options});
+  });
   cast(*stream_, n, Occlude{{}, world_, memory});
   cast(*stream_, n, Extend{{}, world_, memory});
-  launch(*stream_, n, Arrive<false>{{}, world_, memory, points, options});
-  launch(*stream_, n, Arrive<true>{{}, world_, memory, points, options});
+  with_world(world_, [&](const auto& world) {
+    using World = std::decay_t<decltype(world)>;
+    launch(*stream_, n, Arrive<false, World>{{}, world, memory, points, options});
+    launch(*stream_, n, Arrive<true, World>{{}, world, memory, points, options});
+  });
   if (!options.ask) return;
   if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());

@@ -26,9 +26,10 @@ struct BounceSample {
   float pdf = 0.0f;
 };
 
+template <Models kModels = Models::all>
 OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u) {
   BounceSample sample;
-  const BsdfSample scattered = sample_bsdf(point.bsdf, wo, u.u1, u.u2);
+  const BsdfSample scattered = sample_bsdf<kModels>(point.bsdf, wo, u.u1, u.u2);
   if (!scattered.valid || max_component(scattered.weight) <= 0.0f) return sample;
   sample.valid = true;
   sample.delta = scattered.delta;
@@ -40,7 +41,7 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
 
 // Where a coated surface ends a ray and its lobes are points of their own, one of them is asked for by chance.
 OCTRAD_HD inline void ask_one_lobe(RayEnd& end, Rng& rng) {
-  if (!is_coated(end.point.bsdf)) return;
+  if (!has_lobes(end.point.bsdf)) return;
   end.throughput *= choose_lobe(end.point.bsdf, end.point.to_local(end.point.wo), rng.uniform());
 }
 

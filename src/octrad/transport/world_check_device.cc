@@ -91,6 +91,7 @@ OCTRAD_HD int describe(const World& world, const SurfaceInteraction& sampled, co
   w.add(light.distance);
   w.add(light.radiance);
   w.add(light.pdf);
+  w.add(light.delta);
   if (light.valid) {
     const RayQuery shadow = shadow_ray(surface.position, surface.geometric_normal, light);
     w.add(shadow.origin);

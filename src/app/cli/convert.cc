@@ -1,0 +1,62 @@
+// octrad convert: a scene file of any version that can be read, as a plain file of Mitsuba 3.
+#include <fmt/format.h>
+
+#include "app/cli/common.h"
+#include "app/cli/open_scene.h"
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/error.h"
+#include "octrad/base/log.h"
+#include "octrad/scene/write_xml.h"
+
+namespace octrad::cli {
+namespace {
+
+struct ConvertOptions {
+  std::string scene, output;
+  std::vector<std::string> definitions;
+};
+
+void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
+  refuse_input_as_output("-o", o.output, {o.scene});
+  ConfigOptions definitions;
+  definitions.definitions = o.definitions;
+  if (!definitions.config_definitions().empty())
+    throw UsageError("-D sets a parameter of the scene file here, and those have no dot in their names");
+  LoadOptions options;
+  options.definitions = definitions.scene_definitions();
+  options.permissive = common.permissive;
+  Scene scene;
+  const std::string text = scene_as_xml(o.scene, o.output, options, scene);
+  refuse_input_as_output("-o", o.output, scene.other_files);
+  log_findings(scene);
+  AtomicFile out(o.output);
+  out.write(text);
+  out.commit();
+  if (common.json) {
+    print_json({{"output", o.output},
+                {"fingerprint", scene.fingerprint},
+                {"assumed", scene.assumed},
+                {"refused", issues_json(scene.refused)}});
+  } else {
+    log_info("wrote {}", o.output);
+  }
+}
+
+}  // namespace
+
+void add_convert(Program& program) {
+  auto o = std::make_shared<ConvertOptions>();
+  CLI::App* verb = add_verb(program, "convert", "Write a scene file as a plain file of Mitsuba 3.",
+                            "octrad convert old.xml -o scene.xml");
+  verb->add_option("scene", o->scene, "scene file, of any version that can be read")->required()->type_name("SCENE");
+  verb->add_option("-o,--output", o->output, "the file that is written")->required()->type_name("FILE");
+  verb->add_option("-D", o->definitions, "set a parameter of the scene file")
+      ->type_name("NAME=VALUE")
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_permissive_option(*verb, program.common);
+  verb->callback([&program, o] { program.run = [&program, o] { convert_verb(program.common, *o); }; });
+}
+
+}  // namespace octrad::cli

@@ -1,0 +1,20 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "octrad/base/circle_math.h"
+
+namespace octrad {
+namespace {
+
+TEST(Circle, PointsAreCosinesAndSines) {
+  for (int i = 0; i <= 10000; ++i) {
+    const float u = static_cast<float>(i) / 10000.0f;
+    const double phi = 2.0 * 3.14159265358979323846 * static_cast<double>(u);
+    EXPECT_NEAR(circle_point(u).x, std::cos(phi), 4e-7) << u;
+    EXPECT_NEAR(circle_point(u).y, std::sin(phi), 4e-7) << u;
+  }
+}
+
+}  // namespace
+}  // namespace octrad

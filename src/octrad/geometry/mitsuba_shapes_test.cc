@@ -1,0 +1,169 @@
+// Disks, cylinders and instances against hits that Mitsuba 3 computed (tests/mitsuba_world_values.py); instances
+// through both kinds of trees.
+#include <gtest/gtest.h>
+
+#include "octrad/base/error.h"
+#include "octrad/geometry/bvh8.h"
+#include "octrad/geometry/surface_sampling.h"
+#include "octrad/geometry/tracer.h"
+#include "octrad/geometry/voxelize.h"
+#include "octrad/scene/files_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/mitsuba_world_test_data.h"
+
+namespace octrad {
+namespace {
+
+Scene load_text(const std::string& body) {
+  const TestFolder folder;
+  return load_scene(
+      folder.write("s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/>)" + body + "</scene>"));
+}
+
+TEST(MitsubaShapes, HitsAgree) {
+  int previous = -1, hits = 0, differ = 0;
+  Scene scene;
+  std::unique_ptr<Tracer> trees[2];
+  for (const MitsubaHit& expected : kMitsubaHits) {
+    if (expected.shape != previous) {
+      scene = load_text(kMitsubaShapes[expected.shape]);
+      trees[0] = make_embree_tracer(scene);
+      trees[1] = make_bvh8_tracer(scene);
+      previous = expected.shape;
+    }
+    SCOPED_TRACE(kMitsubaShapes[expected.shape]);
+    for (const auto& tree : trees) {
+      const Hit hit = tree->intersect(expected.origin, expected.direction, 0.0f, 1e30f);
+      if (hit.valid() != (expected.t >= 0.0f)) {
+        ++differ;  // at a silhouette, whose facets lie a little off
+        continue;
+      }
+      if (!hit.valid()) continue;
+      ++hits;
+      // Along the ray facets are off by more where it grazes the surface.
+      EXPECT_NEAR(hit.t, expected.t, 2e-3f);
+      const SurfaceInteraction s = interact(scene, hit, expected.origin, expected.direction);
+      EXPECT_GT(dot(s.geometric_normal, expected.normal), 0.9995f);
+      EXPECT_GT(dot(s.shading_normal, expected.shading_normal), 0.9995f);
+      EXPECT_NEAR(s.uv.x, expected.uv.x, 3e-3f);
+      EXPECT_NEAR(s.uv.y, expected.uv.y, 3e-3f);
+      EXPECT_LT(length(s.position - (expected.origin + expected.direction * hit.t)), 2e-4f);
+      EXPECT_TRUE(tree->occluded(expected.origin, expected.direction, 0.0f, hit.t * 1.01f));
+    }
+  }
+  EXPECT_GT(hits, 150);
+  EXPECT_LE(differ, 2);
+}
+
+const std::string kGroup =
+    R"(<shape type="shapegroup" id="g"><shape type="cube"><bsdf type="conductor"/></shape><shape type="rectangle"/>
+  <shape type="sphere"><float name="radius" value="2"/></shape></shape>)";
+
+std::string instances(int count) {
+  std::string text = kGroup;
+  for (int i = 0; i < count; ++i) {
+    const std::string x = std::to_string(5 * i), angle = std::to_string(7 * i);
+    text += R"(<shape type="instance"><ref id="g"/><transform name="to_world"><rotate x="0" y="1" z="0" angle=")" +
+            angle + R"("/><scale value="0.5"/><translate x=")" + x + R"("/></transform></shape>)";
+  }
+  return text;
+}
+
+TEST(Instances, ShareTheirMeshes) {
+  const Scene scene = load_text(instances(1000));
+  EXPECT_EQ(scene.meshes.size(), 2u) << "one copy, however many instances";
+  EXPECT_EQ(scene.placements.size(), 1000u);
+  EXPECT_EQ(scene.shapes.size(), 3000u);
+  EXPECT_EQ(scene.spheres.size(), 1000u);
+  const auto tracer = make_embree_tracer(scene);
+  for (const int i : {0, 17, 999}) {
+    const Vec3f origin{5.0f * static_cast<float>(i), 9.0f, 0.0f};
+    const Hit hit = tracer->intersect(origin, {0, -1, 0}, 0.0f, 1e30f);
+    ASSERT_TRUE(hit.valid());
+    EXPECT_EQ(scene.shapes[static_cast<std::size_t>(hit.shape)].kind, Shape::Kind::sphere);
+    EXPECT_NEAR(hit.t, 8.0f, 1e-3f);
+    EXPECT_EQ(hit.shape / 3, i);
+  }
+  EXPECT_NEAR(scene.bounds.upper.x, 4996.0f, 0.1f);
+}
+
+// Of every instance the share of its area, and all over its mesh.
+TEST(Instances, AreSampledByArea) {
+  const Scene scene = load_text(
+      R"(<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="rectangle"/>
+      <shape type="instance"><ref id="g"/></shape>
+      <shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/><translate x="9"/></transform></shape>)");
+  const SurfaceSampler sampler(scene);
+  EXPECT_NEAR(sampler.total_area(), 4.0 + 24.0 + 96.0, 1e-4);
+  Rng rng(1, RngPurpose::test, 0);
+  constexpr int kPoints = 20000;
+  int of_shape[3] = {}, of_side[2][6] = {}, upper = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    const float pick = rng.uniform();
+    const Vec2f u = rng.uniform2();
+    const SurfaceInteraction s = sampler.sample(pick, u);
+    EXPECT_LT(length(s.position - sampler.sample_position(pick, u)), 1e-5f);
+    ++of_shape[s.shape];
+    if (s.shape == 0) continue;
+    const Vec3f p = s.shape == 1 ? s.position : (s.position - Vec3f(9, 0, 0)) * 0.5f;
+    const Vec3f a{std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)};
+    const int axis = a.x > a.y && a.x > a.z ? 0 : a.y > a.z ? 1 : 2;
+    EXPECT_NEAR(a[axis], 1.0f, 1e-5f);
+    ++of_side[s.shape - 1][2 * axis + (p[axis] > 0.0f)];
+    upper += p[(axis + 1) % 3] > 0.5f;
+  }
+  EXPECT_NEAR(of_shape[0], kPoints * 4.0 / 124.0, 120);
+  EXPECT_NEAR(of_shape[2], kPoints * 96.0 / 124.0, 300);
+  for (int i = 0; i < 6; ++i) EXPECT_NEAR(of_side[1][i], kPoints * 16.0 / 124.0, 220) << i;
+  EXPECT_NEAR(upper, 0.25 * kPoints * 120.0 / 124.0, 300) << "uniform on each side";
+}
+
+TEST(Instances, OccupyTheirCells) {
+  const Scene placed = load_text(instances(3)), none = load_text(R"(<shape type="cube"/>)");
+  const auto cells = occupied_cells(placed, scene_domain(placed.bounds, true), 3);
+  const SurfaceSampler sampler(placed);
+  const auto sampled = sampled_cells(placed, scene_domain(placed.bounds, true), 3, 1, 20000);
+  for (const Vec3i& c : sampled.back())
+    EXPECT_NE(std::find(cells.back().begin(), cells.back().end(), c), cells.back().end());
+  EXPECT_NE(placed.fingerprint, none.fingerprint);
+  EXPECT_NE(placed.fingerprint, load_text(instances(4)).fingerprint);
+}
+
+TEST(Instances, MistakesAreNamed) {
+  const auto error = [](const std::string& body) -> std::string {
+    try {
+      load_text(body);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_NE(error(R"(<shape type="instance"/>)").find("an instance holds one <ref> to a shapegroup"),
+            std::string::npos);
+  EXPECT_NE(error(R"(<shape type="cube" id="c"/><shape type="instance"><ref id="c"/></shape>)").find("to a shapegroup"),
+            std::string::npos);
+  EXPECT_NE(error(R"(<shape type="shapegroup" id="g"><shape type="cube"><emitter type="area"/></shape></shape>)")
+                .find("an emitter cannot stand in a shapegroup"),
+            std::string::npos);
+  EXPECT_NE(error(kGroup + R"(<shape type="shapegroup"><shape type="instance"><ref id="g"/></shape></shape>)")
+                .find("cannot hold another one"),
+            std::string::npos);
+  EXPECT_NE(
+      error(kGroup +
+            R"(<shape type="instance"><ref id="g"/><transform name="to_world"><scale x="2"/></transform></shape>)")
+          .find("to_world of a sphere must"),
+      std::string::npos);
+  EXPECT_NE(
+      error(
+          R"(<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/><transform name="to_world"><translate x="2e9"/></transform></shape>)")
+          .find("the instance is too large or too far away"),
+      std::string::npos);
+  EXPECT_NE(
+      error(kGroup +
+            R"(<shape type="instance"><ref id="g"/><transform name="to_world"><scale x="0"/></transform></shape>)")
+          .find("singular"),
+      std::string::npos);
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,141 @@
+// Attributes of meshes as textures.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/mesh.h"
+#include "octrad/scene/texture.h"
+
+namespace octrad {
+namespace {
+
+// Three vertices and a second triangle; a quadrangle as the last face.
+const std::string kPly =
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float weight_0\n"
+    "element face 2\nproperty list uchar int vertex_indices\nproperty double tint_r\nproperty double tint_g\n"
+    "property double tint_b\nproperty float level_x\nend_header\n"
+    "0 0 0 255 0 51 0.1\n1 0 0 0 255 102 0.2\n1 1 0 51 51 51 0.3\n0 1 0 0 0 0 0.4\n"
+    "3 0 1 2 0.5 0.25 0 7\n4 0 1 2 3 0.75 1 0.5 0.125\n";
+
+class AttributesTest : public ::testing::Test {
+ protected:
+  AttributesTest() { folder_.write("m.ply", kPly); }
+  std::string shape(const std::string& attribute, const std::string& parameter = "reflectance",
+                    const std::string& more = "") const {
+    return "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/><bsdf type=\"" +
+           std::string(parameter == "opacity" ? "mask" : "diffuse") + "\"><texture type=\"mesh_attribute\" name=\"" +
+           parameter + "\"><string name=\"name\" value=\"" + attribute + "\"/>" + more + "</texture>" +
+           (parameter == "opacity" ? "<bsdf type=\"diffuse\"/>" : "") + "</bsdf></shape>";
+  }
+  Scene load(const std::string& body) const {
+    return load_scene(
+        folder_.write("s.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/>\n" + body + "</scene>"));
+  }
+  // The texture of a mesh at barycentric coordinates of a triangle.
+  static Vec3f at(const Scene& scene, int texture, int shape, int triangle, float u, float v) {
+    const TriangleMesh& mesh =
+        scene.meshes.at(static_cast<std::size_t>(scene.shapes.at(static_cast<std::size_t>(shape)).geometry));
+    const Vec3i t = mesh.triangles.at(static_cast<std::size_t>(triangle));
+    const auto uv = [&](int i) { return mesh.uvs.at(static_cast<std::size_t>(i)); };
+    return evaluate_texture(texture_view(scene.textures.at(static_cast<std::size_t>(texture))),
+                            uv(t.x) * (1.0f - u - v) + uv(t.y) * u + uv(t.z) * v);
+  }
+  std::string error(const std::string& body) const {
+    try {
+      load(body);
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "no error";
+  }
+  TestFolder folder_;
+};
+
+void expect_near(Vec3f found, Vec3f expected) {
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], 1e-5f);
+}
+
+TEST_F(AttributesTest, AreReadFromPly) {
+  const RawMesh mesh =
+      parse_ply("m.ply", kPly, {"vertex_color", "vertex_weight", "face_tint_color", "face_level", "face_none"});
+  ASSERT_EQ(mesh.triangles.size(), 3u);
+  ASSERT_EQ(mesh.attributes.size(), 4u);
+  EXPECT_EQ(mesh.attributes[0].channels, 3);
+  EXPECT_EQ(mesh.attributes[0].values, (std::vector<float>{255, 0, 51, 0, 255, 102, 51, 51, 51, 0, 0, 0}));
+  EXPECT_EQ(mesh.attributes[1].values, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.4f}));
+  // Of both triangles of the quadrangle.
+  EXPECT_EQ(mesh.attributes[2].values, (std::vector<float>{0.5f, 0.25f, 0, 0.75f, 1, 0.5f, 0.75f, 1, 0.5f}));
+  EXPECT_EQ(mesh.attributes[3].values, (std::vector<float>{7, 0.125f, 0.125f}));
+  EXPECT_EQ(parse_ply("m.ply", kPly).attributes.size(), 0u);
+}
+
+TEST_F(AttributesTest, AreInterpolatedOverTriangles) {
+  const std::string scale = "<float name=\"scale\" value=\"0.00392156862745098\"/>";
+  Scene scene = load(shape("vertex_color", "reflectance", scale) + shape("face_tint_color"));
+  const auto texture = [&](int shape) {
+    return scene.materials.at(static_cast<std::size_t>(scene.shapes.at(static_cast<std::size_t>(shape)).material))
+        .reflectance;
+  };
+  const Vec3f corners[4] = {{1, 0, 0.2f}, {0, 1, 0.4f}, {0.2f, 0.2f, 0.2f}, {0, 0, 0}};
+  const int vertices[3][3] = {{0, 1, 2}, {0, 1, 2}, {0, 2, 3}};
+  const Vec3f tints[3] = {{0.5f, 0.25f, 0}, {0.75f, 1, 0.5f}, {0.75f, 1, 0.5f}};
+  for (int i = 0; i < 3; ++i) {
+    for (const Vec2f b : {Vec2f(0, 0), Vec2f(1, 0), Vec2f(0, 1), Vec2f(0.25f, 0.5f), Vec2f(0.5f, 0.5f)}) {
+      const int* v = vertices[i];
+      expect_near(at(scene, texture(0), 0, i, b.x, b.y),
+                  corners[v[0]] * (1.0f - b.x - b.y) + corners[v[1]] * b.x + corners[v[2]] * b.y);
+      expect_near(at(scene, texture(1), 1, i, b.x, b.y), tints[i]);
+    }
+  }
+  // As a number, and one bsdf for several shapes, each with its own values.
+  scene = load(
+      R"(<bsdf type="mask" id="m"><texture type="mesh_attribute" name="opacity"><string name="name" value="vertex_weight"/></texture><bsdf type="diffuse"/></bsdf>
+<shape type="ply"><string name="filename" value="m.ply"/><ref id="m"/></shape><shape type="ply"><string name="filename" value="m.ply"/><ref id="m"/></shape>)");
+  EXPECT_NE(scene.shapes[0].material, scene.shapes[1].material);
+  expect_near(
+      at(scene, scene.materials.at(static_cast<std::size_t>(scene.shapes[1].material)).opacity, 1, 2, 0.0f, 1.0f),
+      Vec3f(0.4f));
+  // The positions are those of the file.
+  const TriangleMesh& mesh = scene.meshes[0];
+  EXPECT_EQ(mesh.positions.at(static_cast<std::size_t>(mesh.triangles[2].z)), Vec3f(0, 1, 0));
+  EXPECT_EQ(mesh.normals.size(), mesh.positions.size());
+}
+
+TEST_F(AttributesTest, Mistakes) {
+  const auto bad = [&](const std::string& body, const std::string& part) {
+    const std::string message = error(body);
+    EXPECT_NE(message.find(part), std::string::npos) << message;
+  };
+  bad(shape("vertex_colour"), "has no attribute \"vertex_colour\"");
+  bad(shape("color"), "begins with vertex_ or face_");
+  bad(shape("vertex_color"), "a reflectance must be between 0 and 1");
+  bad("<shape type=\"sphere\"><bsdf type=\"diffuse\"><texture type=\"mesh_attribute\" name=\"reflectance\"><string name=\"name\" value=\"vertex_color\"/></texture></bsdf></shape>",
+      "shape \"sphere\" has no mesh attributes");
+  bad("<shape type=\"sphere\"><bsdf type=\"diffuse\"><texture type=\"volume\" name=\"reflectance\"/></bsdf></shape>",
+      "bake what the volume shows");
+  // Materials that refer to each other in a long chain.
+  std::string chain = "<bsdf type=\"diffuse\" id=\"m0\"/>";
+  for (int i = 0; i < 100000; ++i) {
+    chain +=
+        "<bsdf type=\"mask\" id=\"m" + std::to_string(i + 1) + "\"><ref id=\"m" + std::to_string(i) + "\"/></bsdf>";
+  }
+  bad("<shape type=\"sphere\"><ref id=\"m100000\"/></shape>" + chain, "nested more than 64 deep");
+  bad("<emitter type=\"constant\"><texture type=\"mesh_attribute\" name=\"radiance\"><string name=\"name\" value=\"vertex_color\"/></texture></emitter>",
+      "shows nothing here");
+  bad("<bsdf type=\"mask\" id=\"m\"><texture type=\"mesh_attribute\" name=\"opacity\"><string name=\"name\" value=\"vertex_weight\"/></texture>"
+      "<bsdf type=\"diffuse\"><texture type=\"checkerboard\" name=\"reflectance\"/></bsdf></bsdf>"
+      "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/><ref id=\"m\"/></shape>",
+      "together with a bitmap or checkerboard");
+  folder_.write(
+      "m.ply",
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float w_0\nproperty float w_1\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 1\n1 0 0 1 1\n0 1 0 1 1\n3 0 1 2\n");
+  bad(shape("vertex_w"), "has two channels");
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,236 @@
+// Lists of what a scene file holds that cannot be used, stand-ins for it, and scenes written again.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+
+#include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
+#include "octrad/base/join.h"
+#include "octrad/scene/files_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/write_xml.h"
+
+namespace octrad {
+namespace {
+
+const std::string kSensor = "<sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/></sensor>\n";
+
+class CheckTest : public ::testing::Test {
+ protected:
+  std::string write(const std::string& body, const std::string& version = "3.0.0") const {
+    return folder_.write("s.xml", "<scene version=\"" + version + "\">\n" + body + kSensor + "</scene>\n");
+  }
+  // "2:1 what" of every mistake.
+  std::vector<std::string> mistakes(const std::string& body) const {
+    const std::string file = write(body);
+    std::vector<std::string> out;
+    for (const SceneIssue& issue : check_scene_file(file).refused) {
+      EXPECT_EQ(issue.where.rfind(file + ":", 0), 0u) << issue.where;
+      out.push_back(issue.where.substr(file.size() + 1) + " " + issue.what);
+    }
+    return out;
+  }
+  Scene permissive(const std::string& file) const {
+    LoadOptions options;
+    options.permissive = true;
+    return load_scene(file, options);
+  }
+  TestFolder folder_;
+};
+
+void expect_begins(const std::vector<std::string>& found, const std::vector<std::string>& expected) {
+  ASSERT_EQ(found.size(), expected.size()) << join(found, "\n");
+  for (std::size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i].rfind(expected[i], 0), 0u) << found[i];
+}
+
+const std::string kMany = R"(<shape type="sphere" id="a"><bsdf type="velvet"/></shape>
+<shape type="teapot"/>
+<shape type="obj"><string name="filename" value="none.obj"/></shape>
+<bsdf type="diffuse" id="b"><float name="reflectance" value="2"/><float name="shine" value="1"/></bsdf>
+<shape type="sphere"><ref id="nobody"/><float name="radius" value="x"/></shape>
+<shape type="sphere" id="c"><ref id="b"/><medium name="interior" type="homogeneous"/></shape>
+<emitter type="sky"/>
+<bsdf type="diffuse"><rgb name="reflectance" value="$color"/></bsdf>
+<include filename="none.xml"/>
+)";
+
+TEST_F(CheckTest, ListsEverything) {
+  expect_begins(mistakes(kMany), {
+                                     "9:22 undefined parameter $color",
+                                     "10:1 file \"none.xml\" does not exist",
+                                     "2:29 bsdf \"velvet\" is not supported",
+                                     "3:1 shape \"teapot\" is not supported",
+                                     "4:19 file \"none.obj\" does not exist",
+                                     "5:29 a reflectance must be between 0 and 1",
+                                     "5:66 unknown parameter \"shine\"",
+                                     "6:22 <ref>: nothing has the id \"nobody\"",
+                                     "7:42 <medium> inside shape \"sphere\" is not supported",
+                                     "8:1 emitter \"sky\" is not supported",
+                                 });
+  EXPECT_TRUE(mistakes("<shape type=\"sphere\"/>").empty());
+  // What no stand-in helps is listed as well.
+  expect_begins(mistakes("<bsdf type=\"velvet\"/>"), {"2:1 bsdf", "1:1 the scene has no shape"});
+}
+
+TEST_F(CheckTest, FirstMistakeIsThrownWithoutIt) { EXPECT_THROW(load_scene(write(kMany)), InputError); }
+
+TEST_F(CheckTest, StandIns) {
+  const Scene scene = permissive(write(kMany));
+  EXPECT_EQ(scene.refused.size(), 10u);
+  // The teapot, the missing file and the sphere whose material is missing are left out.
+  ASSERT_EQ(scene.shapes.size(), 2u);
+  const auto reflectance = [&](int shape) {
+    const Material& m =
+        scene.materials.at(static_cast<std::size_t>(scene.shapes.at(static_cast<std::size_t>(shape)).material));
+    return scene.textures.at(static_cast<std::size_t>(m.reflectance)).color0;
+  };
+  EXPECT_EQ(reflectance(0), Vec3f(1, 0, 1));
+  EXPECT_EQ(reflectance(1), Vec3f(1, 0, 1));
+  EXPECT_TRUE(scene.environments.empty());
+}
+
+// Mistakes in files that are read at the end: the others stay, with their lights.
+TEST_F(CheckTest, BrokenFiles) {
+  folder_.write("broken.obj", "v 0 0\n");
+  folder_.write("fine.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  folder_.write("broken.png", "\x89PNG\r\n\x1a\nnothing");
+  const std::string light = "<emitter type=\"area\"/>";
+  const auto obj = [&](const std::string& name) {
+    return "<shape type=\"obj\"><string name=\"filename\" value=\"" + name + "\"/>" + light + "</shape>\n";
+  };
+  const std::string texture =
+      "<texture type=\"bitmap\" name=\"reflectance\"><string name=\"filename\" value=\"broken.png\"/></texture>";
+  const std::string file =
+      write(obj("fine.obj") + obj("broken.obj") + "<shape type=\"cube\"><bsdf type=\"diffuse\">" + texture + "</bsdf>" +
+            light + "</shape>\n<emitter type=\"envmap\"><string name=\"filename\" value=\"broken.png\"/></emitter>");
+  EXPECT_EQ(check_scene_file(file).refused.size(), 3u);
+  const Scene scene = permissive(file);
+  ASSERT_EQ(scene.shapes.size(), 2u);
+  ASSERT_EQ(scene.area_lights.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(scene.shapes[i].emitter, static_cast<int>(i));
+    EXPECT_EQ(scene.area_lights[i].shape, static_cast<int>(i));
+  }
+  const Material& m = scene.materials.at(static_cast<std::size_t>(scene.shapes[1].material));
+  EXPECT_EQ(scene.textures.at(static_cast<std::size_t>(m.reflectance)).pixels.at(0), Vec3f(1, 0, 1));
+  EXPECT_THROW(load_scene(file), InputError);
+}
+
+TEST_F(CheckTest, Assumptions) {
+  const Scene scene = load_scene(folder_.write("s.xml", R"(<scene version="3.0.0">
+<integrator type="$integrator"><integer name="max_depth" value="$depth"/></integrator>
+<sensor type="perspective"><sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>
+<film type="hdrfilm"><integer name="width" value="$resx"/><integer name="height" value="$resy"/></film></sensor>
+<shape type="sphere"/></scene>)"));
+  EXPECT_EQ(scene.film.width, 768);
+  EXPECT_EQ(scene.film.height, 576);
+  EXPECT_EQ(scene.max_depth, -1);
+  ASSERT_EQ(scene.assumed.size(), 5u);
+  EXPECT_NE(scene.assumed[0].find("$integrator has no value"), std::string::npos);
+  EXPECT_NE(scene.assumed[3].find("$resx has no value: 768"), std::string::npos);
+  const auto depth = [&](const std::string& integrator) {
+    return load_scene(write(integrator + "<shape type=\"sphere\"/>"));
+  };
+  EXPECT_EQ(depth("<integrator type=\"volpath\"><integer name=\"max_depth\" value=\"7\"/></integrator>").max_depth, 7);
+  EXPECT_NE(depth("<integrator type=\"volpath\"/>").assumed.at(0).find("\"volpath\" read as path"), std::string::npos);
+  EXPECT_EQ(
+      depth(
+          "<integrator type=\"moment\"><integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator></integrator>")
+          .max_depth,
+      5);
+  EXPECT_TRUE(depth("<integrator type=\"path\"/>").assumed.empty());
+  EXPECT_EQ(depth("<integrator type=\"direct\"/>").max_depth, 2);
+  EXPECT_NE(join(depth("<default name=\"idle\" value=\"1\"/>").warnings).find("the parameter \"idle\" is not used"),
+            std::string::npos);
+}
+
+TEST_F(CheckTest, NamesOfFilesFromOtherSystems) {
+  std::filesystem::create_directories(folder_.file("models"));
+  folder_.write("models/a.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  EXPECT_EQ(
+      load_scene(write(R"(<shape type="obj"><string name="filename" value="models\a.obj"/></shape>)")).shapes.size(),
+      1u);
+}
+
+// One emitter at the top level, in several shapes.
+TEST_F(CheckTest, SharedObjects) {
+  const std::string body = R"(<emitter type="area" id="light"><rgb name="radiance" value="1 2 3"/></emitter>
+<spectrum type="d65" id="white"/><texture type="checkerboard" id="check"/>
+<bsdf type="diffuse" id="m"><ref name="reflectance" id="check"/></bsdf>
+<shape type="cube"><ref id="light"/><ref id="m"/></shape>
+<shape type="sphere"><ref id="light"/></shape><shape type="sphere"><emitter type="area"><ref name="radiance" id="white"/></emitter></shape>
+)";
+  const Scene scene = load_scene(write(body));
+  ASSERT_EQ(scene.area_lights.size(), 3u);
+  EXPECT_EQ(scene.area_lights[0].radiance, scene.area_lights[1].radiance);
+  EXPECT_EQ(scene.textures.at(static_cast<std::size_t>(scene.area_lights[0].radiance)).color0, Vec3f(1, 2, 3));
+  EXPECT_EQ(scene.textures.at(static_cast<std::size_t>(scene.area_lights[2].radiance)).color0, Vec3f(1, 1, 1));
+}
+
+class ConvertTest : public CheckTest {
+ protected:
+  // Reads `file`, writes it and reads that: the same scene, and no assumptions any more.
+  std::string round_trip(const std::string& file, bool with_stand_ins = false) const {
+    LoadOptions options;
+    options.permissive = with_stand_ins;
+    Scene first;
+    const std::string output = folder_.file("out.xml");
+    const std::string text = scene_as_xml(file, output, options, first);
+    std::ofstream(output) << text;
+    const Scene second = load_scene(output);
+    EXPECT_EQ(second.fingerprint, first.fingerprint) << text;
+    EXPECT_EQ(second.cameras.size(), first.cameras.size());
+    EXPECT_EQ(second.film.width, first.film.width);
+    EXPECT_EQ(second.max_depth, first.max_depth);
+    EXPECT_EQ(second.assumed.size(), 0u) << join(second.assumed, "\n");
+    EXPECT_EQ(second.warnings.size(), 0u) << join(second.warnings, "\n");
+    return text;
+  }
+};
+
+TEST_F(ConvertTest, RoundTrip) {
+  folder_.write("fine.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  std::filesystem::create_directories(folder_.file("sub"));
+  folder_.write(
+      "sub/part.xml",
+      R"(<scene version="0.6.0"><bsdf type="plastic" id="old"><float name="intIOR" value="1.6"/></bsdf></scene>)");
+  const std::string text =
+      round_trip(write(R"(<path value="sub"/><include filename="part.xml"/><alias id="old" as="older"/>
+<default name="r" value="0.3"/>
+<integrator type="volpath"><integer name="max_depth" value="9"/></integrator>
+<emitter type="area" id="light"><spectrum name="radiance" value="400:1, 700:3"/></emitter>
+<bsdf type="diffuse" id="m"><rgb name="reflectance" value="#ff8040"/></bsdf>
+<bsdf type="mask" id="half"><float name="opacity" value="$r"/><ref id="m"/></bsdf>
+<shape type="obj"><string name="filename" value="fine.obj"/><ref id="older"/><transform name="to_world"><rotate y="2" angle="33"/><scale value="1.5"/></transform></shape>
+<shape type="cube"><ref id="light"/><ref id="half"/></shape><shape type="sphere"><ref id="light"/><point name="center" x="1" y="2" z="3"/></shape>
+)"));
+  EXPECT_EQ(text.find("$"), std::string::npos);
+  EXPECT_EQ(text.find("<include"), std::string::npos);
+  EXPECT_EQ(text.find("volpath"), std::string::npos);
+  EXPECT_NE(text.find("value=\"fine.obj\""), std::string::npos);
+  round_trip(write(kMany), true);
+  EXPECT_THROW(round_trip(write(kMany)), InputError);
+}
+
+// Of Mitsuba 0.6 alone.
+TEST_F(ConvertTest, WhatMitsubaCannotSay) {
+  Scene scene;
+  const std::string text = scene_as_xml(
+      write(R"(<shape type="sphere"><bsdf type="roughdiffuse"><float name="alpha" value="0.3"/></bsdf></shape>)"),
+      folder_.file("o.xml"), {}, scene);
+  EXPECT_NE(text.find("<bsdf type=\"diffuse\">"), std::string::npos) << text;
+  EXPECT_EQ(text.find("alpha"), std::string::npos) << text;
+  EXPECT_NE(join(scene.assumed).find("written as diffuse"), std::string::npos);
+}
+
+TEST_F(ConvertTest, SharedScenes) {
+  const std::filesystem::path scenes = shared_folder() / "scenes";
+  if (!std::filesystem::is_directory(scenes)) GTEST_SKIP() << "no shared scenes at " << scenes;
+  for (const char* name : {"cornell-box/scene_origin_v3.xml", "cbox-mitsuba/scene.xml"})
+    round_trip((scenes / name).string());
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,181 @@
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/error.h"
+#include "octrad/base/join.h"
+#include "octrad/scene/builder.h"
+#include "octrad/scene/plugins.h"
+
+namespace octrad {
+namespace {
+
+constexpr int kMaxFilmSide = 131072;
+constexpr float kMaxFilterRadius = 8.0f;
+const std::vector<std::string> kSensors = {"perspective", "thinlens", "orthographic"};
+const std::vector<std::string> kFilters = {"box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"};
+
+// Whether the linear part only rotates and mirrors, and with `scaled` also scales its axes, each by its own factor.
+bool keeps_angles(const Transform& t, bool scaled) {
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d a = t.column(i), b = t.column((i + 1) % 3);
+    const double l = length(a);
+    if (!(l > 0.0) || (!scaled && !(std::fabs(l - 1.0) < 1e-3))) return false;
+    if (!(std::fabs(dot(a, b)) < 1e-3 * l * length(b))) return false;
+  }
+  return t.is_affine();
+}
+
+}  // namespace
+
+std::vector<std::string> sensor_types() { return kSensors; }
+std::vector<std::string> film_types() { return {"hdrfilm"}; }
+std::vector<std::string> rfilter_types() { return kFilters; }
+
+void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis) {
+  const std::vector<std::unique_ptr<Element>>& children = params.element().children;
+  const bool has_fov =
+      std::any_of(children.begin(), children.end(), [](const auto& child) { return child->get("name") == "fov"; });
+  const std::string focal_length = params.get_string("focal_length", "");
+  if (has_fov) {
+    if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
+    degrees = params.get_float("fov", 0.0f);
+    if (!(degrees > 0.0f && degrees < 180.0f)) fail(params.where("fov"), "fov must be above 0 and below 180 degrees");
+    const std::vector<std::string> names = {"x", "y", "diagonal", "smaller", "larger"};
+    const std::string axis = params.choice("fov_axis", "x", names);
+    fov_axis = static_cast<Camera::FovAxis>(std::find(names.begin(), names.end(), axis) - names.begin());
+    return;
+  }
+  // Millimetres on 35 mm film (36 x 24), whose diagonal sees the field of view.
+  std::string text = focal_length.empty() ? "50mm" : focal_length;
+  if (text.size() > 2 && text.substr(text.size() - 2) == "mm") text.resize(text.size() - 2);
+  const auto f = parse_numbers(text);
+  if (!f || f->size() != 1 || !((*f)[0] > 0.0))
+    fail(params.where("focal_length"), "focal_length \"" + focal_length + "\" is not a length such as 50mm");
+  degrees = static_cast<float>(2.0 * std::atan(std::sqrt(36.0 * 36.0 + 24.0 * 24.0) / (2.0 * (*f)[0])) * 180.0 /
+                               3.14159265358979323846);
+  fov_axis = Camera::FovAxis::diagonal;
+  params.ignore({"fov_axis"});
+}
+
+void SceneBuilder::add_sensor(const Element& element) {
+  Params params(description_, element, scene_.warnings);
+  const auto kind = std::find(kSensors.begin(), kSensors.end(), params.type());
+  if (kind == kSensors.end()) {
+    fail(element.location, "sensor \"" + params.type() + "\" is not supported" + did_you_mean(params.type(), kSensors) +
+                               "; supported: " + join(kSensors));
+  }
+  Camera camera;
+  camera.kind = static_cast<CameraKind>(kind - kSensors.begin());
+  const bool lens = camera.kind == CameraKind::thinlens, orthographic = camera.kind == CameraKind::orthographic;
+  const std::vector<const Element*> films = params.nested("film");
+  if (films.size() > 1) fail(films[1]->location, "a sensor holds at most one film");
+  Film film;
+  film.filter_radius = 4.0f * film.filter_stddev;
+  if (!films.empty()) film = read_film(*films[0], camera);
+  for (const Element* sampler : params.nested("sampler")) Params(description_, *sampler, scene_.warnings).ignore_rest();
+
+  if (!orthographic) field_of_view(params, camera.fov_degrees, camera.fov_axis);
+  camera.near_clip = params.get_float("near_clip", 0.01f);
+  camera.far_clip = params.get_float("far_clip", 10000.0f);
+  if (!(camera.near_clip > 0.0f)) fail(params.where("near_clip"), "near_clip must be above 0");
+  if (!(camera.far_clip > camera.near_clip)) fail(params.where("far_clip"), "far_clip must be greater than near_clip");
+  if (lens) {
+    camera.aperture_radius = params.get_float("aperture_radius", 0.0f);
+    if (!(camera.aperture_radius > 0.0f))
+      fail(params.where("aperture_radius"), "a thinlens sensor needs an aperture_radius above 0");
+    camera.focus_distance = params.get_float("focus_distance", camera.far_clip);
+    if (!(camera.focus_distance > 0.0f)) fail(params.where("focus_distance"), "focus_distance must be above 0");
+  } else if (!orthographic) {
+    camera.principal_point_offset = {params.float_in("principal_point_offset_x", 0.0f, -100.0f, 100.0f),
+                                     params.float_in("principal_point_offset_y", 0.0f, -100.0f, 100.0f)};
+  }
+  params.ignore({"focus_distance", "shutter_open", "shutter_close"});  // no motion, no lens: they change nothing
+
+  const Transform to_world = params.get_transform("to_world");
+  if (!keeps_angles(to_world, orthographic)) {
+    fail(params.where("to_world"), orthographic ? "to_world of an orthographic sensor must not shear (it may scale)"
+                                                : "to_world of a sensor must not scale or shear (it may mirror)");
+  }
+  if (orthographic) {
+    camera.half_size = {static_cast<float>(length(to_world.column(0))), static_cast<float>(length(to_world.column(1)))};
+    // As Mitsuba: the near plane is scaled, the distance between the planes is not.
+    const float depth = camera.far_clip - camera.near_clip;
+    camera.near_clip *= static_cast<float>(length(to_world.column(2)));
+    camera.far_clip = camera.near_clip + depth;
+  }
+  try {
+    set_frame(camera, to_world);
+    camera.view(1, 1);
+  } catch (const InputError& error) {
+    fail(params.where("to_world"), error.what());
+  }
+  params.finish();
+  if (films.empty()) {
+    camera.film_width = film.width;
+    camera.film_height = film.height;
+  }
+  if (scene_.cameras.empty()) scene_.film = film;
+  scene_.films.push_back(film);
+  scene_.cameras.push_back(camera);
+}
+
+Film SceneBuilder::read_film(const Element& element, Camera& camera) {
+  Params params(description_, element, scene_.warnings);
+  if (params.type() != "hdrfilm")
+    fail(element.location, "film \"" + params.type() + "\" is not supported" +
+                               did_you_mean(params.type(), {"hdrfilm"}) + "; supported: hdrfilm");
+  Film film;
+  const int width = params.int_in("width", film.width, 1, kMaxFilmSide),
+            height = params.int_in("height", film.height, 1, kMaxFilmSide);
+  const int x = params.int_in("crop_offset_x", 0, 0, kMaxFilmSide),
+            y = params.int_in("crop_offset_y", 0, 0, kMaxFilmSide);
+  film.width = params.int_in("crop_width", width, 1, kMaxFilmSide);
+  film.height = params.int_in("crop_height", height, 1, kMaxFilmSide);
+  if (x + film.width > width || y + film.height > height) {
+    fail(element.location, "the crop window reaches beyond the film of " + std::to_string(width) + " x " +
+                               std::to_string(height) + " pixels");
+  }
+  const Vec2f size{static_cast<float>(width), static_cast<float>(height)};
+  camera.crop_offset = {static_cast<float>(x) / size.x, static_cast<float>(y) / size.y};
+  camera.crop_size = {static_cast<float>(film.width) / size.x, static_cast<float>(film.height) / size.y};
+  camera.film_width = film.width;
+  camera.film_height = film.height;
+  params.ignore({"file_format", "pixel_format", "component_format", "banner", "compensate", "sample_border",
+                 "high_quality_edges"});
+  const std::vector<const Element*> filters = params.nested("rfilter");
+  if (filters.size() > 1) fail(filters[1]->location, "a film holds at most one rfilter");
+  film.filter_radius = 4.0f * film.filter_stddev;
+  if (!filters.empty()) read_filter(*filters[0], film);
+  params.finish();
+  return film;
+}
+
+void SceneBuilder::read_filter(const Element& element, Film& film) {
+  Params params(description_, element, scene_.warnings);
+  const auto type = std::find(kFilters.begin(), kFilters.end(), params.type());
+  if (type == kFilters.end()) {
+    fail(element.location, "rfilter \"" + params.type() + "\" is not supported" +
+                               did_you_mean(params.type(), kFilters) + "; supported: " + join(kFilters));
+  }
+  film.filter = static_cast<Film::Filter>(type - kFilters.begin());
+  switch (film.filter) {
+    case Film::Filter::box: film.filter_radius = 0.5f; break;
+    case Film::Filter::tent: film.filter_radius = params.float_in("radius", 1.0f, 1e-3f, kMaxFilterRadius); break;
+    case Film::Filter::gaussian:
+      film.filter_stddev = params.float_in("stddev", 0.5f, 1e-3f, 2.0f);
+      film.filter_radius = 4.0f * film.filter_stddev;
+      break;
+    case Film::Filter::mitchell:
+      film.filter_b = params.float_in("B", film.filter_b, 0.0f, 1.0f);
+      film.filter_c = params.float_in("C", film.filter_c, 0.0f, 1.0f);
+      film.filter_radius = 2.0f;
+      break;
+    case Film::Filter::catmullrom: film.filter_radius = 2.0f; break;
+    case Film::Filter::lanczos:
+      film.filter_radius = static_cast<float>(params.int_in("lobes", 3, 1, static_cast<int>(kMaxFilterRadius)));
+      break;
+  }
+  params.finish();
+}
+
+}  // namespace octrad

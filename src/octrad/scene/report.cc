@@ -1,0 +1,40 @@
+#include "octrad/scene/report.h"
+
+namespace octrad {
+namespace {
+
+constexpr std::size_t kMostIssues = 1000;  // more say nothing new, and a file can hold millions
+
+}  // namespace
+
+void SceneReport::refuse(const Location& where, const std::string& what) {
+  if (!collect_) fail(where, what);
+  if (refused_.size() < kMostIssues) refused_.push_back({where.text(), what});
+}
+
+void SceneReport::collect(const Location& where, const Error& error) {
+  if (error.code() != ExitCode::bad_input && error.code() != ExitCode::io) throw;
+  if (refused_.size() >= kMostIssues) return;
+  if (const auto* mistake = dynamic_cast<const SceneError*>(&error)) {
+    refused_.push_back({mistake->where, mistake->message});
+  } else {
+    refused_.push_back({where.text(), error.what()});
+  }
+}
+
+void SceneReport::assume(const Location& where, const std::string& what) {
+  const auto [at, inserted] = index_.emplace(what, assumed_.size());
+  if (inserted) assumed_.push_back({what, where, 0});
+  ++assumed_[at->second].count;
+}
+
+std::vector<std::string> SceneReport::assumed() const {
+  std::vector<std::string> texts;
+  for (const Assumption& a : assumed_) {
+    texts.push_back(a.what + " (" + (a.first.file ? a.first.text() : "") +
+                    (a.count > 1 ? ", " + std::to_string(a.count) + " times)" : ")"));
+  }
+  return texts;
+}
+
+}  // namespace octrad

@@ -1,0 +1,135 @@
+#include "octrad/scene/spectrum.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/scene/cie_tables.h"
+#include "octrad/scene/params.h"
+#include "octrad/scene/plugins.h"
+
+namespace octrad {
+namespace {
+
+constexpr double kFirst = 360.0, kLast = 830.0;  // nanometres
+
+// Linear interpolation in a table of every 5 nm.
+double table_at(const float* table, double wavelength) {
+  const double t = (wavelength - kFirst) / 5.0;
+  const int i = std::clamp(static_cast<int>(t), 0, kCieSamples - 2);
+  const double w = t - i;
+  return (1.0 - w) * static_cast<double>(table[i]) + w * static_cast<double>(table[i + 1]);
+}
+
+double value_at(const Spectrum& s, double wavelength) {
+  if (wavelength < s.wavelengths.front() || wavelength > s.wavelengths.back()) return 0.0;
+  const auto above = std::upper_bound(s.wavelengths.begin(), s.wavelengths.end(), wavelength);
+  const auto i = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(above - s.wavelengths.begin() - 1, 0,
+                                                                     static_cast<std::ptrdiff_t>(s.values.size()) - 2));
+  const double w = (wavelength - s.wavelengths[i]) / (s.wavelengths[i + 1] - s.wavelengths[i]);
+  return (1.0 - w) * s.values[i] + w * s.values[i + 1];
+}
+
+Vec3d integrate(const Spectrum& s, bool d65) {
+  constexpr int kSteps = 1000;
+  Vec3d xyz(0.0);
+  for (int i = 0; i < kSteps; ++i) {
+    const double wavelength = kFirst + i * (kLast - kFirst) / (kSteps - 1);
+    double y = value_at(s, wavelength);
+    if (y == 0.0) continue;
+    if (d65) y *= table_at(kD65, wavelength) * kD65Normalization;
+    xyz += Vec3d(table_at(kCieX, wavelength), table_at(kCieY, wavelength), table_at(kCieZ, wavelength)) * y;
+  }
+  xyz = xyz * ((kLast - kFirst) / kSteps * kCieNormalization);
+  // XYZ to linear Rec. 709 RGB with the digits that Mitsuba has.
+  return {3.240479 * xyz.x - 1.537150 * xyz.y - 0.498535 * xyz.z,
+          -0.969256 * xyz.x + 1.875991 * xyz.y + 0.041556 * xyz.z,
+          0.055648 * xyz.x - 0.204043 * xyz.y + 1.057311 * xyz.z};
+}
+
+}  // namespace
+
+std::vector<std::string> spectrum_types() {
+  return {"uniform", "d65", "srgb", "rawconstant", "regular", "irregular", "blackbody"};
+}
+
+Vec3f spectrum_rgb(const Spectrum& spectrum, SpectrumUse use, bool* clamped) {
+  const Vec3d rgb = integrate(spectrum, use != SpectrumUse::emission);
+  Vec3f out;
+  for (int c = 0; c < 3; ++c) {
+    double v = std::max(rgb[c], 0.0);
+    if (use == SpectrumUse::reflectance) v = std::min(v, 1.0);
+    if (clamped != nullptr && v != rgb[c]) *clamped = true;
+    out[c] = static_cast<float>(v);
+  }
+  return out;
+}
+
+// XYZ (1, 1, 1).
+Vec3f equal_energy_rgb() { return {1.204793f, 0.948290f, 0.908917f}; }
+
+Spectrum make_spectrum(std::vector<double> wavelengths, std::vector<double> values, const Location& where) {
+  if (wavelengths.size() != values.size())
+    fail(where, "a spectrum needs as many values as wavelengths, not " + std::to_string(values.size()) + " and " +
+                    std::to_string(wavelengths.size()));
+  if (wavelengths.size() < 2) fail(where, "a spectrum needs at least two wavelengths");
+  for (std::size_t i = 1; i < wavelengths.size(); ++i) {
+    if (!(wavelengths[i] > wavelengths[i - 1])) fail(where, "the wavelengths of a spectrum must increase");
+  }
+  return {std::move(wavelengths), std::move(values)};
+}
+
+Spectrum parse_spectrum(const std::string& text, const Location& where) {
+  std::string pairs = text;
+  std::size_t colons = 0;
+  for (char& c : pairs) {
+    if (c != ':') continue;
+    c = ' ';
+    ++colons;
+  }
+  const auto numbers = parse_numbers(pairs);
+  if (!numbers || numbers->size() != 2 * colons)
+    fail(where,
+         "\"" + text + "\" is no spectrum: a number, or pairs \"wavelength:value\" with commas or spaces between");
+  std::vector<double> wavelengths, values;
+  for (std::size_t i = 0; i < numbers->size(); i += 2) {
+    wavelengths.push_back((*numbers)[i]);
+    values.push_back((*numbers)[i + 1]);
+  }
+  return make_spectrum(std::move(wavelengths), std::move(values), where);
+}
+
+Spectrum read_spectrum(const std::string& file) {
+  const MemoryScope scope;
+  const std::string text = read_file(file);
+  ask_memory(text.size() * sizeof(double), file);  // a line of two numbers has at least four bytes
+  const auto source = std::make_shared<const SourceFile>(file, text);
+  std::vector<double> wavelengths, values;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string line = text.substr(begin, end - begin);
+    if (line.find_first_not_of(" \t\r") != std::string::npos && line[0] != '#') {
+      const auto numbers = parse_numbers(line);
+      if (!numbers || numbers->size() != 2) fail({source, begin}, "expected a wavelength and a value");
+      wavelengths.push_back((*numbers)[0]);
+      values.push_back((*numbers)[1]);
+    }
+    begin = end + 1;
+  }
+  return make_spectrum(std::move(wavelengths), std::move(values), {source, 0});
+}
+
+Spectrum blackbody_spectrum(double kelvin) {
+  // CODATA 2014, as Mitsuba: speed of light, Planck's and Boltzmann's constants.
+  constexpr double c = 2.99792458e8, h = 6.62607004e-34, k = 1.38064852e-23;
+  Spectrum s;
+  for (double nm = kFirst; nm <= kLast; nm += 1.0) {
+    const double lambda = nm * 1e-9;
+    s.wavelengths.push_back(nm);
+    s.values.push_back(1e-9 * 2.0 * h * c * c / (std::pow(lambda, 5.0) * std::expm1(h * c / (k * lambda * kelvin))));
+  }
+  return s;
+}
+
+}  // namespace octrad

@@ -1,0 +1,78 @@
+"""Scene files: the list of what is refused, stand-ins, and scenes written again."""
+import unittest
+
+from support import Case, run
+
+SENSOR = '<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="12"/></film></sensor>'
+OLD = '<scene version="0.6.0"><integrator type="bdpt"><integer name="maxDepth" value="4"/></integrator>' + SENSOR + """
+<bsdf type="plastic" id="p"><float name="intIOR" value="1.6"/><rgb name="diffuseReflectance" value="0.5 0.2 0.1"/></bsdf>
+<shape type="rectangle"><transform name="toWorld"><translate z="3"/><rotate y="1" angle="180"/></transform><ref id="p"/></shape>
+<emitter type="constant"/></scene>"""
+BROKEN = '<scene version="3.0.0">' + SENSOR + """
+<shape type="sphere"><bsdf type="velvet"/><medium name="interior" type="homogeneous"/><transform name="to_world"><translate z="-5"/></transform></shape>
+<shape type="teapot"/>
+<emitter type="constant"/></scene>"""
+
+
+class Scenes(Case):
+    def test_check(self):
+        file = self.write("s.xml", OLD)
+        check = self.ok("info", file, "--check", "--json").json()
+        self.assertEqual((check["loads"], check["refused"]), (True, []))
+        self.assertEqual(len(check["assumed"]), 2)
+        self.assertIn("scene version 0.6.0", check["assumed"][0])
+        self.assertIn('"bdpt" read as path', check["assumed"][1])
+        self.assertIn("loads\n", self.ok("info", file, "--check").out)
+        file = self.write("b.xml", BROKEN)
+        result = run("info", file, "--check", "--json")
+        self.assertEqual(result.code, 2)
+        self.assertIn("3 things cannot be used", result.err)
+        broken = result.json()
+        self.assertFalse(broken["loads"])
+        self.assertEqual([issue["where"].split("b.xml")[1] for issue in broken["refused"]], [":2:22", ":2:43", ":3:1"])
+        self.assertIn('bsdf "velvet"', broken["refused"][0]["what"])
+        cut = run("info", self.write("c.xml", "<scene"), "--check", "--json")
+        self.assertEqual((cut.code, len(cut.json()["refused"])), (2, 1))
+        self.fails(3, "none.xml", "info", self.path("none.xml"), "--check")
+        self.fails(1, "--check belongs to a scene", "info", "--check")
+        self.fails(1, "give one of them", "info", file, "--check", "--permissive")
+
+    def test_permissive(self):
+        file = self.write("b.xml", BROKEN)
+        self.fails(2, 'bsdf "velvet" is not supported', "info", file)
+        info = self.ok("info", file, "--json", "--permissive")
+        self.assertEqual(info.json()["shapes"], 1)
+        self.assertEqual(len(info.json()["refused"]), 3)
+        self.assertIn('shape "teapot" is not supported', info.err)
+        self.ok("render", file, "--permissive", "--integrator", "path", "--spp", "1", "-o", self.path("o.exr"))
+        self.fails(1, "--permissive belongs to a scene", "info", "--permissive")
+
+    def test_convert(self):
+        file, out = self.write("s.xml", OLD), self.path("out.xml")
+        report = self.ok("convert", file, "-o", out, "--json").json()
+        self.assertEqual(report["fingerprint"], self.ok("info", file, "--json").json()["fingerprint"])
+        check = self.ok("info", out, "--check", "--json").json()
+        self.assertEqual((check["loads"], check["assumed"]), (True, []))
+        self.assertEqual(report["fingerprint"], self.ok("info", out, "--json").json()["fingerprint"])
+        self.fails(2, "velvet", "convert", self.write("b.xml", BROKEN), "-o", self.path("never.xml"))
+        self.ok("convert", self.path("b.xml"), "--permissive", "-o", out)
+        with open(out, encoding="utf-8") as text:
+            self.assertIn('value="1, 0, 1"', text.read())
+        self.fails(1, "would overwrite", "convert", file, "-o", file)
+        try:
+            import mitsuba
+        except ImportError:
+            return
+        mitsuba.set_variant("scalar_rgb")
+        mitsuba.load_file(out)
+
+    def test_plugins(self):
+        plugins = self.ok("info", "--plugins", "--json").json()
+        self.assertIn("diffuse", plugins["bsdf"])
+        self.assertIn("bitmap", plugins["texture"])
+        self.assertIn("rfilter", self.ok("info", "--plugins").out)
+        self.fails(1, "takes nothing else", "info", "--plugins", "--keys")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,183 @@
+#!/usr/bin/env python3
+"""Prints scattering values and densities of Mitsuba 3 for models given as scene files give them, as a C++ header.
+
+    python3 tests/mitsuba_scattering_values.py > src/octrad/shading/mitsuba_scattering_test_data.h
+
+Needs the mitsuba package. Directions: uniform over the sphere on both sides of the surface, grazing, and drawn from the model.
+"""
+import math
+import tempfile
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("scalar_rgb")
+
+ROWS = 18
+UV = (0.3, 0.6)  # of every evaluation
+
+
+def rgb(name, *v):
+    return '<rgb name="%s" value="%s"/>' % (name, " ".join(map(str, v)))
+
+
+def floats(**parameters):
+    return "".join('<float name="%s" value="%s"/>' % p for p in parameters.items())
+
+
+def word(name, value):
+    return '<string name="%s" value="%s"/>' % (name, value)
+
+
+def checker(name, *v):
+    """A texture of one value: Mitsuba 3.9.1 exchanges the two of a checkerboard where it serves as a number."""
+    value = " ".join(map(str, v * (3 // len(v))))
+    return '<texture name="%s" type="checkerboard"><rgb name="color0" value="%s"/><rgb name="color1" value="%s"/></texture>' % (name, value, value)
+
+
+def bsdf(kind, *inside):
+    return '<bsdf type="%s">%s</bsdf>' % (kind, "".join(inside))
+
+
+GLASS = rgb("specular_reflectance", 0.9, 1, 0.8) + rgb("specular_transmittance", 0.5, 0.6, 0.7)
+COLOR = rgb("base_color", 0.7, 0.3, 0.1)
+FLAT = '<boolean name="sample_visible" value="false"/>'
+RED = bsdf("diffuse", rgb("reflectance", 0.8, 0.2, 0.1))
+METAL = bsdf("roughconductor", floats(alpha=0.3), word("material", "Au"), word("distribution", "ggx"))
+# A map of one direction; the test writes the same file.
+TILT_COLOR = (0.75, 0.625, 0.875)
+TILT = '<texture name="normalmap" type="bitmap"><string name="filename" value="tilt.exr"/><boolean name="raw" value="true"/></texture>'
+CASES = [
+    bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "beckmann"), GLASS),
+    bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "ggx"), GLASS),
+    bsdf("roughdielectric", floats(alpha_u=0.5, alpha_v=0.15), word("distribution", "ggx")),
+    bsdf("roughdielectric", floats(alpha_u=0.1, alpha_v=0.4), word("distribution", "beckmann"), word("int_ior", "water")),
+    bsdf("roughdielectric", floats(alpha=0.2), word("distribution", "ggx"), FLAT),
+    bsdf("roughdielectric", floats(alpha=0.25, int_ior=1.2, ext_ior=1.7), word("distribution", "beckmann"), FLAT),
+    bsdf("roughdielectric", checker("alpha", 0.6)),
+    bsdf("principled"),
+    bsdf("principled", COLOR, floats(roughness=0.2, metallic=1)),
+    bsdf("principled", COLOR, floats(roughness=0.4, metallic=0.6, anisotropic=0.8, spec_tint=0.5, specular=0.9)),
+    bsdf("principled", COLOR, floats(roughness=0.3, spec_trans=1, eta=1.5)),
+    bsdf("principled", COLOR, floats(roughness=0.5, spec_trans=0.6, metallic=0.2, eta=1.33, anisotropic=0.5, spec_tint=0.7)),
+    bsdf("principled", COLOR, floats(roughness=0.7, clearcoat=1, clearcoat_gloss=0.3, sheen=0.8, sheen_tint=0.6, flatness=0.5)),
+    bsdf("principled", COLOR, floats(roughness=0.6, metallic=0.1, specular=0.6, spec_tint=0.4, anisotropic=0.5, sheen=0.3, sheen_tint=0.2, flatness=0.3,
+                                     clearcoat=0.6, clearcoat_gloss=0.9, spec_trans=0.4, main_specular_sampling_rate=2, clearcoat_sampling_rate=0.5,
+                                     diffuse_reflectance_sampling_rate=0.7)),
+    bsdf("principled", checker("base_color", 0.2, 0.5, 0.9), checker("roughness", 0.35), checker("metallic", 0.3),
+         checker("spec_trans", 0.5), checker("clearcoat", 0.8), checker("sheen", 0.5)),
+    bsdf("principledthin"),
+    bsdf("principledthin", COLOR, floats(roughness=0.3, spec_trans=0.8, eta=1.33, diff_trans=0.3, anisotropic=0.5, spec_tint=0.1)),
+    bsdf("principledthin", COLOR, floats(roughness=0.6, spec_trans=0.3, diff_trans=1.2, spec_tint=0.9, sheen=0.7, sheen_tint=0.5, flatness=0.6,
+                                         specular_reflectance_sampling_rate=2, specular_transmittance_sampling_rate=0.5,
+                                         diffuse_reflectance_sampling_rate=0.3, diffuse_transmittance_sampling_rate=3)),
+    bsdf("principledthin", COLOR, checker("eta", 0.9), checker("diff_trans", 0.9), floats(roughness=0.4, spec_trans=0.5)),
+    bsdf("blendbsdf", floats(weight=0.3), RED, METAL),
+    bsdf("blendbsdf", checker("weight", 0.6), bsdf("roughdielectric", floats(alpha=0.3)), bsdf("blendbsdf", floats(weight=0.25), METAL, bsdf("twosided", RED))),
+    bsdf("blendbsdf", floats(weight=0.5), bsdf("normalmap", TILT, METAL), bsdf("principled", COLOR)),
+    bsdf("mask", floats(opacity=0.4), bsdf("roughdielectric", floats(alpha=0.2))),
+    bsdf("normalmap", TILT, RED),
+    bsdf("normalmap", TILT, bsdf("roughdielectric", floats(alpha_u=0.4, alpha_v=0.2))),
+    bsdf("normalmap", TILT, '<boolean name="flip_invalid_normals" value="false"/><boolean name="use_shadowing_function" value="false"/>', METAL),
+    bsdf("twosided", bsdf("normalmap", TILT, METAL)),
+    bsdf("normalmap", TILT, bsdf("twosided", METAL)),
+]
+# Perfect lobes and light that passes: what is drawn for a number.
+DELTAS = [
+    bsdf("null"),
+    bsdf("blendbsdf", floats(weight=0.3), bsdf("dielectric"), bsdf("conductor", word("material", "Cu"))),
+    bsdf("blendbsdf", floats(weight=0.4), RED, bsdf("null")),
+]
+
+
+def cpp(values):
+    return "{" + ", ".join(("%.7gf" % v) if set(".en") & set("%.7g" % v) else "%.7g.0f" % v for v in values) + "}"
+
+
+def interaction(wi):
+    si = mi.SurfaceInteraction3f()
+    si.sh_frame = mi.Frame3f([0, 0, 1])
+    si.n = [0, 0, 1]
+    si.dp_du, si.dp_dv = [1, 0, 0], [0, 1, 0]
+    si.uv = UV
+    si.wi = wi
+    return si
+
+
+def unit(random):
+    v = random.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+def view(random, row):
+    v = unit(random)
+    if row % 3:
+        v[2] = abs(v[2])
+    if row % 6 == 5:  # grazing
+        v[2] *= 0.05
+    return v / np.linalg.norm(v)
+
+
+def load(case):
+    with tempfile.TemporaryDirectory() as folder:
+        path = folder + "/tilt.exr"
+        mi.Bitmap(np.full((2, 2, 3), TILT_COLOR, np.float32)).write(path)
+        return mi.load_string(case.replace("<bsdf ", '<bsdf version="3.0.0" ', 1).replace("tilt.exr", path))
+
+
+print("""// Written by tests/mitsuba_scattering_values.py with Mitsuba %s. Not to be edited.
+#pragma once
+
+#include "octrad/base/vec.h"
+
+namespace octrad {
+
+struct MitsubaScattering {
+  int material;
+  Vec3f wo, wi, value;
+  float pdf;
+};
+struct MitsubaDelta {
+  int material;
+  Vec3f wo;
+  float u_lobe;
+  Vec3f wi, weight;
+  float pdf;
+};
+inline constexpr Vec2f kMitsubaUv{%s};
+inline constexpr Vec3f kMitsubaTilt{%s};  // every pixel of tilt.exr
+
+inline const char* const kMitsubaBsdfs[] = {""" % (mi.__version__, cpp(UV)[1:-1], cpp(TILT_COLOR)[1:-1]))
+for case in CASES + DELTAS:
+    print("    R\"(%s)\"," % case)
+print("};\n\ninline const MitsubaScattering kMitsubaScattering[] = {")
+ctx = mi.BSDFContext()
+for index, case in enumerate(CASES):
+    model = load(case)
+    random = np.random.default_rng(index)
+    row = 0
+    while row < ROWS:
+        si = interaction(view(random, row))
+        wi = unit(random)
+        if row % 2:
+            sample, weight = model.sample(ctx, si, random.random(), random.random(2))
+            if not max(weight) > 0 or mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta):
+                row += 1 if random.random() < 0.02 else 0  # a model that is black from here
+                continue
+            wi = np.array(sample.wo) + random.normal(size=3) * 0.02
+            wi /= np.linalg.norm(wi)
+        value, pdf = model.eval(ctx, si, wi), model.pdf(ctx, si, wi)
+        # Floats break down where facets are many orders of magnitude off the mirror direction.
+        if 0 < pdf < 1e-6:
+            continue
+        print("    {%d, %s, %s, %s, %s}," % (index, cpp(si.wi), cpp(wi), cpp(value), cpp([pdf])[1:-1]))
+        row += 1
+print("};\n\ninline const MitsubaDelta kMitsubaDeltas[] = {")
+for index, case in enumerate(DELTAS, len(CASES)):
+    model = load(case)
+    for wi in ([0.6, 0, 0.8], [0.1, -0.2, math.sqrt(0.95)], [0.3, 0.4, -math.sqrt(0.75)]):
+        for u in (0.05, 0.29, 0.35, 0.7, 0.99):
+            sample, weight = model.sample(ctx, interaction(wi), u, [0.3, 0.7])
+            if max(weight) > 0 and mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta):
+                print("    {%d, %s, %s, %s, %s, %s}," % (index, cpp(wi), cpp([u])[1:-1], cpp(sample.wo), cpp(weight), cpp([sample.pdf])[1:-1]))
+print("};\n\n}  // namespace octrad")
