@@ -173,7 +173,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
   const std::unique_ptr<Stream> stream = device.make_stream();
   studio.stream = stream.get();
-  studio.settings.film = scene.film;
+  studio.settings.film = scene.film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));
   studio.settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
   studio.settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
   studio.settings.long_pass = 0.05;

@@ -95,9 +95,12 @@ void set_pose(ViewState& state, const nlohmann::json& pose) {
   state.pose = pose;
 }
 
-// Of a camera that is not rolled, "up" is the axis of the world about which the page turns it.
+// Without what a camera file cannot say: a window of the film, a shifted principal point. Of a camera that is not
+// rolled, "up" is the axis of the world about which the page turns it.
 nlohmann::json pose_json(const Camera& camera) {
   nlohmann::json pose = report::camera_json(camera);
+  pose.erase("window");
+  pose.erase("view_height");
   for (const Vec3f axis : {Vec3f{0, 1, 0}, Vec3f{0, 0, 1}, Vec3f{1, 0, 0}}) {
     const float along = dot(camera.up, axis);
     if (std::fabs(dot(camera.right, axis)) > 1e-3f || std::fabs(along) < 0.05f) continue;

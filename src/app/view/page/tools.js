@@ -30,6 +30,7 @@ export function turned(forward, vertical, right, upwards) {
 
 // Half the angle of view along x as a tangent, for a picture of this aspect.
 export function tangentX(camera, aspect) {
+  if (!camera.fov) return 0.5;  // orthographic: there is none
   const tangent = Math.tan(camera.fov * Math.PI / 360), axis = camera.fov_axis || "x";
   if (axis === "diagonal") return tangent / Math.sqrt(1 + 1 / (aspect * aspect));
   const alongY = axis === "y" || (axis === "smaller" && aspect > 1) || (axis === "larger" && aspect < 1);

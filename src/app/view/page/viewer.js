@@ -333,7 +333,8 @@ class Viewer {
       event.target.value = "";
       try {
         if (!file) return;
-        const camera = { up: [0, 1, 0], fov: 45, ...JSON.parse(await file.text()) };
+        const camera = { up: [0, 1, 0], ...JSON.parse(await file.text()) };
+        if (camera.type !== "orthographic") camera.fov ??= 45;
         for (const key of ["origin", "target", "up"]) if (camera[key].length !== 3 || !camera[key].every(Number.isFinite)) throw new Error(key);
         this.go(camera);
       } catch {
@@ -462,8 +463,9 @@ class Viewer {
     get("curve").value = state.curve;
     if (document.activeElement !== get("most")) get("most").value = state.most_error;
     const camera = this.camera || state.camera;
-    get("fov").value = camera.fov;
-    get("fov-value").textContent = `${camera.fov.toFixed(0)}°`;
+    if (!camera.fov) get("fov").disabled = true;  // orthographic
+    get("fov").value = camera.fov || 45;
+    get("fov-value").textContent = camera.fov ? `${camera.fov.toFixed(0)}°` : "–";
     get("speed").value = this.speed;
     get("speed-value").textContent = `${short(this.pace())} /s`;
     for (const button of document.querySelectorAll("[data-drive]")) button.setAttribute("aria-pressed", String(button.dataset.drive === this.drive));
@@ -535,8 +537,10 @@ class Viewer {
     if (!asks && command.max_depth !== undefined) words.push("--max-depth", String(command.max_depth));
     for (const d of [...command.definitions, ...(asks ? command.model_definitions : [])]) words.push("-D", d);
     if (command.seed !== undefined) words.push("--seed", String(command.seed));
-    words.push(`--origin=${c.origin}`, `--target=${c.target}`, `--up=${c.up}`, "--fov", String(c.fov), "--fov-axis", c.fov_axis || "x",
-      "--width", String(this.state.width), "--height", String(this.state.height), "--spp", String(this.frame ? this.frame[side].samples : 4), "-o", "view.exr");
+    // Other cameras than perspective ones have no options: what Save JSON writes is named.
+    if (c.type && c.type !== "perspective") words.push("--camera", "camera.json");
+    else words.push(`--origin=${c.origin}`, `--target=${c.target}`, `--up=${c.up}`, "--fov", String(c.fov), "--fov-axis", c.fov_axis || "x");
+    words.push("--width", String(this.state.width), "--height", String(this.state.height), "--spp", String(this.frame ? this.frame[side].samples : 4), "-o", "view.exr");
     return words.map(quoted).join(" ");
   }
 
