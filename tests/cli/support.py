@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import shutil
+import signal
 import struct
 import subprocess
 import tempfile
@@ -148,8 +149,9 @@ def read_safetensors(path):
 
 
 def start(*arguments):
-    """A process to send signals to; its error output is kept."""
-    return subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    """A process to send signals to, also where the tests run under nohup; its error output is kept."""
+    return subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
 
 
 def on_terminal(columns, *arguments, timeout=120):

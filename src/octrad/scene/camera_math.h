@@ -46,7 +46,7 @@ OCTRAD_HD inline Ray camera_ray(const CameraView& view, Vec2f pixel, Vec2f lens 
 
 // The same through a random point of the lens, where there is one.
 OCTRAD_HD inline Ray sample_camera_ray(const CameraView& view, Vec2f pixel, Rng& rng) {
-  return camera_ray(view, pixel, view.kind == CameraKind::thinlens ? rng.uniform2() : Vec2f(0.0f, 0.0f));
+  return camera_ray(view, pixel, view.kind == CameraKind::thinlens ? rng.uniform2() : Vec2f{0.0f, 0.0f});
 }
 
 // Side of what a pixel sees at a distance.

@@ -44,8 +44,8 @@ struct MaterialRecord {
     tables = view;
     constant.record = needs_record(constant.type) ? this : nullptr;
   }
-  // Number `i` of ExtraParameter.
-  OCTRAD_HD float extra_at(int i, Vec2f uv) const {
+  // Number `i` of ExtraParameter. Apart: models look up ten of them, and each texture look-up is large.
+  OCTRAD_HD_APART float extra_at(int i, Vec2f uv) const {
     if ((extra_textured >> i & 1u) == 0) return extra[i];
     return evaluate_texture(tables.textures[extra_textures[i]], uv).x;
   }
