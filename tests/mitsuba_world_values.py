@@ -78,7 +78,7 @@ def vector(v):
 def rows(name, type_name, lines):
     print(f"inline const {type_name} {name}[] = {{")
     for line in lines:
-        print("    {" + line + "},")
+        print("    " + (line if type_name == "char* const" else "{" + line + "}") + ",")
     print("};\n")
 
 

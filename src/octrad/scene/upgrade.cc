@@ -67,15 +67,6 @@ std::unique_ptr<Element> take(Element& element, const std::string& name) {
   return nullptr;
 }
 
-std::unique_ptr<Element> copy(const Element& element) {
-  auto e = std::make_unique<Element>();
-  e->tag = element.tag;
-  e->attributes = element.attributes;
-  e->location = element.location;
-  for (const auto& c : element.children) e->children.push_back(copy(*c));
-  return e;
-}
-
 double number_or(const Element* element, double fallback) {
   if (!element) return fallback;
   const auto numbers = parse_numbers(element->get("value"));
