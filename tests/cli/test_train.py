@@ -220,9 +220,11 @@ class Train(Case):
         self.assertEqual([name for name in os.listdir(self.folder) if name.endswith(".tmp")], [])
 
     def test_a_second_training_of_a_file_is_told_at_once(self):
-        first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q")
+        log = self.path("log.jsonl")
+        first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q", "--log-json", log)
         wait_for(lambda: os.path.exists(self.model + ".lock"))
         self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
+        wait_for(lambda: os.path.exists(log) and "progress" in open(log, encoding="utf-8").read())  # while it loads it ends at once
         first.send_signal(signal.SIGINT)
         self.assertEqual(first.wait(timeout=60), 130)
         self.assertFalse(os.path.exists(self.model + ".lock"))
