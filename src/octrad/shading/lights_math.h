@@ -109,9 +109,9 @@ OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle,
   const int i = pick_triangle(l.grid, l.grid_side * l.grid_side, u.x);
   const float below = i > 0 ? l.grid[i - 1] : 0.0f, share = l.grid[i] - below;
   u.x = share > 0.0f ? std::min((u.x - below) / share, 0.99999994f) : 0.5f;
+  const int row = i / l.grid_side, column = i % l.grid_side;
   const auto side = static_cast<float>(l.grid_side);
-  const Vec2f uv{(static_cast<float>(i % l.grid_side) + u.x) / side,
-                 (static_cast<float>(i / l.grid_side) + u.y) / side};
+  const Vec2f uv{(static_cast<float>(column) + u.x) / side, (static_cast<float>(row) + u.y) / side};
   triangle = 0;
   b = barycentric_of_uv(l.shape.mesh, 0, uv);
   if (!(b.x >= 0.0f && b.y >= 0.0f && b.x + b.y <= 1.0f)) b = barycentric_of_uv(l.shape.mesh, triangle = 1, uv);
