@@ -148,7 +148,6 @@ void Session::closed(ClientId client) {
     const std::lock_guard lock(mutex_);
     std::erase(clients_, client);
     if (controller_ == client) controller_ = clients_.empty() ? 0 : clients_.front();
-    if (clients_.empty()) controller_ = 0;
   }
   tell_state();
 }
@@ -361,6 +360,17 @@ void Session::render() {
       wanted = wanted_;
     }
     const ViewState& state = wanted.state;
+    const auto give_up = [&](const std::string& why) {
+      failed = wanted.film;
+      still = false;
+      film_done = 0;
+      server_->broadcast(json_text({{"type", "error"}, {"message", why.substr(0, 500)}}));
+    };
+    const auto publish_still = [&] {
+      publish(wanted, false, true);
+      published = Clock::now();
+      unpublished = false;
+    };
     try {
       if (wanted.film != film_done && moving) {
         const Stopwatch watch;
@@ -401,14 +411,10 @@ void Session::render() {
         still = true;
         film_done = wanted.film;
         display_done = wanted.display;
-        publish(wanted, false, true);
-        published = Clock::now();
-        unpublished = false;
+        publish_still();
       } else if (wanted.display != display_done) {
-        publish(wanted, false, true);
+        publish_still();
         display_done = wanted.display;
-        published = Clock::now();
-        unpublished = false;
       } else {
         const auto stop = [this, film = wanted.film] { return changed(film); };
         const bool first = !a_.finished(), second = state.b && !b_.finished();
@@ -418,22 +424,12 @@ void Session::render() {
         }
         unpublished = unpublished || first || second;
         const bool done = a_.finished() && (!state.b || b_.finished());
-        if (unpublished && (done || Clock::now() - published >= kBetweenFrames)) {
-          publish(wanted, false, true);
-          published = Clock::now();
-          unpublished = false;
-        }
+        if (unpublished && (done || Clock::now() - published >= kBetweenFrames)) publish_still();
       }
     } catch (const Error& error) {
-      failed = wanted.film;
-      still = false;
-      film_done = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+      give_up(error.what());
     } catch (const std::bad_alloc&) {
-      failed = wanted.film;
-      still = false;
-      film_done = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", "out of memory"}}));
+      give_up("out of memory");
     }
   }
 }
