@@ -69,7 +69,7 @@ class Server(View):
         address = viewer.address
         self.assertEqual(address[0], "127.0.0.1")
         own = "http://%s:%d" % address
-        for path, kind in (("/", "text/html"), ("/viewer.css", "text/css"), ("/viewer.js", "text/javascript"), ("/tools.js", "text/javascript")):
+        for path, kind in (("/", "text/html"), ("/viewer.css", "text/css"), ("/viewer.js", "text/javascript"), ("/tools.js", "text/javascript"), ("/training.js", "text/javascript")):
             status, headers, body = request(address, path)
             self.assertEqual(status, 200, path)
             self.assertTrue(headers["content-type"].startswith(kind), path)
