@@ -16,6 +16,7 @@ from support import ROOM, SMALL, Case, start
 from web_client import Frame, Refused, Viewer, WebSocket, request
 
 MODEL = {}
+SERVER = os.environ.get("OCTRAD_VIEW_SERVER")  # tests/view_server.cc, built with sanitizers
 
 
 def trained(folder):
@@ -42,7 +43,7 @@ class View(Case):
         cls.shared.cleanup()
 
     def serve(self, *options, model=True):
-        process = start("view", self.scene, *(["--model", self.model] if model else []), "--json", *options)
+        process = start("view", self.scene, *(["--model", self.model] if model else []), "--json", *options, program=SERVER)
         self.addCleanup(self.finish, process)
         line = process.stdout.readline()
         self.assertTrue(line, process.stderr.read().decode() if process.poll() is not None else "")
