@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Of the time that passes, so much is pictures': of 100 s of steps 9.5 s, or as much again while the camera moves.
+// Shares of the time that pictures may take: of 100 s of steps 9.5 s more, or as much again while the camera moves.
 constexpr double kWatchShare = 0.087, kMoveShare = 0.5;
 constexpr double kMostCredit = 0.1;  // seconds: what was not used in a while is not made up for
 constexpr double kAlone = 10.0;      // seconds without anybody after which a finished run ends
@@ -214,7 +214,7 @@ void LiveTraining::serve_picture() {
   Turn* turn = nullptr;
   {
     const std::lock_guard lock(mutex_);
-    if (turn_ == nullptr || (training_ && !turn_->moving && credit_ <= 0.0)) return;
+    if (turn_ == nullptr || (training_ && credit_ <= 0.0)) return;
     turn = turn_;
     turn_ = nullptr;
   }
@@ -382,8 +382,10 @@ bool LiveTraining::run(const std::function<bool()>& interrupted) {
       note_step();
     } else {
       credit_ = 0.0;
-      std::unique_lock lock(mutex_);
-      if (turn_ == nullptr && !asked_) wake_.wait_for(lock, 50ms);
+      trainer_.aside([this] {
+        std::unique_lock lock(mutex_);
+        if (turn_ == nullptr && !asked_) wake_.wait_for(lock, 50ms);
+      });
     }
     if (since_told.seconds() > 0.1) {
       share_ = pictures / std::max(1e-9, lap.seconds());
