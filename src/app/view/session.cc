@@ -162,7 +162,6 @@ void Session::closed(ClientId client) {
     const std::lock_guard lock(mutex_);
     std::erase(clients_, client);
     if (controller_ == client) controller_ = clients_.empty() ? 0 : clients_.front();
-    if (clients_.empty()) controller_ = 0;
     if (live_ != nullptr) live_->set_watched(!clients_.empty());
   }
   tell_state();
@@ -486,6 +485,12 @@ void Session::render() {
       wanted = wanted_;
     }
     if (live_ != nullptr && answer_picks()) continue;
+    const auto give_up = [&](const std::string& why) {
+      failed = wanted.film;
+      still_ = false;
+      film_done_ = 0;
+      server_->broadcast(json_text({{"type", "error"}, {"message", why.substr(0, 500)}}));
+    };
     try {
       if (live_ == nullptr) {
         make_picture(wanted, moving, false);
@@ -495,15 +500,9 @@ void Session::render() {
         if (!done) std::this_thread::sleep_for(5ms);
       }
     } catch (const Error& error) {
-      failed = wanted.film;
-      still_ = false;
-      film_done_ = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+      give_up(error.what());
     } catch (const std::bad_alloc&) {
-      failed = wanted.film;
-      still_ = false;
-      film_done_ = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", "out of memory"}}));
+      give_up("out of memory");
     }
   }
 }

@@ -175,9 +175,7 @@ Material SceneBuilder::scattering_model(Params& params) {
   const std::string& type = params.type();
   const auto found = std::find(kModels.begin(), kModels.end(), type);
   if (found == kModels.end()) {
-    const std::vector<std::string> known = bsdf_types();
-    fail(params.location(), "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + way_out(type) +
-                                "; supported: " + join(known));
+    params.fail_type(bsdf_types(), way_out(type));
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());

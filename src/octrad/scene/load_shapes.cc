@@ -18,10 +18,7 @@ constexpr std::uint64_t kTriangleBytes = 200;  // and there, of the round shapes
 const std::vector<std::string> kShapes = {"obj",  "ply",    "serialized", "rectangle",  "cube",
                                           "disk", "sphere", "cylinder",   "shapegroup", "instance"};
 
-bool singular(const Transform& t) {
-  const double scale = std::max({length(t.column(0)), length(t.column(1)), length(t.column(2))});
-  return !t.is_affine() || !(std::fabs(t.determinant()) > 1e-18 * scale * scale * scale);
-}
+constexpr double kLeastVolume = 1e-18;  // of Transform::is_singular()
 
 Placement make_placement(const Transform& t) {
   Placement p;
@@ -55,10 +52,7 @@ void SceneBuilder::add_shape(const Element& element) {
 
 Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group) {
   const std::string& type = params.type();
-  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) {
-    fail(params.location(),
-         "shape \"" + type + "\" is not supported" + did_you_mean(type, kShapes) + "; supported: " + join(kShapes));
-  }
+  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) params.fail_type(kShapes);
   if (type == "shapegroup" || type == "instance")
     fail(params.location(), "a shapegroup cannot hold another one or an instance (nor can it in Mitsuba)");
   shape_meter_.add(kShapeBytes);
@@ -86,7 +80,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   }
 
   const Transform to_world = params.get_transform("to_world");
-  if (singular(to_world))
+  if (to_world.is_singular(kLeastVolume))
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
   const bool flip_normals = params.get_bool("flip_normals", false);
   in_shape_ = false;
@@ -166,7 +160,7 @@ void SceneBuilder::add_instance(Params& params) {
   const Group& members = group(*groups[0]);
   const Transform to_world = params.get_transform("to_world");
   const Location where = params.where("to_world");
-  if (singular(to_world)) fail(where, "to_world of an instance is singular: it flattens the shapes");
+  if (to_world.is_singular(kLeastVolume)) fail(where, "to_world of an instance is singular: it flattens the shapes");
   params.finish();
   shape_meter_.add((members.meshes.size() + members.spheres.size()) * kShapeBytes);
   const int placement = static_cast<int>(scene_.placements.size());

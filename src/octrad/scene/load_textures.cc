@@ -102,10 +102,8 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
       *color = is_scalar(role) ? Vec3f(luminance(*value)) : *value;
     }
   } else {
-    fail(element.location,
-         "texture \"" + params.type() + "\" is not supported" + did_you_mean(params.type(), kTextures) +
-             "; supported: " + join(kTextures) +
-             (params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : ""));
+    params.fail_type(kTextures, "",
+                     params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : "");
   }
   params.finish();
   textures_.emplace(key, index);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <set>
 
+#include "octrad/base/escape.h"
 #include "octrad/base/number_text.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/description.h"
@@ -12,20 +13,17 @@
 namespace octrad {
 namespace {
 
-std::string escaped(const std::string& text) {
+// In a value of an attribute a newline would be read as a blank.
+std::string attribute_text(const std::string& text) {
   std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      case '\n': out += "&#10;"; break;
-      default: out += c;
-    }
+  for (const char c : markup_text(text)) {
+    if (c == '\n') out += "&#10;";
+    else out += c;
   }
   return out;
 }
+
+std::string rgb_text(Vec3f v) { return number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z); }
 
 class Writer {
  public:
@@ -64,7 +62,7 @@ class Writer {
       out += ' ';
       out += key;
       out += "=\"";
-      out += escaped(value);
+      out += attribute_text(value);
       out += '"';
     }
     out += closed ? "/>" : ">";
@@ -88,7 +86,7 @@ class Writer {
   }
 
   void color(const Element& e, Vec3f v, int depth) {
-    const std::string rgb = number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z);
+    const std::string rgb = rgb_text(v);
     const Attributes own = labels(e);
     if (std::any_of(own.begin(), own.end(), [](const auto& a) { return a.first == "id"; })) {
       // A colour that others refer to is an object; d65 is the white of RGB.
@@ -144,10 +142,7 @@ class Writer {
     Attributes attributes = {{"type", "diffuse"}};
     for (const auto& label : labels(e)) attributes.push_back(label);
     line(depth, tag("bsdf", attributes, false));
-    line(depth + 1, tag("rgb",
-                        {{"name", "reflectance"},
-                         {"value", number_text(value.x) + ", " + number_text(value.y) + ", " + number_text(value.z)}},
-                        true));
+    line(depth + 1, tag("rgb", {{"name", "reflectance"}, {"value", rgb_text(value)}}, true));
     line(depth, "</bsdf>");
   }
 
