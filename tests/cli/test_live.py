@@ -4,8 +4,10 @@ import json
 import os
 import signal
 import subprocess
+import tempfile
 import unittest
 
+import support
 from exr import read_exr
 from support import ROOM, SMALL, Case, read_safetensors, start, wait_for
 from test_view import SERVER, jpeg_size
@@ -147,11 +149,23 @@ class Watching(Live):
 class Edits(Live):
     room = TWO_LAMPS
 
+    @classmethod
+    def setUpClass(cls):
+        cls.shared = tempfile.TemporaryDirectory(prefix="octrad-live-")
+        cls.model = os.path.join(cls.shared.name, "learnt.octrad")
+        scene = os.path.join(cls.shared.name, "room.xml")
+        with open(scene, "w") as out:
+            out.write(TWO_LAMPS)
+        done = support.run("train", scene, "-o", cls.model, "-D", "train.steps=600", *SMALL)
+        assert done.code == 0, done.err
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.shared.cleanup()
+
     def setUp(self):
         super().setUp()
-        model = self.path("learnt.octrad")
-        self.ok("train", self.write("room.xml", TWO_LAMPS), "-o", model, "-D", "train.steps=600", *SMALL)
-        self.viewed = self.viewer(self.serve("view", "--model", model, "--train", "--width", "32", "--height", "24"))
+        self.viewed = self.viewer(self.serve("view", "--model", self.model, "--train", "--width", "32", "--height", "24"))
 
     def settled(self):
         """The picture once a change is learnt."""
@@ -184,7 +198,7 @@ class Edits(Live):
         viewer.send("set", a={"integrator": "path"})
         viewer.frame(lambda h: h["a"]["integrator"] == "path" and h["a"]["samples"] >= 1024)
         truth, attributes = self.picture(viewer)
-        self.assertNotEqual(json.loads(attributes["octrad.scene"])["fingerprint"], json.loads(read_safetensors(self.path("learnt.octrad"))[0]["scene"])["fingerprint"])
+        self.assertNotEqual(json.loads(attributes["octrad.scene"])["fingerprint"], json.loads(read_safetensors(self.model)[0]["scene"])["fingerprint"])
         mean = lambda picture: sum(sum(picture[c]) for c in "RGB")
         self.assertGreater(mean(before), 1.15 * mean(truth), "the lamp did something")
         self.assertAlmostEqual(mean(off), mean(truth), delta=0.05 * mean(truth))
