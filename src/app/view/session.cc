@@ -410,8 +410,9 @@ Session::FilmKey Session::film_key(const Wanted& wanted, const Side& side, const
 // Samples of the sides: the first of those whose film is another one, and with `more` the next of those whose film is
 // the same, so that what one side has is kept when the other changes. False where `stop` said so.
 bool Session::sample(const Wanted& wanted, const View& view, bool more, const Stop& stop) {
-  const auto add = [&](SideRenderer& renderer, std::optional<FilmKey>& film, const Side& side) {
+  const auto add = [&](SideRenderer& renderer, std::optional<FilmKey>& film, const Side& side, long long& scene) {
     const FilmKey key = film_key(wanted, side, view);
+    if (std::exchange(scene, key.scene) != key.scene) renderer.scene_changed();
     if (film == key) return !more || renderer.finished() || renderer.add_pass(stop);
     film.reset();
     renderer.show(side, view);
@@ -419,7 +420,7 @@ bool Session::sample(const Wanted& wanted, const View& view, bool more, const St
     film = key;
     return true;
   };
-  return add(a_, a_film_, wanted.state.a) && (!wanted.state.b || add(b_, b_film_, *wanted.state.b));
+  return add(a_, a_film_, wanted.state.a, a_scene_) && (!wanted.state.b || add(b_, b_film_, *wanted.state.b, b_scene_));
 }
 
 // Whether the films show the model and the scene as they are.

@@ -107,6 +107,7 @@ class Session : public ServerHandler {
   // Of the rendering thread.
   SideRenderer a_, b_;
   std::optional<FilmKey> a_film_, b_film_;  // none while moving
+  long long a_scene_ = 0, b_scene_ = 0;     // LiveTraining::scene_number() of the renderers
   bool still_ = false;                      // the films are those of the picture at rest
   long long film_done_ = 0, display_done_ = 0;
   Clock::time_point published_{};

@@ -53,6 +53,8 @@ class SideRenderer {
   // From now on `side` seen in `view`, from an empty film, with the weights as they are now. Throws what
   // make_renderer() and set_view() throw.
   void show(const Side& side, const View& view);
+  // The scene is another one: what integrators found out about it is no longer true.
+  void scene_changed() { renderer_.reset(); }
   // Takes the next samples of every pixel, as render() does. False where `stop` said so: the film is as it was.
   bool add_pass(const std::function<bool()>& stop);
   bool finished() const;
