@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "octrad/base/threads.h"
+#include "octrad/device/stream_test_helper.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/train/batch.h"
 #include "octrad/train/box_test_helper.h"
@@ -129,6 +130,28 @@ TEST(Trainer, ChangesAreLearnt) {
   set_thread_count(0);
   EXPECT_EQ(radiance[0], radiance[1]);
 }
+
+class TrainerOnDevices : public testing::StreamTest {};
+
+TEST_P(TrainerOnDevices, ChangesAreLearnt) {
+  PreparedScene scene(testing::closed_room());
+  TrainOptions options;
+  options.stream = stream.get();
+  Trainer trainer(scene, short_run(64), options);
+  while (!trainer.done()) trainer.step();
+  const std::vector<SurfacePoint> probes = surface_probes(scene, 200, 1, trainer.config());
+  const std::vector<Vec3f> before = ask(trainer, probes);
+  trainer.scene_changed(scene.set_light_factor(0, Vec3f(2.0f)));
+  const std::vector<Vec3f> twice = ask(trainer, probes);
+  for (std::size_t i = 0; i < probes.size(); ++i) ASSERT_EQ(twice[i], before[i] * 2.0f);
+  trainer.scene_changed(scene.set_light_factor(0, {8.0f, 2.0f, 0.5f}));
+  const double surprised = residual(trainer, scene);
+  for (int i = 0; i < 100; ++i) trainer.step();
+  trainer.aside([] {});
+  EXPECT_LT(residual(trainer, scene), 0.7 * surprised);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, TrainerOnDevices, ::testing::Bool(), testing::stream_name);
 
 TEST(ChangedPoints, LieOnWhatChangedAndOnWhatItLights) {
   PreparedScene scene(testing::closed_room());
