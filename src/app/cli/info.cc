@@ -10,6 +10,7 @@
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/threads.h"
 #include "octrad/base/version.h"
 #include "octrad/device/choose.h"
