@@ -1,7 +1,7 @@
 # src/app/view/page becomes part of the program (app/view/page.h, page_files): sets OCTRAD_PAGE to the source.
 set(entries)
 foreach(file "index.html:/:text/html" "viewer.css:/viewer.css:text/css" "viewer.js:/viewer.js:text/javascript"
-             "tools.js:/tools.js:text/javascript")
+             "tools.js:/tools.js:text/javascript" "training.js:/training.js:text/javascript")
   string(REPLACE ":" ";" parts ${file})
   list(GET parts 0 name)
   list(GET parts 1 path)
