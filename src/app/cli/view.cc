@@ -171,7 +171,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::unique_ptr<Stream> stream = device.make_stream(definitions_of(o).tuning());
   studio.stream = stream.get();
   studio.settings.film = scene.film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));
   studio.settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
