@@ -17,12 +17,17 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <random>
 #include <thread>
 
 #include "app/view/page.h"
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
+<<<<<<< HEAD
 #include "octrad/base/lower_case.h"
+=======
+#include "octrad/base/random_seed.h"
+>>>>>>> bundle
 #include "octrad/base/stopwatch.h"
 
 namespace octrad::viewer {
@@ -396,6 +401,10 @@ void Connection::answer(const Request& request, Download file) {
 }  // namespace
 
 void WebServer::Impl::listen() {
+  // Beast would take std::random_device (base/random_seed.h says why not).
+  const std::uint64_t numbers[] = {random_seed(), random_seed(), random_seed(), random_seed()};
+  std::seed_seq seeds(std::begin(numbers), std::end(numbers));
+  beast::websocket::seed_prng(seeds);
   error_code error;
   const asio::ip::address address = asio::ip::make_address(options.address, error);
   if (error)
