@@ -17,7 +17,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/device/choose.h"
 #include "octrad/device/stage_times.h"
-#include "octrad/image/image.h"
+#include "octrad/image/io.h"
 #include "octrad/model/config.h"
 
 namespace octrad::cli {
@@ -97,6 +97,16 @@ CLI::Validator unnamed(Validator validator) {
   return validator.description("");
 }
 
+// --exr-type and --exr-compression of verbs that write pictures.
+struct ExrOptions {
+  std::string type = "float";
+  ExrSettings settings;
+
+  void add_to(CLI::App& verb);
+  // The settings. Throws UsageError where they were given for a picture of another format.
+  ExrSettings settings_for(const std::string& output) const;
+};
+
 // A check that an option's value is a number from `low` to `high`, or a whole one. Its messages say what is accepted.
 CLI::Validator in_range(double low, double high);
 CLI::Validator whole_in_range(long long low, long long high);
@@ -132,6 +142,8 @@ struct ConfigOptions {
   Config resolve() const;
   // The definitions that name configuration keys, in order (not checked).
   std::vector<std::pair<std::string, std::string>> config_definitions() const;
+  // Of the definitions named device.KEY. Throws UsageError.
+  DeviceTuning tuning() const;
   // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration
   // key.
   std::map<std::string, std::string> scene_definitions() const;

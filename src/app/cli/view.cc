@@ -144,7 +144,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::unique_ptr<Stream> stream = device.make_stream(definitions_of(o).tuning());
   studio.stream = stream.get();
   studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
@@ -183,7 +183,7 @@ void add_view(Program& program) {
   auto o = std::make_shared<ViewVerbOptions>();
   CLI::App* verb = add_verb(program, "view", "Walk through a scene in a browser, path traced or from trained caches.",
                             "octrad view scene.xml --model room.octrad --open", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML or glTF")->required()->type_name("SCENE.xml");
   CLI::Option* model = verb->add_option("--model", o->models, "trained cache; can be given more than once")
                            ->type_name("FILE.octrad")
                            ->expected(1)

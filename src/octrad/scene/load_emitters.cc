@@ -36,7 +36,7 @@ void SceneBuilder::add_emitter(const Element& element) {
   const std::string& type = params.type();
   if (type == "envmap" || type == "constant") return add_environment(params);
   if (type == "area") fail(element.location, "an area emitter must stand inside a shape");
-  if (type == "sky" || type == "sun" || type == "sunsky") {
+  if (type == "sky" || type == "sun" || type == "sunsky" || type == "timed_sunsky") {
     fail(element.location, "emitter \"" + type +
                                "\" is not supported: bake it to a picture with Mitsuba (render it with a sensor that "
                                "sees all directions, or evaluate the emitter along them), and load that as an envmap");
@@ -55,12 +55,8 @@ void SceneBuilder::add_delta_light(Params& params) {
   light.kind = static_cast<Kind>(std::find(kEmitters.begin(), kEmitters.end(), params.type()) - kEmitters.begin());
   const bool projector = light.kind == Kind::projector, directional = light.kind == Kind::directional,
              point = light.kind == Kind::point;
-  const auto given = [&](const std::string& name) {
-    const auto& children = params.element().children;
-    return std::any_of(children.begin(), children.end(), [&](const auto& c) { return c->get("name") == name; });
-  };
   const std::string other = point ? "position" : directional ? "direction" : "";
-  if (!other.empty() && given(other) && given("to_world"))
+  if (!other.empty() && params.given(other) && params.given("to_world"))
     fail(params.where(other), "give either " + other + " or to_world");
   Transform to_world = params.get_transform("to_world");
   if (point) to_world = Transform::translate(params.get_point("position", Vec3d(to_world.column(3))));

@@ -322,7 +322,7 @@ void SceneBuilder::read_principled(Params& params, Material& m) {
   read_extra(params, m, P::clearcoat_gloss, "clearcoat_gloss", TextureRole::fraction, 0.0f);
   const bool transmissive = m.extra[P::spec_trans] >= 0;
   constexpr float kAbsent = -1.0f;
-  const bool given = params.where("eta").offset != params.location().offset;
+  const bool given = params.given("eta");
   float specular = params.float_in("specular", given ? kAbsent : 0.5f, given ? kAbsent : 0.0f, 1.0f);
   if (given && specular != kAbsent) fail(params.where("specular"), "principled takes eta or specular, not both");
   m.ext_ior = 1.0f;

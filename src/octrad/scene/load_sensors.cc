@@ -32,11 +32,8 @@ std::vector<std::string> film_types() { return {"hdrfilm"}; }
 std::vector<std::string> rfilter_types() { return kFilters; }
 
 void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis) {
-  const std::vector<std::unique_ptr<Element>>& children = params.element().children;
-  const bool has_fov =
-      std::any_of(children.begin(), children.end(), [](const auto& child) { return child->get("name") == "fov"; });
   const std::string focal_length = params.get_string("focal_length", "");
-  if (has_fov) {
+  if (params.given("fov")) {
     if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
     degrees = params.get_float("fov", 0.0f);
     if (!(degrees > 0.0f && degrees < 180.0f)) fail(params.where("fov"), "fov must be above 0 and below 180 degrees");

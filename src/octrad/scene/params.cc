@@ -312,6 +312,11 @@ void Params::fail_type(const std::vector<std::string>& known, const std::string&
        what() + " is not supported" + did_you_mean(type_, known) + remark + "; supported: " + join(known) + others);
 }
 
+bool Params::given(const std::string& name) const {
+  return std::any_of(element_.children.begin(), element_.children.end(),
+                     [&](const auto& child) { return child->get("name") == name; });
+}
+
 float Params::get_float(const std::string& name, float fallback) {
   return read<float>(name, fallback, [&] {
     const Element* e = take(name, {"float", "integer"});

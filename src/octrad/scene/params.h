@@ -45,6 +45,8 @@ class Params {
   Vec3d get_point(const std::string& name, Vec3d fallback);
   Transform get_transform(const std::string& name);
 
+  // Whether the file gives it; does not count as reading it.
+  bool given(const std::string& name) const;
   // The parameter as written (any of <float>, <rgb>, <texture>, <ref> ...), or null. For parameters with several types.
   const Element* find(const std::string& name);
   // Accepts a parameter that has no effect on the picture here.

@@ -4,9 +4,12 @@
 #include <filesystem>
 #include <set>
 
+#include "octrad/base/atomic_file.h"
 #include "octrad/base/escape.h"
 #include "octrad/base/number_text.h"
+#include "octrad/image/io.h"
 #include "octrad/scene/builder.h"
+#include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/params.h"
 
@@ -33,9 +36,10 @@ class Writer {
     const std::filesystem::path folder = std::filesystem::absolute(output).parent_path();
     std::error_code code;
     folder_ = std::filesystem::weakly_canonical(folder, code);
+    files_ = std::filesystem::path(output).stem().string() + "-files";
   }
 
-  std::string write(const Scene& scene) {
+  void write(const Scene& scene) {
     text_ = "<scene version=\"3.0.0\">\n";
     line(1, "<integrator type=\"path\">");
     line(2, "<integer name=\"max_depth\" value=\"" + std::to_string(scene.max_depth) + "\"/>");
@@ -43,10 +47,11 @@ class Writer {
     for (const auto& child : description_.root->children) {
       if (child->tag != "integrator" && !is_area_light(target_of(*child))) element(*child, 1, "scene");
     }
-    return text_ + "</scene>\n";
+    result.xml = text_ + "</scene>\n";
   }
 
   std::set<std::string> notes;  // of what Mitsuba 3 cannot say
+  SceneFiles result;
 
  private:
   using Attributes = std::vector<std::pair<std::string, std::string>>;
@@ -186,7 +191,26 @@ class Writer {
     line(depth, "</sampler>");
   }
 
-  std::string file_name(const Element& e) const {
+  std::string file_name(const Element& e) {
+    const std::string& name = e.get("value");
+    if (const RawMesh* mesh = description_.built_mesh(name)) {
+      const std::string file = files_ + "/" + name + ".ply";
+      result.others[file] = [mesh, keep = description_.built](const std::string& path) {
+        write_whole(path, ply_bytes(*mesh));
+      };
+      return file;
+    }
+    if (const BuiltPicture* picture = description_.built_picture(name)) {
+      const std::string encoded = picture->encoded ? picture->encoded() : "";
+      const char* ending = encoded.starts_with("\x89PNG") ? ".png" : encoded.starts_with("\xff\xd8") ? ".jpg" : ".exr";
+      const std::string file = files_ + "/" + name + ending;
+      const bool same = ending != std::string(".exr");
+      result.others[file] = [picture, same, keep = description_.built](const std::string& path) {
+        if (same) write_whole(path, picture->encoded());
+        else write_exr(path, picture->read());
+      };
+      return file;
+    }
     std::error_code code;
     const std::filesystem::path file =
         std::filesystem::weakly_canonical(description_.resolve(e.get("value"), e.location), code);
@@ -194,25 +218,31 @@ class Writer {
     return (code || relative.empty() ? file : relative).string();
   }
 
+  static void write_whole(const std::string& path, const std::string& bytes) {
+    AtomicFile out(path);
+    out.write(bytes);
+    out.commit();
+  }
+
   const Description& description_;
   const Understood& understood_;
   std::filesystem::path folder_;
-  std::string text_;
+  std::string text_, files_;
   bool repeated_ = false;  // what is written stands elsewhere too: without ids
 };
 
 }  // namespace
 
-std::string scene_as_xml(const std::string& file, const std::string& output, const LoadOptions& options, Scene& scene) {
+SceneFiles scene_as_xml(const std::string& file, const std::string& output, const LoadOptions& options, Scene& scene) {
   SceneReport report(options.permissive);
   Description description = read_description(file, options.definitions, report);
   Understood understood;
   description.understood = &understood;
   scene = build_scene(description);
   Writer writer(description, understood, output);
-  std::string text = writer.write(scene);
+  writer.write(scene);
   scene.assumed.insert(scene.assumed.end(), writer.notes.begin(), writer.notes.end());
-  return text;
+  return std::move(writer.result);
 }
 
 }  // namespace octrad

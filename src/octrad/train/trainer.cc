@@ -33,13 +33,18 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
 // Estimate of what training will allocate: on the device where there is one.
 using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
 
+DeviceEngineOptions engine_options(const TrainOptions& options) {
+  DeviceEngineOptions device;
+  device.deterministic = options.deterministic;
+  device.tuning = options.stream->tuning;
+  return device;
+}
+
 MemoryEstimate memory_estimate(const TrainOptions& options) {
   if (!options.stream)
     return
         [](const Config& config, const std::vector<long long>& cells) { return estimate_memory(config, cells, true); };
-  DeviceEngineOptions device;
-  device.deterministic = options.deterministic;
-  return [device](const Config& config, const std::vector<long long>& cells) {
+  return [device = engine_options(options)](const Config& config, const std::vector<long long>& cells) {
     return estimate_device_training(config, cells, device);
   };
 }
@@ -130,9 +135,8 @@ class Trainer::Run {
     }
     exposure_ = static_cast<double>(field->target_scale());
     if (options.stream) {
-      DeviceEngineOptions device;
-      device.deterministic = options.deterministic;
-      engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field), device);
+      engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
+                                   engine_options(options));
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
