@@ -70,7 +70,7 @@ def picture(viewer, np):
         file.write(body)
         file.flush()
         width, height, channels, _ = read_exr(file.name)
-    return np.stack([np.array(channels[c], dtype=np.float64).reshape(height, width) for c in "RGB"], axis=-1)
+    return np.stack([np.frombuffer(channels[c], dtype="<f4").astype(np.float64).reshape(height, width) for c in "RGB"], axis=-1)
 
 
 def settle(viewer, integrator, samples, np):

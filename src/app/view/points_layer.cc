@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace octrad::viewer {
 namespace {
@@ -32,18 +33,26 @@ Image8 draw_points(Image8 base, const Image& picture, const View& view, std::spa
   }
   const CameraView camera = view.camera.view(view.width, view.height);
   const int depth = picture.channel("depth.Z");
+  std::vector<int> counts(base.data.size() / 3);
+  int most = 1;
   for (const Vec3f& p : points) {
     int x = 0, y = 0;
     if (!pixel_of(camera, p, x, y)) continue;
     const float distance = length(p - camera.origin);
     const float seen = depth < 0 ? distance : picture.at(x, y, depth);
     if (std::fabs(seen - distance) > 0.03f * distance + 2.0f * camera.near_clip) continue;
-    std::uint8_t* pixel = base.data.data() + 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(base.width) +
-                                                  static_cast<std::size_t>(x));
-    // From orange for one point to white for many.
-    constexpr int kFirst[3] = {255, 140, 0};
-    for (int c = 0; c < 3; ++c)
-      pixel[c] = static_cast<std::uint8_t>(pixel[0] < 255 ? kFirst[c] : std::min(255, pixel[c] + 40));
+    int& count =
+        counts[static_cast<std::size_t>(y) * static_cast<std::size_t>(base.width) + static_cast<std::size_t>(x)];
+    most = std::max(most, ++count);
+  }
+  // From orange for one point to white for the most, evenly in their logarithm.
+  constexpr float kFirst[3] = {255.0f, 130.0f, 0.0f};
+  const float range = std::log(std::max(2.0f, static_cast<float>(most)));
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    const float t = std::log(static_cast<float>(counts[i])) / range;
+    for (std::size_t c = 0; c < 3; ++c)
+      base.data[3 * i + c] = static_cast<std::uint8_t>(kFirst[c] + (255.0f - kFirst[c]) * t);
   }
   return base;
 }

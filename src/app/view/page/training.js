@@ -69,7 +69,7 @@ export class TrainingPanel {
     const s = this.status;
     const state = s.finished && s.state === "idle" ? "finished" : s.state;
     const rows = [["training", s.change > 0 ? `${state === "running" ? state : "learning the change"}, ${Math.round(100 * (1 - s.change))} % of the change` : state],
-      ["step", s.steps > 0 ? `${s.step} of ${s.steps}` : String(s.step)], ["time", s.budget > 0 ? `${clock(s.seconds)} of ${clock(s.budget)}` : clock(s.seconds)],
+      ["step", s.steps >= s.step ? `${s.step} of ${s.steps}` : String(s.step)], ["time", s.budget >= s.seconds ? `${clock(s.seconds)} of ${clock(s.budget)}` : clock(s.seconds)],
       ["loss", s.loss < 0 ? "–" : short(s.loss)], ["validation MAPE", s.mape < 0 ? "–" : short(s.mape)], ["learning rate", `${short(s.rate)} of the configured`],
       ["points", rate(s.points_per_s)], ["queries", rate(s.queries_per_s)], ["time for pictures", `${Math.round(100 * s.share)} %`],
       ["saved", s.saved === null ? "not yet" : `step ${s.saved}`]];
@@ -101,9 +101,9 @@ export class TrainingPanel {
     painter.strokeRect(left, top, right - left, bottom - top);
     painter.fillStyle = color("--quiet");
     painter.textAlign = "left";
-    painter.fillText(`${begin.toFixed(0)} s`, left, height - 2);
+    painter.fillText(clock(begin), left, height - 2);
     painter.textAlign = "right";
-    painter.fillText(`${end.toFixed(0)} s`, right, height - 2);
+    painter.fillText(clock(end), right, height - 2);
     painter.textAlign = "center";
     painter.fillText("learning rate", (left + right) / 2, height - 2);
     const line = (points, y, width = 1.5) => {
