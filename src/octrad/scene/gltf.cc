@@ -234,6 +234,9 @@ class Reader {
             for (const Transform& to_world : places) {
               Element& shape = add_shape(root(), primitive, name, surface);
               add_matrix(shape, primitive.location(), "to_world", to_world);
+              // What mirrors turns the front with it. Normals of the file do so by themselves.
+              if (to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty())
+                add_element(shape, primitive.location(), "boolean", {{"name", "flip_normals"}, {"value", "true"}});
             }
             continue;
           }
@@ -266,6 +269,8 @@ class Reader {
     const int uv_set = materials_.uv_set(surface.material);
     const GltfObject attributes = primitive.object("attributes");
     surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
+    if (!surface.uvs && materials_.has_textures(surface.material))
+      report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");
     const bool colors = attributes.has("COLOR_0");
     surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
     if (colors && !surface.colors)
@@ -315,7 +320,7 @@ class Reader {
     if (type != "perspective" && type != "orthographic")
       camera.fail("the type must be perspective or orthographic, not \"" + type + "\"");
     const GltfObject p = camera.object(type);
-    const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e4, 0.0, 1e12);
+    const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e9, 0.0, 1e12);
     double aspect = p.number("aspectRatio", 16.0 / 9.0, 1e-3, 1e3);
     Transform t = *view;
     double degrees = 0.0;

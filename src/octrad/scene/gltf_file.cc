@@ -64,6 +64,11 @@ int hex_digit(char c) {
   return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
+// A limit that was rounded when it was written is one.
+double within_rounding(double value, double upper) {
+  return value > upper && value <= upper + 1e-4 * std::fabs(upper) ? upper : value;
+}
+
 }  // namespace
 
 Location GltfObject::location() const {
@@ -113,7 +118,8 @@ std::vector<std::string> GltfObject::keys() const {
 double GltfObject::number(const std::string& key, double fallback, double lower, double upper) const {
   const nlohmann::json* found = member(key);
   if (!found) return fallback;
-  const double value = found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
+  const double value =
+      found->is_number() ? within_rounding(found->get<double>(), upper) : std::numeric_limits<double>::quiet_NaN();
   if (!(value >= lower && value <= upper)) {
     wrong(key, lower > -1e30 || upper < 1e30
                    ? "a number from " + number_text(lower) + (upper < 1e30 ? " to " + number_text(upper) : " on")
@@ -145,7 +151,8 @@ std::vector<double> GltfObject::numbers(const std::string& key, std::vector<doub
                                (upper < 1e30 ? " from " + number_text(lower) + " to " + number_text(upper) : "");
   if (!found->is_array() || found->size() != fallback.size()) wrong(key, expected);
   for (std::size_t i = 0; i < fallback.size(); ++i) {
-    fallback[i] = (*found)[i].is_number() ? (*found)[i].get<double>() : std::numeric_limits<double>::quiet_NaN();
+    fallback[i] = (*found)[i].is_number() ? within_rounding((*found)[i].get<double>(), upper)
+                                          : std::numeric_limits<double>::quiet_NaN();
     if (!(fallback[i] >= lower && fallback[i] <= upper)) wrong(key, expected);
   }
   return fallback;

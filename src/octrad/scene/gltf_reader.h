@@ -51,6 +51,7 @@ class GltfMaterials {
   // The set of texture coordinates that the material's textures use.
   int uv_set(int material) const;
   bool has_normal_map(int material) const;
+  bool has_textures(int material) const;
   // Whether colours of vertices can be shown, and by what they are multiplied.
   bool shows_colors(int material, bool uvs) const;
   Vec3f base_color(int material) const;

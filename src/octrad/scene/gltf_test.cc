@@ -219,6 +219,18 @@ TEST_F(GltfTest, NodesAndInstances) {
   json_["nodes"][1]["children"] = {0};
   EXPECT_NE(error().find("twice"), std::string::npos);
 
+  // The front stays the front under a mirror, with normals in the file and without.
+  json_["nodes"] = Json::parse(R"([{"mesh": 0, "scale": [-1, 1, 1]}])");
+  const auto front = [](const TriangleMesh& mesh) {
+    Vec3f p[3];
+    for (int i = 0; i < 3; ++i) p[i] = mesh.positions[static_cast<std::size_t>(mesh.triangles[0][i])];
+    return cross(p[1] - p[0], p[2] - p[0]).z * (mesh.flip_normals ? -1.0f : 1.0f);
+  };
+  EXPECT_EQ(front(load().meshes[0]), 1.0f);
+  primitive()["attributes"]["NORMAL"] = add("VEC3", 5126, 3, bytes_of<float>({0, 0, 1, 0, 0, 1, 0, 0, 1}));
+  EXPECT_EQ(front(load().meshes[0]), 1.0f);
+  primitive()["attributes"].erase("NORMAL");
+
   json_["nodes"] = Json::parse(R"([{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}])");
   json_["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
       add("VEC3", 5126, 2, bytes_of<float>({0, 0, 1, 0, 0, 2}));
