@@ -217,7 +217,7 @@ GltfFile::GltfFile(const std::string& file, std::string bytes, const Description
     root().fail(version.empty() ? "not a glTF file: it has no asset.version"
                                 : "glTF " + version + " is not supported; supported: 2.x");
   for (const char* list : {"accessors", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes",
-                           "samplers", "scenes", "textures"}) {
+                           "samplers", "scenes", "skins", "textures"}) {
     const auto found = json_.find(list);
     if (found != json_.end() && !found->is_array()) root().fail(std::string("\"") + list + "\" must be a list");
   }
@@ -365,14 +365,17 @@ GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std
 GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   const GltfObject a = item("accessors", accessor);
   const std::string type = a.text("type", "");
-  static const std::pair<const char*, int> kTypes[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}};
+  static const std::pair<const char*, int> kTypes[] = {
+      {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT4", 16}};
   GltfValues result;
   for (const auto& [name, number] : kTypes) {
     if (type == name) result.components = number;
   }
   if (std::find(components.begin(), components.end(), result.components) == components.end()) {
     std::vector<std::string> names;
-    for (const int n : components) names.push_back(kTypes[n - 1].first);
+    for (const auto& [name, number] : kTypes) {
+      if (std::find(components.begin(), components.end(), number) != components.end()) names.push_back(name);
+    }
     a.fail("the type must be " + join(names, " or ") + " here, not \"" + type + "\"");
   }
   const int kind = a.integer("componentType", 0, kByte, kFloat);

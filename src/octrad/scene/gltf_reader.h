@@ -24,9 +24,17 @@ Element& add_element(Element& parent, const Location& where, const std::string& 
 void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
 std::string three_numbers(Vec3d v);
 
+// How a mesh stands: the object that may have `weights` of its morph targets, and of a skin, for each joint, what takes
+// vertices as they were bound to where the joint has them.
+struct GltfPose {
+  GltfObject weights;
+  std::vector<Transform> joints;
+};
+
 // A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, as "vertex_color", the colours
 // of its vertices times `color`, where it has them. nullopt for points and lines.
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color);
+std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
+                                 const GltfPose& pose);
 // Takes out the triangles whose texture is seen mirrored: v, which runs down the picture, up beside u to the right.
 RawMesh take_mirrored(RawMesh& mesh);
 
