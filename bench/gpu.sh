@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
-# Evidence from a GPU in one command: octrad selftest and the main timings, into bench/results/<date>-<gpu>.json.
-#   bench/gpu.sh [-o OUT.json] [SCENE.xml ...]        options: bench/gpu.sh --help
-# Without a GPU it says so, runs what the CPU can emulate, and keeps nothing unless -o says where.
+# Evidence from a GPU, from a clone or a bundle: a plan's steps, the most important first, the results written after every one.
+#   bench/gpu.sh --plan first --budget 480 --require-gpu -o first.json        does it work, and where does the time go
+#   bench/gpu.sh --plan second --budget 420 --require-gpu -o second.json      why, and which variant
+#   bench/gpu.sh --plan third --require-gpu [SCENE.xml]                       the record: bench/results/<date>-<gpu>.json
+# Options: --help. Without a GPU it says so, or ends (--require-gpu).
 set -euo pipefail
 exec python3 "$(dirname "$0")/gpu.py" "$@"

@@ -72,7 +72,7 @@ class Selftest(Case):
             self.assertGreater(frame["mape"], 0)
             self.assertLessEqual(frame["mape"], frame["tolerance"])
             self.assertLessEqual(frame["median_ms"], frame["p95_ms"])
-            self.assertEqual(set(frame["stages_ms"]), {"first hits", "field", "film", "tone mapping"})
+            self.assertLessEqual({"first rays", "first hits", "inputs of queries", "look-up", "decoder", "tone mapping"}, set(frame["stages_ms"]))
         self.assertIn("on the host", self.ok("selftest", scene, "--device", "cpu", "--only", "frame").out)
 
     def test_a_scene(self):

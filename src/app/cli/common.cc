@@ -258,6 +258,9 @@ Vec3f parse_vector(const std::string& text, const std::string& option) {
   return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
 }
 
+// What -D names that is no part of a configuration: how device code runs.
+constexpr std::string_view kTuning = "device.";
+
 void ConfigOptions::add_to(CLI::App& verb) {
   verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
   verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")
@@ -287,9 +290,18 @@ std::vector<std::pair<std::string, std::string>> ConfigOptions::config_definitio
   std::vector<std::pair<std::string, std::string>> out;
   for (const std::string& definition : definitions) {
     auto parts = split_definition(definition);
-    if (is_config_key(parts.first)) out.push_back(std::move(parts));
+    if (is_config_key(parts.first) && !parts.first.starts_with(kTuning)) out.push_back(std::move(parts));
   }
   return out;
+}
+
+DeviceTuning ConfigOptions::tuning() const {
+  DeviceTuning tuning;
+  for (const std::string& definition : definitions) {
+    const auto [key, value] = split_definition(definition);
+    if (key.starts_with(kTuning)) set(tuning, key.substr(kTuning.size()), value);
+  }
+  return tuning;
 }
 
 std::map<std::string, std::string> ConfigOptions::scene_definitions() const {

@@ -142,6 +142,8 @@ struct ConfigOptions {
   Config resolve() const;
   // The definitions that name configuration keys, in order (not checked).
   std::vector<std::pair<std::string, std::string>> config_definitions() const;
+  // Of the definitions named device.KEY. Throws UsageError.
+  DeviceTuning tuning() const;
   // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration
   // key.
   std::map<std::string, std::string> scene_definitions() const;

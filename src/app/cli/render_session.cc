@@ -117,7 +117,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       integrator(*find_integrator(o.integrator).info),
       model(open_model(o)),
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
-      stream(device.make_stream()),
+      stream(device.make_stream(definitions_of(o).tuning())),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
       prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <ctime>
-#include <random>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -16,6 +15,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/random_seed.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
 #include "octrad/base/version.h"
@@ -28,7 +28,7 @@ using namespace selftest;
 
 struct SelftestOptions {
   std::string scene, output, only;
-  bool quick = false, no_benchmarks = false;
+  bool quick = false, no_benchmarks = false, no_checks = false;
   std::vector<std::string> definitions;
 };
 
@@ -78,13 +78,13 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
   const Stopwatch watch;
   const DeviceChoice choice = common.choose_device();
-  const std::unique_ptr<Stream> stream = choice.cuda ? choice.make_stream() : make_host_stream();
-  const std::string on = stream->on_device() ? choice.name : "host";
-  std::random_device random;
-  const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random();
-
   ConfigOptions definitions;
   definitions.definitions = o.definitions;
+  std::unique_ptr<Stream> stream = choice.make_stream(definitions.tuning());
+  if (!stream) stream = make_host_stream();
+  const std::string on = stream->on_device() ? choice.name : "host";
+  const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random_seed() & 0xffffffffu;
+
   std::vector<PreparedScene> scenes;  // the one given, or built-in ones
   const auto prepare = [&](Scene scene) { scenes.emplace_back(std::move(scene), PreparedScene::CpuTree::bvh8); };
   if (!o.scene.empty()) {
@@ -109,7 +109,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
 
   std::size_t failed = 0, passed = 0;
   for (const Check& check : checks()) {
-    if (!chosen(o, check.name)) continue;
+    if (o.no_checks || !chosen(o, check.name)) continue;
     log_verbose("{}", check.name);
     const CheckResult r = check.run(context);
     (r.passed ? passed : failed) += 1;
@@ -155,7 +155,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                 ? "\nTraining and rendering beside the CPU's\n"
                 : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure of a GPU\n";
   for (const Stage& stage : stages()) {
-    if (o.no_benchmarks || !chosen(o, stage.name)) continue;
+    if (o.no_benchmarks || o.no_checks || !chosen(o, stage.name)) continue;
     log_verbose("{}", stage.name);
     StageResult r = stage.run(context);
     (r.passed ? passed : failed) += 1;
@@ -210,7 +210,8 @@ void add_selftest(Program& program) {
   verb->add_option("-o,--output", o->output, "JSON file with everything")->type_name("OUT.json");
   verb->add_option("--only", o->only, "only checks, benchmarks and stages with this in their name")->type_name("TEXT");
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");
-  verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
+  const auto* only_checks = verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
+  verb->add_flag("--no-checks", o->no_checks, "only the benchmarks")->excludes(const_cast<CLI::Option*>(only_checks));
   verb->add_option("-D", o->definitions, "set a parameter of the scene file")
       ->type_name("KEY=VALUE")
       ->expected(1)

@@ -172,7 +172,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   }
 
   const DeviceChoice device = common.choose_device(config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::unique_ptr<Stream> stream = device.make_stream(o.config.tuning());
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
   PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,

@@ -144,7 +144,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::unique_ptr<Stream> stream = device.make_stream(definitions_of(o).tuning());
   studio.stream = stream.get();
   studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;

@@ -14,11 +14,11 @@
 #include <cstring>
 #include <filesystem>
 #include <iterator>
-#include <random>
 #include <utility>
 
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
+#include "octrad/base/random_seed.h"
 
 namespace octrad {
 namespace {
@@ -54,8 +54,7 @@ std::string resolve(const std::string& file) {
 // A name in the folder of `file` that nobody uses yet, most likely; short, whatever the length of the file's name.
 std::string unused_name(const std::string& file) {
   static std::atomic<unsigned> count = 0;
-  std::random_device random;
-  return fmt::format("{}/.octrad-{:08x}{:04x}.tmp", folder_of(file), random(), ++count & 0xffffu);
+  return fmt::format("{}/.octrad-{:08x}{:04x}.tmp", folder_of(file), random_seed() & 0xffffffffu, ++count & 0xffffu);
 }
 
 // The names of new files, for a signal handler, which may neither allocate nor wait: in fixed memory.

@@ -37,6 +37,15 @@ OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {
 #endif
 }
 
+// Index of the lowest bit that is set; bits != 0.
+OCTRAD_HD inline std::uint32_t lowest_bit(std::uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return static_cast<std::uint32_t>(__ffs(static_cast<int>(bits)) - 1);
+#else
+  return static_cast<std::uint32_t>(__builtin_ctz(bits));
+#endif
+}
+
 // Index of the highest bit that is set; bits != 0.
 OCTRAD_HD inline std::uint32_t highest_bit(std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)

@@ -2,6 +2,7 @@
 
 #include <cctype>
 #include <charconv>
+#include <filesystem>
 #include <sstream>
 
 #include "octrad/base/error.h"
@@ -23,6 +24,7 @@ std::string refusal(const DeviceSurvey& survey, const DeviceInfo& device) {
 DeviceRequest parse_device(const std::string& text) {
   if (text == "auto") return {};
   if (text == "cpu") return {DeviceRequest::Kind::cpu, -1};
+  if (text == "host") return {DeviceRequest::Kind::host, -1};
   if (text == "cuda") return {DeviceRequest::Kind::cuda, -1};
   if (text.rfind("cuda:", 0) == 0) {
     int index = -1;
@@ -36,13 +38,21 @@ DeviceRequest parse_device(const std::string& text) {
                    did_you_mean(text, {"auto", "cpu", "cuda"}));
 }
 
-std::unique_ptr<Stream> DeviceChoice::make_stream() const { return cuda ? make_cuda_stream(index) : nullptr; }
+std::unique_ptr<Stream> DeviceChoice::make_stream(const DeviceTuning& tuning) const {
+  std::unique_ptr<Stream> stream = cuda ? make_cuda_stream(index) : host ? make_host_stream() : nullptr;
+  if (stream) stream->tuning = tuning;
+  return stream;
+}
 
 DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& support, const DeviceSurvey& survey) {
   using Kind = DeviceRequest::Kind;
   if (request.kind == Kind::cpu) return {false, 0, "cpu", "asked for"};
   const bool asked = request.kind == Kind::cuda;
   const std::string no_path = support.what + " runs on the CPU only";
+  if (request.kind == Kind::host) {
+    if (!support.cuda) throw DeviceError("--device host: " + no_path);
+    return {false, 0, "host", "asked for", true};
+  }
   if (!asked && !support.cuda) return {false, 0, "cpu", no_path};
 
   std::string why = survey.why_none;
@@ -67,6 +77,17 @@ DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& su
   const bool matters =
       request.kind == DeviceRequest::Kind::cuda || (request.kind == DeviceRequest::Kind::automatic && support.cuda);
   return choose_device(request, support, matters ? survey_devices() : DeviceSurvey{});
+}
+
+std::string why_no_driver(const std::string& root) {
+  for (const char* file : {"/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg"}) {
+    std::error_code failed;
+    if (std::filesystem::exists(root + file, failed))
+      return std::string("an NVIDIA device is there (") + file +
+             "), but the driver's library libcuda.so.1 is not found: name its folder in LD_LIBRARY_PATH, or make it "
+             "visible in the container";
+  }
+  return "no NVIDIA driver is installed";
 }
 
 bool runs_on(const std::string& architectures, int major, int minor) {

@@ -10,21 +10,23 @@ namespace octrad {
 
 // --device.
 struct DeviceRequest {
-  enum class Kind { automatic, cpu, cuda } kind = Kind::automatic;
+  enum class Kind { automatic, cpu, cuda, host } kind = Kind::automatic;
   int index = -1;  // cuda: the device's number; -1: the first that can be used
 };
 
-// "auto", "cpu", "cuda" or "cuda:N". Throws UsageError naming --device.
+// "auto", "cpu", "cuda" or "cuda:N", and for tests and rehearsals "host": the kernels on the CPU. Throws UsageError
+// naming --device.
 DeviceRequest parse_device(const std::string& text);
 
 struct DeviceChoice {
   bool cuda = false;
-  int index = 0;     // of the CUDA device
-  std::string name;  // "cpu", "cuda:0"
-  std::string why;   // a clause: "no NVIDIA driver is installed", "asked for"
+  int index = 0;      // of the CUDA device
+  std::string name;   // "cpu", "cuda:0", "host"
+  std::string why;    // a clause: "no NVIDIA driver is installed", "asked for"
+  bool host = false;  // the host stream
 
   // The stream that the choice runs on; null for the CPU, which has code of its own.
-  std::unique_ptr<Stream> make_stream() const;
+  std::unique_ptr<Stream> make_stream(const DeviceTuning& tuning = {}) const;
 };
 
 // Whether what is to be done has a path on devices, as `what` ("octrad train"). A request for CUDA without one throws,
@@ -43,5 +45,9 @@ DeviceChoice choose_device(const DeviceRequest& request, const DeviceSupport& su
 // taken for yes) has code for a device of this compute capability: machine code of the same major and no later minor
 // version, or code that the driver can translate.
 bool runs_on(const std::string& architectures, int major, int minor);
+
+// Why there is no driver, where the runtime found no libcuda: whether there is none, or one that is hidden from it.
+// `root` is put before the paths of the device files.
+std::string why_no_driver(const std::string& root = "");
 
 }  // namespace octrad

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 
 namespace octrad {
 namespace {
@@ -92,6 +93,16 @@ TEST(ChooseDevice, ArchitecturesThatRun) {
   EXPECT_TRUE(runs_on("90a", 9, 0));
   EXPECT_FALSE(runs_on("90a", 10, 0));
   EXPECT_TRUE(runs_on("native", 8, 0));
+}
+
+TEST(ChooseDevice, ADriverThatIsHiddenIsNotCalledMissing) {
+  const TestFolder root;
+  EXPECT_EQ(why_no_driver(root.path().string()), "no NVIDIA driver is installed");
+  std::filesystem::create_directories(root.path() / "dev");
+  root.write("dev/nvidiactl", "");
+  const std::string why = why_no_driver(root.path().string());
+  EXPECT_NE(why.find("/dev/nvidiactl"), std::string::npos) << why;
+  EXPECT_NE(why.find("libcuda.so.1 is not found"), std::string::npos) << why;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/device/choose.h"
 
 namespace octrad {
 namespace {
@@ -146,6 +147,16 @@ class CudaStream : public Stream {
     return static_cast<double>(ms);
   }
 
+  std::unique_ptr<Stream> sibling() override {
+    auto other = std::make_unique<CudaStream>(index_);
+    other->tuning = tuning;
+    return other;
+  }
+  void wait(StreamEvent& event) override {
+    not_while_recording("waiting for a sibling");
+    check_cuda(cudaStreamWaitEvent(stream_, static_cast<CudaEvent&>(event).event, 0), "waiting for an event");
+  }
+
   cudaStream_t handle() {
     use_device();
     return stream_;
@@ -195,7 +206,7 @@ DeviceSurvey survey_devices() {
   const cudaError_t status = cudaGetDeviceCount(&count);
   cudaGetLastError();
   if (driver == 0) {
-    survey.why_none = "no NVIDIA driver is installed";
+    survey.why_none = why_no_driver();
   } else if (status == cudaErrorInsufficientDriver) {
     survey.why_none = "the NVIDIA driver supports CUDA " + survey.driver + "; this program needs " + survey.runtime;
   } else if (status == cudaErrorNoDevice) {

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "octrad/base/bytes.h"
@@ -106,6 +107,17 @@ class HostStream : public Stream {
         .count();
   }
 
+  void know(const void* kernel) {
+    if (!capture_) known_.insert(kernel);
+    else if (known_.count(kernel) == 0) throw DeviceError("a kernel inside a recorded graph that has not run before");
+  }
+  std::unique_ptr<Stream> sibling() override {
+    auto other = make_host_stream();
+    other->tuning = tuning;
+    return other;
+  }
+  void wait(StreamEvent&) override { not_while_recording("waiting for a sibling"); }  // its work is done when recorded
+
   void run(std::function<void()> work) {
     if (capture_) capture_->work.push_back(std::move(work));
     else work();
@@ -119,15 +131,18 @@ class HostStream : public Stream {
   std::unordered_map<void*, std::size_t> sizes_;
   std::size_t allocated_ = 0, peak_ = 0;
   std::unique_ptr<HostGraph> capture_;
+  std::unordered_set<const void*> known_;  // kernels that have run
 };
 
 }  // namespace
 
 std::unique_ptr<Stream> make_host_stream() { return std::make_unique<HostStream>(); }
 
-void host_launch(Stream& stream, std::size_t n, const std::function<void(std::size_t, std::size_t)>& body,
-                 std::size_t block) {
-  static_cast<HostStream&>(stream).run([=] { parallel_blocks(n, block, body); });
+void host_launch(Stream& stream, std::size_t n, const void* kernel,
+                 const std::function<void(std::size_t, std::size_t)>& body, std::size_t block) {
+  auto& host = static_cast<HostStream&>(stream);
+  host.know(kernel);
+  host.run([=] { parallel_blocks(n, block, body); });
 }
 
 }  // namespace octrad

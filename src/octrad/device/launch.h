@@ -24,12 +24,12 @@ namespace octrad {
 #if defined(__CUDACC__)
 template <typename F>
 __global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_kernel(std::uint32_t n, F f) {
-  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i < n) f(i);
 }
 template <typename F>
 __global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_levels_kernel(std::uint32_t n, F f) {
-  const std::uint32_t i = blockIdx.x * F::kBlock + threadIdx.x;
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i < n) f(blockIdx.y, i);
 }
 #endif
@@ -56,6 +56,13 @@ void check_launch_of(std::size_t n) {
     throw DeviceError("a launch of " + std::to_string(n) + " items; " + std::to_string(kMostItems) + " are possible");
 }
 
+// Threads of a block.
+template <typename F>
+unsigned block_of(const Stream& stream) {
+  const auto wanted = static_cast<unsigned>(stream.tuning.block);
+  return wanted > 0 && wanted < F::kBlock ? wanted : F::kBlock;
+}
+
 template <typename F>
 void launch(Stream& stream, std::size_t n, const F& functor) {
   check_launch_of<F>(n);
@@ -63,12 +70,13 @@ void launch(Stream& stream, std::size_t n, const F& functor) {
 #if defined(__CUDACC__)
   if (stream.on_device()) {
     const auto count = static_cast<std::uint32_t>(n);
-    launch_kernel<F><<<(count + F::kBlock - 1) / F::kBlock, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    const unsigned block = block_of<F>(stream);
+    launch_kernel<F><<<(count + block - 1) / block, block, 0, cuda_handle(stream)>>>(count, functor);
     check_launch(stream);
     return;
   }
 #endif
-  host_launch(stream, n, [functor](std::size_t begin, std::size_t end) {
+  host_launch(stream, n, KernelId<F>::id, [functor](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) functor(static_cast<std::uint32_t>(i));
   });
 }
@@ -83,16 +91,18 @@ void launch_levels(Stream& stream, std::size_t n, int levels, const F& functor) 
 #if defined(__CUDACC__)
   if (stream.on_device()) {
     const auto count = static_cast<std::uint32_t>(n);
-    const dim3 blocks((count + F::kBlock - 1) / F::kBlock, static_cast<unsigned>(levels));
-    launch_levels_kernel<F><<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(count, functor);
+    const unsigned block = block_of<F>(stream);
+    const dim3 blocks((count + block - 1) / block, static_cast<unsigned>(levels));
+    launch_levels_kernel<F><<<blocks, block, 0, cuda_handle(stream)>>>(count, functor);
     check_launch(stream);
     return;
   }
 #endif
-  host_launch(stream, n * static_cast<std::size_t>(levels), [functor, n](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      functor(static_cast<std::uint32_t>(i / n), static_cast<std::uint32_t>(i % n));
-  });
+  host_launch(stream, n * static_cast<std::size_t>(levels), KernelId<F>::id,
+              [functor, n](std::size_t begin, std::size_t end) {
+                for (std::size_t i = begin; i < end; ++i)
+                  functor(static_cast<std::uint32_t>(i / n), static_cast<std::uint32_t>(i % n));
+              });
 }
 
 // Adds and returns the old value. Sums of floats depend on the order in which items come.
@@ -126,6 +136,26 @@ OCTRAD_HD inline std::uint32_t atomic_append(std::uint32_t* count) {
   return __shfl_sync(lanes, base, leader) + static_cast<unsigned>(__popc(lanes & ((1u << lane) - 1u)));
 #else
   return atomic_add(count, std::uint32_t{1});
+#endif
+}
+
+// The same for `items` new ones of each caller: the index of its first. On a device the lanes of a warp that call it
+// together must be the first ones, as in kernels of one item a thread.
+OCTRAD_HD inline std::uint32_t atomic_append_many(std::uint32_t* count, std::uint32_t items) {
+#if defined(__CUDA_ARCH__)
+  const unsigned lanes = __activemask();
+  const int last = __popc(lanes) - 1;
+  unsigned lane, before = items;
+  asm("mov.u32 %0, %%laneid;" : "=r"(lane));
+  for (unsigned step = 1; step < 32; step *= 2) {
+    const unsigned other = __shfl_up_sync(lanes, before, step);
+    if (lane >= step) before += other;
+  }
+  unsigned base = 0;
+  if (static_cast<int>(lane) == last && before > 0) base = atomicAdd(count, before);
+  return __shfl_sync(lanes, base, last) + before - items;
+#else
+  return items > 0 ? atomic_add(count, items) : 0;
 #endif
 }
 

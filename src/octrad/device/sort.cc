@@ -84,7 +84,7 @@ void sort_pairs(Stream& stream, const SortWorkspace& workspace, std::size_t n, c
   }
 #endif
   auto* scratch = reinterpret_cast<std::uint32_t*>(workspace.data());
-  host_launch(stream, 1, [=](std::size_t, std::size_t) {
+  host_launch(stream, 1, KernelId<struct SortPairsOnHost>::id, [=](std::size_t, std::size_t) {
     host_sort_pairs(scratch, n, keys_in, keys_out, values_in, values_out, bits);
   });
 }
@@ -99,7 +99,7 @@ void exclusive_sum(Stream& stream, const SortWorkspace& workspace, std::size_t n
     return;
   }
 #endif
-  host_launch(stream, 1, [=](std::size_t, std::size_t) {
+  host_launch(stream, 1, KernelId<struct ScanOnHost>::id, [=](std::size_t, std::size_t) {
     std::uint32_t total = 0;
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint32_t value = in[i];  // out may be in
@@ -121,7 +121,7 @@ void sum(Stream& stream, const SortWorkspace& workspace, std::size_t n, const fl
     stream.fill(out, 0, sizeof(float));
     return;
   }
-  host_launch(stream, 1, [=](std::size_t, std::size_t) { *out = host_sum(in, n); });
+  host_launch(stream, 1, KernelId<struct SumOnHost>::id, [=](std::size_t, std::size_t) { *out = host_sum(in, n); });
 }
 
 }  // namespace octrad

@@ -18,9 +18,15 @@ T& entry(std::vector<std::pair<std::string, T>>& list, const std::string& name) 
 void StageTimes::begin() {
   marks_.clear();
   marks_.push_back({"", 0.0, stream_.record()});
+  share_ = 1.0;
+  listening_ = true;
+  stream_.listen([this](const char* stage) { marks_.push_back({stage, share_, stream_.record()}); });
 }
 
-void StageTimes::mark(const char* stage, double share) { marks_.push_back({stage, share, stream_.record()}); }
+void StageTimes::end() {
+  if (listening_) stream_.listen(nullptr);
+  listening_ = false;
+}
 
 void StageTimes::settle() {
   StageSplit sums;

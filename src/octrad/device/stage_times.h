@@ -1,8 +1,8 @@
-// How long the stages of a piece of work take on a stream, by the stream's own clock: begin(), then a mark after the
-// launches of each stage (several of the same name add up). Nothing inside a recorded graph can be marked.
+// How long the stages of a piece of work take on a stream, by the stream's own clock: from begin() to end() the marks
+// that drivers set (Stream::mark) are timed, several of the same name together. Nothing inside a recorded graph can be
+// marked.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -12,19 +12,19 @@
 
 namespace octrad {
 
-// Called between the stages of a piece of work with the name of the one that ended.
-using StageMark = std::function<void(const char*)>;
-inline void no_mark(const char*) {}
-
 // Milliseconds by stage, in the order in which stages first came.
 using StageSplit = std::vector<std::pair<std::string, double>>;
 
 class StageTimes {
  public:
   explicit StageTimes(Stream& stream) : stream_(stream) {}
+  ~StageTimes() { end(); }
+  StageTimes(const StageTimes&) = delete;
+  StageTimes& operator=(const StageTimes&) = delete;
   void begin();
-  // `share`: the part of the time that counts, where the stage's work is for several pieces.
-  void mark(const char* stage, double share = 1.0);
+  // The part of the time that counts from now on, where the stages' work is for several pieces.
+  void set_share(double share) { share_ = share; }
+  void end();
   // Waits for the marks since begin(), if any, and keeps the times between them.
   void settle();
   void forget() { marks_.clear(); }  // instead of settle()
@@ -34,6 +34,8 @@ class StageTimes {
 
  private:
   Stream& stream_;
+  bool listening_ = false;
+  double share_ = 1.0;
   struct Mark {
     std::string stage;
     double share = 0.0;

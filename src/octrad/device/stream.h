@@ -7,7 +7,10 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "octrad/device/tuning.h"
 
 namespace octrad {
 
@@ -61,14 +64,32 @@ class Stream {
   virtual void synchronize() = 0;
 
   // Records the launches, copies and fills of `work` instead of running them; everything else throws DeviceError there,
-  // on either kind of stream. Where `work` throws, nothing is recorded. The host stream records closures.
+  // on either kind of stream. Kernels must have run before: a device loads them when they are first launched, which
+  // must not be recorded; the host stream refuses others. Where `work` throws, nothing is recorded. The host stream
+  // records closures.
   std::unique_ptr<LaunchGraph> capture(const std::function<void()>& work);
   virtual void replay(LaunchGraph& graph) = 0;
 
   virtual std::unique_ptr<StreamEvent> record() = 0;
   virtual double milliseconds(StreamEvent& from, StreamEvent& to) = 0;  // waits for `to`
 
+  // Another queue of the same device, for work that may run beside this one's; arrays are of both. It must not outlive
+  // this stream.
+  virtual std::unique_ptr<Stream> sibling() = 0;
+  // What follows here begins after `event` of a sibling.
+  virtual void wait(StreamEvent& event) = 0;
+
+  // For drivers: the launches since the mark before were this stage. Does nothing unless somebody listens
+  // (device/stage_times.h), who does not while the stream records.
+  void mark(const char* stage) const {
+    if (listener_) listener_(stage);
+  }
+  void listen(std::function<void(const char*)> listener) { listener_ = std::move(listener); }
+
+  DeviceTuning tuning;  // of what is made for this stream from now on
+
  private:
+  std::function<void(const char*)> listener_;
   virtual void begin_capture() = 0;
   virtual std::unique_ptr<LaunchGraph> end_capture() = 0;
 };

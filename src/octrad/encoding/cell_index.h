@@ -46,11 +46,17 @@ struct CellIndexView {
   }
   // Number of the cell, or kNoCell where it is empty.
   OCTRAD_HD std::uint32_t number(CellPlace place) const {
-    const CellOctant octant = octants[top[place.brick] * std::size_t{8} + (place.inner >> 6)];
+    const CellOctant* octant = octants + (top[place.brick] * std::size_t{8} + (place.inner >> 6));
     const bool upper = (place.inner & 32u) != 0;
-    const std::uint32_t mask = static_cast<std::uint32_t>(upper ? octant.mask >> 32 : octant.mask),
-                        bit = 1u << (place.inner & 31u);
-    const std::uint32_t number = octant.first + (upper ? octant.lower : 0u) + count_bits(mask & (bit - 1u));
+#if defined(__CUDA_ARCH__)
+    // One load: the compiler makes two of the struct.
+    const uint4 words = __ldg(reinterpret_cast<const uint4*>(octant));
+    const std::uint32_t mask = upper ? words.y : words.x, first = words.z + (upper ? words.w : 0u);
+#else
+    const auto mask = static_cast<std::uint32_t>(upper ? octant->mask >> 32 : octant->mask);
+    const std::uint32_t first = octant->first + (upper ? octant->lower : 0u);
+#endif
+    const std::uint32_t bit = 1u << (place.inner & 31u), number = first + count_bits(mask & (bit - 1u));
     return (mask & bit) != 0 ? number : kNoCell;
   }
   // The same for any coordinates: kNoCell outside the grid.

@@ -13,12 +13,25 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
     rules_.demodulate_from = split_coats(config) ? 0.0f : static_cast<float>(config.lookup_rough_threshold);
   rules_.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   rules_.normalized = config.decoder_position == DecoderPosition::normalized;
+  unit_scale_ = Vec3f(2.0f) / size;
+  unit_offset_ = Vec3f(-1.0f) - origin * unit_scale_;
   if (rules_.normalized) {
-    rules_.position_scale = Vec3f(2.0f) / size;
-    rules_.position_offset = Vec3f(-1.0f) - origin * rules_.position_scale;
+    rules_.position_scale = unit_scale_;
+    rules_.position_offset = unit_offset_;
   }
   mlp_.initialize(static_cast<unsigned long long>(config.seed), stream);
   mlp_.prepare();
+}
+
+DecoderRules DecoderHead::half_rules() const {
+  DecoderRules rules = rules_;
+  rules.position_scale = unit_scale_;
+  rules.position_offset = unit_offset_;
+  return rules;
+}
+
+MlpInputMap DecoderHead::input_map(int first) const {
+  return rules_.normalized ? MlpInputMap{} : MlpInputMap{first, unit_scale_, unit_offset_};
 }
 
 void DecoderHead::fill_inputs(std::span<const SurfacePoint> points, const Vec3f* directions, float* inputs, int first,

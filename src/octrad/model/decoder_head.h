@@ -13,6 +13,7 @@
 #include "octrad/network/adam.h"
 #include "octrad/network/loss_math.h"
 #include "octrad/network/mlp.h"
+#include "octrad/network/mlp_device.h"
 
 namespace octrad {
 
@@ -38,6 +39,11 @@ class DecoderHead {
   void set_target_scale(float scale) { target_scale_ = scale; }
   float target_scale() const { return target_scale_; }
   const DecoderRules& rules() const { return rules_; }
+  // For devices, whose networks are given halves: positions come in [-1, 1] of the domain even where the network is one
+  // of world units (not contracted then), and `input_map` is what makes up for that, the first position being input
+  // number `first`. Halves of coordinates in centimetres, or far from 0, would be steps of their own size / 2048.
+  DecoderRules half_rules() const;
+  MlpInputMap input_map(int first) const;
 
  private:
   Vec3f factor(const SurfacePoint& point) const {
@@ -47,6 +53,7 @@ class DecoderHead {
   Mlp mlp_;
   DenseAdam adam_;
   DecoderRules rules_;
+  Vec3f unit_scale_, unit_offset_;  // x * scale + offset is in [-1, 1] of the domain
   float target_scale_ = 1.0f;
 };
 

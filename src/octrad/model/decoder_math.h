@@ -24,7 +24,7 @@ struct DecoderRules {
   float demodulate_from = 1e30f;  // alpha from which the network predicts radiance / albedo
   float rough_threshold = 0.5f;
   bool normalized = false;  // positions: [-1, 1] in the domain, contracted outside, or world units
-  Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // x * scale + offset is in [-1, 1]
+  Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // normalized: x * scale + offset is in [-1, 1]
 
   OCTRAD_HD Vec3f position(Vec3f x) const {
     const Vec3f p = x * position_scale + position_offset;

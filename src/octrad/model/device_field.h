@@ -10,6 +10,7 @@
 #include "octrad/base/half.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/device/stream.h"
+#include "octrad/device/tuning.h"
 #include "octrad/model/config.h"
 #include "octrad/model/radiance_field.h"
 
@@ -26,6 +27,7 @@ struct DeviceFieldOptions {
   std::size_t max_train_points = 0;               // of a step; 0: no training
   bool deterministic = false;  // training repeats bit for bit: contributions are sorted before they are summed
   bool half_features = true;   // look-ups read tables of halves
+  DeviceTuning tuning = {};    // the stream's: chunks, order of queries, list of touched entries
 };
 
 // Of the steps since the last report.

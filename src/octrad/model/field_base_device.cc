@@ -52,10 +52,46 @@ struct Prepare : Kernel {
     w[2 * stride + i] = direction.z;
     float numbers[kPointInputs + 1];
     decoder_inputs(rules, p, direction, numbers);
-    numbers[kPointInputs] = 0.0f;
+    numbers[kPointInputs] = 1.0f;  // for MlpInputMap; without one its weights are 0
     OCTRAD_UNROLL
     for (int k = 0; k <= kPointInputs; k += 2)
       inputs.store2(features + k, i, bounded_half(numbers[k]), bounded_half(numbers[k + 1]));
+  }
+};
+
+// Bits 0..4 of `a` at 0, 3, 6, 9 and 12.
+OCTRAD_HD inline std::uint32_t spread(float a) {
+  const int cell = static_cast<int>(a * 16.0f + 16.0f);
+  const auto b = static_cast<std::uint32_t>(cell < 0 ? 0 : cell > 31 ? 31 : cell);
+  return (b & 1u) | (b & 2u) << 2 | (b & 4u) << 4 | (b & 8u) << 6 | (b & 16u) << 8;
+}
+constexpr int kKeyBits = 16;
+
+struct QueryKeys : Kernel {
+  SurfacePointArray points;
+  QueueSlice slice;
+  Vec3f scale, offset;  // to [-1, 1] of the domain
+  std::uint32_t* keys;
+  std::uint32_t* places;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    places[i] = i;
+    keys[i] = 1u << (kKeyBits - 1);
+    if (!slice.holds(i)) return;
+    const Vec3f x = points.get3(0, i);
+    if (!is_finite(x)) return;
+    const Vec3f p = x * scale + offset;
+    keys[i] = spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2;
+  }
+};
+
+struct TakeSorted : Kernel {
+  SurfacePointArray points, sorted;
+  QueueSlice slice;
+  const std::uint32_t* order;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (slice.holds(i)) sorted.store(i, points.load(order[i]));
   }
 };
 
@@ -73,6 +109,7 @@ struct Radiance : Kernel {
   Activation glossy;
   const float* scalars;
   FloatRows linear;
+  const std::uint32_t* order;  // places in `out`; null: as they come
   Vec3f* out;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
@@ -84,7 +121,7 @@ struct Radiance : Kernel {
     OCTRAD_UNROLL
     for (int c = 0; c < 3; ++c)
       radiance[c] = decoder_radiance(here, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
-    out[i] = radiance;
+    out[order != nullptr ? order[i] : i] = radiance;
   }
 };
 
@@ -197,6 +234,9 @@ std::vector<MemoryPart> DeviceFieldBase::decoder_memory(const MlpShape& shape, c
   std::vector<MemoryPart> parts = DeviceMlp::memory(shape, t, "decoder");
   const auto pairs = static_cast<std::size_t>(shape.inputs + 1) / 2;
   parts.push_back({"queries in flight", n * (pairs + 3 + 3) * 4});
+  // Points, and four words for the sort, which takes about two more.
+  if (options.tuning.sort_queries)
+    parts.push_back({"queries in flight, sorted", n * static_cast<std::size_t>(kSurfacePointNumbers + 4 + 2) * 4});
   if (t > 0) {
     parts.push_back({"decoder optimiser",
                      DeviceDenseAdam::bytes(
@@ -218,6 +258,7 @@ DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const De
   // The list of touched entries is that of a whole step, the sort works on a chunk.
   table.touches = options.max_train_points * static_cast<std::size_t>(levels * taps);
   table.slots = train_rows(options) * static_cast<std::size_t>(levels * taps);
+  table.scan_touched = options.tuning.scan_touched;
   table.adam = adam_options(config);
   return table;
 }
@@ -227,16 +268,23 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
     : stream_(stream),
       config_(config),
       options_(options),
-      rules_(head.rules()),
+      rules_(head.half_rules()),
       glossy_activation_(rules_.activation),
       features_(head.mlp().shape().inputs - kPointInputs),
       rows_(rows(options)),
       train_rows_(train_rows(options)),
-      decoder_(stream, head.mlp().shape(), train_rows(options), "decoder"),
+      decoder_(stream, head.mlp().shape(), train_rows(options), "decoder", head.input_map(features_)),
       scalars_(stream, 1, "constants"),
       inputs_(stream, static_cast<std::size_t>(head.mlp().shape().inputs + 1) / 2 * rows_, "queries in flight"),
       w_(stream, 3 * rows_, "queries in flight"),
       linear_(stream, 3 * rows_, "queries in flight") {
+  if (options.tuning.sort_queries) {
+    const std::string what = "queries in flight, sorted";
+    sorted_points_ = DeviceArray<float>(stream, static_cast<std::size_t>(kSurfacePointNumbers) * rows_, what);
+    for (DeviceArray<std::uint32_t>* words : {&keys_, &sorted_keys_, &places_, &order_})
+      *words = DeviceArray<std::uint32_t>(stream, rows_, what);
+    sort_workspace_ = SortWorkspace(stream, rows_, what);
+  }
   if (options.max_train_points == 0) return;
   const std::size_t n = train_rows_;
   decoder_adam_ = DeviceDenseAdam(stream, decoder_.parameter_count(), adam_options(config), "decoder");
@@ -265,6 +313,21 @@ DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
   return q;
 }
 
+DeviceFieldBase::Chunk DeviceFieldBase::sorted(const Chunk& chunk) {
+  const SurfacePointArray to = surface_point_array(sorted_points_.data(), rows_, false);
+  launch(
+      stream_, chunk.n,
+      QueryKeys{
+          {}, chunk.points, chunk.slice, rules_.position_scale, rules_.position_offset, keys_.data(), places_.data()});
+  sort_pairs(stream_, sort_workspace_, chunk.n, keys_.data(), sorted_keys_.data(), places_.data(), order_.data(),
+             kKeyBits);
+  launch(stream_, chunk.n, TakeSorted{{}, chunk.points, to, chunk.slice, order_.data()});
+  stream_.mark("sorting of queries");
+  Chunk result = chunk;
+  result.points = to;
+  return result;
+}
+
 void DeviceFieldBase::prepare(const Chunk& chunk) {
   launch(stream_, chunk.n,
          Prepare{{},
@@ -288,17 +351,31 @@ void DeviceFieldBase::choose_scale(FloatRows values, int rows, std::uint32_t n, 
 
 void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) {
   for (std::size_t begin = 0; begin < capacity; begin += options_.max_points) {
-    const Chunk chunk{points.from(begin),
+    const bool sort = sorts(points);
+    const Chunk taken{points.from(begin),
                       {count, static_cast<std::uint32_t>(begin)},
                       static_cast<std::uint32_t>(std::min(options_.max_points, capacity - begin)),
-                      false};
+                      false},
+        chunk = sort ? sorted(taken) : taken;
     prepare(chunk);
+    stream_.mark("inputs of queries");
     encode(chunk);
+    stream_.mark("look-up");
     const FloatRows linear{linear_.data(), rows_};
     decoder_.forward(stream_, {inputs_.data(), rows_}, linear, chunk.n, chunk.slice);
+    stream_.mark("decoder");
     refine(chunk, linear);
     launch(stream_, chunk.n,
-           Radiance{{}, chunk.points, chunk.slice, rules_, glossy_activation_, scalars_.data(), linear, out + begin});
+           Radiance{{},
+                    chunk.points,
+                    chunk.slice,
+                    rules_,
+                    glossy_activation_,
+                    scalars_.data(),
+                    linear,
+                    sort ? order_.data() : nullptr,
+                    out + begin});
+    stream_.mark("radiance");
   }
 }
 
@@ -318,6 +395,7 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
     encode(chunk);
     decoder_.forward_keep(stream_, inputs, linear, chunk.n);
     refine(chunk, linear);
+    stream_.mark("training forward");
     launch(stream_, chunk.n,
            Loss{{},
                 chunk.points,
@@ -338,15 +416,20 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
     launch(stream_, 1, ChooseScale{{}, largest_.data(), scale_.data()});
     sum(stream_, sum_workspace_, chunk.n, row_losses_.data(), loss_sum_.data());
     launch(stream_, 1, EndChunk{{}, loss_sum_.data(), first, last, norm, counters});
+    stream_.mark("loss");
     refine_backward(chunk, first);
     decoder_.backward(stream_, inputs, {d_linear_.data(), train_rows_}, scale_.data(), {d_inputs_.data(), train_rows_},
                       features_, chunk.n, !first);
+    stream_.mark("decoder backward");
     encode_backward(chunk, first);
+    stream_.mark("tables' gradients");
   }
   decoder_adam_.step(stream_, decoder_.weights().data(), decoder_.gradient().data(), config_.adam_rate_networks,
                      &constants->rate_scale, &counters->non_finite);
   decoder_.refresh(stream_);
+  stream_.mark("networks' optimiser");
   encode_step(constants);
+  stream_.mark("tables' optimiser");
 }
 
 DeviceTrainReport DeviceFieldBase::collect() {

@@ -25,11 +25,9 @@ struct TrainCounters {
 
 class DeviceFieldBase : public DeviceField {
  public:
-  static constexpr std::size_t kTrainChunk = std::size_t{1} << 16;  // rows whose activations are kept at a time
-
   // Rows in flight for training, and at most.
   static std::size_t train_rows(const DeviceFieldOptions& options) {
-    return std::min(options.max_train_points, kTrainChunk);
+    return std::min(options.max_train_points, static_cast<std::size_t>(options.tuning.train_chunk));
   }
   static std::size_t rows(const DeviceFieldOptions& options) {
     return std::max(options.max_points, train_rows(options));
@@ -114,7 +112,15 @@ class DeviceFieldBase : public DeviceField {
   SortWorkspace sum_workspace_;
 
  private:
+  // The chunk's queries in the order of a 15-bit Morton key, those that the slice does not hold last; order_ has their
+  // places.
+  Chunk sorted(const Chunk& chunk);
+  bool sorts(const SurfacePointArray& points) const { return !order_.empty() && points.lobe.data == nullptr; }
   void prepare(const Chunk& chunk);
+
+  DeviceArray<float> sorted_points_;  // only where queries are sorted
+  DeviceArray<std::uint32_t> keys_, sorted_keys_, places_, order_;
+  SortWorkspace sort_workspace_;
 };
 
 }  // namespace octrad

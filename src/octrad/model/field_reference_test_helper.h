@@ -81,22 +81,24 @@ class FieldReference {
       return to;
     };
     const auto table = [&](double v) { return halves_.tables ? as_half(v) : v; };
-    const auto weight = [&](double v) { return network(v); };
+    const auto decoder = [&](const DecoderHead& head) {
+      decoder_ = {head.mlp().shape(), halves_.networks};
+      decoder_.map = head.input_map(decoder_.shape.inputs - kPointInputs);
+      parameters[kDecoder] = decoder_.given_weights(head.mlp().weights());
+    };
     if (octaoctree_ != nullptr) {
       parameters[kOctree] = copy(octaoctree_->octree().features(), table);
       parameters[kGrid] = copy(octaoctree_->grid().table(), table);
-      parameters[kDisparity] = copy(octaoctree_->disparity().weights(), weight);
-      parameters[kDecoder] = copy(octaoctree_->decoder().mlp().weights(), weight);
       disparity_ = {octaoctree_->disparity().shape(), halves_.networks};
-      decoder_ = {octaoctree_->decoder().mlp().shape(), halves_.networks};
+      parameters[kDisparity] = disparity_.given_weights(octaoctree_->disparity().weights());
+      decoder(octaoctree_->decoder());
       octree_ = octaoctree_->octree().view();
       grid_ = octaoctree_->grid().view();
       origin_ = octaoctree_->octree().origin();
       size_ = octaoctree_->octree().size();
     } else {
       parameters[kGrid] = copy(nr_->grid().table(), table);
-      parameters[kDecoder] = copy(nr_->decoder().mlp().weights(), weight);
-      decoder_ = {nr_->decoder().mlp().shape(), halves_.networks};
+      decoder(nr_->decoder());
       grid_ = nr_->grid().view();
       origin_ = nr_->origin();
       size_ = nr_->size();
@@ -257,7 +259,6 @@ class FieldReference {
  private:
   static constexpr double kMargin = 1e-5;
 
-  double network(double v) const { return halves_.networks ? as_half(v) : v; }
   static std::uint64_t join(std::uint64_t a, std::uint64_t b) { return mix64(a * 0x9e3779b97f4a7c15ull + b); }
   // Brings the largest gradient to 16 .. 32, as a field on a device does before it rounds gradients to halves.
   static double power_of_two(double largest) {
@@ -328,8 +329,7 @@ class FieldReference {
           spherical_harmonics(w, values);
           in.insert(in.end(), values, values + kSphericalHarmonics);
         }
-        for (double& v : in) v = network(v);
-        q.disparity_linear = disparity_.forward(in, parameters[kDisparity])[0];
+        q.disparity_linear = disparity_.forward(disparity_.given(in), parameters[kDisparity])[0];
         q.margin = disparity_.margin;
         q.disparity = squareplus(q.disparity_linear).value * unit_;
       } else if (traced_) {
@@ -352,8 +352,7 @@ class FieldReference {
     std::vector<double> in = q.features;
     for (const Vec3d& v : {p, w, n, a}) in.insert(in.end(), {v.x, v.y, v.z});
     in.push_back(static_cast<double>(point.alpha));
-    for (double& v : in) v = network(v);
-    q.linear = decoder_.forward(in, parameters[kDecoder]);
+    q.linear = decoder_.forward(decoder_.given(in), parameters[kDecoder]);
     q.margin = std::min(q.margin, decoder_.margin);
     for (const MlpReference* mlp : {&disparity_, &decoder_}) {
       for (std::size_t l = 1; l + 1 < mlp->activations.size(); ++l) {

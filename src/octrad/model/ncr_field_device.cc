@@ -91,7 +91,7 @@ struct Cones : Kernel {
     inputs.store2(features, row, bounded_half(x.x), bounded_half(x.y));
     inputs.store2(features + 2, row, bounded_half(x.z), -mirror.x);
     inputs.store2(features + 4, row, -mirror.y, -mirror.z);
-    inputs.store2(features + 6, row, bounded_half(footprint), 0.0f);
+    inputs.store2(features + 6, row, bounded_half(footprint), 1.0f);  // 1: for MlpInputMap
   }
 };
 
@@ -222,7 +222,8 @@ class DeviceNcrField : public DeviceFieldBase {
                table_options(config, options, field.levels(), kHashGridTaps), "diffuse grid"),
         cone_table_(stream, static_cast<std::size_t>(field.cone_grid().entry_count()), cone_grid_.features(),
                     table_options(config, options, config.ncr_clusters, kPrefilteredTaps), "cone grid"),
-        cone_(stream, field.cone_mlp().shape(), train_rows(options) * sizes_.each, "cone network"),
+        cone_(stream, field.cone_mlp().shape(), train_rows(options) * sizes_.each, "cone network",
+              field.decoder().input_map(config.ncr_cone_features)),
         merge_(stream, field.merge_mlp().shape(), train_rows(options), "merge network"),
         items_(items_of(options)),
         cones_(items_ * sizes_.each),

@@ -39,10 +39,12 @@ class NcrReference {
       return to;
     };
     parameters[kGrid] = copy(field.grid().table(), halves.tables);
-    parameters[kDecoder] = copy(field.decoder().mlp().weights(), halves.networks);
+    decoder_.map = field.decoder().input_map(decoder_.shape.inputs - kPointInputs);
+    cone_.map = field.decoder().input_map(cone_grid_.features);
+    parameters[kDecoder] = decoder_.given_weights(field.decoder().mlp().weights());
     parameters[kConeGrid] = copy(field.cone_grid().table(), halves.tables);
-    parameters[kCone] = copy(field.cone_mlp().weights(), halves.networks);
-    parameters[kMerge] = copy(field.merge_mlp().weights(), halves.networks);
+    parameters[kCone] = cone_.given_weights(field.cone_mlp().weights());
+    parameters[kMerge] = merge_.given_weights(field.merge_mlp().weights());
   }
 
   Numbers parameters;
@@ -84,7 +86,7 @@ class NcrReference {
     append(in, Vec3d(p.albedo));
     in.push_back(static_cast<double>(p.alpha));
     q.decoder = decoder_;
-    const std::vector<double> linear = q.decoder.forward(rounded(in), parameters[kDecoder]);
+    const std::vector<double> linear = q.decoder.forward(q.decoder.given(in), parameters[kDecoder]);
     q.margin = q.decoder.margin;
     for (int c = 0; c < 3; ++c) q.diffuse[c] = output(linear[static_cast<std::size_t>(c)]).value;
     q.glossy = static_cast<double>(p.alpha) < config_.lookup_rough_threshold;
@@ -111,7 +113,7 @@ class NcrReference {
       append(features, w * -1.0);
       features.push_back(r);
       q.cones.push_back(cone);
-      const std::vector<double> color = q.cones.back().network.forward(rounded(features), parameters[kCone]);
+      const std::vector<double> color = q.cones.back().network.forward(cone_.given(features), parameters[kCone]);
       q.margin = std::min(q.margin, q.cones.back().network.margin);
       for (int c = 0; c < 3; ++c) glossy[c] += output(color[static_cast<std::size_t>(c)]).value * share;
     }
@@ -121,7 +123,7 @@ class NcrReference {
     merge.push_back(static_cast<double>(p.alpha));
     append(merge, Vec3d(p.albedo));
     q.merge = merge_;
-    const std::vector<double> merged = q.merge.forward(rounded(merge), parameters[kMerge]);
+    const std::vector<double> merged = q.merge.forward(q.merge.given(merge), parameters[kMerge]);
     q.margin = std::min(q.margin, q.merge.margin);
     for (int c = 0; c < 3; ++c)
       q.radiance[c] = std::log1p(std::exp(merged[static_cast<std::size_t>(c)])) * factor(p)[c];
@@ -220,10 +222,6 @@ class NcrReference {
   // As a field on a device: brings the largest gradient to 16 .. 32.
   static double power_of_two(double largest) {
     return largest > 0.0 ? std::ldexp(1.0, 4 - std::ilogb(static_cast<float>(largest))) : 1.0;
-  }
-  std::vector<double> rounded(std::vector<double> in) const {
-    for (double& v : in) v = halves_.networks ? as_half(v) : v;
-    return in;
   }
   Activated<double> output(double v) const { return activate(config_.ncr_output, v); }
   Vec3d factor(const SurfacePoint& p) const {

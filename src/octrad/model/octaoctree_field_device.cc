@@ -157,6 +157,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                              chunk.training ? valid_.data() : nullptr,
                              distance_.data()});
     }
+    if (!chunk.training) stream_.mark("disparity");
     DeviceQueries q = with_disparity(chunk);
     q.empty = empty_.data();
     octree_.lookup(stream_, read(table_), q, HalfRows{inputs_.data(), rows_}, 0);

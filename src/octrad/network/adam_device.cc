@@ -4,6 +4,7 @@
 #include <bit>
 #include <stdexcept>
 
+#include "octrad/base/bits.h"
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 
@@ -119,6 +120,19 @@ struct TouchedStep : Kernel {
     // Stores last: no load waits for them.
     counts[entry] = static_cast<std::uint16_t>(now);
     relaxed_store(&touched.bits[entry >> 5], 0);  // every bit that is set there belongs to an entry of the list
+  }
+};
+
+// The entries whose bits are set: those of a warp's words in order, so that their rows are near each other, for one
+// atomic operation.
+struct ListTouched : Kernel {
+  const std::uint32_t* bits;
+  std::uint32_t* list;
+  std::uint32_t* count;
+
+  OCTRAD_HD void operator()(std::uint32_t word) const {
+    std::uint32_t left = bits[word], place = atomic_append_many(count, count_bits(left));
+    for (; left != 0; left &= left - 1) list[place++] = word * 32 + lowest_bit(left);
   }
 };
 
@@ -333,7 +347,12 @@ void DeviceTable::download(std::span<float> values, SparseAdam* adam) const {
   adam->global_count() = step_.download()[0].count;
 }
 
-AddNow DeviceTable::add() const { return {gradient_.data(), {bits_.data(), list_.data(), list_count_.data()}}; }
+TouchedRows DeviceTable::marked() const {
+  if (options_.scan_touched) return {bits_.data(), nullptr, nullptr};
+  return {bits_.data(), list_.data(), list_count_.data()};
+}
+
+AddNow DeviceTable::add() const { return {gradient_.data(), marked()}; }
 
 void DeviceTable::begin_sorted(Stream&) { slot_rows_.fill(0xff); }
 
@@ -357,7 +376,7 @@ void DeviceTable::sum_sorted(Stream& stream, int taps, std::uint32_t n, int leve
                      upstream,
                      upstream_stride,
                      gradient_.data(),
-                     {bits_.data(), list_.data(), list_count_.data()}});
+                     marked()});
   });
 }
 
@@ -377,6 +396,8 @@ void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, uns
       launch(stream, entries_, EveryStep<C>{{}, arrays, step_.data(), bits_.data()});
       bits_.fill(0);
     } else {
+      if (options_.scan_touched)
+        launch(stream, bits_.size(), ListTouched{{}, bits_.data(), list_.data(), list_count_.data()});
       launch(stream, capacity_,
              TouchedStep<C>{{},
                             arrays,

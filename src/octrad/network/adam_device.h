@@ -45,10 +45,11 @@ class DeviceDenseAdam {
 struct DeviceTableOptions {
   bool halves = true;  // look-ups read halves
   bool training = false;
-  bool dense = false;       // Adam over every entry
-  bool sorted = false;      // contributions summed in a fixed order
-  std::size_t touches = 0;  // most entries that a step can touch (at most all)
-  std::size_t slots = 0;    // most contributions between begin_sorted() and sum_sorted()
+  bool dense = false;         // Adam over every entry
+  bool sorted = false;        // contributions summed in a fixed order
+  bool scan_touched = false;  // contributions only set bits, from which step() makes the list, in order
+  std::size_t touches = 0;    // most entries that a step can touch (at most all)
+  std::size_t slots = 0;      // most contributions between begin_sorted() and sum_sorted()
   AdamOptions adam;
 };
 
@@ -84,6 +85,8 @@ class DeviceTable {
             unsigned long long* touched);
 
  private:
+  TouchedRows marked() const;  // what contributions leave behind
+
   std::size_t entries_;
   int features_;
   DeviceTableOptions options_;

@@ -1,6 +1,7 @@
 #include "octrad/network/mlp_device.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
@@ -20,9 +21,19 @@ struct Pack : Kernel {
   const float* weights;
   std::uint32_t* out;
   int inputs, width, outputs;  // of the network
+  MlpInputMap map;
   bool reverse;
 
+  // As the layer's inputs come.
   OCTRAD_HD float weight(int layer, int in, int out_) const {
+    if (layer > 0 || !map.any()) return own_weight(layer, in, out_);
+    if (map.maps(in)) return own_weight(0, in, out_) / map.scale[in - map.first];
+    if (in != inputs) return own_weight(0, in, out_);
+    float sum = 0.0f;
+    for (int k = 0; k < 3; ++k) sum -= own_weight(0, map.first + k, out_) * map.offset[k] / map.scale[k];
+    return sum;
+  }
+  OCTRAD_HD float own_weight(int layer, int in, int out_) const {
     const int have_in = layer == 0 ? inputs : width, have_out = layer == plan.hidden ? outputs : width;
     if (in >= have_in || out_ >= have_out) return 0.0f;
     const std::size_t before =
@@ -152,7 +163,7 @@ void launch_pass(Stream& stream, [[maybe_unused]] const DeviceInfo& device, cons
   }
 #endif
   host_launch(
-      stream, pass.groups(),
+      stream, pass.groups(), KernelId<P>::id,
       [launched = pass](std::size_t begin, std::size_t end) {
         const P& part = launched.limited();
         HostWarp warp(part.weights);
@@ -185,8 +196,9 @@ struct WeightGradient {
   HalfInput input;
   ScaledInput d_out;
   int inputs, width, outputs;
+  bool map;  // there is an input more; its gradients follow the parameters'
   std::uint32_t tiles, splits;
-  std::size_t parameters;
+  std::size_t parameters, stride;
   float* partial;
 
   // Pieces of 2 x 4 blocks, layer by layer.
@@ -209,12 +221,14 @@ struct WeightGradient {
     }
     const int across = (plan.layer_in(l) + 3) / 4;
     const int have_in = l == 0 ? inputs : width, have_out = l == plan.hidden ? outputs : width;
-    float* to = partial + split * parameters + before;
+    float* part = partial + split * stride;
+    float* to = part + before;
     const auto run = [&](const auto& load_gradient, const auto& load_input) {
       run_weight_gradient(warp, plan.layer_out(l), plan.layer_in(l), piece / across * 2, piece % across * 4,
                           part_begin(split), part_begin(split + 1), load_gradient, load_input,
                           [&](int o, int i, float value) {
                             if (o < have_out && i < have_in) to[o * have_in + i] = value;
+                            else if (map && l == 0 && i == inputs && o < width) part[parameters + o] = value;
                           });
     };
     using Word = typename Warp::Word;
@@ -252,14 +266,27 @@ __global__ void __launch_bounds__(kGradientThreads, 2)
 struct SumParts : Kernel {
   const float* partial;
   std::uint32_t splits;
-  std::size_t parameters;
+  std::size_t parameters, stride;
+  int inputs, width;
+  MlpInputMap map;
   const float* scale;
   float* gradient;
   bool add;
 
-  OCTRAD_HD void operator()(std::uint32_t i) const {
+  OCTRAD_HD float parts(std::size_t i) const {
     float sum = 0.0f;
-    for (std::uint32_t s = 0; s < splits; ++s) sum += partial[s * parameters + i];
+    for (std::uint32_t s = 0; s < splits; ++s) sum += partial[s * stride + i];
+    return sum;
+  }
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    float sum = parts(i);
+    if (map.any() && i < static_cast<std::uint32_t>(inputs * width)) {
+      const int o = static_cast<int>(i) / inputs, in = static_cast<int>(i) - o * inputs;
+      if (map.maps(in)) {  // d/dW = sum d x, x = (mapped - offset) / scale
+        const int k = in - map.first;
+        sum = (sum - map.offset[k] * parts(parameters + static_cast<std::size_t>(o))) / map.scale[k];
+      }
+    }
     sum *= *scale;
     gradient[i] = add ? gradient[i] + sum : sum;
   }
@@ -296,21 +323,27 @@ std::vector<MemoryPart> DeviceMlp::memory(const MlpShape& shape, std::size_t tra
   if (train_rows > 0) {
     const MlpPlan reverse{plan.out, plan.width, plan.hidden, plan.in};
     parts[0].bytes += static_cast<std::size_t>(reverse.blocks()) * kBlockWords * sizeof(std::uint32_t);
-    parts.push_back({what + " gradients", parameters * sizeof(float) * (1 + splits_of(train_rows))});
+    parts.push_back(
+        {what + " gradients",
+         sizeof(float) * (parameters + (parameters + static_cast<std::size_t>(shape.width)) * splits_of(train_rows))});
     parts.push_back({what + " activations", 2 * kept_words(plan, train_rows) * sizeof(std::uint32_t)});
   }
   return parts;
 }
 
-DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_rows, const std::string& what)
+DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_rows, const std::string& what,
+                     const MlpInputMap& map)
     : device_(stream.info()),
       shape_(shape),
+      map_(map),
       plan_(plan_of(shape)),
       reverse_{plan_.out, plan_.width, plan_.hidden, plan_.in},
       what_(what),
       train_rows_(train_rows) {
   if (shape.hidden < 1 || shape.width > 256)
     throw InputError(what + ": a network on a device has 1 hidden layer or more and a width of up to 256");
+  if (map.any() && (shape.inputs % 2 == 0 || map.first + 3 > shape.inputs))
+    throw std::logic_error(what + ": no place for what its inputs are mapped with");
   weights_ = DeviceArray<float>(stream, parameters_of(shape), what + " weights");
   weights_.fill(0);
   const auto words = [](const MlpPlan& plan) { return static_cast<std::size_t>(plan.blocks()) * kBlockWords; };
@@ -322,29 +355,36 @@ DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_ro
   packed_reverse_.fill(0);
   gradient_ = DeviceArray<float>(stream, weights_.size(), what + " gradients");
   gradient_.fill(0);
-  partial_ = DeviceArray<float>(stream, weights_.size() * splits_, what + " gradients");
+  partial_ = DeviceArray<float>(stream, partial_stride() * splits_, what + " gradients");
   activations_ = DeviceArray<std::uint32_t>(stream, kept_words(plan_, train_rows), what + " activations");
   gradients_ = DeviceArray<std::uint32_t>(stream, kept_words(plan_, train_rows), what + " activations");
 }
 
 void DeviceMlp::refresh(Stream& stream) {
   launch(stream, packed_.size(),
-         Pack{{}, plan_, weights_.data(), packed_.data(), shape_.inputs, shape_.width, shape_.outputs, false});
+         Pack{{}, plan_, weights_.data(), packed_.data(), shape_.inputs, shape_.width, shape_.outputs, map_, false});
   if (packed_reverse_.empty()) return;
-  launch(
-      stream, packed_reverse_.size(),
-      Pack{{}, reverse_, weights_.data(), packed_reverse_.data(), shape_.inputs, shape_.width, shape_.outputs, true});
+  launch(stream, packed_reverse_.size(),
+         Pack{{},
+              reverse_,
+              weights_.data(),
+              packed_reverse_.data(),
+              shape_.inputs,
+              shape_.width,
+              shape_.outputs,
+              map_,
+              true});
 }
 
 void DeviceMlp::forward(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n, QueueSlice slice) const {
-  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, ReluBetween<false>{},
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, input_rows(), n}, ReluBetween<false>{},
            ScaledRows{out, nullptr}, shape_.outputs, n, slice);
 }
 
 void DeviceMlp::forward_keep(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n) {
   if (n > train_rows_) throw DeviceError(what_ + ": more rows than there is memory for");
   const ReluBetween<true> between{{activations_.data(), plan_.hidden, plan_.width}};
-  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, shape_.inputs, n}, between, ScaledRows{out, nullptr},
+  run_pass(stream, device_, plan_, packed_.data(), HalfInput{in, input_rows(), n}, between, ScaledRows{out, nullptr},
            shape_.outputs, n, {});
 }
 
@@ -364,10 +404,20 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
   run_pass(stream, device_, reverse, packed_reverse_.data(), d_linear, MaskBetween{activations, gradients},
            ScaledRows{d_in, scale + 1}, d_inputs, n, {});
 
-  const WeightGradient program{
-      plan_,           activations,    gradients,      HalfInput{in, shape_.inputs, n}, d_linear,
-      shape_.inputs,   shape_.width,   shape_.outputs, (n + kTile - 1) / kTile,         splits_,
-      weights_.size(), partial_.data()};
+  const WeightGradient program{plan_,
+                               activations,
+                               gradients,
+                               HalfInput{in, input_rows(), n},
+                               d_linear,
+                               shape_.inputs,
+                               shape_.width,
+                               shape_.outputs,
+                               map_.any(),
+                               (n + kTile - 1) / kTile,
+                               splits_,
+                               weights_.size(),
+                               partial_stride(),
+                               partial_.data()};
   const std::uint32_t items = static_cast<std::uint32_t>(program.all_pieces()) * splits_;
 #if defined(__CUDACC__)
   if (stream.on_device()) {
@@ -378,7 +428,7 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
 #endif
   {
     host_launch(
-        stream, items,
+        stream, items, KernelId<WeightGradient>::id,
         [program](std::size_t begin, std::size_t end) {
           HostWarp warp;
           for (std::size_t i = begin; i < end; ++i) program(warp, static_cast<std::uint32_t>(i));
@@ -386,7 +436,17 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
         4);
   }
   launch(stream, weights_.size(),
-         SumParts{{}, partial_.data(), splits_, weights_.size(), scale + 1, gradient_.data(), add});
+         SumParts{{},
+                  partial_.data(),
+                  splits_,
+                  weights_.size(),
+                  partial_stride(),
+                  shape_.inputs,
+                  shape_.width,
+                  map_,
+                  scale + 1,
+                  gradient_.data(),
+                  add});
 }
 
 }  // namespace octrad

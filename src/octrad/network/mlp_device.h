@@ -12,6 +12,7 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/half.h"
+#include "octrad/base/vec.h"
 #include "octrad/device/array.h"
 #include "octrad/device/rows.h"
 #include "octrad/network/mlp.h"
@@ -19,11 +20,24 @@
 
 namespace octrad {
 
+// Three inputs, from number `first` on, that come as x * scale + offset instead of x, because halves hold that better:
+// a coordinate far from 0 loses what distinguishes its neighbours. The network stays the one of x: scale and offset are
+// folded into the first layer's packed weights, sum_k W_k x_k = sum_k (W_k / scale_k) (x_k scale_k + offset_k) -
+// sum_k W_k offset_k / scale_k, where the last sum is the weight of one more input, number `inputs`, which is 1.
+struct MlpInputMap {
+  int first = -1;  // below 0: all inputs come as they are
+  Vec3f scale{1.0f, 1.0f, 1.0f}, offset;
+
+  OCTRAD_HD bool any() const { return first >= 0; }
+  OCTRAD_HD bool maps(int input) const { return any() && input >= first && input < first + 3; }
+};
+
 class DeviceMlp {
  public:
   // train_rows: most rows of a backward pass; 0: only forward. `what` names the network in messages. Throws
-  // MemoryError.
-  DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_rows, const std::string& what);
+  // MemoryError. A `map` needs an odd number of inputs: the one more is the free half of the last word.
+  DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_rows, const std::string& what,
+            const MlpInputMap& map = {});
   // Memory that the constructor asks for.
   static std::vector<MemoryPart> memory(const MlpShape& shape, std::size_t train_rows, const std::string& what);
 
@@ -41,15 +55,21 @@ class DeviceMlp {
   // After forward_keep on the same inputs: gradient at the linear outputs d_out [outputs][stride], taken times scale[0]
   // (in device memory; a power of 2 that brings the largest near 16, so that halves hold them and what layers make of
   // them) while they are halves, and times scale[1] = 1 / scale[0] afterwards. Writes the gradient at the first
-  // d_inputs inputs to d_in, unless that is 0, and adds the weights' gradient to gradient() if `add`, else replaces it.
+  // d_inputs inputs to d_in (at mapped ones: at what they came as), unless that is 0, and adds the weights' gradient to
+  // gradient() if `add`, else replaces it.
   // The same bits every time.
   void backward(Stream& stream, HalfRows in, FloatRows d_out, const float* scale, FloatRows d_in, int d_inputs,
                 std::uint32_t n, bool add);
   DeviceArray<float>& gradient() { return gradient_; }
 
  private:
+  int input_rows() const { return shape_.inputs + (map_.any() ? 1 : 0); }
+  // Of a part of the weights' gradient: that of a mapped network has another input.
+  std::size_t partial_stride() const { return weights_.size() + static_cast<std::size_t>(shape_.width); }
+
   DeviceInfo device_;  // whose shared memory holds the weights
   MlpShape shape_;
+  MlpInputMap map_;
   MlpPlan plan_, reverse_;  // of the layers forwards, and of their transposes backwards
   std::string what_;
   std::size_t train_rows_ = 0;

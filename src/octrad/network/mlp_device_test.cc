@@ -126,6 +126,58 @@ TEST_P(DeviceNetworks, ValuesAndGradientsAreThoseOfTheDefinition) {
   }
 }
 
+// Three inputs of a scene in centimetres: what they are as halves does not matter, values and gradients are those of
+// the network of centimetres.
+TEST_P(DeviceNetworks, MappedInputsAreThoseOfThePlainNetwork) {
+  const MlpShape shape{45, 128, 4, 3};
+  const std::size_t n = 203, inputs = 45;
+  const MlpInputMap map{32, Vec3f(2.0f / 555.0f), Vec3f(-1.0f)};
+  RandomMlp net(*stream, shape, n, 0, 3);
+  std::vector<float> world = net.inputs, mapped((inputs + 1) * n, 1.0f);
+  std::copy(net.inputs.begin(), net.inputs.end(), mapped.begin());
+  for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t at = (32 + k) * n + i;
+      world[at] = (net.inputs[at] * 0.5f + 0.5f) * 555.0f;
+      mapped[at] = world[at] * map.scale[static_cast<int>(k)] - 1.0f;
+    }
+  }
+  for (std::size_t o = 0; o < 128; ++o) {
+    for (std::size_t k = 32; k < 35; ++k) net.mlp.weights()[o * inputs + k] *= 0.01f;
+  }
+  net.mlp.prepare();
+  DeviceMlp device(*stream, shape, n, "mapped", map);
+  device.weights().upload(net.mlp.weights());
+  device.refresh(*stream);
+  const std::vector<float> d_out = testing::random_floats(3 * n, 2);
+  const Reference expected = evaluate(net.mlp, world, d_out, n, false, 1.0);
+  const DeviceArray<std::uint32_t> in(*stream, std::span<const std::uint32_t>(RandomMlp::pack(mapped, n)), "in");
+  const DeviceArray<float> y(*stream, 3 * n, "out"), d(*stream, std::span<const float>(d_out), "d");
+  const std::vector<float> one{16.0f, 1.0f / 16.0f};
+  const DeviceArray<float> scale(*stream, std::span<const float>(one), "scale");
+  const HalfRows rows{in.data(), n};
+  device.forward_keep(*stream, rows, {y.data(), n}, static_cast<std::uint32_t>(n));
+  device.backward(*stream, rows, {d.data(), n}, scale.data(), {}, 0, static_cast<std::uint32_t>(n), false);
+  const std::vector<float> out = y.download(), dw = device.gradient().download();
+  std::vector<double> got(out.begin(), out.end()), want;
+  for (std::size_t o = 0; o < 3; ++o) {
+    for (std::size_t i = 0; i < n; ++i) want.push_back(expected.out[i][o]);
+  }
+  EXPECT_EQ(share_beyond(got, want, 1e-2), 0.0);
+  EXPECT_LT(share_beyond(got, want, 2e-3), 0.35);
+  // Of the mapped inputs' weights alone, which are the largest, and of all the others.
+  got.clear();
+  want.clear();
+  std::vector<double> got_rest, want_rest;
+  for (std::size_t i = 0; i < dw.size(); ++i) {
+    const bool of_mapped = i < 128 * inputs && map.maps(static_cast<int>(i % inputs));
+    (of_mapped ? got : got_rest).push_back(dw[i]);
+    (of_mapped ? want : want_rest).push_back(expected.d_weights[i]);
+  }
+  EXPECT_LT(share_beyond(got, want, 0.1), 0.02);
+  EXPECT_LT(share_beyond(got_rest, want_rest, 0.1), 0.02);
+}
+
 TEST_P(DeviceNetworks, AgreeWithTheFloatNetworkOfTheCpu) {
   for (const Case& c : kCases)
     EXPECT_TRUE(testing::passed(check_mlp_forward(*stream, c.shape, 256, 5))) << c.shape.inputs << " inputs";

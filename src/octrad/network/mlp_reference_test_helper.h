@@ -9,6 +9,7 @@
 
 #include "octrad/base/half.h"
 #include "octrad/network/mlp.h"
+#include "octrad/network/mlp_device.h"
 
 namespace octrad::testing {
 
@@ -17,9 +18,50 @@ inline double as_half(double x) { return static_cast<double>(to_float(to_half(st
 struct MlpReference {
   MlpShape shape;
   // Hidden activations, and the gradients at the output and at hidden layers, are rounded to halves where a DeviceMlp
-  // does. The caller rounds inputs and weights.
+  // does. Inputs and weights are rounded by given() and given_weights().
   bool halves = false;
   std::vector<std::vector<double>> activations = {};  // of the last forward(): input, hidden layers, linear output
+  // With halves, of a DeviceMlp: how inputs come. `bias`: what of the first layer's sums the rounding of the weight of
+  // 1 leaves.
+  MlpInputMap map = {};
+  std::vector<double> bias = {};
+
+  // Weights and inputs as a DeviceMlp has them, in the units of the network.
+  std::vector<double> given_weights(std::span<const float> from) {
+    std::vector<double> to(from.begin(), from.end());
+    if (!halves) return to;
+    const auto inputs = static_cast<std::size_t>(shape.inputs);
+    bias.assign(map.any() ? static_cast<std::size_t>(shape.width) : 0, 0.0);
+    const auto mapped = [&](std::size_t o, int k) {
+      return from[o * inputs + static_cast<std::size_t>(map.first + k)] / map.scale[k];
+    };
+    for (double& w : to) w = as_half(w);
+    for (std::size_t o = 0; o < bias.size(); ++o) {
+      float one = 0.0f;
+      for (int k = 0; k < 3; ++k)
+        one -= from[o * inputs + static_cast<std::size_t>(map.first + k)] * map.offset[k] / map.scale[k];
+      bias[o] = as_half(static_cast<double>(one));
+      for (int k = 0; k < 3; ++k) {
+        const double w = as_half(static_cast<double>(mapped(o, k)));
+        to[o * inputs + static_cast<std::size_t>(map.first + k)] = w * static_cast<double>(map.scale[k]);
+        bias[o] += w * static_cast<double>(map.offset[k]);
+      }
+    }
+    return to;
+  }
+  std::vector<double> given(std::vector<double> in) const {
+    for (std::size_t k = 0; halves && k < in.size(); ++k) {
+      const int axis = static_cast<int>(k) - map.first;
+      if (!map.maps(static_cast<int>(k))) {
+        in[k] = as_half(in[k]);
+        continue;
+      }
+      const float come = static_cast<float>(in[k]) * map.scale[axis] + map.offset[axis];
+      in[k] = (as_half(static_cast<double>(come)) - static_cast<double>(map.offset[axis])) /
+              static_cast<double>(map.scale[axis]);
+    }
+    return in;
+  }
   // Smallest |sum of w x| / sum of |w x| of a hidden neuron in the last forward(): how near it is to the edge of ReLU.
   double margin = 1.0;
 
@@ -35,8 +77,9 @@ struct MlpReference {
     for (int l = 0; l <= shape.hidden; ++l) {
       const std::vector<double>& x = activations.back();
       std::vector<double> y(layer_outputs(l));
+      if (l == 0 && !bias.empty()) y = bias;
       for (double& out : y) {
-        double size = 0.0;
+        double size = std::abs(out);
         for (const double v : x) {
           const double term = weights[at++] * v;
           out += term;

@@ -27,19 +27,15 @@ class CacheIntegrator : public DeviceIntegrator {
   }
 
   void set(const CameraJob& job) override { gbuffer_.set(job); }
-  void run(std::size_t samples, const StageMark& mark) override {
+  void run(std::size_t samples) override {
     gbuffer_.run(options_, samples);
-    mark("first hits");
     field_.radiance(gbuffer_.queries(), gbuffer_.query_count(), gbuffer_.queries_of(samples), responses_.data());
-    mark("field");
     if (rhs_) {
       const DeviceRhsPoints points{gbuffer_.bounce_points(), gbuffer_.bounce_count(), samples, nullptr,
                                    gbuffer_.bounce_keys()};
       rhs_->trace(points, rhs_options_);
-      mark("bounces");
       field_.radiance(rhs_->queries(), rhs_->query_count(), samples, rhs_responses_.data());
       rhs_->reduce(points, rhs_options_, rhs_responses_.data(), targets_.data());
-      mark("field at bounces");
     }
     gbuffer_.add(responses_.data(), rhs_ ? targets_.data() : nullptr, samples);
   }

@@ -62,6 +62,7 @@ CheckResult check_film(Stream& stream, int width, int height, int strip, std::ui
       job.height = std::min(strip, height - y);
       job.first = 2;
       job.count = 3;
+      job.tiles = y % 2 != 0;
       const std::size_t n = job.size();
       std::vector<float> numbers(n * kSampleNumbers);
       dropped += add_samples(job, filter, {{numbers.data(), n}}, expected);

@@ -39,8 +39,7 @@ struct Gather : Kernel {
     unsigned long long dropped = 0;
     for (int sy = ya; sy <= yb; ++sy) {
       for (int sx = xa; sx <= xb; ++sx) {
-        const std::uint32_t pixel = static_cast<std::uint32_t>(sy - j.y0) * static_cast<std::uint32_t>(j.width) +
-                                    static_cast<std::uint32_t>(sx - j.x0);
+        const std::uint32_t pixel = j.pixel_number(sx, sy);
         for (int s = 0; s < j.count; ++s) {
           const std::uint32_t k = pixel * static_cast<std::uint32_t>(j.count) + static_cast<std::uint32_t>(s);
           float weight = 1.0f;
@@ -61,6 +60,41 @@ struct Gather : Kernel {
     }
     for (int n = 0; n < kFilmNumbers; ++n) sums[static_cast<std::size_t>(n) * stride + i] = local[n];
     if (dropped > 0) atomic_add(non_finite, dropped);
+  }
+};
+
+OCTRAD_HD inline void show_pixel(const float (&values)[3], const ToneMapping& mapping, unsigned char* pixel) {
+  for (int c = 0; c < 3; ++c) pixel[c] = to_byte(tonemap(values[c], mapping));
+  pixel[3] = 255;
+}
+
+struct Show : Kernel {
+  const double* sums;  // planes
+  std::size_t pixels;
+  ToneMapping mapping;
+  unsigned char* out;  // [pixels][4]
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const double weight = sums[kPictureChannelCount * pixels + i];
+    float values[3];
+    for (std::size_t c = 0; c < 3; ++c)
+      values[c] = weight > 0.0 ? static_cast<float>(sums[c * pixels + i] / weight) : 0.0f;
+    show_pixel(values, mapping, out + 4 * static_cast<std::size_t>(i));
+  }
+};
+
+struct ShowOnly : Kernel {
+  const CameraJob* job;
+  SamplePlanes samples;
+  int x0, y0, width;
+  ToneMapping mapping;
+  unsigned char* out;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const auto columns = static_cast<std::uint32_t>(width);
+    const std::uint32_t y = i / columns,
+                        k = job->pixel_number(x0 + static_cast<int>(i - y * columns), y0 + static_cast<int>(y));
+    Vec3f radiance = samples.radiance(k);
+    if (!is_finite(radiance)) radiance = Vec3f(0.0f);
+    show_pixel({radiance.x, radiance.y, radiance.z}, mapping, out + 4 * static_cast<std::size_t>(i));
   }
 };
 
@@ -100,6 +134,15 @@ void DeviceFilm::add(const CameraJob* job, const SamplePlanes& samples) {
                 width_,
                 height_,
                 reach_});
+}
+
+void DeviceFilm::show(const ToneMapping& mapping, unsigned char* screen) const {
+  launch(*stream_, pixels(), Show{{}, sums_.data(), pixels(), mapping, screen});
+}
+
+void DeviceFilm::show_only(const CameraJob* job, const SamplePlanes& samples, const ToneMapping& mapping,
+                           unsigned char* screen) const {
+  launch(*stream_, pixels(), ShowOnly{{}, job, samples, x0_, y0_, width_, mapping, screen});
 }
 
 std::vector<double> DeviceFilm::download() const {

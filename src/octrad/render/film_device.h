@@ -3,6 +3,7 @@
 #pragma once
 
 #include "octrad/device/array.h"
+#include "octrad/image/tonemap_math.h"
 #include "octrad/render/film.h"
 #include "octrad/transport/camera_job.h"
 
@@ -17,6 +18,12 @@ class DeviceFilm {
   // Adds the samples of *job (device memory), each to all pixels of the window within the filter's reach. Samples whose
   // radiance is not finite count as black. Both can be recorded.
   void add(const CameraJob* job, const SamplePlanes& samples);
+  // What a screen shows of the film, as octrad tonemap without options: [pixels()][4] bytes.
+  void show(const ToneMapping& mapping, unsigned char* screen) const;
+  // The same of one sample a pixel that the film does not have yet: what add() to an empty film and show() would give,
+  // without the sums in double. Only with a box filter (reach() 0), for a job of the film's window.
+  void show_only(const CameraJob* job, const SamplePlanes& samples, const ToneMapping& mapping,
+                 unsigned char* screen) const;
   // How many pixels around a window have samples that reach into it.
   int reach() const { return reach_; }
 

@@ -71,7 +71,7 @@ class DeviceIntegrator {
   virtual void begin(const View&) {}
   // What the next run() sees; not while the stream records.
   virtual void set(const CameraJob& job) = 0;
-  virtual void run(std::size_t samples, const StageMark& mark) = 0;
+  virtual void run(std::size_t samples) = 0;
   virtual const CameraJob* job() const = 0;  // device memory
   virtual SamplePlanes samples() const = 0;
   virtual SampleCounts take_counts() = 0;  // since the last call

@@ -8,12 +8,13 @@ namespace {
 class PathIntegrator : public DeviceIntegrator {
  public:
   PathIntegrator(Stream& stream, const DeviceWorld& world, const PathLimits& limits, std::size_t capacity)
-      : tracer_(stream, world, capacity),
+      : stream_(stream),
+        tracer_(stream, world, capacity),
         limits_(limits) {}
   void set(const CameraJob& job) override { tracer_.set(job); }
-  void run(std::size_t samples, const StageMark& mark) override {
+  void run(std::size_t samples) override {
     tracer_.run(limits_, samples);
-    mark("paths");
+    stream_.mark("paths");
   }
   const CameraJob* job() const override { return tracer_.job(); }
   SamplePlanes samples() const override { return tracer_.samples(); }
@@ -24,6 +25,7 @@ class PathIntegrator : public DeviceIntegrator {
   }
 
  private:
+  Stream& stream_;
   DevicePathTracer tracer_;
   PathLimits limits_;
 };

@@ -5,32 +5,13 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/device/array.h"
-#include "octrad/device/launch.h"
-#include "octrad/image/tonemap_math.h"
 #include "octrad/model/device_field.h"
 #include "octrad/render/film_device.h"
 
 namespace octrad {
 namespace {
 
-constexpr std::size_t kMostSamples = std::size_t{1} << 21;  // of a job: enough to fill any device
 constexpr int kWarmFrames = 10;
-
-// Film to what a screen shows, as octrad tonemap without options.
-struct ToneMap : Kernel {
-  const double* sums;  // planes of DeviceFilm
-  std::size_t pixels;
-  ToneMapping mapping;
-  unsigned char* out;  // [pixels][4]
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    const double weight = sums[kPictureChannelCount * pixels + i];
-    for (std::size_t c = 0; c < 3; ++c) {
-      const float value = weight > 0.0 ? static_cast<float>(sums[c * pixels + i] / weight) : 0.0f;
-      out[4 * static_cast<std::size_t>(i) + c] = to_byte(tonemap(value, mapping));
-    }
-    out[4 * static_cast<std::size_t>(i) + 3] = 255;
-  }
-};
 
 class StreamRenderer : public Renderer {
  public:
@@ -69,17 +50,22 @@ class StreamRenderer : public Renderer {
     }
     const CameraJob job = job_of(window_.sampled.y0, window_.sampled.height(), 0, spp);
     DeviceArray<unsigned char> screen(stream_, 4 * film_->pixels(), "the screen");
-    const auto frame = [&](const StageMark& mark) {
-      film_->clear();
-      integrator_->run(job.size(), mark);
-      film_->add(integrator_->job(), integrator_->samples());
-      mark("film");
-      launch(stream_, film_->pixels(), ToneMap{{}, film_->sums(), film_->pixels(), {}, screen.data()});
-      mark("tone mapping");
+    const bool single = stream_.tuning.direct_film && spp == 1 && film_->reach() == 0;
+    const auto frame = [&] {
+      if (!single) film_->clear();
+      integrator_->run(job.size());
+      if (single) {
+        film_->show_only(integrator_->job(), integrator_->samples(), {}, screen.data());
+      } else {
+        film_->add(integrator_->job(), integrator_->samples());
+        stream_.mark("film");
+        film_->show({}, screen.data());
+      }
+      stream_.mark("tone mapping");
     };
     integrator_->set(job);
-    frame(no_mark);  // what is set up once must not be recorded
-    const std::unique_ptr<LaunchGraph> graph = stream_.capture([&] { frame(no_mark); });
+    frame();  // what is set up once must not be recorded
+    const std::unique_ptr<LaunchGraph> graph = stream_.capture(frame);
 
     FrameTimes times;
     std::vector<double> whole;
@@ -96,7 +82,8 @@ class StreamRenderer : public Renderer {
     StageTimes stages(stream_);
     for (int f = 0; f < kWarmFrames + count; ++f) {
       stages.begin();
-      frame([&](const char* name) { stages.mark(name); });
+      frame();
+      stages.end();
       if (f < kWarmFrames) stages.forget();
       else stages.settle();
     }
@@ -120,13 +107,21 @@ class StreamRenderer : public Renderer {
     job.height = std::min(rows, window_.sampled.y1 - y);
     job.first = first;
     job.count = count;
+    job.tiles = stream_.tuning.pixel_tiles;
     return job;
+  }
+
+  DeviceFieldOptions field_options(std::size_t capacity) const {
+    DeviceFieldOptions options;
+    options.max_points = capacity;
+    options.tuning = stream_.tuning;
+    return options;
   }
 
   // What a view allocates, with jobs of `capacity` samples.
   std::vector<MemoryPart> memory(std::size_t capacity) const {
     std::vector<MemoryPart> parts;
-    if (field_) parts = estimate_device_memory(config_, field_->cells_per_level(), {capacity});
+    if (field_) parts = estimate_device_memory(config_, field_->cells_per_level(), field_options(capacity));
     parts.push_back({"scene", scene_bytes_});
     parts.push_back({"film", DeviceFilm::bytes(window_.crop.width(), window_.crop.height())});
     parts.push_back({"samples in flight", choice_.info->device_bytes(input(), capacity)});
@@ -142,7 +137,8 @@ class StreamRenderer : public Renderer {
     };
     const std::size_t spp =
         choice_.info->one_sample ? 1 : static_cast<std::size_t>(std::max(1, settings_.expected_spp));
-    job_samples_ = std::clamp(pixels() * spp, columns(), std::max(kMostSamples, columns()));
+    const auto most = static_cast<std::size_t>(stream_.tuning.frame_samples);
+    job_samples_ = std::clamp(pixels() * spp, columns(), std::max(most, columns()));
     const std::uint64_t budget = settings_.max_memory;
     while (budget > 0 && total(job_samples_) > budget && job_samples_ > columns())
       job_samples_ = std::max(columns(), job_samples_ / 2);
@@ -152,7 +148,7 @@ class StreamRenderer : public Renderer {
       device_field_.reset();
       capacity_ = job_samples_;
       const DeviceWorld& world = scene_.world(stream_);
-      if (field_) device_field_ = make_device_field(stream_, *field_, config_, {capacity_});
+      if (field_) device_field_ = make_device_field(stream_, *field_, config_, field_options(capacity_));
       integrator_ = choice_.info->make_device(input(), stream_, world, device_field_.get(), capacity_);
     }
     const PixelRect& crop = window_.crop;
@@ -191,7 +187,7 @@ class StreamRenderer : public Renderer {
     for (int y = window_.sampled.y0; y < window_.sampled.y1; y += rows) {
       const CameraJob job = job_of(y, rows, first, count);
       integrator_->set(job);
-      integrator_->run(job.size(), no_mark);
+      integrator_->run(job.size());
       film_->add(integrator_->job(), integrator_->samples());
     }
     stream_.synchronize();  // time limits and interrupts count what is done

@@ -107,6 +107,33 @@ double difference(const Image& a, const Image& b, const char* channel) {
 
 class RenderOnStream : public testing::StreamTest {};
 
+// Every alternative of DeviceTuning gives the same sums.
+TEST_P(RenderOnStream, TuningChangesNoPicture) {
+  Box box("box");
+  const auto sums = [&](const char* integrator, int spp) {
+    const auto renderer = box.renderer(integrator, spp, stream.get());
+    render(*renderer, {spp});
+    return renderer->sums();
+  };
+  for (const auto& [integrator, spp] : {std::pair{"lhs", 2}, {"rhs", 1}, {"path", 2}}) {
+    stream->tuning = {};
+    const std::vector<double> expected = sums(integrator, spp);
+    for (const auto& [key, value] : {std::pair{"pixel_tiles", "0"},
+                                     {"sort_queries", "1"},
+                                     {"cast_dynamic", "1"},
+                                     {"cast_warps", "1"},
+                                     {"cast_share", "1"},
+                                     {"cast_refill", "1"},
+                                     {"cast_refill", "32"},
+                                     {"block", "32"},
+                                     {"frame_samples", "100"}}) {
+      stream->tuning = {};
+      set(stream->tuning, key, value);
+      EXPECT_TRUE(sums(integrator, spp) == expected) << integrator << ", " << key << "=" << value;
+    }
+  }
+}
+
 // In parts that end inside a pass. Sums are compared, because pictures of floats hide their last bits.
 TEST_P(RenderOnStream, PicturesGoOnToTheSameBits) {
   for (const char* filter : {"box", "gaussian"}) {

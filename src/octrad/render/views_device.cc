@@ -52,7 +52,7 @@ class ViewIntegrator : public DeviceIntegrator {
     gbuffer_.set(job);
   }
 
-  void run(std::size_t samples, const StageMark& mark) override {
+  void run(std::size_t samples) override {
     gbuffer_.run(options_, samples);
     // Emission and sky are no part of a view.
     const SamplePlanes planes = gbuffer_.samples();
@@ -64,7 +64,7 @@ class ViewIntegrator : public DeviceIntegrator {
     if (n > 0) look(n);
     answers_.upload(colors_);
     gbuffer_.add(answers_.data(), nullptr, samples);
-    mark("view");
+    stream_.mark("view");
   }
 
   const CameraJob* job() const override { return gbuffer_.job(); }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "octrad/base/error.h"
@@ -36,16 +37,16 @@ constexpr int kStepsBetweenReports = 16;
 // Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a
 // graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
-constexpr std::size_t kQueryChunk = std::size_t{1} << 18;   // of radiance(), for validation
-constexpr std::size_t kPointsAhead = std::size_t{1} << 18;  // left-hand-side points that keep a GPU busy
-constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};      // of the schedule: in each all steps have the same shape
+constexpr std::size_t kQueryChunk = std::size_t{1} << 18;  // of radiance(), for validation
+constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};     // of the schedule: in each all steps have the same shape
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
 
-// Steps in a group of those with `points` points: enough points to fill a GPU, a power of two.
+// Steps in a group of those with `points` points: enough points to keep a GPU busy, a power of two.
 int group_steps(std::size_t points, const DeviceEngineOptions& options) {
   int steps = std::clamp(options.group_steps, 1, kStepsBetweenReports);
-  while (steps > 1 && points * static_cast<std::size_t>(steps) > kPointsAhead) steps /= 2;
+  const auto ahead = static_cast<std::size_t>(options.tuning.points_ahead);
+  while (steps > 1 && points * static_cast<std::size_t>(steps) > ahead) steps /= 2;
   return steps;
 }
 
@@ -71,7 +72,8 @@ std::size_t most_slots(const Config& config) {
 
 DeviceFieldOptions field_options(const Config& config, const DeviceEngineOptions& options) {
   DeviceFieldOptions field;
-  field.max_points = std::min(most_slots(config), options.max_queries);
+  field.max_points = std::min(most_slots(config), static_cast<std::size_t>(options.tuning.query_chunk));
+  field.tuning = options.tuning;
   field.max_train_points = most_points(config);
   field.deterministic = options.deterministic;
   field.half_features = options.half_features;
@@ -87,14 +89,16 @@ class DeviceEngine : public TrainEngine {
         config_(config),
         options_(options),
         offset_(query_rays(config, true).offset),
+        ahead_(options.tuning.draw_ahead ? stream.sibling() : nullptr),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
-             most_points(config), most_points_ahead(config, options)),
+             most_points(config), most_points_ahead(config, options), -1, ahead_.get()),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
         rhs_(stream, scene.world(stream), most_slots(config), query_rays(config)),
         rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         input_(stream, 1, "a step's constants"),
+        ahead_input_(stream, 1, "a step's constants"),
         responses_(stream, most_slots(config), "responses of the cache"),
         targets_(stream, most_points(config), "targets"),
         far_ends_(stream, far_end_count(config, static_cast<int>(most_points(config))), "far ends") {
@@ -108,23 +112,25 @@ class DeviceEngine : public TrainEngine {
     input.step = static_cast<unsigned long long>(step);
     input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
-    const std::pair<int, int> shape{s.points, s.directions};
     last_points_ = static_cast<std::size_t>(s.points);
     stale_ = true;
     if (next_timed_ < 0) next_timed_ = step + kTimed;
+    const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
     if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(step_graphs_, shape) &&
-        is_recorded(draw_graphs_, last_points_)) {
+        is_recorded(draw_graphs_, std::pair{last_points_, buffer_of(step)})) {
       next_timed_ = step + kStepsBetweenTimes;
       times_.settle();
       times_.begin();
-      draw_group(step);
-      times_.mark("left-hand side", 1.0 / group_steps(last_points_, options_));
-      run(s, [&](const char* stage) { times_.mark(stage); });
+      times_.set_share(1.0 / group_steps(last_points_, options_));
+      draw_group(step, false);
+      times_.set_share(1.0);
+      run(s, buffer_of(step));
+      times_.end();
       return;
     }
     draw_group(step);
-    run_or_replay(step_graphs_, shape, [&] { run(s, no_mark); });
+    run_or_replay(stream_, step_graphs_, shape, [&] { run(s, std::get<2>(shape)); });
   }
 
   int steps_between_reports() const override { return kStepsBetweenReports; }
@@ -204,14 +210,14 @@ class DeviceEngine : public TrainEngine {
 
   // Work of a key runs as it is for the first time (what is set up once must not be recorded), then as a graph.
   template <typename Key>
-  void run_or_replay(Graphs<Key>& graphs, const Key& key, const std::function<void()>& work) {
+  void run_or_replay(Stream& stream, Graphs<Key>& graphs, const Key& key, const std::function<void()>& work) {
     const auto [entry, first] = graphs.try_emplace(key);
     if (first) {
       work();
       return;
     }
-    if (!entry->second) entry->second = stream_.capture(work);
-    stream_.replay(*entry->second);
+    if (!entry->second) entry->second = stream.capture(work);
+    stream.replay(*entry->second);
   }
   template <typename Key>
   static bool is_recorded(const Graphs<Key>& graphs, const Key& key) {
@@ -225,35 +231,60 @@ class DeviceEngine : public TrainEngine {
     return points;
   }
 
+  long long group_of(long long step) const { return step / group_steps(last_points_, options_); }
+  // Where the points of the step's group are: groups take turns where they are drawn ahead.
+  int buffer_of(long long step) const { return ahead_ ? static_cast<int>(group_of(step) % 2) : 0; }
+
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
-  void draw_group(long long step) {
-    const int steps = group_steps(last_points_, options_);
-    const std::pair<std::size_t, long long> group{last_points_, step / steps};
+  // `graph`: replayed, else launch by launch, so that its stages can be timed. Where points are drawn ahead, a sibling
+  // of the stream draws the next group while this one is taken from.
+  void draw_group(long long step, bool graph = true) {
+    const std::pair<std::size_t, long long> group{last_points_, group_of(step)};
     if (group == drawn_) return;
-    run_or_replay(draw_graphs_, last_points_, [&] { lhs_.draw(&input_.data()->step, last_points_, steps, offset_); });
+    if (!ahead_) {
+      draw(stream_, input_.data(), step, graph);
+      drawn_ = group;
+      return;
+    }
+    if (group != next_) draw_beside(step);
+    stream_.wait(*ready_);
     drawn_ = group;
+    draw_beside((group.second + 1) * group_steps(last_points_, options_));
+    next_ = {last_points_, group.second + 1};
+  }
+  // After what the stream has been asked for so far, which may still take from the buffer.
+  void draw_beside(long long step) {
+    const auto before = stream_.record();
+    ahead_->wait(*before);
+    StepInput input;
+    input.step = static_cast<unsigned long long>(step);
+    launch(*ahead_, 1, SetStep{{}, input, ahead_input_.data()});
+    draw(*ahead_, ahead_input_.data(), step, true);
+    ready_ = ahead_->record();
+  }
+  void draw(Stream& stream, const StepInput* input, long long step, bool graph) {
+    const int steps = group_steps(last_points_, options_), buffer = buffer_of(step);
+    const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, offset_, buffer); };
+    if (graph) run_or_replay(stream, draw_graphs_, std::pair{last_points_, buffer}, work);
+    else work();
   }
 
-  void run(const ScheduleState& s, const StageMark& mark) {
+  void run(const ScheduleState& s, int buffer) {
     const auto n = static_cast<std::size_t>(s.points);
     const std::size_t far_ends = far_end_count(config_, s.points);
-    lhs_.take(&input_.data()->step, n, group_steps(n, options_));
+    lhs_.take(&input_.data()->step, n, group_steps(n, options_), buffer);
     if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, offset_);
     lobes_.trace(lhs_.surface_points(), lhs_.points(), rhs_options_.seed, &input_.data()->step, n);
-    mark("left-hand side");
+    stream_.mark("left-hand rest");
     rhs_options_.directions = s.directions;
     rhs_options_.far_ends = far_ends_.data();
     rhs_options_.far_end_count = static_cast<std::uint32_t>(far_ends);
     const DeviceRhsPoints points{lhs_.points(), nullptr, n, &input_.data()->step, nullptr};
     rhs_.trace(points, rhs_options_);
-    mark("right-hand rays");
     device_field_->radiance(rhs_.queries(), rhs_.query_count(), n * static_cast<std::size_t>(s.directions),
                             responses_.data());
-    mark("field");
     rhs_.reduce(points, rhs_options_, responses_.data(), targets_.data());
-    mark("targets");
     device_field_->train(training_points(), targets_.data(), n, &input_.data()->constants);
-    mark("gradient step");
   }
 
   Stream& stream_;
@@ -262,6 +293,7 @@ class DeviceEngine : public TrainEngine {
   const Config config_;
   const DeviceEngineOptions options_;
   OffsetRay offset_;
+  std::unique_ptr<Stream> ahead_;  // draws left-hand-side points; null: stream_ does
   DeviceLhs lhs_;
   DeviceLobes lobes_;  // of left-hand-side points
   DeviceRhs rhs_;
@@ -269,13 +301,15 @@ class DeviceEngine : public TrainEngine {
   std::unique_ptr<RadianceField> field_;
   std::unique_ptr<DeviceField> device_field_;
   bool stale_ = false;  // field_ lacks what the device learnt since
-  DeviceArray<StepInput> input_;
+  DeviceArray<StepInput> input_, ahead_input_;
   DeviceArray<Vec3f> responses_, targets_;
   DeviceArray<FarEnd> far_ends_;  // of the last step
   std::size_t last_points_ = 0;
-  std::pair<std::size_t, long long> drawn_;  // points a step and number of the group that lhs_ holds
-  Graphs<std::size_t> draw_graphs_;          // by points of a step
-  Graphs<std::pair<int, int>> step_graphs_;  // by points and directions
+  std::pair<std::size_t, long long> drawn_;          // points a step and number of the group that is taken from
+  std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws
+  std::unique_ptr<StreamEvent> ready_;               // when it has
+  Graphs<std::pair<std::size_t, int>> draw_graphs_;  // by points of a step and buffer
+  Graphs<std::tuple<int, int, int>> step_graphs_;    // by points, directions and buffer
   PlaneArray query_points_;
   DeviceArray<Vec3f> query_radiance_;
 };
@@ -287,10 +321,10 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config)) + slots * sizeof(Vec3f)});
-  parts.push_back({"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options)) +
-                                                DeviceLobes::bytes(points, query_rays(config, true), false) +
-                                                points * sizeof(Vec3f) +
-                                                far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
+  parts.push_back({"left-hand-side points",
+                   DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1) +
+                       DeviceLobes::bytes(points, query_rays(config, true), false) + points * sizeof(Vec3f) +
+                       far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
   return parts;
 }
 

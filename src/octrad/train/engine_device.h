@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "octrad/device/tuning.h"
 #include "octrad/train/engine.h"
 
 namespace octrad {
@@ -11,7 +12,7 @@ struct DeviceEngineOptions {
   bool deterministic = false;  // the same bits every time, at a cost
   bool half_features = true;   // look-ups read tables of halves; the masters are floats
   int group_steps = 16;        // left-hand-side points are drawn for up to so many steps at once: 1, 2, 4, 8 or 16
-  std::size_t max_queries = std::size_t{1} << 21;  // right-hand-side queries in flight
+  DeviceTuning tuning;         // the stream's
 };
 
 // Memory of the device that training takes beside the scene.

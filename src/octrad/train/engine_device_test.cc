@@ -113,13 +113,14 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
   config.train_quarters = true;
   const FieldDomain domain = field_domain(box.scene.scene(), config, fit_domain(box.scene, config).box);
   BatchSource batches(box.scene, config, {});
-  std::vector<Vec3f> learnt[3], last_targets[3];
-  std::vector<SurfacePoint> last_points[3];
-  const int groups[] = {1, 4, 16};
-  for (int k = 0; k < 3; ++k) {
+  std::vector<Vec3f> learnt[5], last_targets[5];
+  std::vector<SurfacePoint> last_points[5];
+  const int groups[] = {1, 4, 16, 4, 16};
+  for (int k = 0; k < 5; ++k) {
     DeviceEngineOptions options;
     options.deterministic = true;
     options.group_steps = groups[k];
+    options.tuning.draw_ahead = k > 2;
     auto engine =
         make_device_engine(*stream, box.scene, config, batches.sampler(), make_field(config, domain), options);
     for (long long step = 3; step < 24; ++step) {
@@ -141,11 +142,43 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
   for (std::size_t i = far_ends; i < last_points[0].size(); ++i)
     same += length(batches.points()[i].x - last_points[0][i].x) < 1e-3f;
   EXPECT_GT(same, (last_points[0].size() - far_ends) * 9 / 10);
-  for (const int k : {1, 2}) {
-    EXPECT_TRUE(learnt[k] == learnt[0]) << groups[k] << " steps at once";
+  for (const int k : {1, 2, 3, 4}) {
+    EXPECT_TRUE(learnt[k] == learnt[0]) << groups[k] << " steps at once" << (k > 2 ? ", on another stream" : "");
     EXPECT_TRUE(last_targets[k] == last_targets[0]);
     for (std::size_t i = 0; i < last_points[0].size(); ++i) ASSERT_EQ(last_points[k][i].x, last_points[0][i].x);
   }
+}
+
+// Every alternative of DeviceTuning learns the same.
+TEST_P(TrainOnStream, TuningChangesNothing) {
+  for (const bool dense : {false, true}) {
+    Config config = short_run("octaoctree", 20);
+    config.train_points = 128;
+    config.train_directions = 2;
+    config.adam_mode = dense ? AdamMode::dense : AdamMode::touched;
+    TrainOptions options;
+    options.stream = stream.get();
+    options.deterministic = true;
+    const auto learnt = [&] { return radiance(*train(box.scene, config, options).field, probes_); };
+    stream->tuning = {};
+    const std::vector<Vec3f> expected = learnt();
+    for (const auto& [key, value] : {std::pair{"scan_touched", "1"},
+                                     {"sort_queries", "1"},
+                                     {"query_chunk", "100"},
+                                     {"points_ahead", "64"},
+                                     {"draw_ahead", "1"},
+                                     {"lhs_rounds", "1"},
+                                     {"cast_dynamic", "1"},
+                                     {"cast_warps", "1"},
+                                     {"cast_refill", "32"},
+                                     {"block", "64"}}) {
+      stream->tuning = {};
+      set(stream->tuning, key, value);
+      EXPECT_TRUE(learnt() == expected) << key << "=" << value;
+      if (dense) break;
+    }
+  }
+  stream->tuning = {};
 }
 
 TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {

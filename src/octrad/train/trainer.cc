@@ -33,13 +33,18 @@ std::vector<long long> cell_counts(const FieldDomain& domain) {
 // Estimate of what training will allocate: on the device where there is one.
 using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
 
+DeviceEngineOptions engine_options(const TrainOptions& options) {
+  DeviceEngineOptions device;
+  device.deterministic = options.deterministic;
+  device.tuning = options.stream->tuning;
+  return device;
+}
+
 MemoryEstimate memory_estimate(const TrainOptions& options) {
   if (!options.stream)
     return
         [](const Config& config, const std::vector<long long>& cells) { return estimate_memory(config, cells, true); };
-  DeviceEngineOptions device;
-  device.deterministic = options.deterministic;
-  return [device](const Config& config, const std::vector<long long>& cells) {
+  return [device = engine_options(options)](const Config& config, const std::vector<long long>& cells) {
     return estimate_device_training(config, cells, device);
   };
 }
@@ -100,7 +105,8 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
   return ends;
 }
 
-constexpr double kChangeRate = 1.0, kChangeShare = 0.25;
+// Of learning rates after a change, in steps; share of the points on what changed and on what it lights.
+constexpr double kChangeHalves = 50.0, kChangeShare = 0.15;
 
 }  // namespace
 
@@ -129,9 +135,8 @@ class Trainer::Run {
     }
     exposure_ = static_cast<double>(field->target_scale());
     if (options.stream) {
-      DeviceEngineOptions device;
-      device.deterministic = options.deterministic;
-      engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field), device);
+      engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
+                                   engine_options(options));
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field));
     }
@@ -286,13 +291,13 @@ std::vector<SurfacePoint> Trainer::Run::last_points() {
   return points;
 }
 
-// A change is learnt at rates that fall to those of the schedule.
+// A change is learnt at the full rates, which then fall as 1 / steps to those of the schedule.
 ScheduleState Trainer::Run::schedule_now() const {
   ScheduleState s = schedule(config_, state_.step, fraction());
   s.epsilon *= exposure_;
-  if (const long long left = change_steps_left(); left > 0) {
-    const double t = 1.0 - static_cast<double>(left) / static_cast<double>(change_ends_ - change_began_);
-    s.rate_scale = std::max(s.rate_scale, kChangeRate * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846)));
+  if (change_steps_left() > 0) {
+    const auto steps = static_cast<double>(state_.step - change_began_);
+    s.rate_scale = std::max(s.rate_scale, kChangeHalves / (kChangeHalves + steps));
   }
   return s;
 }

@@ -9,13 +9,16 @@
 namespace octrad {
 
 // Samples [first, first + count) of every pixel of a window of the picture. Sample k of the job is sample first + k %
-// count of the pixel k / count, row after row.
+// count of pixel k / count: row after row, or in tiles of 8 x 4 (less at the right and the lower edge), whose rays,
+// hits and look-ups are near to each other, as a warp.
 struct CameraJob {
   CameraView view;  // of the whole picture
   unsigned long long seed = 0;
   int x0 = 0, y0 = 0, width = 0, height = 0;
   int first = 0, count = 0;
+  bool tiles = false;
 
+  static constexpr std::uint32_t kTileWidth = 8, kTileHeight = 4;
   struct Place {
     int x, y, i;
   };
@@ -26,12 +29,35 @@ struct CameraJob {
   OCTRAD_HD Place place(std::uint32_t k) const {
     const auto samples = static_cast<std::uint32_t>(count), columns = static_cast<std::uint32_t>(width);
     const std::uint32_t pixel = k / samples;
-    return {x0 + static_cast<int>(pixel % columns), y0 + static_cast<int>(pixel / columns),
-            first + static_cast<int>(k % samples)};
+    const int i = first + static_cast<int>(k % samples);
+    if (!tiles) return {x0 + static_cast<int>(pixel % columns), y0 + static_cast<int>(pixel / columns), i};
+    const std::uint32_t top = pixel / (kTileHeight * columns) * kTileHeight, tall = tall_at(top),
+                        in_band = pixel - top * columns, left = in_band / (kTileWidth * tall) * kTileWidth,
+                        wide = wide_at(left), in_tile = in_band - left * tall, row = in_tile / wide;
+    return {x0 + static_cast<int>(left + in_tile - row * wide), y0 + static_cast<int>(top + row), i};
+  }
+  // Number of the pixel at x, y of the picture, inside the window: sample i of it is k = number * count + i - first.
+  OCTRAD_HD std::uint32_t pixel_number(int x, int y) const {
+    const auto columns = static_cast<std::uint32_t>(width), column = static_cast<std::uint32_t>(x - x0),
+               row = static_cast<std::uint32_t>(y - y0);
+    if (!tiles) return row * columns + column;
+    const std::uint32_t top = row / kTileHeight * kTileHeight, left = column / kTileWidth * kTileWidth;
+    return top * columns + left * tall_at(top) + (row - top) * wide_at(left) + column - left;
   }
   OCTRAD_HD CameraSample sample(std::uint32_t k) const {
     const Place p = place(k);
     return camera_sample(view, seed, p.x, p.y, p.i);
+  }
+
+ private:
+  // Size of the tiles from this row or column of the window on.
+  OCTRAD_HD std::uint32_t tall_at(std::uint32_t top) const {
+    const std::uint32_t left = static_cast<std::uint32_t>(height) - top;
+    return left < kTileHeight ? left : kTileHeight;
+  }
+  OCTRAD_HD std::uint32_t wide_at(std::uint32_t left) const {
+    const std::uint32_t more = static_cast<std::uint32_t>(width) - left;
+    return more < kTileWidth ? more : kTileWidth;
   }
 };
 

@@ -57,7 +57,10 @@ TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
   const DeviceArray<RayQuery> device_rays(*stream, std::span<const RayQuery>(rays), "test");
   const Bvh8View tree = scene.bvh8().view();
   for (const std::uint32_t n : {0u, 1u, 31u, 32u, 33u, 4097u, kMost}) {
-    for (const std::uint32_t capacity : {n, kMost}) {
+    for (const auto& [capacity, dynamic] : {std::pair{n, false}, {kMost, false}, {n, true}, {kMost, true}}) {
+      stream->tuning.cast_dynamic = dynamic;
+      DeviceArray<std::uint32_t> taken(*stream, 2, "test");
+      taken.fill(0);
       const std::vector<std::uint32_t> size = {n};
       const DeviceArray<std::uint32_t> device_size(*stream, std::span<const std::uint32_t>(size), "test");
       DeviceArray<Answer> closest(*stream, kMost, "test"), any(*stream, kMost, "test");
@@ -67,10 +70,12 @@ TEST_P(DeviceCasts, EveryRayIsAnsweredOnce) {
       launches.fill(0);
       cast(*stream, capacity,
            CastAnswers<false>{
-               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), closest.data(), launches.data()});
+               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), closest.data(), launches.data()},
+           taken.data());
       cast(*stream, capacity,
            CastAnswers<true>{
-               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), any.data(), launches.data()});
+               {}, scene.world(*stream).bvh, device_size.data(), device_rays.data(), any.data(), launches.data()},
+           taken.data() + 1);
       const std::vector<Answer> hits = closest.download(), blocked = any.download();
       EXPECT_EQ(launches.download()[0], capacity == 0 ? 0u : 2u);
       int found = 0;

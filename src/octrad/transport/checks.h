@@ -59,6 +59,9 @@ class RayBatch {
 // Rays between surfaces: uniform points, uniform directions, off the surface as everywhere. `finite`: they end
 // somewhere within the scene's size.
 std::vector<RayQuery> incoherent_rays(const PreparedScene& scene, std::size_t n, bool finite, std::uint64_t seed);
+// As training casts them: from points that are seen from another surface, around the normal on the side that is seen,
+// denser towards it (by the cosine). Rays that leave a room through the back of its walls would flatter.
+std::vector<RayQuery> training_rays(const PreparedScene& scene, std::size_t n, bool finite, std::uint64_t seed);
 // Against `other`, or where that is null against the same tree on the CPU.
 CheckResult check_closest(Stream& stream, const PreparedScene& scene, std::span<const RayQuery> rays,
                           RayBatch::Traversal traversal, const Tracer* other = nullptr);

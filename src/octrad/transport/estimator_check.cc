@@ -116,9 +116,13 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   const LhsSampler sampler(scene, options);
   DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
                 n * static_cast<std::size_t>(group), rounds);
-  DeviceArray<unsigned long long> step(stream, 1, "check");
+  DeviceArray<unsigned long long> step(stream, std::span<const unsigned long long>(&first, 1), "check");
   OffsetRay offset;
   offset.traced = true;
+  // Once as they are: a device loads kernels when they are first launched, which must not be recorded.
+  lhs.draw(step.data(), n, group, offset);
+  lhs.take(step.data(), n, group);
+  lhs.take_missing();
   const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, offset); }),
              take = stream.capture([&] { lhs.take(step.data(), n, group); });
   CheckErrors errors;
@@ -169,6 +173,7 @@ CheckResult check_lobes(Stream& stream, const PreparedScene& scene, std::size_t 
   lhs.run(step.data(), n);
   SurfacePointArray points = lhs.surface_points();
   points.lobe = lobes.clusters();
+  lobes.trace(points, lhs.points(), seed, step.data(), n);
   const auto trace = stream.capture([&] { lobes.trace(points, lhs.points(), seed, step.data(), n); });
   EstimateErrors errors;
   std::size_t glossy = 0, met = 0;
@@ -248,6 +253,8 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     device_points.stream = step.data();
     device_points.keys = c.keys ? device_keys.data() : nullptr;
     DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays);
+    rhs.trace(device_points, device_options);
+    rhs.take_counts();
     const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });
     DeviceArray<Vec3f> answers(stream, rhs.capacity(), "check");
     const DeviceArray<Vec3f> targets(stream, n, "check");
@@ -311,6 +318,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
                          rays, options.split_coats);
     buffer.set(job);
+    buffer.run(options);
+    buffer.take_counts();
     const auto run = stream.capture([&] { buffer.run(options); });
     for (int again = 0; again < 2; ++again) {
       stream.replay(*run);
@@ -342,6 +351,9 @@ CheckResult check_paths(Stream& stream, const PreparedScene& scene, std::span<co
   DevicePathTracer tracer(stream, scene.world(stream), most + 100, wave_bounces);
   EstimateErrors errors;
   for (const PathLimits& l : limits) {
+    tracer.set(jobs[0]);
+    tracer.run(l, most);
+    tracer.take_rays();
     const auto run = stream.capture([&] { tracer.run(l, most); });
     for (const CameraJob& job : jobs) {
       std::vector<PathSample> paths;

@@ -190,7 +190,8 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   checked.split_coats = options.split_coats && split_;
   sizes_.fill(0);
-  cast(*stream_, n, Extend{{}, world_, memory});
+  cast(*stream_, n, Extend{{}, world_, memory}, sizes + kTaken);
+  stream_->mark("first rays");
   with_world(world_, [&](const auto& world) {
     using World = std::decay_t<decltype(world)>;
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
@@ -199,6 +200,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   if (query_rays_.offset.traced)
     launch(*stream_, queries_of(n), Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
+  stream_->mark("first hits");
 }
 
 void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {

@@ -50,7 +50,7 @@ class DeviceGBuffer {
   static std::size_t bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats = false);
 
  private:
-  enum { kChains, kQueries, kBounces, kSizes };
+  enum { kChains, kQueries, kBounces, kTaken, kSizes };
 
   Stream* stream_;
   DeviceWorld world_;

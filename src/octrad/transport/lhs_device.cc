@@ -214,28 +214,28 @@ using namespace lhs_kernels;
 
 DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options,
                      std::span<const CameraView> views, bool fresh_poses, std::size_t most, std::size_t most_ahead,
-                     int rounds)
+                     int rounds, Stream* drawing)
     : stream_(&stream),
+      drawing_(drawing != nullptr ? drawing : &stream),
       world_(world),
       options_(options),
       most_(most),
       most_ahead_(std::max(most, most_ahead)),
-      rounds_(rounds >= 0                  ? rounds
-              : options.glossy_boost > 1.0 ? 32
-                                           : 12),
+      rounds_(rounds >= 0                     ? rounds
+              : stream.tuning.lhs_rounds >= 0 ? stream.tuning.lhs_rounds
+              : options.glossy_boost > 1.0    ? 32
+                                              : 12),
       fresh_poses_(fresh_poses),
       views_(stream, views, "camera poses"),
       missing_(stream, 1, "counts of points"),
-      sizes_(stream, 2 * static_cast<std::size_t>(rounds_) + 2, "sizes of queues"),
+      sizes_(stream, 3 * static_cast<std::size_t>(rounds_) + 2, "sizes of queues"),
       queues_{DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points"),
               DeviceArray<std::uint32_t>(stream, most_ahead_, "left-hand-side points")},
       progress_(stream, most_ahead_, "left-hand-side points"),
       generators_(stream, most_ahead_, "random numbers of points"),
       hits_(stream, most_ahead_, "hits of left-hand-side points"),
       walks_(stream, kDrawNumbers, most_ahead_, "left-hand-side points"),
-      drawn_(stream, most_ahead_, "left-hand-side points"),
       points_(stream, most, "left-hand-side points"),
-      drawn_surface_points_(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points"),
       surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
   if (views.empty()) throw UsageError("left-hand-side points need a camera to start from");
   if (options.max_walk < 0 || options.max_walk > kMostWalk) {
@@ -243,27 +243,32 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
                      " vertices: a device draws walks of up to " + std::to_string(kMostWalk));
   }
   missing_.fill(0);
-  drawn_.fill(0);  // points are copied as whole words, padding included
+  for (int buffer = 0; buffer < (drawing != nullptr ? 2 : 1); ++buffer) {
+    drawn_[buffer] = DeviceArray<ShadingPoint>(stream, most_ahead_, "left-hand-side points");
+    drawn_[buffer].fill(0);  // points are copied as whole words, padding included
+    drawn_surface_points_[buffer] = PlaneArray(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points");
+  }
+  stream.synchronize();  // before another stream draws
 }
 
-std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead) {
+std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffers) {
   const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(kSurfacePointNumbers) * sizeof(float);
   const std::size_t draw =
       3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) + static_cast<std::size_t>(kDrawNumbers) * sizeof(float);
-  return most * point + std::max(most, most_ahead) * (point + draw);
+  return most * point + std::max(most, most_ahead) * (static_cast<std::size_t>(buffers) * point + draw);
 }
 
-void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset) {
+void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset, int buffer) {
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
-  const Memory memory{walks_.planes(), generators_.data(), progress_.data(),
-                      hits_.data(),    drawn_.data(),      drawn_surface_points_.points()};
+  const Memory memory{walks_.planes(), generators_.data(),    progress_.data(),
+                      hits_.data(),    drawn_[buffer].data(), drawn_surface_points_[buffer].points()};
   const auto queue = [&](int round) {
     return Queue{queues_[round % 2].data(), sizes_.data() + 2 * round, static_cast<std::uint32_t>(items)};
   };
-  sizes_.fill(0);
-  launch(*stream_, items,
+  drawing_->fill(sizes_.data(), 0, sizes_.bytes());
+  launch(*drawing_, items,
          Start{{},
                memory,
                options_,
@@ -273,28 +278,32 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, c
                static_cast<std::uint32_t>(steps),
                queue(0)});
   for (int r = 0; r < rounds_; ++r) {
-    cast(*stream_, items, Extend{{}, world_, memory, queue(r)});
+    cast(*drawing_, items, Extend{{}, world_, memory, queue(r)}, sizes_.data() + 2 * rounds_ + 2 + r);
+    drawing_->mark("left-hand rays");
     with_world(world_, [&](const auto& world) {
-      launch(*stream_, items,
+      launch(*drawing_, items,
              Arrive<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(r), queue(r + 1)});
     });
+    drawing_->mark("left-hand hits");
   }
   with_world(world_, [&](const auto& world) {
-    launch(*stream_, items, Finish<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(rounds_)});
+    launch(*drawing_, items, Finish<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(rounds_)});
   });
   if (offset.traced)
-    launch(*stream_, items, Disparity{{}, world_, offset.rule, drawn_.data(), drawn_surface_points_.points()});
+    launch(*drawing_, items,
+           Disparity{{}, world_, offset.rule, drawn_[buffer].data(), drawn_surface_points_[buffer].points()});
+  drawing_->mark("left-hand rest");
 }
 
-void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps) {
+void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps, int buffer) {
   check(n, steps);
   launch(*stream_, n,
          Take{{},
               step,
               static_cast<std::uint32_t>(n),
               static_cast<std::uint32_t>(steps),
-              drawn_.data(),
-              drawn_surface_points_.points(),
+              drawn_[buffer].data(),
+              drawn_surface_points_[buffer].points(),
               points_.data(),
               surface_points_.points(),
               missing_.data()});

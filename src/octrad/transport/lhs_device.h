@@ -19,15 +19,17 @@ class DeviceLhs {
   // `views`, `fresh_poses`: of a LhsSampler. For up to `most` points a step, and `most_ahead` (or `most`, if that is
   // more) of all steps of a group. `rounds`: rays that are traced for all points as a wavefront, before the few points
   // that need more are finished by one thread each; below 0: 12, or 32 where rough points are rejected, so that a few
-  // per cent are left in the usual scenes. Throws UsageError without a view, or for walks of more than 255 vertices.
+  // per cent are left in the usual scenes. `drawing`: a sibling on which draw() runs, so that a group is drawn while
+  // another one is taken from; there are two buffers then. Throws UsageError without a view, or for walks of more than
+  // 255 vertices.
   DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options, std::span<const CameraView> views,
-            bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1);
+            bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1, Stream* drawing = nullptr);
 
   // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `offset`: where it is traced,
   // fills SurfacePoint::disparity. Can be recorded, as can the others.
-  void draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset = {});
+  void draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset = {}, int buffer = 0);
   // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
-  void take(const unsigned long long* step, std::size_t n, int steps);
+  void take(const unsigned long long* step, std::size_t n, int steps, int buffer = 0);
   // The first `count` current points become these far ends, where there is one.
   void take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset = {});
   // Both for a step alone.
@@ -40,12 +42,13 @@ class DeviceLhs {
 
   // Number of points taken since the last call that could not be drawn (no_lhs_point()); their values are invalid.
   unsigned long long take_missing();
-  static std::size_t bytes(std::size_t most, std::size_t most_ahead);
+  static std::size_t bytes(std::size_t most, std::size_t most_ahead, int buffers = 1);
 
  private:
   void check(std::size_t n, int steps) const;
 
   Stream* stream_;
+  Stream* drawing_;
   DeviceWorld world_;
   LhsOptions options_;
   std::size_t most_, most_ahead_;
@@ -57,8 +60,8 @@ class DeviceLhs {
   DeviceArray<Rng> generators_;
   DeviceArray<Hit> hits_;
   PlaneArray walks_;
-  DeviceArray<ShadingPoint> drawn_, points_;
-  PlaneArray drawn_surface_points_, surface_points_;
+  DeviceArray<ShadingPoint> drawn_[2], points_;
+  PlaneArray drawn_surface_points_[2], surface_points_;
 };
 
 }  // namespace octrad

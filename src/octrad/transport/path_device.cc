@@ -237,7 +237,7 @@ DevicePathTracer::DevicePathTracer(Stream& stream, const DeviceWorld& world, std
       wave_bounces_(std::max(1, wave_bounces)),
       job_(stream, 1, "the camera"),
       counts_(stream, 1, "counts of rays"),
-      sizes_(stream, 2 * static_cast<std::size_t>(wave_bounces_) + 1, "sizes of path queues"),
+      sizes_(stream, 4 * static_cast<std::size_t>(wave_bounces_) + 1, "sizes of path queues"),
       queue_{DeviceArray<std::uint32_t>(stream, capacity, "paths"),
              DeviceArray<std::uint32_t>(stream, capacity, "paths")},
       valid_(stream, capacity, "paths"),
@@ -265,18 +265,19 @@ void DevicePathTracer::run(const PathLimits& limits, std::size_t samples) {
   const int bounces = limits.max_depth >= 0 ? std::min(limits.max_depth, wave_bounces_) : wave_bounces_;
   std::uint32_t* paths = sizes_.data();
   std::uint32_t* shadows = paths + wave_bounces_ + 1;
+  std::uint32_t* taken = shadows + wave_bounces_;
   sizes_.fill(0);
   launch(*stream_, n, Start{{}, memory, queue_[0].data(), paths});
   for (int b = 0; b < bounces; ++b) {
     const std::uint32_t* queue = queue_[b % 2].data();
-    cast(*stream_, n, Extend{{}, world_, memory, queue, paths + b});
+    cast(*stream_, n, Extend{{}, world_, memory, queue, paths + b}, taken + 2 * b);
     with_world(world_, [&](const auto& world) {
       launch(
           *stream_, n,
           Scatter<std::decay_t<decltype(world)>>{
               {}, world, memory, limits, b, queue, paths + b, queue_[(b + 1) % 2].data(), paths + b + 1, shadows + b});
     });
-    cast(*stream_, n, Connect{{}, world_, memory, shadows + b});
+    cast(*stream_, n, Connect{{}, world_, memory, shadows + b}, taken + 2 * b + 1);
   }
   if (limits.max_depth < 0 || limits.max_depth > bounces) {
     with_world(world_, [&](const auto& world) {

@@ -81,6 +81,32 @@ std::vector<RayQuery> incoherent_rays(const PreparedScene& scene, std::size_t n,
   return rays;
 }
 
+std::vector<RayQuery> training_rays(const PreparedScene& scene, std::size_t n, bool finite, std::uint64_t seed) {
+  constexpr int kTries = 16;
+  const std::vector<RayQuery> first = incoherent_rays(scene, n, false, seed);
+  const TransportContext context = scene.context();
+  const float size = length(scene.scene().bounds.extent());
+  std::vector<RayQuery> rays(n);
+  parallel_for(n, [&](std::size_t i) {
+    Rng rng(seed, RngPurpose::test, n + i);
+    RayQuery from = first[i];
+    rays[i] = from;
+    for (int k = 0; k < kTries; ++k) {
+      const Hit hit = context.intersect(from.origin, from.direction, 0.0f, kRayInfinity);
+      if (hit.valid()) {
+        const SurfaceInteraction s = context.interact(hit, from.origin, from.direction);
+        const Vec3f n_seen = dot(s.geometric_normal, from.direction) > 0.0f ? -s.geometric_normal : s.geometric_normal;
+        const Vec3f d = make_frame(n_seen).to_world(square_to_cosine_hemisphere(rng.uniform2()));
+        rays[i] = {offset_origin(s.position, s.geometric_normal, d), d,
+                   finite ? 0.5f * size * rng.uniform() : kRayInfinity};
+        return;
+      }
+      from = first[static_cast<std::size_t>(rng.uniform() * static_cast<float>(n - 1))];
+    }
+  });
+  return rays;
+}
+
 CheckResult check_closest(Stream& stream, const PreparedScene& scene, std::span<const RayQuery> rays,
                           RayBatch::Traversal traversal, const Tracer* other) {
   const DeviceArray<Hit> hits(stream, rays.size(), "check");

@@ -277,16 +277,22 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   with_world(world_, [&](const auto& world) {
     launch(*stream_, n, Sample<std::decay_t<decltype(world)>>{{}, world, memory, points, options});
   });
-  cast(*stream_, n, Occlude{{}, world_, memory});
-  cast(*stream_, n, Extend{{}, world_, memory});
+  stream_->mark("samples of directions");
+  cast(*stream_, n, Occlude{{}, world_, memory}, sizes_.data() + kShadowsTaken);
+  stream_->mark("occlusion rays");
+  cast(*stream_, n, Extend{{}, world_, memory}, sizes_.data() + kRaysTaken);
+  stream_->mark("closest-hit rays");
   with_world(world_, [&](const auto& world) {
     using World = std::decay_t<decltype(world)>;
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, points, options});
+    stream_->mark("hits");
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, points, options});
   });
+  stream_->mark("chains");
   if (!options.ask) return;
   if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
+  stream_->mark("rays of queries");
 }
 
 void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,
@@ -294,6 +300,7 @@ void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& op
   check_slots(points.most, options.directions, capacity_);
   const Memory memory = this->memory();
   launch(*stream_, points.most, Reduce{{}, world_, memory, points, options, responses, targets});
+  stream_->mark("targets");
 }
 
 TraceCounts DeviceRhs::take_counts() { return octrad::take_counts(counts_); }

@@ -56,7 +56,7 @@ class DeviceRhs {
   static std::size_t bytes(std::size_t slots, const QueryRays& rays);
 
  private:
-  enum { kShadows, kRays, kChains, kQueries, kSizes };
+  enum { kShadows, kRays, kChains, kQueries, kShadowsTaken, kRaysTaken, kSizes };
   rhs_kernels::Memory memory() const;
 
   Stream* stream_;

@@ -1,0 +1,43 @@
+// What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. On the
+// command line: -D device.KEY=VALUE. No result depends on any of it but for the order of sums.
+#pragma once
+
+#include <span>
+#include <string>
+
+namespace octrad {
+
+struct DeviceTuning {
+  // Casting rays (transport/cast.h).
+  int cast_warps = 4096;  // at least so many take part, if there are rays for them; about what large GPUs hold at once
+  int cast_share = 16;    // rays for each of a warp's lanes, at most, before there are more warps
+  int cast_refill = 8;    // lanes that are done before new rays are taken
+  bool cast_dynamic = false;  // warps take rays from what is left of all, else each has its share
+  int block = 0;              // threads of a block of element-wise kernels, at most what they are compiled for; 0: that
+  // Left-hand-side points (transport/lhs_device.h, train/engine_device.cc).
+  int lhs_rounds = -1;        // rays traced for all points together; -1: chosen by the configuration
+  int points_ahead = 262144;  // drawn at a time, for several steps
+  bool draw_ahead = false;    // by another stream, while steps take those drawn before
+  // Sizes of batches.
+  int query_chunk = 2097152;    // queries of a training step in flight
+  int train_chunk = 65536;      // points whose activations are kept at a time
+  int frame_samples = 2097152;  // of a picture's job
+  // Alternatives, each of which gives the same results as the other.
+  bool pixel_tiles = true;    // neighbours in a picture are neighbours in memory: tiles of 8 x 4, else rows
+  bool direct_film = true;    // a frame of one sample a pixel goes to the screen without sums in double
+  bool sort_queries = false;  // queries of the field in the order of a 15-bit Morton key
+  bool scan_touched = false;  // the list of touched table entries from a scan over their bits, else as they come
+
+  friend bool operator==(const DeviceTuning&, const DeviceTuning&) = default;
+};
+
+struct TuningKey {
+  const char* name;     // without "device."
+  const char* meaning;  // half a sentence
+};
+std::span<const TuningKey> tuning_keys();
+
+// Throws UsageError for a key that there is not, or a value outside of what makes sense.
+void set(DeviceTuning& tuning, const std::string& key, const std::string& value);
+
+}  // namespace octrad
