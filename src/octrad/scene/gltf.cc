@@ -89,12 +89,14 @@ class Reader {
   void read() {
     check_extensions();
     const Location here = file_->root().location();
-    if (file_->count("animations") > 0) report_.assume(here, "animations are left out: the scene stands still");
+    if (file_->count("animations") > 0)
+      report_.assume(here, "animations are left out: everything stands as it is without them");
     place_nodes();
-    for (std::size_t mesh = 0; mesh < file_->count("meshes"); ++mesh) {
-      if (const auto at = placed_.find(static_cast<int>(mesh)); at != placed_.end())
-        add_mesh(file_->item("meshes", at->first), at->second);
+    for (const auto& [index, places] : placed_) {
+      const GltfObject mesh = file_->item("meshes", index);
+      add_mesh(mesh, places, {mesh, {}});
     }
+    for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
     if (!has_camera_) add_default_camera();
     if (!has_light_) {
       report_.assume(here, "the file has no light: one that is the same from all sides is added");
@@ -171,22 +173,49 @@ class Reader {
       if (!seen.insert(index).second) node.fail("the node stands in the tree twice, or contains itself");
       const Transform to_world = parent * local(node);
       if (!to_world.is_affine()) node.fail("the transform of the node is not finite");
-      add_node(node, to_world);
+      world_.emplace(index, to_world);
+      add_node(index, node, to_world);
       push(node.sizes("children"), node, to_world);
     }
   }
 
-  void add_node(const GltfObject& node, const Transform& to_world) {
+  void add_node(int index, const GltfObject& node, const Transform& to_world) {
     if (const int mesh = node.index("mesh", "meshes"); mesh >= 0) {
       if (node.has("skin")) report_.assume(node.location(), "skins are left out: the mesh stands as it was bound");
       const GltfObject instancing = node.extension("EXT_mesh_gpu_instancing");
-      if (instancing.exists()) add_instances(mesh, instancing.object("attributes"), to_world);
+      if (node.has("skin") || node.has("weights")) posed_.emplace_back(index, to_world);
+      else if (instancing.exists()) add_instances(mesh, instancing.object("attributes"), to_world);
       else place(mesh, to_world, node);
     }
     if (const int camera = node.index("camera", "cameras"); camera >= 0)
       add_camera(file_->item("cameras", camera), node, to_world);
     const GltfObject light = node.extension("KHR_lights_punctual");
     if (light.exists()) add_light(light, to_world);
+  }
+
+  // A mesh in a pose of its own. A skin stands where its joints are, wherever the node is.
+  void add_posed(const GltfObject& node, const Transform& to_world) {
+    const GltfObject mesh = file_->item("meshes", node.index("mesh", "meshes"));
+    report_.attempt(node.location(), [&] {
+      GltfPose pose{node.has("weights") ? node : mesh, {}};
+      const int skin_index = node.index("skin", "skins");
+      if (skin_index < 0) return add_mesh(mesh, {to_world}, pose);
+      const GltfObject skin = file_->item("skins", skin_index);
+      const int accessor = skin.index("inverseBindMatrices", "accessors");
+      const GltfValues bound = accessor >= 0 ? file_->values(accessor, {16}) : GltfValues();
+      for (const std::uint64_t joint : skin.sizes("joints")) {
+        const std::size_t k = pose.joints.size();
+        Transform inverse;
+        for (std::size_t i = 0; i < 16 && k < bound.count; ++i)
+          inverse.m[4 * (i % 4) + i / 4] = static_cast<double>(bound.values[16 * k + i]);
+        const auto found = world_.find(static_cast<int>(std::min<std::uint64_t>(joint, file_->count("nodes"))));
+        if (found == world_.end() || (accessor >= 0 && k >= bound.count) || !inverse.is_affine())
+          skin.fail("joint " + std::to_string(k) + " is not in the scene, or has no inverse bind matrix");
+        pose.joints.push_back(found->second * inverse);
+      }
+      if (pose.joints.empty()) skin.fail("has no joints");
+      add_mesh(mesh, {Transform()}, pose);
+    });
   }
 
   void place(int mesh, const Transform& to_world, const GltfObject& node) {
@@ -223,17 +252,20 @@ class Reader {
 
   // The primitives of a mesh in all its places: as shapes, or, where there are several places, in a group of which
   // there are instances. Lights cannot be in groups.
-  void add_mesh(const GltfObject& mesh, const std::vector<Transform>& places) {
+  void add_mesh(const GltfObject& mesh, const std::vector<Transform>& places, const GltfPose& pose) {
     Element* group = nullptr;
     const std::string id = mesh.path();
     for (const GltfObject& primitive : mesh.objects("primitives")) {
       report_.attempt(primitive.location(), [&] {
-        for (const auto& [name, surface] : build(primitive)) {
+        for (const auto& [name, surface] : build(primitive, pose)) {
           const bool emits = materials_.emits(surface.material);
           if (places.size() == 1 || emits) {
             for (const Transform& to_world : places) {
               Element& shape = add_shape(root(), primitive, name, surface);
               add_matrix(shape, primitive.location(), "to_world", to_world);
+              // What mirrors turns the front with it. Normals of the file do so by themselves.
+              if (to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty())
+                add_element(shape, primitive.location(), "boolean", {{"name", "flip_normals"}, {"value", "true"}});
             }
             continue;
           }
@@ -256,7 +288,7 @@ class Reader {
   }
 
   // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
-  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive) {
+  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive, const GltfPose& pose) {
     const int positions = primitive.object("attributes").index("POSITION", "accessors");
     if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
         !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
@@ -266,18 +298,19 @@ class Reader {
     const int uv_set = materials_.uv_set(surface.material);
     const GltfObject attributes = primitive.object("attributes");
     surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
+    if (!surface.uvs && materials_.has_textures(surface.material))
+      report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");
     const bool colors = attributes.has("COLOR_0");
     surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
     if (colors && !surface.colors)
       report_.assume(primitive.location(), "colours of vertices are left out where there is a texture");
     const Vec3f color = materials_.base_color(surface.material);
-    std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr);
+    std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr, pose);
     std::vector<std::pair<std::string, GltfSurface>> result;
     if (!mesh) {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
     }
-    if (primitive.has("targets")) report_.assume(primitive.location(), "morph targets are left out");
     const auto keep = [&](RawMesh&& m) {
       const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
       for (const Vec3f& p : m.positions) mesh_bounds_.extend(p);
@@ -315,7 +348,7 @@ class Reader {
     if (type != "perspective" && type != "orthographic")
       camera.fail("the type must be perspective or orthographic, not \"" + type + "\"");
     const GltfObject p = camera.object(type);
-    const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e4, 0.0, 1e12);
+    const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e9, 0.0, 1e12);
     double aspect = p.number("aspectRatio", 16.0 / 9.0, 1e-3, 1e3);
     Transform t = *view;
     double degrees = 0.0;
@@ -409,6 +442,8 @@ class Reader {
   SceneReport& report_;
   GltfMaterials materials_;
   std::map<int, std::vector<Transform>> placed_;  // where each mesh stands
+  std::map<int, Transform> world_;                // of every node
+  std::vector<std::pair<int, Transform>> posed_;  // nodes whose mesh has a skin or weights of its own
   std::size_t placed_count_ = 0;
   MemoryMeter meter_{"the tree of the scene file"};
   bool has_camera_ = false, has_light_ = false;

@@ -64,6 +64,11 @@ int hex_digit(char c) {
   return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
+// A limit that was rounded when it was written is one.
+double within_rounding(double value, double upper) {
+  return value > upper && value <= upper + 1e-4 * std::fabs(upper) ? upper : value;
+}
+
 }  // namespace
 
 Location GltfObject::location() const {
@@ -113,7 +118,8 @@ std::vector<std::string> GltfObject::keys() const {
 double GltfObject::number(const std::string& key, double fallback, double lower, double upper) const {
   const nlohmann::json* found = member(key);
   if (!found) return fallback;
-  const double value = found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
+  const double value =
+      found->is_number() ? within_rounding(found->get<double>(), upper) : std::numeric_limits<double>::quiet_NaN();
   if (!(value >= lower && value <= upper)) {
     wrong(key, lower > -1e30 || upper < 1e30
                    ? "a number from " + number_text(lower) + (upper < 1e30 ? " to " + number_text(upper) : " on")
@@ -145,7 +151,8 @@ std::vector<double> GltfObject::numbers(const std::string& key, std::vector<doub
                                (upper < 1e30 ? " from " + number_text(lower) + " to " + number_text(upper) : "");
   if (!found->is_array() || found->size() != fallback.size()) wrong(key, expected);
   for (std::size_t i = 0; i < fallback.size(); ++i) {
-    fallback[i] = (*found)[i].is_number() ? (*found)[i].get<double>() : std::numeric_limits<double>::quiet_NaN();
+    fallback[i] = (*found)[i].is_number() ? within_rounding((*found)[i].get<double>(), upper)
+                                          : std::numeric_limits<double>::quiet_NaN();
     if (!(fallback[i] >= lower && fallback[i] <= upper)) wrong(key, expected);
   }
   return fallback;
@@ -210,7 +217,7 @@ GltfFile::GltfFile(const std::string& file, std::string bytes, const Description
     root().fail(version.empty() ? "not a glTF file: it has no asset.version"
                                 : "glTF " + version + " is not supported; supported: 2.x");
   for (const char* list : {"accessors", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes",
-                           "samplers", "scenes", "textures"}) {
+                           "samplers", "scenes", "skins", "textures"}) {
     const auto found = json_.find(list);
     if (found != json_.end() && !found->is_array()) root().fail(std::string("\"") + list + "\" must be a list");
   }
@@ -358,14 +365,17 @@ GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std
 GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   const GltfObject a = item("accessors", accessor);
   const std::string type = a.text("type", "");
-  static const std::pair<const char*, int> kTypes[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}};
+  static const std::pair<const char*, int> kTypes[] = {
+      {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT4", 16}};
   GltfValues result;
   for (const auto& [name, number] : kTypes) {
     if (type == name) result.components = number;
   }
   if (std::find(components.begin(), components.end(), result.components) == components.end()) {
     std::vector<std::string> names;
-    for (const int n : components) names.push_back(kTypes[n - 1].first);
+    for (const auto& [name, number] : kTypes) {
+      if (std::find(components.begin(), components.end(), number) != components.end()) names.push_back(name);
+    }
     a.fail("the type must be " + join(names, " or ") + " here, not \"" + type + "\"");
   }
   const int kind = a.integer("componentType", 0, kByte, kFloat);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "octrad/base/memory_limit.h"
@@ -14,6 +15,54 @@ std::vector<Vec3f> vectors(const GltfValues& v) {
   const auto n = static_cast<std::size_t>(v.components);
   for (std::size_t i = 0; i < v.count; ++i) result[i] = {v.values[i * n], v.values[i * n + 1], v.values[i * n + 2]};
   return result;
+}
+
+// Morph targets: positions and normals plus weighted differences.
+void add_targets(const GltfFile& file, const GltfObject& primitive, const GltfObject& owner, RawMesh& mesh) {
+  const std::vector<GltfObject> targets = primitive.objects("targets");
+  const std::vector<double> weights = owner.numbers("weights", std::vector<double>(targets.size(), 0.0));
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    if (weights[i] == 0.0) continue;
+    const auto add = [&](const std::string& name, std::vector<Vec3f>& to) {
+      const int accessor = targets[i].index(name, "accessors");
+      if (accessor < 0 || to.empty()) return;
+      const std::vector<Vec3f> differences = vectors(file.values(accessor, {3}));
+      if (differences.size() != to.size()) targets[i].fail("has another number of " + name + " than the mesh");
+      for (std::size_t k = 0; k < to.size(); ++k) to[k] += differences[k] * static_cast<float>(weights[i]);
+    };
+    add("POSITION", mesh.positions);
+    add("NORMAL", mesh.normals);
+  }
+}
+
+// Linear blend skinning: the weighted mean of where each of four joints has the vertex.
+void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfValues& weights,
+              const std::vector<Transform>& transforms, RawMesh& mesh) {
+  if (joints.count == 0 || weights.count == 0) primitive.fail("has a skin, but no JOINTS_0 and WEIGHTS_0");
+  std::vector<std::array<double, 9>> normals;
+  for (const Transform& t : transforms) normals.push_back(t.normal_matrix());
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    Vec3d position(0.0), normal(0.0);
+    double sum = 0.0;
+    const Vec3d p(mesh.positions[i]), n(mesh.normals.empty() ? Vec3f(0.0f) : mesh.normals[i]);
+    for (std::size_t k = 4 * i; k < 4 * i + 4; ++k) {
+      const auto w = static_cast<double>(weights.values[k]);
+      if (!(w > 0.0)) continue;
+      const float joint = joints.values[k];
+      if (!(joint >= 0.0f && joint < static_cast<float>(transforms.size())))
+        primitive.fail("vertex " + std::to_string(i) + " has a joint that the skin has not");
+      const auto j = static_cast<std::size_t>(joint);
+      sum += w;
+      position += transforms[j].point(p) * w;
+      const std::array<double, 9>& m = normals[j];
+      normal += Vec3d(m[0] * n.x + m[1] * n.y + m[2] * n.z, m[3] * n.x + m[4] * n.y + m[5] * n.z,
+                      m[6] * n.x + m[7] * n.y + m[8] * n.z) *
+                w;
+    }
+    if (!(sum > 0.0)) primitive.fail("vertex " + std::to_string(i) + " hangs on no joint");
+    mesh.positions[i] = Vec3f(position / sum);
+    if (!mesh.normals.empty()) mesh.normals[i] = Vec3f(normal / sum);
+  }
 }
 
 // Primitives may share one list of vertices, of which each needs a few.
@@ -52,7 +101,8 @@ void drop_unused_vertices(RawMesh& mesh) {
 
 }  // namespace
 
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color) {
+std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
+                                 const GltfPose& pose) {
   const int mode = primitive.integer("mode", kTriangles, kPoints, kFan);
   if (mode < kTriangles) return std::nullopt;
   const GltfObject attributes = primitive.object("attributes");
@@ -71,6 +121,9 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
   const std::size_t count = mesh.positions.size();
   if (count == 0) primitive.fail("has no POSITION");
   mesh.normals = vectors(read("NORMAL", {3}, count));
+  add_targets(file, primitive, pose.weights, mesh);
+  if (!pose.joints.empty())
+    set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), pose.joints, mesh);
   const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
   for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
   if (color) {

@@ -24,9 +24,17 @@ Element& add_element(Element& parent, const Location& where, const std::string& 
 void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
 std::string three_numbers(Vec3d v);
 
+// How a mesh stands: the object that may have `weights` of its morph targets, and of a skin, for each joint, what takes
+// vertices as they were bound to where the joint has them.
+struct GltfPose {
+  GltfObject weights;
+  std::vector<Transform> joints;
+};
+
 // A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, as "vertex_color", the colours
 // of its vertices times `color`, where it has them. nullopt for points and lines.
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color);
+std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
+                                 const GltfPose& pose);
 // Takes out the triangles whose texture is seen mirrored: v, which runs down the picture, up beside u to the right.
 RawMesh take_mirrored(RawMesh& mesh);
 
@@ -51,6 +59,7 @@ class GltfMaterials {
   // The set of texture coordinates that the material's textures use.
   int uv_set(int material) const;
   bool has_normal_map(int material) const;
+  bool has_textures(int material) const;
   // Whether colours of vertices can be shown, and by what they are multiplied.
   bool shows_colors(int material, bool uvs) const;
   Vec3f base_color(int material) const;

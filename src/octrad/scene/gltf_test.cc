@@ -219,12 +219,53 @@ TEST_F(GltfTest, NodesAndInstances) {
   json_["nodes"][1]["children"] = {0};
   EXPECT_NE(error().find("twice"), std::string::npos);
 
+  // The front stays the front under a mirror, with normals in the file and without.
+  json_["nodes"] = Json::parse(R"([{"mesh": 0, "scale": [-1, 1, 1]}])");
+  const auto front = [](const TriangleMesh& mesh) {
+    Vec3f p[3];
+    for (int i = 0; i < 3; ++i) p[i] = mesh.positions[static_cast<std::size_t>(mesh.triangles[0][i])];
+    return cross(p[1] - p[0], p[2] - p[0]).z * (mesh.flip_normals ? -1.0f : 1.0f);
+  };
+  EXPECT_EQ(front(load().meshes[0]), 1.0f);
+  primitive()["attributes"]["NORMAL"] = add("VEC3", 5126, 3, bytes_of<float>({0, 0, 1, 0, 0, 1, 0, 0, 1}));
+  EXPECT_EQ(front(load().meshes[0]), 1.0f);
+  primitive()["attributes"].erase("NORMAL");
+
   json_["nodes"] = Json::parse(R"([{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}])");
   json_["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
       add("VEC3", 5126, 2, bytes_of<float>({0, 0, 1, 0, 0, 2}));
   scene = load();
   ASSERT_EQ(scene.placements.size(), 2u);
   EXPECT_EQ(scene.placements[1].point({0, 0, 0}), Vec3f(0, 0, 2));
+}
+
+TEST_F(GltfTest, MorphTargetsAndSkins) {
+  primitive()["targets"] = {{{"POSITION", add("VEC3", 5126, 3, bytes_of<float>({0, 0, 0, 0, 0, 1, 0, 0, 2}))}}};
+  EXPECT_EQ(load().meshes[0].positions[2], Vec3f(0, 1, 0));
+  json_["meshes"][0]["weights"] = {0.5};
+  EXPECT_EQ(load().meshes[0].positions[2], Vec3f(0, 1, 1));
+  json_["nodes"][0]["weights"] = {2};
+  EXPECT_EQ(load().meshes[0].positions[2], Vec3f(0, 1, 4));
+  json_["nodes"][0]["weights"] = {1, 2};
+  EXPECT_NE(error().find("a list of 1 numbers"), std::string::npos);
+
+  // Bound one above the joint, which stands at x = 5; the node's own place counts for nothing.
+  primitive().erase("targets");
+  json_["meshes"][0].erase("weights");
+  json_["nodes"] = Json::parse(
+      R"([{"mesh": 0, "skin": 0, "translation": [9, 9, 9], "children": [1, 2]}, {"translation": [-4, -9, -9]}, {"translation": [-9, -9, -9]}])");
+  json_["skins"] = {
+      {{"joints", {1, 2}},
+       {"inverseBindMatrices", add("MAT4", 5126, 2, bytes_of<float>({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -1, 0, 1, 1,
+                                                                     0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0,  1}))}}};
+  EXPECT_NE(error().find("no JOINTS_0"), std::string::npos);
+  primitive()["attributes"]["JOINTS_0"] =
+      add("VEC4", 5121, 3, bytes_of<std::uint8_t>({0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0}));
+  primitive()["attributes"]["WEIGHTS_0"] =
+      add("VEC4", 5126, 3, bytes_of<float>({1, 0, 0, 0, 1, 0, 0, 0, 0.5f, 0.5f, 0, 0}));
+  EXPECT_EQ(load().meshes[0].positions, (std::vector<Vec3f>{{5, -1, 0}, {1, 0, 0}, {2.5f, 0.5f, 0}}));
+  json_["skins"][0]["joints"] = {1, 7};
+  EXPECT_NE(error().find("joint 1 is not in the scene"), std::string::npos);
 }
 
 TEST_F(GltfTest, MaterialFactorsAndTextures) {
