@@ -4,10 +4,9 @@ set(main ${PROJECT_SOURCE_DIR}/configs/paper/main.json)  # first: what runs when
 list(REMOVE_ITEM matrices ${main})
 set(entries)
 foreach(matrix ${main} ${matrices})
-  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${matrix})
   get_filename_component(name ${matrix} NAME_WE)
-  file(READ ${matrix} text)
-  string(APPEND entries "    std::pair{\"${name}\", R\"json(${text})json\"},\n")
+  octrad_literal(text ${matrix})
+  string(APPEND entries "    std::pair{\"${name}\", ${text}},\n")
 endforeach()
 set(OCTRAD_MATRICES ${PROJECT_BINARY_DIR}/builtin_matrices.cc)
 file(CONFIGURE OUTPUT ${OCTRAD_MATRICES} @ONLY CONTENT [[// Written by cmake/matrices.cmake.

@@ -66,4 +66,4 @@ printf '\nPictures:\n'
 printf '  %s\n' "$PWD/demo/ref.png   reference" "$PWD/demo/lhs.png   radiance cache" \
   "$PWD/demo/path.png  path tracing in the same time"
 printf '\nDone in %d min %d s.\n' $(((SECONDS - started) / 60)) $(((SECONDS - started) % 60))
-printf 'Walk through it in a browser:\n  %s/octrad view %s --model demo/room.octrad --open\n' "$build" $scene
+printf 'Walk through it in a browser:\n  %s/octrad view %s --model demo/room.octrad --train --open\n' "$build" $scene

@@ -34,7 +34,7 @@ python=python3
 /usr/bin/python3 -c '' 2>/dev/null && python=/usr/bin/python3
 [ -d "$corpus/scene" ] || "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"
 
-if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
+if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 bad=0 passed=0
 for name in $names; do

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""clang understands every source without a warning, and every header compiles alone. Nothing is generated.
+"""clang understands the program's sources without a warning, and every header compiles alone. Nothing is generated.
+The library's sources are compiled by clang with the sanitizers (scripts/test.sh).
 
-    OCTRAD_BUILD=build check_clang.py [FILE ...]      all files of src/ but tests, or these
+    OCTRAD_BUILD=build check_clang.py [FILE ...]      src/app and all headers of src/, or these
 
 The folders of the libraries come from compile_commands.json of the build. A header that is the first include of the
 source of its name is tried there and not again. Ends with "N passed, N failed, N skipped"; skipped without clang.
@@ -43,10 +44,11 @@ def first_include(path):
 
 def wanted():
     sources = [p for p in sorted((ROOT / "src").rglob("*.cc")) if not re.search(r"_(test|bench)\.cc$", p.name)]
+    program = [p for p in sources if ROOT / "src/app" in p.parents]
     tried = {first_include(p) for p in sources if first_include(p) == p.with_suffix(".h").relative_to(ROOT / "src").as_posix()}
     # Highway's *-inl.h files are included once for each instruction set, by sources that prepare for it.
     headers = [p for p in sorted((ROOT / "src").rglob("*.h")) if not p.name.endswith("-inl.h")]
-    return sources + [p for p in headers if p.relative_to(ROOT / "src").as_posix() not in tried]
+    return program + [p for p in headers if p.relative_to(ROOT / "src").as_posix() not in tried]
 
 
 def main():

@@ -20,7 +20,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 os.environ.setdefault("OCTRAD", str(ROOT / "build" / "octrad"))
 import support  # noqa: E402
 from exr import read_exr  # noqa: E402
-from support import Case, start  # noqa: E402
+from support import SMALL, Case, start  # noqa: E402
 from test_view import trained  # noqa: E402
 from web_client import WebSocket, request  # noqa: E402
 
@@ -132,7 +132,10 @@ class ViewPage(Case):
             cls.shared.cleanup()
 
     def serve(self, *options):
-        self.process = start("view", self.scene, "--model", self.model, "--json", "--width", "96", "--height", "72", *options)
+        return self.begin("view", self.scene, "--model", self.model, "--json", "--width", "96", "--height", "72", *options)
+
+    def begin(self, *arguments):
+        self.process = start(*arguments)
         self.addCleanup(self.end, self.process)
         return json.loads(self.process.stdout.readline())["url"]
 
@@ -140,10 +143,10 @@ class ViewPage(Case):
         process.kill()
         process.communicate()
 
-    def page(self, url, **options):
+    def page(self, url, still=STILL, **options):
         page = Page(self.browser, url, **options)
         self.addCleanup(page.close)
-        page.wait(STILL)
+        page.wait(still)
         return page
 
     def colors(self, page):
@@ -271,6 +274,64 @@ class ViewPage(Case):
         wrong = Page(self.browser, url.replace("for-the", "for-no"))
         self.addCleanup(wrong.close)
         wrong.wait("/no valid token/.test(document.getElementById('message').textContent)")
+
+    def test_a_training_is_watched_and_steered(self):
+        model = self.path("m.octrad")
+        page = self.page(self.begin("train", self.scene, "-o", model, "--view", "--json", "-D", "train.steps=1000000", *SMALL),
+                         "viewer.frame && viewer.training.status && viewer.training.status.step > 50")
+        click = lambda what: page.js("document.querySelector('[data-train=%s]').click()" % what)
+        shown = lambda: page.js("document.getElementById('training-status').textContent")
+        inked = """(() => { const c = document.getElementById("curves"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data; let n = 0;
+            for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n; })()"""
+        page.wait("viewer.training.curves.loss.length > 8")
+        self.assertGreater(page.js(inked), 1000)
+        self.assertIn("running", shown())
+        before = page.js("viewer.frame.frame")
+        page.wait("viewer.frame.frame > %d" % (before + 2))
+        page.js("(() => { const s = document.getElementById('layer'); s.value = 'training points'; s.dispatchEvent(new Event('change')); })()")
+        page.wait("viewer.state.layer === 'training points' && viewer.frame.frame > %d" % (before + 6))
+        page.screenshot("training.png")
+        click("pause")
+        page.wait("viewer.training.status.state === 'paused' && !document.querySelector('[data-train=start]').disabled")
+        click("save")
+        page.wait("viewer.training.status.saved === viewer.training.status.step")
+        self.assertTrue(os.path.exists(model))
+        click("start")
+        page.wait("viewer.training.status.state === 'running' && viewer.training.status.step > viewer.training.status.saved + 20")
+        page.key("KeyW", "w", hold=0.3)
+        page.wait("viewer.inputs > 0 && viewer.frame.input === viewer.inputs")
+
+    def test_a_light_and_a_material_are_edited(self):
+        page = self.page(self.serve("--train"))
+        put = lambda where, value, event="input": page.js("(() => { const e = document.querySelector(%s); e.value = %s; e.dispatchEvent(new Event(%s)); })()"
+                                                          % (json.dumps(where), json.dumps(value), json.dumps(event)))
+        self.assertEqual(page.js("document.querySelector('.light span').textContent"), "lamp")
+        bright = self.colors(page)[1]
+        put(".light [data-part=power]", "-2")
+        page.wait("viewer.training.scene.lights[0].factor[0] === 0.25")
+        page.wait(STILL)
+        time.sleep(0.3)
+        self.assertLess(self.colors(page)[1], 0.75 * bright)
+        page.js("document.querySelector('.light [data-part=on]').click()")
+        page.wait("viewer.training.scene.lights[0].factor[0] === 0")
+        time.sleep(0.3)
+        page.wait(STILL)
+        self.assertLess(self.colors(page)[1], 5)
+        page.js("document.querySelector('.light [data-part=on]').click()")
+        page.wait("viewer.training.scene.lights[0].factor[0] === 0.25")
+        put("#material", page.js("[...document.getElementById('material').options].find(o => /white/.test(o.textContent)).value"), "change")
+        put("#material-color", "#ff2020")
+        page.wait("viewer.training.status.change > 0 && viewer.training.status.change < 0.9")
+        page.screenshot("edits.png")
+        page.wait("viewer.training.status.change === 0")
+        page.wait(STILL)
+        page.screenshot("edited.png")
+        red, green = page.js("""(() => { const c = document.getElementById("canvas"), p = viewer.place();
+            const d = c.getContext("2d").getImageData(p.x + 2, p.y + 2, p.w - 4, p.h - 4).data; let r = 0, g = 0;
+            for (let i = 0; i < d.length; i += 4) { r += d[i]; g += d[i + 1]; } return [r, g]; })()""")
+        self.assertGreater(red, 2 * green)
+        page.js("document.getElementById('material-reset').click()")
+        page.wait("!viewer.training.scene.materials.some(m => m.edit.color)")
 
     def test_windows(self):
         url = self.serve("--compare", "path")

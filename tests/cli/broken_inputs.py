@@ -7,6 +7,7 @@ import json
 import struct
 import zlib
 
+from gltf import glb, triangle
 from support import ROOM
 
 SENSOR = """<sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
@@ -278,6 +279,77 @@ def chunk(kind, data):
 def png(width, height, data=b"", color=0):
     return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, color, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(data, 9))
             + chunk(b"IEND", b""))
+
+
+# glTF
+def gltf(name, change, text, code=2, make=triangle, **files):
+    """A triangle with something wrong: change(scene) -> None, or what the file holds instead."""
+    made = make()
+    other = change(made)
+    case("gltf-" + name, {"s.gltf": made.text() if other is None else other, **{key.replace("_", "."): value for key, value in files.items()}}, ["info", "s.gltf"], code, text)
+
+
+def put(*path, value):
+    """A change of one value of the file."""
+    def change(made):
+        item = made.json
+        for key in path[:-1]:
+            item = item[key]
+        item[path[-1]] = value
+    return change
+
+
+def textured(image):
+    def change(made):
+        made.json["images"] = [image]
+        made.json["textures"] = [{"source": 0}]
+        made.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+        primitive = made.json["meshes"][0]["primitives"][0]
+        primitive["material"] = 0
+        primitive["attributes"]["TEXCOORD_0"] = made.accessor("VEC2", [0, 0, 1, 0, 0, 1])
+    return change
+
+
+gltf("empty", lambda g: "", "not valid JSON")
+gltf("a-list", lambda g: "[]", "a JSON object")
+gltf("of-nothing", lambda g: "{}", "no asset.version")
+gltf("version-1", put("asset", value={"version": "1.0"}), "glTF 1.0 is not supported")
+gltf("deep", lambda g: '{"extras": ' + "[" * 100000 + "]" * 100000 + "}", "nested more than 100 deep")
+gltf("lists-of-other-kind", put("nodes", value={}), '"nodes" must be a list')
+gltf("node-missing", put("scenes", 0, "nodes", value=[7]), "node 7 does not exist")
+gltf("node-of-itself", put("nodes", 0, "children", value=[0]), "stands in the tree twice")
+gltf("mesh-missing", put("nodes", 0, "mesh", value=3), "the file has 1 meshes")
+gltf("matrix-projective", put("nodes", 0, "matrix", value=[1, 0, 0, 1] * 4), "last row")
+gltf("rotation-zero", put("nodes", 0, "rotation", value=[0, 0, 0, 0]), "quaternion")
+gltf("far-away", put("nodes", 0, "translation", value=[1e20, 0, 0]), "too far away")
+gltf("accessor-beyond", put("accessors", 0, "count", value=4), "lead beyond the buffer view")
+gltf("accessor-huge", put("accessors", 0, "count", value=2 ** 50), "too many elements")
+gltf("accessor-of-zeros", lambda g: g.json["accessors"][0].update(count=2 ** 24 + 1) or g.json["accessors"][0].pop("bufferView") and None, "too many elements")
+gltf("accessor-of-twos", put("accessors", 0, "type", value="VEC2"), "must be VEC3 here")
+gltf("accessor-of-doubles", put("accessors", 0, "componentType", value=5130), "componentType")
+gltf("offset-negative", put("accessors", 0, "byteOffset", value=-4), "whole number")
+gltf("view-beyond", put("bufferViews", 0, "byteLength", value=37), "lead beyond the buffer")
+gltf("stride-narrow", put("bufferViews", 0, "byteStride", value=4), "byteStride")
+gltf("index-beyond", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 3], 5123)), "index 3 is beyond")
+gltf("corners-four", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 2, 0], 5123)), "make no triangles")
+gltf("normals-two", lambda g: g.json["meshes"][0]["primitives"][0]["attributes"].update(NORMAL=g.accessor("VEC3", [0, 0, 1] * 2)), "2 of NORMAL, but 3 positions")
+gltf("nan", lambda g: put("accessors", value=[])(g) or g.accessor("VEC3", [float("nan")] * 9) and None, "is not finite")
+gltf("sparse-beyond", lambda g: g.json["accessors"][0].update(sparse={"count": 1, "indices": {"bufferView": g.view(b"\x09"), "componentType": 5121}, "values": {"bufferView": 0}}), "index 9 is beyond")
+gltf("color-of-two", lambda g: put("materials", value=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}])(g) or put("meshes", 0, "primitives", 0, "material", value=0)(g), "a list of 4 numbers")
+gltf("draco", lambda g: put("meshes", 0, "primitives", 0, "extensions", value={"KHR_draco_mesh_compression": {}})(g), "KHR_draco_mesh_compression is not supported")
+gltf("buffer-short", lambda g: g.text().replace(f'"byteLength": {len(g.binary)}, "uri"', '"byteLength": 1000000000, "uri"'), "but there are")
+gltf("base64-broken", lambda g: g.text().replace("base64,AAAA", "base64,A!AA"), "not in base64")
+gltf("buffer-missing", lambda g: g.text().replace('"data:', '"none.bin" , "x": "'), "does not exist")
+gltf("buffer-a-device", lambda g: g.text().replace('"data:', '"/dev/zero", "x": "'), "must be a relative path")
+gltf("image-outside", textured({"uri": "../t.png"}), "leaves the folder")
+gltf("image-of-another-kind", textured({"uri": "data:image/webp;base64,UklGRg=="}), "not a picture")
+gltf("image-bomb", lambda g: textured({"uri": "bomb.png"})(g), "the budget is", 4, bomb_png=png(16000, 16000, bytes(16001 * 16000)))
+gltf("light-missing", put("nodes", 0, "extensions", value={"KHR_lights_punctual": {"light": 2}}), "light 2 does not exist")
+gltf("camera-flat", lambda g: put("cameras", value=[{"type": "perspective", "perspective": {"yfov": 4}}])(g) or put("nodes", 0, "camera", value=0)(g), "yfov")
+GLB = triangle().container()
+for name, data, message in (("cut-off", GLB[:-40], "announces"), ("header", GLB[:18], "ends early"), ("version", glb(b"{}  ", b"", version=1), "glTF 1"), ("no-json", GLB[:16] + b"BIN\0" + GLB[20:], "must be JSON"),
+                            ("chunk-huge", GLB[:12] + b"\xff\xff\xff\x7f" + GLB[16:], "longer than the file"), ("no-data", glb(GLB[20:20 + struct.unpack("<I", GLB[12:16])[0]], b""), "no binary chunk")):
+    case("glb-" + name, {"s.glb": data}, ["info", "s.glb"], 2, message)
 
 
 def pfm(*values, side=2):

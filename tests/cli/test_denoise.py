@@ -30,15 +30,17 @@ needs_library = unittest.skipIf(LIBRARY is None, "needs Open Image Denoise: scri
 
 
 def stand_in(case, version):
-    """A library that says this version and fails when a filter runs -> its folder."""
+    """A library that says this version and fails when a filter runs -> its folder. As in the package of version 2.5, it needs
+    a second one, which the dynamic linker does not find by itself."""
     names = ("SetDeviceInt", "SetDeviceBool", "CommitDevice", "ReleaseDevice", "ReadBuffer", "WriteBuffer", "ReleaseBuffer", "SetFilterImage",
              "SetFilterBool", "SetFilterInt", "CommitFilter", "ReleaseFilter")
-    source = "int failed;\nint oidnGetDeviceInt(void* d, const char* n) { return %d; }\nvoid oidnExecuteFilter(void* f) { failed = 1; }\n" % version
+    core, source = "libOpenImageDenoise_core.so.2.9.1", "extern int failed;\nint oidnGetDeviceInt(void* d, const char* n) { return %d; }\nvoid oidnExecuteFilter(void* f) { failed = 1; }\n" % version
     source += 'int oidnGetDeviceError(void* d, const char** m) { *m = "out of order"; return failed; }\n'
     source += "".join("void oidn%s(void) {}\n" % n for n in names)
     source += "".join("void* oidn%s(void) { return &failed; }\n" % n for n in ("NewDevice", "NewBuffer", "NewFilter"))
-    command = ["cc", "-shared", "-fPIC", "-w", "-o", case.path("libOpenImageDenoise.so.2"), case.write("stand_in.c", source)]
-    subprocess.run(command, check=True)
+    command = ["cc", "-shared", "-fPIC", "-w", "-o"]
+    subprocess.run([*command, case.path(core), case.write("core.c", "int failed;\n"), "-Wl,-soname," + core], check=True)
+    subprocess.run([*command, case.path("libOpenImageDenoise.so.2"), case.write("stand_in.c", source), case.path(core)], check=True)
     return case.folder
 
 

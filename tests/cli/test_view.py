@@ -16,6 +16,7 @@ from support import ROOM, SMALL, Case, start
 from web_client import Frame, Refused, Viewer, WebSocket, request
 
 MODEL = {}
+SERVER = os.environ.get("OCTRAD_VIEW_SERVER")  # tests/view_server.cc, built with sanitizers
 
 
 def trained(folder):
@@ -42,7 +43,7 @@ class View(Case):
         cls.shared.cleanup()
 
     def serve(self, *options, model=True):
-        process = start("view", self.scene, *(["--model", self.model] if model else []), "--json", *options)
+        process = start("view", self.scene, *(["--model", self.model] if model else []), "--json", *options, program=SERVER)
         self.addCleanup(self.finish, process)
         line = process.stdout.readline()
         self.assertTrue(line, process.stderr.read().decode() if process.poll() is not None else "")
@@ -69,7 +70,7 @@ class Server(View):
         address = viewer.address
         self.assertEqual(address[0], "127.0.0.1")
         own = "http://%s:%d" % address
-        for path, kind in (("/", "text/html"), ("/viewer.css", "text/css"), ("/viewer.js", "text/javascript"), ("/tools.js", "text/javascript")):
+        for path, kind in (("/", "text/html"), ("/viewer.css", "text/css"), ("/viewer.js", "text/javascript"), ("/tools.js", "text/javascript"), ("/training.js", "text/javascript")):
             status, headers, body = request(address, path)
             self.assertEqual(status, 200, path)
             self.assertTrue(headers["content-type"].startswith(kind), path)

@@ -15,9 +15,11 @@ here = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(here, "..", "cli"))
 os.environ["OCTRAD"] = program
 from broken_inputs import CASES, OBJ_BOX, TRIANGLE, chunk, pfm, ply, png, serialized  # noqa: E402
+from gltf import triangle  # noqa: E402
 from support import ROOM  # noqa: E402
+from test_gltf import scene as gltf_scene  # noqa: E402
 
-FORMATS = {"obj": "obj", "ply": "ply", "serialized": "serialized", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene"}
+FORMATS = {"obj": "obj", "ply": "ply", "serialized": "serialized", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene", "gltf": "gltf", "glb": "gltf"}
 
 
 def put(target, name, data):
@@ -60,6 +62,25 @@ put("old_scene", "all", '<scene version="0.6.0"><sensor type="perspective"><tran
     '<bsdf type="mixturebsdf"><string name="weights" value="0.2, 0.3"/><bsdf type="phong"/><bsdf type="coating"><bsdf type="diffuse"/></bsdf></bsdf><emitter type="area"><blackbody name="radiance" temperature="3000K"/>'
     '</emitter></shape><bsdf type="difftrans"/><bsdf type="ward"/><bsdf type="bumpmap"><texture type="scale"><texture type="bitmap"/></texture></bsdf><bsdf type="diffuse"><spectrum name="reflectance" value="400:1,700:2"/></bsdf>'
     '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="uscale" value="2"/><string name="filterType" value="ewa"/></texture></bsdf></scene>')
+put("gltf", "triangle", triangle().text())
+put("gltf", "container", triangle().container())
+put("gltf", "scene", gltf_scene().container())
+ALL = gltf_scene()
+ALL.json["materials"] += [{"alphaMode": "MASK", "normalTexture": {"index": 0, "scale": 0.5}, "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0, "extensions": {
+    "KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1, "scale": [2, 2]}}}, "baseColorTexture": {"index": 0}}}, {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1},
+    "KHR_materials_volume": {"thicknessFactor": 1}, "KHR_materials_ior": {"ior": 1.3}, "KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_sheen": {"sheenColorFactor": [1, 0, 0]},
+    "KHR_materials_specular": {"specularFactor": 0.5}}}]
+for number, material in enumerate((3, 4)):
+    ALL.json["meshes"][number]["primitives"][0]["material"] = material
+ALL.json["meshes"][2]["primitives"][0].update(mode=5, attributes={**ALL.json["meshes"][2]["primitives"][0]["attributes"], "COLOR_0": ALL.accessor("VEC4", [255] * 16, 5121, normalized=True)})
+ALL.json["accessors"][0]["sparse"] = {"count": 1, "indices": {"bufferView": ALL.view(b"\1"), "componentType": 5121}, "values": {"bufferView": ALL.view(bytes(12))}}
+ALL.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}, {"type": "spot", "spot": {"outerConeAngle": 0.5}}, {"type": "directional", "color": [1, 0, 1]}]}}
+for light in range(3):
+    ALL.node(extensions={"KHR_lights_punctual": {"light": light}})
+ALL.json["cameras"].append({"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 1, "zfar": 10, "znear": 1}})
+ALL.node(camera=1)
+put("gltf", "all", ALL.text())
+put("gltf", "all-container", ALL.container())
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
 put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
@@ -104,6 +125,11 @@ WORDS = {
              "constant envmap point spot directional projector bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
     "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
+    "serialized": ["\\x1c\\x04\\x03\\x00", "\\x1c\\x04\\x04\\x00", "\\x78\\x9c"],
+    "gltf": "glTF JSON BIN\\x00 asset version 2.0 scene scenes nodes children mesh meshes primitives attributes POSITION NORMAL TEXCOORD_0 TEXCOORD_1 COLOR_0 indices mode material materials accessors bufferView "
+            "byteOffset byteStride byteLength buffers uri data:;base64, componentType 5120 5121 5122 5123 5125 5126 count type SCALAR VEC2 VEC3 VEC4 normalized sparse values images textures source samplers "
+            "pbrMetallicRoughness baseColorTexture metallicRoughnessTexture normalTexture emissiveFactor emissiveTexture alphaMode MASK BLEND doubleSided extensions KHR_lights_punctual KHR_texture_transform "
+            "KHR_materials_transmission KHR_materials_volume EXT_mesh_gpu_instancing cameras perspective orthographic yfov xmag matrix rotation scale translation 1e30 -1 null".split(),
     "hdr": "#?RADIANCE #?RGBE FORMAT=32-bit_rle_rgbe -Y +X \\x02\\x02 \\x01\\x01\\x01".split(),
     "pfm": "PF Pf -1.0 nan inf 131072".split(),
     "png": "IHDR PLTE tRNS IDAT IEND gAMA iCCP sBIT \\x89PNG\\x0d\\x0a\\x1a\\x0a".split(),

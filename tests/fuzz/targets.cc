@@ -36,6 +36,13 @@ void read_scene(const std::string& bytes) {
   occupied_cells(scene, scene_domain(scene.bounds, true), 2);
 }
 
+void read_gltf_scene(const std::string& bytes) {
+  LoadOptions options;
+  options.permissive = true;  // goes on after a mistake: more of the file is read
+  const Scene scene = load_scene(write_input(bytes, bytes.starts_with("glTF") ? "in.glb" : "in.gltf"), options);
+  occupied_cells(scene, scene_domain(scene.bounds, true), 2);
+}
+
 void read_mesh(RawMesh mesh) { place_mesh(std::move(mesh), Transform(), {}); }
 
 void read_picture(const std::string& bytes) { parse_image("in", bytes); }
@@ -95,6 +102,7 @@ constexpr Target kTargets[] = {
     {"pfm", guarded<read_picture>},
     {"bmp", guarded<read_picture>},
     {"tga", guarded<[](const std::string& bytes) { parse_image("in.tga", bytes); }>},
+    {"gltf", guarded<read_gltf_scene>},
     {"old_scene", guarded<[](const std::string& bytes) { check_scene_file(write_input(bytes, "in.xml")); }>},
     {"model", guarded<read_model>},
     {"config", guarded<read_config>},

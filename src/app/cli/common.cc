@@ -11,6 +11,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/escape.h"
+#include "octrad/base/join.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/memory_limit.h"
@@ -121,6 +122,26 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
   verb->add_flag("--json", common.json, "print one JSON object on standard output")->group("Common");
   verb->footer("Example:\n  " + example);
   return verb;
+}
+
+void ExrOptions::add_to(CLI::App& verb) {
+  verb.add_option("--exr-type", type,
+                  "numbers of .exr pictures: float, half (a third or less of the size); default: float")
+      ->check(unnamed(CLI::IsMember({"float", "half"})))
+      ->type_name("TYPE");
+  verb.add_option("--exr-compression", settings.compression,
+                  "of .exr pictures: " + join(exr_compressions()) + "; default: zip")
+      ->check(unnamed(CLI::IsMember(exr_compressions())))
+      ->type_name("NAME");
+}
+
+ExrSettings ExrOptions::settings_for(const std::string& output) const {
+  ExrSettings chosen = settings;
+  if (type == "half") chosen.precision = ExrPrecision::half;
+  if ((type != "float" || chosen.compression != ExrSettings().compression) &&
+      picture_format(output) != PictureFormat::exr)
+    throw UsageError("--exr-type and --exr-compression are for .exr pictures, not " + output);
+  return chosen;
 }
 
 void add_permissive_option(CLI::App& verb, CommonOptions& common) {

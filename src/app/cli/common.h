@@ -17,7 +17,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/device/choose.h"
 #include "octrad/device/stage_times.h"
-#include "octrad/image/image.h"
+#include "octrad/image/io.h"
 #include "octrad/model/config.h"
 
 namespace octrad::cli {
@@ -96,6 +96,16 @@ template <typename Validator>
 CLI::Validator unnamed(Validator validator) {
   return validator.description("");
 }
+
+// --exr-type and --exr-compression of verbs that write pictures.
+struct ExrOptions {
+  std::string type = "float";
+  ExrSettings settings;
+
+  void add_to(CLI::App& verb);
+  // The settings. Throws UsageError where they were given for a picture of another format.
+  ExrSettings settings_for(const std::string& output) const;
+};
 
 // A check that an option's value is a number from `low` to `high`, or a whole one. Its messages say what is accepted.
 CLI::Validator in_range(double low, double high);

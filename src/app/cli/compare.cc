@@ -16,6 +16,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/log.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/bias.h"
@@ -259,7 +260,7 @@ std::string short_name(const std::string& file, const CompareOptions& o) {
 // The page of --html: the table, and all pictures in one viewer.
 std::string page_of(const CompareOptions& o, const nlohmann::json& images,
                     const std::vector<report::PageImage>& pictures) {
-  std::string body = fmt::format("<h1>Errors against {}</h1>\n", report::html_text(o.reference));
+  std::string body = fmt::format("<h1>Errors against {}</h1>\n", markup_text(o.reference));
   body += report::html_table(images) + report::viewer_html("pictures", pictures, true);
   body +=
       "<p>MAPE: mean of |I − R| / (R + 0.01); PSNR, SSIM and LPIPS: of the pictures as a screen shows them. Made by "

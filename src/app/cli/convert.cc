@@ -1,6 +1,8 @@
 // octrad convert: a scene file of any version that can be read, as a plain file of Mitsuba 3.
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
@@ -26,19 +28,29 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   options.definitions = definitions.scene_definitions();
   options.permissive = common.permissive;
   Scene scene;
-  const std::string text = scene_as_xml(o.scene, o.output, options, scene);
+  const SceneFiles files = scene_as_xml(o.scene, o.output, options, scene);
   refuse_input_as_output("-o", o.output, scene.other_files);
   log_findings(scene);
+  const std::filesystem::path folder = std::filesystem::path(o.output).parent_path();
+  for (const auto& [name, write] : files.others) {
+    const std::filesystem::path path = folder / name;
+    std::error_code failed;
+    std::filesystem::create_directory(path.parent_path(), failed);  // writing says what is wrong
+    refuse_input_as_output("-o", path.string(), scene.other_files);
+    write(path.string());
+  }
   AtomicFile out(o.output);
-  out.write(text);
+  out.write(files.xml);
   out.commit();
   if (common.json) {
     print_json({{"output", o.output},
+                {"files", files.others.size()},
                 {"fingerprint", scene.fingerprint},
                 {"assumed", scene.assumed},
                 {"refused", issues_json(scene.refused)}});
   } else {
-    log_info("wrote {}", o.output);
+    log_info("wrote {}{}", o.output,
+             files.others.empty() ? "" : fmt::format(" and {} files that it refers to", files.others.size()));
   }
 }
 

@@ -15,6 +15,7 @@ namespace octrad::cli {
 namespace {
 
 struct DenoiseVerbOptions {
+  ExrOptions exr;
   std::string input, output, layers_from;
   DenoiserOptions denoiser;
 };
@@ -29,6 +30,7 @@ Image read_linear(const std::string& file) {
 
 void denoise_verb(const CommonOptions& common, const DenoiseVerbOptions& o) {
   picture_format(o.output);  // refuses an unknown ending
+  const ExrSettings exr = o.exr.settings_for(o.output);
   require_writable(o.output);
   refuse_input_as_output("-o", o.output, {o.input, o.layers_from});
   Image image = read_linear(o.input);
@@ -44,7 +46,7 @@ void denoise_verb(const CommonOptions& common, const DenoiseVerbOptions& o) {
   const std::unique_ptr<Denoiser> denoiser = o.denoiser.make(false);
   denoise(*denoiser, image, o.input, o.layers_from.empty() ? nullptr : &layers);
   image.metadata["octrad.version"] = kVersion;
-  write_image(o.output, image);
+  write_image(o.output, image, {}, exr);
   if (common.json) {
     print_json({{"output", o.output},
                 {"width", image.width},
@@ -75,6 +77,7 @@ void add_denoise(Program& program) {
       ->type_name("FILE");
   verb->add_flag("--ldr", o->denoiser.ldr, "colours lie in [0, 1]; without it they are radiance of any size");
   o->denoiser.add_to(*verb, "", "Denoiser");
+  o->exr.add_to(*verb);
   verb->callback([&program, o] { program.run = [&program, o] { denoise_verb(program.common, *o); }; });
 }
 

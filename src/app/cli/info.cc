@@ -10,6 +10,7 @@
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/threads.h"
 #include "octrad/base/version.h"
 #include "octrad/device/choose.h"
@@ -414,14 +415,13 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
   if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.keys) return info_keys(common, options.config.resolve());
-  std::string extension = std::filesystem::path(options.file).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  if (options.check && extension != ".xml") throw UsageError("--check belongs to a scene (.xml)");
+  const std::string extension = lower_case(std::filesystem::path(options.file).extension().string());
+  const bool scene = extension == ".xml" || extension == ".gltf" || extension == ".glb" || extension == ".pbrt";
+  if (options.check && !scene) throw UsageError("--check belongs to a scene (.xml, .gltf, .glb)");
   if (options.check && common.permissive)
     throw UsageError("--check lists what --permissive would replace; give one of them");
   if (options.check) return info_check(common, options);
-  if (extension == ".xml") return info_scene(common, options);
+  if (scene) return info_scene(common, options);
   if (common.permissive) throw UsageError("--permissive belongs to a scene");
   if (options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.config.given()) throw UsageError("--preset, --config and -D belong to a scene or to --keys");
@@ -431,7 +431,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
       extension == ".jpeg" || extension == ".bmp" || extension == ".tga")
     return info_image(common, options.file);
   throw UsageError(fmt::format(
-      "cannot tell what {} is: expected a scene (.xml), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
+      "cannot tell what {} is: expected a scene (.xml, .gltf, .glb), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
       options.file));
 }
 
@@ -441,7 +441,8 @@ void add_info(Program& program) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.",
                             "octrad info scene.xml --preset default -D octree.levels=6", Devices::cuda);
-  verb->add_option("file", options->file, "scene (.xml), model (.octrad) or picture; none: the program itself")
+  verb->add_option("file", options->file,
+                   "scene (.xml, .gltf, .glb), model (.octrad) or picture; none: the program itself")
       ->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");

@@ -19,6 +19,7 @@ namespace octrad::cli {
 namespace {
 
 struct MergeOptions {
+  ExrOptions exr;
   std::vector<std::string> inputs;
   std::string output, aux;
 };
@@ -113,7 +114,7 @@ Image with_layers(const Image& picture, const Image& layers) {
 }
 
 void merge_verb(const CommonOptions& common, const MergeOptions& o) {
-  picture_format(o.output);
+  const ExrSettings exr = o.exr.settings_for(o.output);
   require_writable(o.output);
   if (o.inputs.size() < 2) throw UsageError("merge needs two pictures or more");
   std::vector<Part> parts;
@@ -150,7 +151,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
     render["max_depth"] = metadata_value(out, "octrad.render", "max_depth", -1);
   }
   out.metadata["octrad.render"] = render.dump();
-  write_image(o.output, out);
+  write_image(o.output, out, {}, exr);
   if (common.json) {
     print_json({{"output", o.output},
                 {"width", out.width},
@@ -180,6 +181,7 @@ void add_merge(Program& program) {
       ->type_name("OUT.exr");
   verb->add_option("--aux", o->aux, "take the layers (roughness, normal ...) from this picture of the view")
       ->type_name("FILE");
+  o->exr.add_to(*verb);
   verb->callback([&program, o] { program.run = [&program, o] { merge_verb(program.common, *o); }; });
 }
 

@@ -205,7 +205,7 @@ void add_render(Program& program) {
                             "octrad render scene.xml --integrator lhs --model room.octrad --width 512 -o lhs.exr\n"
                             "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr",
                             Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML or glTF")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output,
                    "picture; its ending says the format: .exr (with all layers), .hdr, .pfm, .png, .jpg")
       ->required()
@@ -276,8 +276,10 @@ void add_render(Program& program) {
       "that takes in OUT.state");
   verb->add_option("--save-every", o->save_every, "with --resume: how often that is saved; default: 5m")
       ->type_name("T");
+  o->exr.add_to(*verb);
   verb->add_flag("--denoise", o->denoise, "remove the noise with Intel Open Image Denoise")->group("Denoiser");
   o->denoiser.add_to(*verb, "denoise-", "Denoiser");
+  add_tev_option(*verb, o->tev);
   add_permissive_option(*verb, program.common);
   add_log_option(*verb, program.common);
   verb->callback([&program, o, sensor] {

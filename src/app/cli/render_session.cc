@@ -13,6 +13,7 @@
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
 #include "octrad/render/highlights.h"
 
@@ -72,6 +73,7 @@ RenderVerbOptions checked(RenderVerbOptions o, const std::string& log) {
   o.denoise = o.denoise || integrator.denoised;
   check_options(o, integrator);
   picture_format(o.output);  // refuses an unknown ending
+  o.exr.settings = o.exr.settings_for(o.output);
   require_writable(o.output);
   const std::vector<std::string> inputs = {o.scene, o.model, o.view.camera_file, o.view.path_file};
   refuse_input_as_output("-o", o.output, inputs);
@@ -120,6 +122,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),
       log(common.open_log()),
+      tev(open_tev(o.tev)),
       progress_(o.integrator) {
   const ConfigOptions definitions = definitions_of(o);
   if (model) {
@@ -169,6 +172,11 @@ RenderResult RenderSession::render_picture(double begin, double share) {
                        fmt::format("{} spp  {} samples/s  {}", spp, format_rate(rate),
                                    format_bytes(static_cast<double>(resident_bytes()))));
     }
+    if (tev && tev->due()) {
+      const Stopwatch watch;
+      const Image image = renderer->image();
+      tev->show(o.output, image, watch.seconds());
+    }
     log_event("progress", {{"spp", spp}, {"seconds", seconds}, {"samples_per_s", rate}});
   };
   RenderResult result = render(*renderer, budget);
@@ -195,13 +203,14 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
     try {
       denoise(*denoiser, result.image, file);
     } catch (const Error&) {
-      write_image(file, result.image);
+      write_image(file, result.image, {}, o.exr.settings);
       log_warning(fmt::format("{} is saved with its noise", file));
       throw;
     }
     denoise_seconds += denoiser->seconds();
   }
-  write_image(file, result.image);
+  if (tev) tev->show(o.output, result.image);
+  write_image(file, result.image, {}, o.exr.settings);
 }
 
 std::string RenderSession::difference(const Image& image, const View& view, unsigned long long seed,

@@ -9,6 +9,7 @@
 #include "app/cli/common.h"
 #include "app/cli/denoise_options.h"
 #include "app/cli/render_view.h"
+#include "app/cli/tev_client.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/model/model_file.h"
 #include "octrad/render/renderer.h"
@@ -27,6 +28,8 @@ struct RenderVerbOptions {
   int frames = 0;
   bool denoise = false;
   DenoiserOptions denoiser;
+  ExrOptions exr;
+  std::string tev;
   bool overwrite = false;  // frames of a path
   bool resume = false;
   std::string save_every;
@@ -48,7 +51,8 @@ struct RenderSession {
   const std::unique_ptr<Denoiser> denoiser;
   const PreparedScene prepared;
   const std::unique_ptr<JsonLines> log;
-  Config config;  // of the model
+  const std::unique_ptr<TevClient> tev;  // null: nobody watches
+  Config config;                         // of the model
   RenderSettings settings;
   RenderBudget budget;
   std::unique_ptr<Renderer> renderer;

@@ -7,6 +7,7 @@
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
+#include "app/cli/serve.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -33,6 +34,8 @@ struct TrainVerbOptions {
   std::string time;
   std::string reference, validate_every;
   bool resume = false, overwrite = false, no_optimizer = false, deterministic = false;
+  bool view = false;
+  ServeOptions serve;
 };
 
 // Options that have configuration keys of their own are applied last: they are what the user sees first.
@@ -106,7 +109,39 @@ void check_reference(const std::string& file, const Image& reference, const Scen
   }
 }
 
-void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
+// Trains while a page watches and steers it. Whether training was cut short.
+bool train_viewed(const CommonOptions& common, const TrainVerbOptions& o, PreparedScene& scene, Trainer& trainer,
+                  Stream* stream, const std::function<bool()>& interrupted) {
+  viewer::Studio studio{scene, {}, viewer_settings(common, scene.scene(), 0, stream), stream};
+  viewer::ViewerModel model{o.output, {}, trainer.config(), &trainer.field()};
+  model.info.config = trainer.config();
+  model.trainer = &trainer;
+  studio.models.push_back(std::move(model));
+  studio.denoiser = find_denoiser();
+  const View view = choose_view(scene.scene(), ViewOptions{}, choose_camera(scene.scene(), ViewOptions{}));
+  viewer::ViewState first = first_state(view, false);
+  first.a.integrator = "lhs";
+  viewer::LiveTraining live(scene, trainer, {});
+  nlohmann::json definitions = nlohmann::json::array();
+  for (const auto& [key, value] : o.config.scene_definitions()) definitions.push_back(key + "=" + value);
+  viewer::Session session(std::move(studio), std::move(first),
+                          {{"scene", o.scene},
+                           {"definitions", definitions},
+                           {"model_definitions", nlohmann::json::array()},
+                           {"force", false}},
+                          &live);
+  bool cut = false;
+  serve(o.serve, common, session, [&] {
+    cut = live.run([&] {
+      session.check();
+      return interrupted();
+    });
+  });
+  return cut;
+}
+
+void train_verb(const CommonOptions& common, TrainVerbOptions o) {
+  if (o.view) o.serve.prepare();
   const WriterLock lock(o.output);
   if (!o.resume && !o.overwrite && std::filesystem::is_regular_file(o.output))
     throw UsageError(fmt::format("{} exists: --resume continues it, --overwrite replaces it", o.output));
@@ -138,8 +173,8 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
   const std::unique_ptr<Stream> stream = device.make_stream(o.config.tuning());
   Image reference;
   if (!o.reference.empty()) reference = read_image(o.reference);
-  const PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,
-                                       {{"-o", o.output}, {"--log-json", common.log_json}}));
+  PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,
+                                 {{"-o", o.output}, {"--log-json", common.log_json}}));
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
@@ -233,7 +268,17 @@ void train_verb(const CommonOptions& common, const TrainVerbOptions& o) {
     if (const std::string warning = domain_warning(fit); !warning.empty()) log_warning(warning);
   };
 
-  const TrainResult result = train(scene, config, options);
+  Trainer trainer(scene, config, options);
+  bool cut = false;
+  if (o.view) {
+    cut = train_viewed(common, o, scene, trainer, stream.get(), options.interrupted);
+  } else {
+    while (!trainer.done() && !cut) {
+      cut = options.interrupted();
+      if (!cut) trainer.step();
+    }
+  }
+  const TrainResult result = trainer.finish(cut);
   set_memory_limit(0);  // what is left is to say what was done
   progress.finish();
   if (result.dropped_contributions > 0) {
@@ -297,7 +342,7 @@ void add_train(Program& program) {
   CLI::App* verb =
       add_verb(program, "train", "Train a radiance cache of a scene.",
                "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML or glTF")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")
       ->required()
       ->type_name("MODEL.octrad");
@@ -318,6 +363,9 @@ void add_train(Program& program) {
   verb->add_flag("--overwrite", o->overwrite, "replace MODEL.octrad if there is one")->excludes(resume);
   verb->add_flag("--deterministic", o->deterministic, "on a GPU: the same bits every time, slower (the CPU always is)");
   verb->add_flag("--no-optimizer", o->no_optimizer, "leave out what --resume needs: a small file");
+  CLI::Option* view =
+      verb->add_flag("--view", o->view, "watch and steer it in a browser (docs/viewer.md)")->group("Server");
+  o->serve.add_to(*verb, view);
   add_permissive_option(*verb, program.common);
   add_log_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });

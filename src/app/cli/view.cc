@@ -1,33 +1,30 @@
 // octrad view: walk through a scene in a browser.
 #include <fmt/format.h>
-#include <spawn.h>
-#include <sys/random.h>
 
 #include <algorithm>
 #include <chrono>
 #include <thread>
 
 #include "app/cli/common.h"
-#include "app/cli/denoise_options.h"
 #include "app/cli/open_scene.h"
 #include "app/cli/render_session.h"
 #include "app/cli/render_view.h"
+#include "app/cli/serve.h"
 #include "app/view/session.h"
+#include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
-
-extern char** environ;
+#include "octrad/train/trainer.h"
 
 namespace octrad::cli {
 namespace {
 
-using viewer::ServerOptions, viewer::Session, viewer::Studio, viewer::ViewerModel, viewer::ViewState, viewer::WebServer;
-
-constexpr int kUsualSide = 1280;  // pixels of the longer side, where the scene asks for more
+using viewer::LiveTraining, viewer::Session, viewer::Studio, viewer::ViewerModel, viewer::ViewState;
 
 struct ViewVerbOptions {
   std::string scene, integrator, compare, reference;
@@ -35,35 +32,10 @@ struct ViewVerbOptions {
   bool force = false;
   int max_depth = -2;  // -2: the scene's
   ViewOptions view;
-  ServerOptions server;
-  bool open = false;
+  ServeOptions serve;
+  bool train = false;
+  std::string output;
 };
-
-std::string random_token() {
-  unsigned char bytes[16];
-  if (getrandom(bytes, sizeof(bytes), 0) != static_cast<ssize_t>(sizeof(bytes)))
-    throw IoError("the system gives no random numbers for a token; --token sets one");
-  std::string token;
-  for (const unsigned char byte : bytes) token += fmt::format("{:02x}", byte);
-  return token;
-}
-
-void check_token(const std::string& token) {
-  const bool plain = std::all_of(token.begin(), token.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-  });
-  if (!plain || token.size() < 8 || token.size() > 128)
-    throw UsageError("--token: expected 8 to 128 letters, digits, - or _");
-}
-
-// The page in the desktop's browser. That there is none is no error: the address was printed.
-void open_page(const std::string& url) {
-  std::string program = "xdg-open", address = url;
-  char* words[] = {program.data(), address.data(), nullptr};
-  pid_t child = 0;
-  if (posix_spawnp(&child, program.c_str(), nullptr, nullptr, words, environ) != 0)
-    log_warning("--open: xdg-open cannot be started");
-}
 
 ConfigOptions definitions_of(const ViewVerbOptions& o) {
   ConfigOptions definitions;
@@ -74,23 +46,16 @@ ConfigOptions definitions_of(const ViewVerbOptions& o) {
 std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scene) {
   std::vector<ViewerModel> models;
   for (const std::string& file : o.models) {
-    Model model = load_model(file);
+    Model model = load_model(file, o.train && models.empty());
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
-    const Config config = model_config(model.info, definitions_of(o));
-    models.push_back({file, std::move(model), config});
+    ViewerModel made{file, model.info, model_config(model.info, definitions_of(o))};
+    made.own = std::move(model.field);
+    made.field = made.own.get();
+    models.push_back(std::move(made));
   }
   if (models.empty() && !definitions_of(o).config_definitions().empty())
     throw UsageError(fmt::format("-D {}: is for a --model", definitions_of(o).config_definitions().front().first));
   return models;
-}
-
-std::unique_ptr<Denoiser> find_denoiser() {
-  try {
-    return DenoiserOptions{}.make(false);
-  } catch (const Error& error) {
-    log_verbose("no denoiser: {}", error.what());
-    return nullptr;
-  }
 }
 
 // A picture to compare with. Where it says its camera, as those of octrad render do, one can go there.
@@ -141,43 +106,48 @@ ViewState first_state(const ViewVerbOptions& o, const Scene& scene, const viewer
   const View view = free && reference != nullptr && reference->view.width > 0
                         ? choose_view(scene, o.view, with_size(*reference))
                         : choose_view(scene, o.view, choose_camera(scene, o.view));
-  ViewState state;
-  set_pose(state, viewer::pose_json(view.camera));
-  const bool chosen = o.view.width > 0 || o.view.height > 0;
-  const double shrink =
-      chosen ? 1.0 : std::min(1.0, static_cast<double>(kUsualSide) / std::max(view.width, view.height));
-  state.width = static_cast<int>(view.width * shrink + 0.5);
-  state.height = static_cast<int>(view.height * shrink + 0.5);
-  for (const int side : {state.width, state.height}) {
-    if (side < viewer::kLeastSize || side > viewer::kLargestSize)
-      throw UsageError(fmt::format("a picture of {} x {} pixels: sides from {} to {} can be shown", state.width,
-                                   state.height, viewer::kLeastSize, viewer::kLargestSize));
-  }
+  ViewState state = cli::first_state(view, o.view.width > 0 || o.view.height > 0);
   state.a.integrator = !o.integrator.empty() ? o.integrator : o.models.empty() ? "path" : "lhs";
   if (!o.compare.empty()) state.b = viewer::Side{o.compare, o.models.size() > 1 ? 1 : 0};
   else if (!o.reference.empty()) state.b = viewer::Side{viewer::kStored, 0};
   return state;
 }
 
+// Trains the model on, from where it is.
+std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVerbOptions& o, const PreparedScene& scene,
+                                      ViewerModel& model, Stream* stream) {
+  Model resumed{model.info, std::move(model.own)};
+  TrainOptions options;
+  options.output = o.output;
+  options.stream = stream;
+  options.resume = &resumed;
+  options.max_memory = static_cast<double>(stream != nullptr ? common.memory_budget(*stream) : common.memory_budget());
+  if (stream == nullptr) options.used_memory = static_cast<double>(resident_bytes());
+  options.saved = [](const std::string& file, long long step) {
+    log_info("saved {} at step {}", file, format_count(step));
+  };
+  if (!resumed.info.config.train_cameras.empty()) options.cameras = read_cameras(resumed.info.config.train_cameras);
+  auto trainer = std::make_unique<Trainer>(scene, resumed.info.config, options);
+  model.field = &trainer->field();
+  model.trainer = trainer.get();
+  return trainer;
+}
+
 void view_verb(const CommonOptions& common, ViewVerbOptions o) {
-  if (o.server.token.empty()) o.server.token = random_token();
-  check_token(o.server.token);
+  o.serve.prepare();
   for (const std::string& name : {o.integrator, o.compare}) {
     if (!name.empty() && find_integrator(name).info->needs_model && o.models.empty())
       throw UsageError(fmt::format("integrator {} needs --model FILE.octrad", name));
   }
-  const PreparedScene prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive));
+  PreparedScene prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive));
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
   const std::unique_ptr<Stream> stream = device.make_stream(definitions_of(o).tuning());
   studio.stream = stream.get();
-  studio.settings.film = scene.film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));
-  studio.settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene.max_depth;
-  studio.settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
-  studio.settings.long_pass = 0.05;
-  if (stream) studio.settings.max_memory = common.memory_budget(*stream) / 2;  // two sides
+  studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
+  if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
   studio.denoiser = find_denoiser();
   studio.stored = open_reference(o.reference);
   ViewState first;
@@ -188,26 +158,23 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   }
   prepared.tracer();  // built before anybody waits for it
 
-  Session session(std::move(studio), std::move(first), command_of(common, o));
-  WebServer server(o.server, session);
-  struct Ending {
-    Session& session;
-    ~Ending() { session.stop(); }  // before the server ends
-  } const ending{session};
-  defer_interrupts();
-  session.start(server);
-  if (!viewer::is_loopback(o.server.address))
-    log_warning(fmt::format(
-        "--listen {}: whoever reaches this machine and learns the address below can watch and control, and others on the "
-        "way can read along, for nothing is encrypted; ssh -L is safer (docs/viewer.md)",
-        o.server.address));
-  if (common.json) print_text(json_text({{"url", server.url()}}));
-  else print_text(fmt::format("{}\nOpen this address in a browser; Ctrl-C ends.", server.url()));
-  if (o.open) open_page(server.url());
-  while (!interrupted()) {
-    session.check();
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  std::unique_ptr<Trainer> trainer;
+  std::unique_ptr<LiveTraining> live;
+  if (o.train) {
+    trainer = make_trainer(common, o, prepared, studio.models.front(), stream.get());
+    live = std::make_unique<LiveTraining>(prepared, *trainer, LiveTraining::Options{false, !o.output.empty(), false});
   }
+  Session session(std::move(studio), std::move(first), command_of(common, o), live.get());
+  serve(o.serve, common, session, [&] {
+    const auto ended = [&session] {
+      session.check();
+      return interrupted();
+    };
+    if (live) live->run(ended);
+    else
+      while (!ended()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  });
+  if (trainer && trainer->state().step > 0 && !o.output.empty()) trainer->checkpoint(true);
 }
 
 }  // namespace
@@ -216,7 +183,7 @@ void add_view(Program& program) {
   auto o = std::make_shared<ViewVerbOptions>();
   CLI::App* verb = add_verb(program, "view", "Walk through a scene in a browser, path traced or from trained caches.",
                             "octrad view scene.xml --model room.octrad --open", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba 3 scene")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML or glTF")->required()->type_name("SCENE.xml");
   CLI::Option* model = verb->add_option("--model", o->models, "trained cache; can be given more than once")
                            ->type_name("FILE.octrad")
                            ->expected(1)
@@ -259,18 +226,15 @@ void add_view(Program& program) {
       ->type_name("FILE")
       ->group("Camera");
   add_permissive_option(*verb, program.common);
-  verb->add_option("--port", o->server.port, "port to listen at; 0, the default: a free one")
-      ->check(whole_in_range(0, 65535))
-      ->type_name("N")
-      ->group("Server");
-  verb->add_option("--listen", o->server.address,
-                   "address to listen at, in numbers; default 127.0.0.1, which this machine alone reaches")
-      ->type_name("ADDRESS")
-      ->group("Server");
-  verb->add_option("--token", o->server.token, "secret of the printed address; default: a random one")
-      ->type_name("T")
-      ->group("Server");
-  verb->add_flag("--open", o->open, "open the page in the desktop's browser (xdg-open)")->group("Server");
+  CLI::Option* train =
+      verb->add_flag("--train", o->train, "the page can train the (first) model on, and edit lights and materials")
+          ->needs(model)
+          ->group("Training");
+  verb->add_option("-o,--output", o->output, "file that it is saved to, when the page asks for it and at the end")
+      ->type_name("MODEL.octrad")
+      ->needs(train)
+      ->group("Training");
+  o->serve.add_to(*verb);
   verb->callback([&program, o, sensor] {
     o->view.sensor_given = sensor->count() > 0;
     program.run = [&program, o] { view_verb(program.common, *o); };

@@ -12,10 +12,9 @@
 #include "app/paper/report.h"
 #include "app/report/image_page.h"
 #include "octrad/base/duration.h"
+#include "octrad/base/escape.h"
 
 namespace octrad::paper {
-
-using report::html_text;
 
 namespace {
 
@@ -41,21 +40,21 @@ std::string switch_in(const json& cell, const std::string& matrix) {
 std::string head_text(const Plan& plan, const json& results) {
   const json& machine = results["machine"];
   std::string out =
-      fmt::format("<p>{}; {} ({} cores, {} threads used), device {}.</p>\n", html_text(results["program"]),
-                  html_text(machine.value("cpu", "?")), machine.value("cores", 0), machine.value("threads", 0),
-                  html_text(machine["auto"].value("device", "cpu")));
+      fmt::format("<p>{}; {} ({} cores, {} threads used), device {}.</p>\n", markup_text(results["program"]),
+                  markup_text(machine.value("cpu", "?")), machine.value("cores", 0), machine.value("threads", 0),
+                  markup_text(machine["auto"].value("device", "cpu")));
   if (results["budget"].is_string()) {
     out += fmt::format(
         "<p class=\"scaled\"><b>Scaled down</b> to a budget of {} for everything: training time, and steps times batch, by {:.3g}; batches by {:.3g}; "
         "widths of pictures by {:.3g}, samples of references by {:.3g}; for all methods alike. Full-size figures differ.</p>\n",
-        html_text(results["budget"]), plan.scale.factor, plan.scale.batch(), std::pow(plan.scale.factor, 0.25),
+        markup_text(results["budget"]), plan.scale.factor, plan.scale.batch(), std::pow(plan.scale.factor, 0.25),
         std::sqrt(plan.scale.factor));
   }
   out += "<ul>";
   for (const json& m : results["matrices"]) {
     out += fmt::format(
         "<li><a href=\"#{0}\">{1}</a> ({0}): preset {2}, {3} or {4} steps a training (full size), pictures {5} pixels wide, references of {6} samples a pixel, seeds {7}.</li>\n",
-        html_text(m["name"]), html_text(m["title"]), html_text(m["preset"]), format_duration(m["time"]),
+        markup_text(m["name"]), markup_text(m["title"]), markup_text(m["preset"]), format_duration(m["time"]),
         m["steps"].get<long long>(), m["width_used"].get<int>(), m["reference_spp_used"].get<int>(), m["seeds"].dump());
   }
   std::map<std::string, int> counts;
@@ -79,7 +78,7 @@ std::string missing(const json& results) {
   for (const auto& [message, cells] : why) {
     std::string list;
     for (const std::string& cell : cells) list += (list.empty() ? "" : ", ") + cell;
-    out += fmt::format("<li>{} ({})</li>\n", html_text(message), html_text(list));
+    out += fmt::format("<li>{} ({})</li>\n", markup_text(message), markup_text(list));
   }
   return out + "</ul>\n";
 }
@@ -132,7 +131,7 @@ std::string convergence_plots(const json& results, const Matrix& m) {
     if (svg.empty()) continue;
     out += fmt::format(
         "<figure class=\"plotted\">{}<figcaption>{}: error against time, first view; pixels of the reference that training compares with.{}</figcaption></figure>\n",
-        svg, html_text(scene), command_details(commands));
+        svg, markup_text(scene), command_details(commands));
   }
   return out.empty() ? "" : fmt::format("<h3>Error against seconds</h3>\n<div class=\"plots\">{}</div>\n", out);
 }
@@ -160,7 +159,7 @@ std::string cost_plots(const json& results, const Matrix& m) {
     }
     out += fmt::format(
         "<figure class=\"plotted\">{}<figcaption>{}: error against the time of a frame, a mark for each view and seed; the commands are those of the table's rows.</figcaption></figure>\n",
-        log_log_plot(series, method_names(), "ms a frame", "MAPE"), html_text(scene));
+        log_log_plot(series, method_names(), "ms a frame", "MAPE"), markup_text(scene));
   }
   return out.empty() ? ""
                      : fmt::format("<h3>Error against the time of a frame</h3>\n<div class=\"plots\">{}</div>\n", out);
@@ -187,7 +186,7 @@ std::string flicker(const json& results, const Matrix& m) {
     }
   }
   for (const auto& [scene, table] : tables)
-    out += fmt::format("<h4>{}</h4>\n{}{}", html_text(scene), table_html(table), command_details(commands[scene]));
+    out += fmt::format("<h4>{}</h4>\n{}{}", markup_text(scene), table_html(table), command_details(commands[scene]));
   if (out.empty()) return "";
   return fmt::format(
              "<h3>Flicker</h3>\n<p>Mean absolute difference of the changes from frame to frame to those of the reference, over {} frames of a moving camera.</p>\n",
@@ -246,7 +245,7 @@ int viewer_factor(const Plan& plan, const json& results) {
 std::string picture_figures(const Store& store, const Plan& plan, const json& results, const Matrix& m, int factor) {
   std::string out;
   for (const ViewFigure& f : view_figures(plan, results, m))
-    out += fmt::format("<h4>{}</h4>\n{}", html_text(f.heading),
+    out += fmt::format("<h4>{}</h4>\n{}", markup_text(f.heading),
                        view_figure(store, f.name, f.pictures, factor > 1 ? f.side / factor : 0));
   return out.empty() ? "" : "<h3>Pictures</h3>\n" + out;
 }
@@ -255,7 +254,7 @@ std::string learned(const Store& store, const json& results) {
   std::string out;
   for (const json& one : results["learned"]) {
     const std::string scene = one["scene"];
-    out += fmt::format("<h3>{}</h3>\n", html_text(scene));
+    out += fmt::format("<h3>{}</h3>\n", markup_text(scene));
     std::vector<ViewPicture> disparity, features;
     std::vector<std::string> disparity_commands, feature_commands;
     for (const json& p : one["pictures"]) {
@@ -308,8 +307,8 @@ std::string references(const json& results) {
     for (const char* key : {"a", "b", "merge"}) {
       if (made.contains(key)) commands.push_back(made[key]);
     }
-    anchors += fmt::format("<div id=\"{}\"><b>{}, {}</b>{}</div>\n", html_text(anchor), html_text(r["scene"]),
-                           html_text(r["view"]), command_list(commands));
+    anchors += fmt::format("<div id=\"{}\"><b>{}, {}</b>{}</div>\n", markup_text(anchor), markup_text(r["scene"]),
+                           markup_text(r["view"]), command_list(commands));
   }
   return "<h2 id=\"references\">References</h2>\n<p>Path traced without a bound on depth, in two halves with different seeds; their difference tells the reference's own error, below which nothing can be "
          "measured.</p>\n" +
@@ -330,8 +329,8 @@ std::string all_commands(const json& results) {
     }
     const std::string sw = cell["switch"];
     out += fmt::format("<div{}><b>{}, {}, {}{}, seed {}</b>{}</div>\n", first ? " id=\"" + anchor + "\"" : "",
-                       html_text(cell["scene"]), html_text(cell["view"]), html_text(cell["method"]),
-                       sw.empty() ? "" : " " + html_text(sw), cell["seed"].get<long long>(), command_list(commands));
+                       markup_text(cell["scene"]), markup_text(cell["view"]), markup_text(cell["method"]),
+                       sw.empty() ? "" : " " + markup_text(sw), cell["seed"].get<long long>(), command_list(commands));
   }
   return out;
 }
@@ -340,7 +339,7 @@ std::string all_commands(const json& results) {
 
 std::string command_list(const std::vector<std::string>& commands) {
   std::string out;
-  for (const std::string& command : commands) out += "<code>" + html_text(command) + "</code>\n";
+  for (const std::string& command : commands) out += "<code>" + markup_text(command) + "</code>\n";
   return out.empty() ? "" : "<pre>" + out + "</pre>";
 }
 
@@ -362,11 +361,11 @@ void write_report(const Store& store, const Plan& plan, const json& results) {
   page += head_text(plan, results);
   const int factor = viewer_factor(plan, results);
   for (const Matrix& m : plan.matrices) {
-    page +=
-        fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", html_text(m.name), html_text(m.title), html_text(m.about));
+    page += fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", markup_text(m.name), markup_text(m.title),
+                        markup_text(m.about));
     for (const Table& t : tables) {
       if (t.name.rfind(m.name + "-", 0) != 0) continue;
-      page += fmt::format("<h3>{}</h3>\n{}", html_text(t.title), table_html(t));
+      page += fmt::format("<h3>{}</h3>\n{}", markup_text(t.title), table_html(t));
     }
     page += cost_plots(results, m) + convergence_plots(results, m) + flicker(results, m) +
             picture_figures(store, plan, results, m, factor);

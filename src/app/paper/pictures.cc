@@ -11,14 +11,13 @@
 #include "app/paper/report.h"
 #include "app/report/image_page.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/log.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"
 
 namespace octrad::paper {
-
-using report::html_text;
 
 namespace {
 
@@ -30,7 +29,7 @@ std::string image_element(const Store& store, const std::string& name, const Ima
   write_image(store.path(file), image);
   const std::string bytes = store.read_text(file);
   return fmt::format("<img class=\"{}\" width=\"{}\" height=\"{}\" alt=\"{}\" src=\"data:image/jpeg;base64,{}\">", kind,
-                     image.width, image.height, html_text(alt), report::base64({bytes.begin(), bytes.end()}));
+                     image.width, image.height, markup_text(alt), report::base64({bytes.begin(), bytes.end()}));
 }
 
 std::optional<Image> read(const Store& store, const std::string& file) {
@@ -115,9 +114,9 @@ Image8 cut(const Image8& image, const Box& box) {
 std::string caption(const ViewPicture& picture) {
   return fmt::format("<figcaption>{}<br>{}</figcaption>",
                      picture.anchor.empty()
-                         ? html_text(picture.title)
-                         : fmt::format("<a href=\"#{}\">{}</a>", picture.anchor, html_text(picture.title)),
-                     html_text(picture.caption));
+                         ? markup_text(picture.title)
+                         : fmt::format("<a href=\"#{}\">{}</a>", picture.anchor, markup_text(picture.title)),
+                     markup_text(picture.caption));
 }
 
 std::string row_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,

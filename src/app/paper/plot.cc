@@ -8,10 +8,9 @@
 
 #include "app/paper/report.h"
 #include "app/report/image_page.h"
+#include "octrad/base/escape.h"
 
 namespace octrad::paper {
-
-using report::html_text;
 
 namespace {
 
@@ -94,9 +93,9 @@ std::string log_log_plot(const std::vector<Series>& all, const std::vector<std::
   svg += fmt::format("<rect class=\"frame\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>\n", kLeft, kTop, kPlotWidth,
                      kPlotHeight);
   svg += fmt::format("<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n", kLeft + kPlotWidth / 2, height - 8,
-                     html_text(x_title));
+                     markup_text(x_title));
   svg += fmt::format("<text transform=\"translate(14 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n",
-                     kTop + kPlotHeight / 2, html_text(y_title));
+                     kTop + kPlotHeight / 2, markup_text(y_title));
   double legend = kTop + 12;
   for (const Series& s : series) {
     const auto kind = static_cast<std::size_t>(std::find(names.begin(), names.end(), s.name) - names.begin());
@@ -114,7 +113,7 @@ std::string log_log_plot(const std::vector<Series>& all, const std::vector<std::
           "<line x1=\"{}\" x2=\"{}\" y1=\"{}\" y2=\"{}\" stroke=\"{}\" stroke-width=\"1.6\" stroke-dasharray=\"{}\"/>",
           at, at + 22, legend - 4, legend - 4, color, kDashes[kind / 2 % kDashes.size()]);
     svg += mark(kind, at + 11, legend - 4, color) +
-           fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n", at + 28, legend, html_text(s.name));
+           fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n", at + 28, legend, markup_text(s.name));
     legend += 17;
   }
   return svg + "</svg>\n";

@@ -7,10 +7,9 @@
 #include "app/paper/published.h"
 #include "app/paper/report.h"
 #include "app/report/image_page.h"
+#include "octrad/base/escape.h"
 
 namespace octrad::paper {
-
-using report::html_text;
 
 namespace {
 
@@ -316,21 +315,21 @@ std::string table_html(const Table& t) {
                          t.columns[c].published       ? " class=\"published\""
                          : t.columns[c].group.empty() ? ""
                                                       : " class=\"group\"",
-                         html_text(t.columns[c].group));
+                         markup_text(t.columns[c].group));
       c = end;
     }
     out += "</tr>";
   }
-  out += fmt::format("<tr><th>{}</th>", html_text(t.row_title));
+  out += fmt::format("<tr><th>{}</th>", markup_text(t.row_title));
   for (const Table::Column& c : t.columns)
-    out += fmt::format("<th{}>{}{}</th>", c.published ? " class=\"published\"" : "", html_text(c.title),
+    out += fmt::format("<th{}>{}{}</th>", c.published ? " class=\"published\"" : "", markup_text(c.title),
                        c.better < 0   ? " ↓"
                        : c.better > 0 ? " ↑"
                                       : "");
   out += "</tr></thead>\n<tbody>";
   for (std::size_t r = 0; r < t.rows.size(); ++r) {
     const Table::Row& row = t.rows[r];
-    const std::string name = html_text(row.name);
+    const std::string name = markup_text(row.name);
     out +=
         "\n<tr><td>" + (row.anchor.empty() ? name : fmt::format("<a href=\"#{}\">{}</a>", row.anchor, name)) + "</td>";
     for (std::size_t c = 0; c < row.values.size(); ++c) {
@@ -338,12 +337,12 @@ std::string table_html(const Table& t) {
                          : t.best(r, c)              ? " class=\"best\""
                          : row.values[c].is_string() ? " class=\"text\""
                                                      : "";
-      out += fmt::format("<td{}>{}</td>", kind, html_text(figure(row.values[c])));
+      out += fmt::format("<td{}>{}</td>", kind, markup_text(figure(row.values[c])));
     }
     out += "</tr>";
   }
   out += "\n</tbody></table></div>\n";
-  if (!t.note.empty()) out += fmt::format("<p class=\"note\">{}</p>\n", html_text(t.note));
+  if (!t.note.empty()) out += fmt::format("<p class=\"note\">{}</p>\n", markup_text(t.note));
   return out;
 }
 

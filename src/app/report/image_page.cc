@@ -8,6 +8,7 @@
 
 #include "app/report/image_page_assets.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/half.h"
 #include "octrad/image/tonemap.h"
 
@@ -56,20 +57,6 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
   return out;
 }
 
-std::string html_text(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
-
 std::string viewer_head() {
   const auto ramp = [](std::span<const Vec3f> colors) {
     std::string list;
@@ -97,7 +84,7 @@ std::string viewer_html(const std::string& id, const std::vector<PageImage>& ima
     if (picture.image.width != width || picture.image.height != height)
       throw InputError(fmt::format("{}: pictures of one viewer have one size", picture.name));
     out += fmt::format("<script type=\"text/plain\" data-name=\"{}\" data-caption=\"{}\">{}</script>\n",
-                       html_text(picture.name), html_text(picture.caption),
+                       markup_text(picture.name), markup_text(picture.caption),
                        pixels(smaller(linear_color(picture.image), factor)));
   }
   return out + "<noscript>The pictures need JavaScript.</noscript>\n</figure>\n";
@@ -108,7 +95,7 @@ std::string page_html(const std::string& title, const std::string& body) {
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{}</title>\n{}</head>\n"
       "<body>\n{}</body>\n</html>\n",
-      html_text(title), viewer_head(), body);
+      markup_text(title), viewer_head(), body);
 }
 
 }  // namespace octrad::report

@@ -32,7 +32,4 @@ std::string page_html(const std::string& title, const std::string& body);
 // Bytes as base64 (RFC 4648), for data: addresses.
 std::string base64(const std::vector<std::uint8_t>& bytes);
 
-// Text as HTML.
-std::string html_text(const std::string& text);
-
 }  // namespace octrad::report

@@ -8,6 +8,7 @@
 
 #include "app/report/image_page.h"
 #include "octrad/base/bytes.h"
+#include "octrad/base/escape.h"
 
 namespace octrad::report {
 namespace {
@@ -115,7 +116,7 @@ std::string html_table(const nlohmann::json& images) {
   for (const MetricColumn& column : kColumns) out += fmt::format("<th>{}</th>", column.title);
   out += "</tr></thead>\n<tbody>\n";
   for (const nlohmann::json& image : images) {
-    out += fmt::format("<tr><td>{}</td>", html_text(image.at("image").get<std::string>()));
+    out += fmt::format("<tr><td>{}</td>", markup_text(image.at("image").get<std::string>()));
     for (const MetricColumn& column : kColumns) {
       out += fmt::format("<td{}>{}</td>", is_best(images, image, column) ? " class=\"best\"" : "",
                          cell_text(image, column.key, "–", "∞"));

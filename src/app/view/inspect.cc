@@ -70,7 +70,7 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
   out["throughput"] = list(end.throughput);
   for_each_asked_lobe(options, end.point, [&] {
     out["queries"].push_back(
-        answer(*model->model.field, model->config, field_query_point(context, end.point, rays, sample.rng)));
+        answer(*model->field, model->config, field_query_point(context, end.point, rays, sample.rng)));
   });
   return out;
 }

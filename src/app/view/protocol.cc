@@ -21,14 +21,6 @@ const nlohmann::json& value_of(const nlohmann::json& message, const std::string&
   return *found;
 }
 
-std::string word_in(const nlohmann::json& message, const std::string& key, const std::vector<std::string>& known) {
-  const nlohmann::json& value = value_of(message, key);
-  const std::string word = value.is_string() ? value.get<std::string>() : "";
-  if (!value.is_string() || std::find(known.begin(), known.end(), word) == known.end())
-    throw InputError(fmt::format("\"{}\" must be one of {}{}", key, join(known), did_you_mean(word, known)));
-  return word;
-}
-
 bool flag_in(const nlohmann::json& message, const std::string& key) {
   const nlohmann::json& value = value_of(message, key);
   if (!value.is_boolean()) throw InputError(fmt::format("\"{}\" must be true or false", key));
@@ -60,6 +52,14 @@ void check_keys(const nlohmann::json& message, const std::vector<std::string>& k
       throw InputError(
           fmt::format("unknown key \"{}\"{}; supported: {}", key.substr(0, 40), did_you_mean(key, known), join(known)));
   }
+}
+
+std::string word_in(const nlohmann::json& message, const std::string& key, const std::vector<std::string>& known) {
+  const nlohmann::json& value = value_of(message, key);
+  const std::string word = value.is_string() ? value.get<std::string>() : "";
+  if (!value.is_string() || std::find(known.begin(), known.end(), word) == known.end())
+    throw InputError(fmt::format("\"{}\" must be one of {}{}", key, join(known), did_you_mean(word, known)));
+  return word;
 }
 
 double number_in(const nlohmann::json& message, const std::string& key, double lower, double upper) {

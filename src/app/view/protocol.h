@@ -17,6 +17,8 @@ inline constexpr int kLeastSize = 16, kLargestSize = 4096;  // pixels of a pictu
 
 // Integrator of side b that is a picture from a file.
 inline constexpr char kStored[] = "stored";
+// Layer that is drawn over the picture, where there is a live training.
+inline constexpr char kTrainingPoints[] = "training points";
 
 // What makes a picture: an integrator, and the number of the model that it asks (of no meaning for others).
 struct Side {
@@ -67,7 +69,8 @@ nlohmann::json to_json(const ViewState& state);
 
 // Members of a message beside "type". Throws InputError for others, with a suggestion.
 void check_keys(const nlohmann::json& message, const std::vector<std::string>& known);
-// Numbers, checked.
+// Words and numbers, checked.
+std::string word_in(const nlohmann::json& message, const std::string& key, const std::vector<std::string>& known);
 double number_in(const nlohmann::json& message, const std::string& key, double lower, double upper);
 long long whole_in(const nlohmann::json& message, const std::string& key, long long lower, long long upper);
 

@@ -7,6 +7,7 @@
 
 #include "app/report/picture_origin.h"
 #include "app/view/inspect.h"
+#include "app/view/points_layer.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
@@ -31,25 +32,29 @@ constexpr int kMovingQuality = 80, kStillQuality = 92;  // of JPEG
 constexpr int kLeastWidth = 96;                         // of a moving picture
 constexpr std::size_t kMostJobs = 4;
 constexpr int kMostPathFrames = 20000;
+constexpr std::size_t kMostPicks = 32;                        // that wait
+constexpr auto kBetweenLooks = 50ms, kBetweenStatus = 250ms;  // at a live training
 
 }  // namespace
 
-Session::Session(Studio studio, ViewState first, nlohmann::json command)
+Session::Session(Studio studio, ViewState first, nlohmann::json command, LiveTraining* live)
     : studio_(std::move(studio)),
       command_(std::move(command)),
       a_(studio_),
-      b_(studio_) {
+      b_(studio_),
+      live_(live) {
   for (const std::string& name : integrator_names()) {
     const IntegratorInfo& info = *find_integrator(name).info;
     if (!info.needs_model && (!info.denoised || studio_.denoiser)) catalogue_.plain.push_back(name);
   }
   for (const ViewerModel& model : studio_.models) {
     catalogue_.models.push_back({model.file, {}});
-    for (const std::string& name : integrator_names(model.model.field.get())) {
+    for (const std::string& name : integrator_names(model.field)) {
       if (find_integrator(name).info->needs_model) catalogue_.models.back().integrators.push_back(name);
     }
   }
   catalogue_.layers = {"albedo", "normal", "roughness", "depth"};
+  if (live_ != nullptr) catalogue_.layers.emplace_back(kTrainingPoints);
   catalogue_.stored = studio_.stored != nullptr;
   check_side(first.a, catalogue_, false);
   if (first.b) check_side(*first.b, catalogue_, true);
@@ -110,7 +115,7 @@ void Session::opened(ClientId client) {
     for (const Camera& camera : scene.cameras) sensors.push_back(pose_json(camera));
     nlohmann::json models = nlohmann::json::array();
     for (std::size_t m = 0; m < catalogue_.models.size(); ++m) {
-      const ModelInfo& info = studio_.models[m].model.info;
+      const ModelInfo& info = studio_.models[m].info;
       models.push_back({{"file", catalogue_.models[m].file},
                         {"integrators", catalogue_.models[m].integrators},
                         {"field", info.config.field},
@@ -132,14 +137,23 @@ void Session::opened(ClientId client) {
              {"layers", catalogue_.layers},
              {"stored", nullptr},
              {"command", command_},
+             {"training", nullptr},
              {"limits", {{"least_size", kLeastSize}, {"largest_size", kLargestSize}}}};
     if (const auto& stored = studio_.stored) {
       hello["stored"] = {{"width", stored->image.width}, {"height", stored->image.height}};
       if (stored->view.width > 0) hello["stored"]["camera"] = pose_json(stored->view.camera);
     }
+    if (live_ != nullptr) {
+      hello["training"] = {{"curves", live_->history()}};
+      live_->set_watched(true);
+    }
     wake_.notify_all();
   }
   server_->send(client, json_text(hello));
+  if (live_ != nullptr) {
+    server_->send(client, json_text(live_->scene()));
+    server_->send(client, json_text(live_->status()));
+  }
   tell_state();
 }
 
@@ -148,7 +162,7 @@ void Session::closed(ClientId client) {
     const std::lock_guard lock(mutex_);
     std::erase(clients_, client);
     if (controller_ == client) controller_ = clients_.empty() ? 0 : clients_.front();
-    if (clients_.empty()) controller_ = 0;
+    if (live_ != nullptr) live_->set_watched(!clients_.empty());
   }
   tell_state();
 }
@@ -189,9 +203,16 @@ void Session::handle(ClientId client, const nlohmann::json& message) {
   } else if (type == "set") {
     set(client, message);
   } else if (type == "pick") {
-    server_->send(client, json_text(pick(message)));
+    if (live_ == nullptr) return server_->send(client, json_text(pick(message)));
+    // The model and the scene may be changing: between two steps.
+    const std::lock_guard lock(mutex_);
+    if (picks_.size() >= kMostPicks) throw InputError("too many points are asked for at once");
+    picks_.emplace_back(client, message);
+    wake_.notify_all();
   } else if (type == "path") {
     server_->send(client, json_text(path(message)));
+  } else if (type == "train" || type == "edit") {
+    train(client, message);
   } else if (type == "take" || type == "release") {
     check_keys(message, {});
     {
@@ -203,7 +224,7 @@ void Session::handle(ClientId client, const nlohmann::json& message) {
     }
     tell_state();
   } else {
-    const std::vector<std::string> types = {"ack", "set", "pick", "path", "take", "release"};
+    const std::vector<std::string> types = {"ack", "set", "pick", "path", "take", "release", "train", "edit"};
     throw InputError(fmt::format("unknown type \"{}\"{}", type.substr(0, 40), did_you_mean(type, types)));
   }
 }
@@ -222,6 +243,7 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     const bool other_a = !(state.a == old.a), film = seen_anew || other_a || state.b != old.b;
     if (film && !moved) require_memory_for(state.width, state.height, state.b.has_value());
     wanted_.state = std::move(state);
+    if (live_ != nullptr) live_->set_wants_points(wanted_.state.layer == kTrainingPoints);
     ++wanted_.display;
     if (seen_anew) ++wanted_.view;
     if (film) film_ = ++wanted_.film;
@@ -229,6 +251,17 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     wake_.notify_all();
   }
   if (!only_camera) tell_state();
+}
+
+void Session::train(ClientId client, const nlohmann::json& message) {
+  if (live_ == nullptr) throw InputError("nothing is trained here: octrad train --view, or octrad view --train, does");
+  {
+    const std::lock_guard lock(mutex_);
+    if (client != controller_) throw InputError("another viewer has the controls");
+  }
+  if (message["type"] == "train") return live_->command(message);
+  live_->edit(message);
+  server_->broadcast(json_text(live_->scene()));
 }
 
 nlohmann::json Session::pick(const nlohmann::json& message) const {
@@ -312,17 +345,30 @@ void Session::download(const std::string& path, std::function<void(Download)> an
   work_.notify_one();
 }
 
+// Pictures to be saved, and how a training goes on.
 void Session::work() {
+  std::string told;
   while (true) {
     std::function<void()> job;
+    bool watched = false;
     {
       std::unique_lock lock(mutex_);
-      work_.wait(lock, [&] { return stopping_ || !jobs_.empty(); });
+      const auto due = [&] { return stopping_ || !jobs_.empty(); };
+      if (live_ != nullptr) work_.wait_for(lock, kBetweenStatus, due);
+      else work_.wait(lock, due);
       if (stopping_) return;
-      job = std::move(jobs_.front());
-      jobs_.pop_front();
+      watched = !clients_.empty();
+      if (!jobs_.empty()) {
+        job = std::move(jobs_.front());
+        jobs_.pop_front();
+      }
     }
-    job();
+    if (job) job();
+    if (live_ == nullptr || !watched) continue;
+    if (std::string status = json_text(live_->status()); status != told) {
+      told = std::move(status);
+      server_->broadcast(told);
+    }
   }
 }
 
@@ -334,124 +380,189 @@ View Session::view_of(const ViewState& state, double scale) const {
   return view;
 }
 
+// Size of a picture that must not take long, as a share of the state's.
+double Session::quick_scale(const ViewState& state) {
+  if (state.full) return 1.0;
+  const double pixels = static_cast<double>(state.width) * state.height;
+  const double fits = seconds_per_pixel_ > 0.0 ? kFrameSeconds / seconds_per_pixel_ : 25000.0;
+  double scale =
+      std::clamp(std::sqrt(fits / pixels), std::min(1.0, static_cast<double>(kLeastWidth) / state.width), 1.0);
+  // Small changes of the rate leave the size as it is.
+  if (scale_ > 0.0 && std::fabs(scale / scale_ - 1.0) < 0.12) scale = scale_;
+  return scale_ = scale;
+}
+
+void Session::took(double seconds, const View& view) {
+  const double now = seconds / (static_cast<double>(view.width) * view.height);
+  seconds_per_pixel_ = seconds_per_pixel_ > 0.0 ? 0.7 * seconds_per_pixel_ + 0.3 * now : now;
+}
+
+Session::FilmKey Session::film_key(const Wanted& wanted, const Side& side, const View& view) const {
+  FilmKey key{wanted.view, 0, 0, view.width, view.height, side};
+  if (live_ == nullptr) return key;
+  key.scene = live_->scene_number();
+  const bool asks = side.integrator != kStored && find_integrator(side.integrator).info->needs_model;
+  if (asks && studio_.models.at(static_cast<std::size_t>(side.model)).trainer != nullptr)
+    key.field = live_->field_number();
+  return key;
+}
+
+// Samples of the sides: the first of those whose film is another one, and with `more` the next of those whose film is
+// the same, so that what one side has is kept when the other changes. False where `stop` said so.
+bool Session::sample(const Wanted& wanted, const View& view, bool more, const Stop& stop) {
+  const auto add = [&](SideRenderer& renderer, std::optional<FilmKey>& film, const Side& side, long long& scene) {
+    const FilmKey key = film_key(wanted, side, view);
+    if (std::exchange(scene, key.scene) != key.scene) renderer.scene_changed();
+    if (film == key) return !more || renderer.finished() || renderer.add_pass(stop);
+    film.reset();
+    renderer.show(side, view);
+    if (!renderer.add_pass(stop)) return false;
+    film = key;
+    return true;
+  };
+  return add(a_, a_film_, wanted.state.a, a_scene_) && (!wanted.state.b || add(b_, b_film_, *wanted.state.b, b_scene_));
+}
+
+// Whether the films show the model and the scene as they are.
+bool Session::is_current(const Wanted& wanted) const {
+  const auto same = [&](const std::optional<FilmKey>& film, const Side& side) {
+    if (!film) return false;
+    const FilmKey now = film_key(wanted, side, {{}, film->width, film->height});
+    return film->scene == now.scene && film->field == now.field;
+  };
+  return same(a_film_, wanted.state.a) && (!wanted.state.b || same(b_film_, *wanted.state.b));
+}
+
+// Points that were asked for while a training runs. Whether there were any.
+bool Session::answer_picks() {
+  std::deque<std::pair<ClientId, nlohmann::json>> picks;
+  {
+    const std::lock_guard lock(mutex_);
+    picks.swap(picks_);
+  }
+  if (picks.empty()) return false;
+  live_->aside(
+      true,
+      [&] {
+        for (ViewerModel& model : studio_.models) model.refresh();
+        for (const auto& [client, message] : picks) {
+          try {
+            server_->send(client, json_text(pick(message)));
+          } catch (const std::exception& error) {
+            server_->send(client,
+                          json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+          }
+        }
+      },
+      [this] { return stopping_.load(); });
+  return true;
+}
+
 // Frames are numbered; the film of a moving picture is of the moment, so that only whole pictures are seen.
 void Session::render() {
-  long long film_done = 0, display_done = 0, failed = 0;
-  bool still = false;  // the films are those of the still picture
-  Clock::time_point published{};
-  bool unpublished = false;
+  long long failed = 0;
   while (true) {
     Wanted wanted;
-    bool moving = false;
+    bool moving = false, training = false;
     {
       std::unique_lock lock(mutex_);
       while (true) {
         if (stopping_) return;
+        if (!picks_.empty()) break;
         const auto now = Clock::now();
         moving = now - wanted_.moved < kStill;
-        const bool other_film = wanted_.film != film_done;
-        const bool settles = !moving && !still;
-        const bool refines = still && !(a_.finished() && (!wanted_.state.b || b_.finished()));
-        const bool work = wanted_.film != failed && (other_film || settles || wanted_.display != display_done ||
-                                                     (still && refines) || unpublished);
-        if (!clients_.empty() && work && (other_film || !moving || wanted_.display != display_done)) break;
+        training = live_ != nullptr && live_->training();
+        const bool other_film = wanted_.film != film_done_;
+        if (live_ != nullptr && still_ && !moving && !is_current(wanted_)) still_ = false;
+        const bool refines = !a_.finished() || (wanted_.state.b && !b_.finished());
+        const bool settles = !moving && !still_ && (!training || refines || !is_current(wanted_));
+        const bool work = wanted_.film != failed && (other_film || settles || wanted_.display != display_done_ ||
+                                                     (still_ && refines) || unpublished_);
+        if (!clients_.empty() && work && (other_film || !moving || wanted_.display != display_done_)) break;
         if (!clients_.empty() && moving) wake_.wait_until(lock, wanted_.moved + kStill);
+        else if (!clients_.empty() && live_ != nullptr) wake_.wait_for(lock, kBetweenLooks);
         else wake_.wait(lock);
       }
       wanted = wanted_;
     }
-    const ViewState& state = wanted.state;
+    if (live_ != nullptr && answer_picks()) continue;
+    const auto give_up = [&](const std::string& why) {
+      failed = wanted.film;
+      still_ = false;
+      film_done_ = 0;
+      server_->broadcast(json_text({{"type", "error"}, {"message", why.substr(0, 500)}}));
+    };
     try {
-      if (wanted.film != film_done && moving) {
-        const Stopwatch watch;
-        const double pixels = static_cast<double>(state.width) * state.height;
-        double scale = 1.0;
-        if (!state.full) {
-          const double fits = seconds_per_pixel_ > 0.0 ? kFrameSeconds / seconds_per_pixel_ : 25000.0;
-          scale =
-              std::clamp(std::sqrt(fits / pixels), std::min(1.0, static_cast<double>(kLeastWidth) / state.width), 1.0);
-          // Small changes of the rate leave the size as it is.
-          if (scale_ > 0.0 && std::fabs(scale / scale_ - 1.0) < 0.12) scale = scale_;
-          scale_ = scale;
-        }
-        const View view = view_of(state, scale);
-        a_film_.reset();
-        b_film_.reset();
-        a_.show(state.a, view);
-        if (state.b) b_.show(*state.b, view);
-        const auto end = [this] { return stopping_.load(); };
-        if (!a_.add_pass(end) || (state.b && !b_.add_pass(end))) continue;
-        still = false;
-        film_done = wanted.film;
-        display_done = wanted.display;
-        publish(wanted, true, true);
-        const double now = watch.seconds() / (static_cast<double>(view.width) * view.height);
-        seconds_per_pixel_ = seconds_per_pixel_ > 0.0 ? 0.7 * seconds_per_pixel_ + 0.3 * now : now;
-      } else if (wanted.film != film_done || !still) {
-        if (moving) {  // only what is shown of the picture changed
-          publish(wanted, true, false);
-          display_done = wanted.display;
-          continue;
-        }
-        if (!start_still(wanted)) {
-          still = false;
-          film_done = 0;
-          continue;
-        }
-        still = true;
-        film_done = wanted.film;
-        display_done = wanted.display;
-        publish(wanted, false, true);
-        published = Clock::now();
-        unpublished = false;
-      } else if (wanted.display != display_done) {
-        publish(wanted, false, true);
-        display_done = wanted.display;
-        published = Clock::now();
-        unpublished = false;
+      if (live_ == nullptr) {
+        make_picture(wanted, moving, false);
       } else {
-        const auto stop = [this, film = wanted.film] { return changed(film); };
-        const bool first = !a_.finished(), second = state.b && !b_.finished();
-        if ((first && !a_.add_pass(stop)) || (second && !b_.add_pass(stop))) {
-          still = false;  // what comes next is another film
-          continue;
-        }
-        unpublished = unpublished || first || second;
-        const bool done = a_.finished() && (!state.b || b_.finished());
-        if (unpublished && (done || Clock::now() - published >= kBetweenFrames)) {
-          publish(wanted, false, true);
-          published = Clock::now();
-          unpublished = false;
-        }
+        const bool done = live_->aside(
+            moving, [&] { make_picture(wanted, moving, training); }, [&] { return changed(wanted.film); });
+        if (!done) std::this_thread::sleep_for(5ms);
       }
     } catch (const Error& error) {
-      failed = wanted.film;
-      still = false;
-      film_done = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+      give_up(error.what());
     } catch (const std::bad_alloc&) {
-      failed = wanted.film;
-      still = false;
-      film_done = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", "out of memory"}}));
+      give_up("out of memory");
     }
   }
 }
 
-// The first samples at full resolution, of the sides that have none: what one side has is kept when the other changes.
-bool Session::start_still(const Wanted& wanted) {
+// The next picture of what is wanted, or more samples of it.
+void Session::make_picture(const Wanted& wanted, bool moving, bool training) {
   const ViewState& state = wanted.state;
-  const View view = view_of(state, 1.0);
-  const auto begin = [&](SideRenderer& renderer, std::optional<std::pair<long long, Side>>& film, const Side& side) {
-    const std::pair key(wanted.view, side);
-    if (film == key) return true;
-    film.reset();
-    renderer.show(side, view);
-    if (!renderer.add_pass([this, number = wanted.film] { return changed(number); })) return false;
-    film = key;
-    return true;
+  const Stop stop = [this, film = wanted.film] { return changed(film); };
+  const auto done = [&](bool still) {
+    still_ = still;
+    film_done_ = wanted.film;
+    display_done_ = wanted.display;
+    published_ = Clock::now();
+    unpublished_ = false;
   };
-  return begin(a_, a_film_, state.a) && (!state.b || begin(b_, b_film_, *state.b));
+  if (wanted.film != film_done_ && moving) {
+    const Stopwatch watch;
+    const View view = view_of(state, quick_scale(state));
+    a_film_.reset();
+    b_film_.reset();
+    if (!sample(wanted, view, false, [this] { return stopping_.load(); })) return;
+    a_film_.reset();
+    b_film_.reset();
+    done(false);
+    publish(wanted, true, true);
+    took(watch.seconds(), view);
+  } else if (wanted.film == film_done_ && moving && !still_) {  // only what is shown of the picture changed
+    publish(wanted, true, false);
+    display_done_ = wanted.display;
+  } else if (training) {
+    const View view = view_of(state, quick_scale(state));
+    if (!sample(wanted, view, true, stop)) return;
+    took(a_.last_pass_seconds() + (state.b ? b_.last_pass_seconds() : 0.0), view);
+    done(false);
+    publish(wanted, false, true);
+  } else if (wanted.film != film_done_ || !still_) {
+    if (!sample(wanted, view_of(state, 1.0), false, stop)) {
+      still_ = false;
+      film_done_ = 0;
+      return;
+    }
+    done(true);
+    publish(wanted, false, true);
+  } else if (wanted.display != display_done_) {
+    done(true);
+    publish(wanted, false, true);
+  } else {
+    const bool first = !a_.finished(), second = state.b && !b_.finished();
+    if ((first && !a_.add_pass(stop)) || (second && !b_.add_pass(stop))) {
+      still_ = false;  // what comes next is another film
+      return;
+    }
+    unpublished_ = unpublished_ || first || second;
+    const bool last = a_.finished() && (!state.b || b_.finished());
+    if (unpublished_ && (last || Clock::now() - published_ >= kBetweenFrames)) {
+      done(true);
+      publish(wanted, false, true);
+    }
+  }
 }
 
 void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
@@ -485,6 +596,8 @@ void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
       names.emplace_back("errors");
     }
   }
+  if (state.layer == kTrainingPoints)
+    pictures[0] = draw_points(std::move(pictures[0]), shown.a->image, shown.a->view, live_->points());
   const double tone_ms = lap();
   std::vector<std::string> jpegs;
   nlohmann::json parts = nlohmann::json::array();

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "app/view/live.h"
 #include "app/view/side_renderer.h"
 #include "app/view/web_server.h"
 
@@ -22,8 +23,9 @@ namespace octrad::viewer {
 
 class Session : public ServerHandler {
  public:
-  // `command`: what the page needs to write a command line of octrad render (docs/viewer.md, "hello").
-  Session(Studio studio, ViewState first, nlohmann::json command);
+  // `command`: what the page needs to write a command line of octrad render (docs/viewer.md, "hello"). `live`: the
+  // training of a model of the studio, null: there is none. It must outlive this object, and somebody run it.
+  Session(Studio studio, ViewState first, nlohmann::json command, LiveTraining* live = nullptr);
   ~Session() override;
 
   // Renders for the clients of `server`, until stop().
@@ -53,8 +55,18 @@ class Session : public ServerHandler {
     bool moving = false;
   };
 
+  // Of what a film is; that of a model that is being trained changes with every step.
+  struct FilmKey {
+    long long view, scene, field;
+    int width, height;
+    Side side;
+    bool operator==(const FilmKey&) const = default;
+  };
+  using Stop = std::function<bool()>;
+
   void handle(ClientId client, const nlohmann::json& message);
   void set(ClientId client, const nlohmann::json& message);
+  void train(ClientId client, const nlohmann::json& message);
   nlohmann::json pick(const nlohmann::json& message) const;
   nlohmann::json path(const nlohmann::json& message) const;
   nlohmann::json state_json() const;  // with who controls; under the mutex
@@ -62,9 +74,15 @@ class Session : public ServerHandler {
   void require_memory_for(int width, int height, bool two) const;
 
   void render();
+  bool answer_picks();
   void work();
   View view_of(const ViewState& state, double scale) const;
-  bool start_still(const Wanted& wanted);
+  double quick_scale(const ViewState& state);
+  void took(double seconds, const View& view);
+  FilmKey film_key(const Wanted& wanted, const Side& side, const View& view) const;
+  bool sample(const Wanted& wanted, const View& view, bool more, const Stop& stop);
+  bool is_current(const Wanted& wanted) const;
+  void make_picture(const Wanted& wanted, bool moving, bool training);
   void publish(const Wanted& wanted, bool moving, bool samples_are_new);
   bool changed(long long film) const { return stopping_ || film_ != film; }
 
@@ -81,18 +99,25 @@ class Session : public ServerHandler {
   Shown shown_;
   std::shared_ptr<const Picture> finished_[2];  // the last at full resolution
   std::deque<std::function<void()>> jobs_;
+  std::deque<std::pair<ClientId, nlohmann::json>> picks_;  // while there is a live training
   std::exception_ptr failure_;
   std::atomic<bool> stopping_{false};
   std::atomic<long long> film_{1};  // Wanted::film, for the renderer
 
   // Of the rendering thread.
   SideRenderer a_, b_;
-  std::optional<std::pair<long long, Side>> a_film_, b_film_;  // view and side of the films at rest; none while moving
+  std::optional<FilmKey> a_film_, b_film_;  // none while moving
+  long long a_scene_ = 0, b_scene_ = 0;     // LiveTraining::scene_number() of the renderers
+  bool still_ = false;                      // the films are those of the picture at rest
+  long long film_done_ = 0, display_done_ = 0;
+  Clock::time_point published_{};
+  bool unpublished_ = false;
   ToneMapper tone_;
   long long frame_ = 0;
   double seconds_per_pixel_ = 0.0;  // of a frame while moving, all sides; 0: not known
   double scale_ = 0.0;
 
+  LiveTraining* const live_;
   std::thread renderer_thread_, worker_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "app/report/picture_origin.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/tone_table.h"
 #include "octrad/image/tonemap.h"
@@ -14,17 +15,27 @@ constexpr int kMostSamples = 1 << 16, kMostCached = 256;  // a pixel: paths, and
 
 }  // namespace
 
+void ViewerModel::refresh() {
+  if (trainer == nullptr) return;
+  field = &trainer->field();
+  info.state = trainer->state();
+}
+
 void SideRenderer::show(const Side& side, const View& view) {
+  const bool stored = side.integrator == kStored;
+  const bool asks = !stored && find_integrator(side.integrator).info->needs_model;
+  ViewerModel* model = asks ? &studio_.models.at(static_cast<std::size_t>(side.model)) : nullptr;
+  if (model != nullptr) model->refresh();
   if (!renderer_ || !(side == side_)) {
     renderer_.reset();
     pass_seconds_ = queries_per_second_ = rays_per_second_ = 0.0;
     side_ = side;
-    if (side.integrator == kStored) return;
-    const bool asks = find_integrator(side.integrator).info->needs_model;
-    ViewerModel* model = asks ? &studio_.models.at(static_cast<std::size_t>(side.model)) : nullptr;
-    renderer_ = make_renderer(studio_.scene, side.integrator, studio_.settings,
-                              model != nullptr ? model->model.field.get() : nullptr,
-                              model != nullptr ? model->config : Config{}, studio_.stream);
+    if (stored) return;
+    renderer_ =
+        make_renderer(studio_.scene, side.integrator, studio_.settings, model != nullptr ? model->field : nullptr,
+                      model != nullptr ? model->config : Config{}, studio_.stream);
+  } else if (model != nullptr && model->trainer != nullptr && studio_.stream != nullptr) {
+    renderer_->set_model(*model->field, model->config);  // the stream's copy of the weights
   }
   renderer_->set_view(view);
   renderer_->take_counts();
@@ -68,9 +79,15 @@ std::shared_ptr<const Picture> SideRenderer::picture(bool final_look) {
     const ViewerModel& model = studio_.models.at(static_cast<std::size_t>(side_.model));
     origin.config = &model.config;
     origin.model_file = model.file;
-    origin.model_step = model.model.info.state.step;
+    origin.model_step = model.info.state.step;
   }
   add_origin(picture->image, origin);
+  if (const std::string fingerprint = studio_.scene.fingerprint(); fingerprint != studio_.scene.scene().fingerprint) {
+    std::string& text = picture->image.metadata["octrad.scene"];
+    nlohmann::json scene = parse_json(text, "octrad.scene");
+    scene["fingerprint"] = fingerprint;
+    text = json_text(scene);
+  }
   if (info.denoised && studio_.denoiser) studio_.denoiser->run(picture->image, "the picture");
   return picture;
 }
@@ -82,7 +99,7 @@ struct ToneMapper::Cached {
 };
 
 Image8 ToneMapper::show(const Image& picture, const ViewState& state) {
-  const std::string& layer = state.layer;
+  const std::string layer = state.layer == kTrainingPoints ? "" : state.layer;
   const std::string first = layer + (layer == "normal"      ? ".X"
                                      : layer == "roughness" ? ".Y"
                                      : layer == "depth"     ? ".Z"

@@ -11,13 +11,20 @@
 #include "octrad/image/denoise.h"
 #include "octrad/model/model_file.h"
 #include "octrad/render/renderer.h"
+#include "octrad/train/trainer.h"
 
 namespace octrad::viewer {
 
 struct ViewerModel {
   std::string file;
-  Model model;
-  Config config;  // with the keys render.* as they were asked for
+  ModelInfo info;
+  Config config;                   // with the keys render.* as they were asked for
+  RadianceField* field = nullptr;  // of `own`, or of the trainer
+  std::unique_ptr<RadianceField> own = {};
+  Trainer* trainer = nullptr;  // that trains it: it is looked at in between (view/live.h)
+
+  // Brings field and info up to date, where it is being trained.
+  void refresh();
 };
 
 // A picture with what it is of.
@@ -43,8 +50,11 @@ class SideRenderer {
  public:
   explicit SideRenderer(Studio& studio) : studio_(studio) {}
 
-  // From now on `side` seen in `view`, from an empty film. Throws what make_renderer() and set_view() throw.
+  // From now on `side` seen in `view`, from an empty film, with the weights as they are now. Throws what
+  // make_renderer() and set_view() throw.
   void show(const Side& side, const View& view);
+  // The scene is another one: what integrators found out about it is no longer true.
+  void scene_changed() { renderer_.reset(); }
   // Takes the next samples of every pixel, as render() does. False where `stop` said so: the film is as it was.
   bool add_pass(const std::function<bool()>& stop);
   bool finished() const;

@@ -23,6 +23,7 @@
 #include "app/view/page.h"
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/random_seed.h"
 #include "octrad/base/stopwatch.h"
 
@@ -55,24 +56,14 @@ std::string_view view_of(beast::string_view text) { return {text.data(), text.si
 // The value of `key` in the query of a target, as it is: tokens need no escapes.
 std::string_view query_value(std::string_view target, std::string_view key) {
   const std::size_t mark = target.find('?');
-  while (mark != std::string_view::npos && mark + 1 < target.size()) {
-    std::string_view rest = target.substr(mark + 1);
-    while (!rest.empty()) {
-      const std::string_view part = rest.substr(0, rest.find('&'));
-      rest.remove_prefix(std::min(rest.size(), part.size() + 1));
-      if (part.size() > key.size() && part.substr(0, key.size()) == key && part[key.size()] == '=')
-        return part.substr(key.size() + 1);
-    }
-    break;
+  std::string_view rest = mark == std::string_view::npos ? std::string_view() : target.substr(mark + 1);
+  while (!rest.empty()) {
+    const std::string_view part = rest.substr(0, rest.find('&'));
+    rest.remove_prefix(std::min(rest.size(), part.size() + 1));
+    if (part.size() > key.size() && part.substr(0, key.size()) == key && part[key.size()] == '=')
+      return part.substr(key.size() + 1);
   }
   return {};
-}
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  return out;
 }
 
 // "[::1]:80" -> "[::1]"
@@ -80,7 +71,7 @@ std::string host_name(std::string_view host) {
   const std::size_t bracket = host.rfind(']'), colon = host.rfind(':');
   if (colon != std::string_view::npos && (bracket == std::string_view::npos || colon > bracket))
     host = host.substr(0, colon);
-  return lower(host);
+  return lower_case(std::string(host));
 }
 
 class Client;
@@ -89,7 +80,7 @@ class Client;
 
 bool is_own_page(const std::string& address, std::string_view host, std::string_view origin) {
   const std::string name = host_name(host);
-  if (!origin.empty() && lower(origin) != "http://" + lower(host)) return false;
+  if (!origin.empty() && lower_case(std::string(origin)) != "http://" + lower_case(std::string(host))) return false;
   error_code ignored;
   const asio::ip::address own = asio::ip::make_address(address, ignored);
   if (name == (own.is_v6() ? "[" + own.to_string() + "]" : own.to_string())) return true;
@@ -104,7 +95,7 @@ bool is_own_page(const std::string& address, std::string_view host, std::string_
   asio::ip::make_address(number, ignored);
   if (!ignored) return true;
   char machine[256] = "";
-  return gethostname(machine, sizeof(machine) - 1) == 0 && name == lower(machine);
+  return gethostname(machine, sizeof(machine) - 1) == 0 && name == lower_case(machine);
 }
 
 bool is_loopback(const std::string& address) {

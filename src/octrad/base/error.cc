@@ -1,17 +1,11 @@
 #include "octrad/base/error.h"
 
 #include <algorithm>
-#include <cctype>
+
+#include "octrad/base/lower_case.h"
 
 namespace octrad {
 namespace {
-
-std::string lower(const std::string& s) {
-  std::string out = s;
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return out;
-}
 
 // Edit distance with transpositions of adjacent letters (optimal string alignment).
 int edit_distance(const std::string& a, const std::string& b) {
@@ -33,12 +27,12 @@ int edit_distance(const std::string& a, const std::string& b) {
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
   if (word.empty() || word.size() > 200) return "";
-  const std::string w = lower(word);
+  const std::string w = lower_case(word);
   const std::string* best = nullptr;
   // At least one letter is right, so that a word of one letter is no other letter mistyped.
   int best_distance = std::min(std::max(1, static_cast<int>(w.size()) / 3) + 1, static_cast<int>(w.size()));
   for (const std::string& candidate : candidates) {
-    const std::string c = lower(candidate);
+    const std::string c = lower_case(candidate);
     // Not closer than their lengths.
     const auto gap =
         static_cast<int>(std::min<std::size_t>(c.size() > w.size() ? c.size() - w.size() : w.size() - c.size(), 1000));

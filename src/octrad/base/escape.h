@@ -15,4 +15,7 @@ std::string unescape_bytes(std::string_view text);
 // cannot move the cursor, set the title or hide what was printed.
 std::string printable(const std::string& text);
 
+// For XML and HTML: & < > " as entities.
+std::string markup_text(const std::string& text);
+
 }  // namespace octrad

@@ -28,3 +28,10 @@
 #else
 #define OCTRAD_HD_APART __attribute__((noinline))
 #endif
+
+// The same on devices, where kernels that call it more than once hold its code once; inlined on the host.
+#if defined(__CUDA_ARCH__)
+#define OCTRAD_HD_APART_ON_DEVICE __host__ __device__ __noinline__
+#else
+#define OCTRAD_HD_APART_ON_DEVICE OCTRAD_HD
+#endif

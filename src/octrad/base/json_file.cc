@@ -14,8 +14,10 @@ namespace octrad {
 
 nlohmann::json parse_json(const std::string& text, const std::string& name) {
   using Event = nlohmann::json::parse_event_t;
-  // A list "[]," of 3 bytes is a value, a vector and what its parent's vector has in reserve.
-  ask_memory(text.size() * 32, name);
+  // A list "[]," of 3 bytes is a value, a vector and what its parent's vector has in reserve; a text is a copy.
+  const auto marks =
+      std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == ':' || c == '[' || c == '{'; });
+  ask_memory(text.size() * 2 + static_cast<std::uint64_t>(marks) * 48, name);
   // Values of any depth can be parsed, but neither copied nor written: those functions call themselves for each level.
   const auto limit_depth = [&](int depth, Event, nlohmann::json&) {
     if (depth > 100) throw InputError(fmt::format("{}: lists or objects are nested more than 100 deep", name));

@@ -30,6 +30,7 @@ enum class RngPurpose : std::uint64_t {
   far_end = 11,  // choice among the ends of a point's right-hand-side rays
   domain = 12,   // rays that find what is seen
   lamps = 13,    // points and light samples that find small lamps
+  changed = 14,  // training points on what changed in the scene, and on what it lights
   test = 100,
 };
 

@@ -1,5 +1,6 @@
 #include "octrad/geometry/surface_sampling.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -19,7 +20,7 @@ double triangle_area(const TriangleMesh& mesh, const Vec3i& t) {
 
 }  // namespace
 
-SurfaceSampler::SurfaceSampler(const Scene& scene) : shapes_(shape_views(scene)) {
+SurfaceSampler::SurfaceSampler(const Scene& scene, std::span<const int> shapes) : shapes_(shape_views(scene)) {
   double total_area = 0.0;
   std::map<int, std::pair<int, double>> placed;  // mesh -> place in placed_areas_, area
   const auto areas_of = [&](int geometry) {
@@ -35,6 +36,7 @@ SurfaceSampler::SurfaceSampler(const Scene& scene) : shapes_(shape_views(scene))
   };
   for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
     const Shape& shape = scene.shapes[s];
+    if (!shapes.empty() && std::find(shapes.begin(), shapes.end(), static_cast<int>(s)) == shapes.end()) continue;
     const auto add = [&](int primitive, double area) {
       if (!(area > 0.0)) return;
       total_area += area;

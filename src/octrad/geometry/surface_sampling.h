@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "octrad/geometry/surface_sampling_math.h"
@@ -11,8 +12,9 @@ namespace octrad {
 
 class SurfaceSampler {
  public:
-  // Throws InputError for a scene without area. The scene must outlive the sampler.
-  explicit SurfaceSampler(const Scene& scene);
+  // Of all shapes, or of those of these indices (none: all). Throws InputError where they have no area. The scene must
+  // outlive the sampler.
+  explicit SurfaceSampler(const Scene& scene, std::span<const int> shapes = {});
 
   SurfaceSampler(const SurfaceSampler&) = delete;
   SurfaceSampler& operator=(const SurfaceSampler&) = delete;

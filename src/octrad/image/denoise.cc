@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
 #include "octrad/image/oidn_library.h"
@@ -21,12 +21,6 @@ using Three = int[3];
 
 const char* name_of(DenoiseOptions::Device device) { return device == DenoiseOptions::Device::cuda ? "cuda" : "cpu"; }
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
-
 // The three channels of the first layer whose last word is one of `names`, in their order: R, G, B, or for vectors X,
 // Y, Z.
 void find_layer(const Image& image, std::initializer_list<const char*> names, bool vectors, Three& out) {
@@ -35,7 +29,7 @@ void find_layer(const Image& image, std::initializer_list<const char*> names, bo
       const std::size_t dot = channel.rfind('.');
       const std::string layer = dot == std::string::npos ? "" : channel.substr(0, dot);
       const std::size_t before = layer.rfind('.');
-      if (lower(before == std::string::npos ? layer : layer.substr(before + 1)) != name) continue;
+      if (lower_case(before == std::string::npos ? layer : layer.substr(before + 1)) != name) continue;
       const std::string prefix = layer.empty() ? "" : layer + ".";
       for (const char* components : {"RGB", "XYZ"}) {
         int found[3];

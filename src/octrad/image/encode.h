@@ -11,6 +11,6 @@ namespace octrad {
 std::string encode_jpeg(const Image8& image, int quality = 95);
 std::string encode_png(const Image8& image);
 // What write_exr() writes. Throws as it does; `name` is what messages call the picture.
-std::string encode_exr(const std::string& name, const Image& image, ExrPrecision precision = ExrPrecision::float32);
+std::string encode_exr(const std::string& name, const Image& image, const ExrSettings& settings = {});
 
 }  // namespace octrad

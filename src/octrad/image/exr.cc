@@ -5,6 +5,8 @@
 #include <ImfHeader.h>
 #include <ImfIO.h>
 #include <ImfInputFile.h>
+#include <ImfInputPart.h>
+#include <ImfMultiPartInputFile.h>
 #include <ImfOutputFile.h>
 #include <ImfPartType.h>
 #include <ImfStringAttribute.h>
@@ -14,20 +16,29 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>
+#include <optional>
+#include <set>
 #include <sstream>
 #include <string_view>
 #include <tuple>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/image/io.h"
 #include "octrad/image/io_internal.h"
 
 namespace octrad {
 namespace {
+
+// By the numbers that the format gives them.
+constexpr std::string_view kExrCompressions[] = {"none",  "rle", "zips", "zip",  "piz",
+                                                 "pxr24", "b44", "b44a", "dwaa", "dwab"};
+static_assert(Imf::ZIP_COMPRESSION == 3 && Imf::DWAB_COMPRESSION == 9);
 
 // Main picture first, then layers by name; colours and vectors in their usual order, anything else by name.
 std::tuple<std::string, int, std::string> channel_order(const std::string& name) {
@@ -170,6 +181,69 @@ void check_headers(const std::string& file, const std::string& bytes) {
   }
 }
 
+// A part of a file, and its channels by their names there and in the picture.
+struct Part {
+  const Imf::Header* header;
+  int number;
+  bool complete;
+  std::vector<std::pair<std::string, std::string>> channels;
+};
+
+// Channels of a further part without a layer get the part's name as one. What another part has already is left out.
+void find_channels(const std::string& file, Part& part, bool further, std::set<std::string>& known) {
+  const Imf::ChannelList& channels = part.header->channels();
+  for (auto c = channels.begin(); c != channels.end(); ++c) {
+    const std::string own = c.name();
+    if (c.channel().xSampling != 1 || c.channel().ySampling != 1) {
+      if (further) continue;
+      const bool chroma = own == "RY" || own == "BY";
+      throw InputError(file + ": channel " + own + " is subsampled" +
+                       (chroma ? ": a luminance/chroma file (Y, RY, BY)" : "") +
+                       ", which is not supported: save it as RGB");
+    }
+    std::string name = own;
+    if (further && own.find('.') == std::string::npos && part.header->hasName()) {
+      name = part.header->name();
+      name += '.' + own;
+    }
+    if (known.insert(name).second) part.channels.emplace_back(own, name);
+  }
+}
+
+// Where no channels are called R, G and B (nor Y), those of the layer that is the picture, and their short names: "r",
+// "Red"; "ViewLayer.Combined.R" of Blender; "rgba.R", "beauty.R" of others; else the only layer of colours.
+std::map<std::string, std::string> main_picture(const std::vector<std::string>& names, bool own) {
+  const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  if (own || has("Y") || (has("R") && has("G") && has("B"))) return {};
+  static const std::pair<const char*, const char*> kColors[] = {
+      {"r", "R"}, {"g", "G"}, {"b", "B"}, {"a", "A"}, {"red", "R"}, {"green", "G"}, {"blue", "B"}, {"alpha", "A"}};
+  std::map<std::string, std::map<std::string, std::string>> layers;  // channels by their short names
+  for (const std::string& name : names) {
+    const std::size_t dot = name.rfind('.');
+    const std::string layer = dot == std::string::npos ? "" : name.substr(0, dot),
+                      base = lower_case(dot == std::string::npos ? name : name.substr(dot + 1));
+    for (const auto& [spelled, color] : kColors) {
+      if (base == spelled) layers[layer].emplace(color, name);
+    }
+  }
+  std::erase_if(layers, [](const auto& layer) {
+    return !layer.second.count("R") || !layer.second.count("G") || !layer.second.count("B");
+  });
+  static const char* const kMain[] = {"", "combined", "beauty", "rgba", "rgb", "color", "image", "radiance"};
+  const auto rank = [](const std::string& layer) {
+    const std::string last = lower_case(layer.substr(layer.rfind('.') + 1));
+    return static_cast<std::size_t>(std::find(std::begin(kMain), std::end(kMain), last) - std::begin(kMain));
+  };
+  const auto best = std::min_element(layers.begin(), layers.end(),
+                                     [&](const auto& a, const auto& b) { return rank(a.first) < rank(b.first); });
+  std::map<std::string, std::string> result;
+  if (best == layers.end() || (layers.size() > 1 && rank(best->first) == std::size(kMain))) return result;
+  for (const auto& [color, name] : best->second) {
+    if (!has(color)) result.emplace(name, color);
+  }
+  return result;
+}
+
 }  // namespace
 
 Image image_io::read_exr(const std::string& file, const std::string& bytes) {
@@ -178,43 +252,85 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
     InputStream stream(file, bytes);
     bool tiled = false, deep = false, multipart = false;
     if (!Imf::isOpenExrFile(stream, tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
-    if (deep) throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
+    if (deep && !multipart)
+      throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
     stream.seekg(0);
-    Imf::InputFile in(stream, 0);
-    const Imf::Header& header = in.header();
-    const Imath::Box2i window = header.dataWindow(), display = header.displayWindow();
+    std::optional<Imf::InputFile> single;
+    std::optional<Imf::MultiPartInputFile> multiple;
+    std::vector<Part> parts;
+    if (multipart) {
+      multiple.emplace(stream, 0);
+      for (int i = 0; i < multiple->parts(); ++i) {
+        const Imf::Header& header = multiple->header(i);
+        if (header.hasType() && Imf::isDeepData(header.type())) continue;
+        // Parts of another size are other pictures.
+        if (!parts.empty() && header.dataWindow() != parts[0].header->dataWindow()) continue;
+        parts.push_back({&header, i, multiple->partComplete(i), {}});
+      }
+      if (parts.empty())
+        throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
+    } else {
+      single.emplace(stream, 0);
+      parts.push_back({&single->header(), 0, single->isComplete(), {}});
+    }
+    const Imath::Box2i window = parts[0].header->dataWindow(), display = parts[0].header->displayWindow();
     const long long width = static_cast<long long>(window.max.x) - window.min.x + 1;
     const long long height = static_cast<long long>(window.max.y) - window.min.y + 1;
 
-    std::vector<std::string> names;
-    for (auto c = header.channels().begin(); c != header.channels().end(); ++c) {
-      if (c.channel().xSampling != 1 || c.channel().ySampling != 1) {
-        throw InputError(file + ": channel " + c.name() +
-                         " is subsampled (luminance/chroma), which is not supported: save it as RGB");
-      }
-      names.push_back(c.name());
-    }
+    std::set<std::string> known;
+    for (Part& part : parts) find_channels(file, part, &part != parts.data(), known);
+    const std::vector<std::string> written(known.begin(), known.end());
+    const std::map<std::string, std::string> short_names =
+        main_picture(written, parts[0].header->findTypedAttribute<Imf::StringAttribute>("octrad.version") != nullptr);
     // Compressed and uncompressed, a block of lines or a row of tiles is in memory twice.
-    const long long lines = header.hasTileDescription() ? header.tileDescription().ySize : 256;
-    check_size(file, width, height, static_cast<long long>(names.size()),
-               2 * sizeof(float) * static_cast<std::uint64_t>(width * std::min(lines, height)) * names.size());
-    if (!in.isComplete())
-      throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
-    std::sort(names.begin(), names.end(),
-              [](const std::string& a, const std::string& b) { return channel_order(a) < channel_order(b); });
+    long long lines = 256;
+    for (const Part& part : parts) {
+      if (part.header->hasTileDescription()) lines = std::max<long long>(lines, part.header->tileDescription().ySize);
+    }
+    check_size(file, width, height, static_cast<long long>(written.size()),
+               2 * sizeof(float) * static_cast<std::uint64_t>(width * std::min(lines, height)) * written.size());
+    for (const Part& part : parts) {
+      if (!part.complete)
+        throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
+    }
+    std::vector<std::pair<std::string, std::string>> order;  // final name, name in the file
+    for (const std::string& name : written) {
+      const auto found = short_names.find(name);
+      order.emplace_back(found != short_names.end() ? found->second : name, name);
+    }
+    std::sort(order.begin(), order.end(),
+              [](const auto& a, const auto& b) { return channel_order(a.first) < channel_order(b.first); });
+    std::vector<std::string> names;
+    std::map<std::string, std::size_t> index;
+    for (const auto& [name, in_file] : order) {
+      index[in_file] = names.size();
+      names.push_back(name);
+    }
 
     Image image(static_cast<int>(width), static_cast<int>(height), names);
     const std::size_t stride_x = names.size() * sizeof(float), stride_y = stride_x * static_cast<std::size_t>(width);
-    Imf::FrameBuffer buffer;
-    for (std::size_t c = 0; c < names.size(); ++c) {
-      buffer.insert(names[c], Imf::Slice::Make(Imf::FLOAT, image.data.data() + c, window, stride_x, stride_y));
+    for (const Part& part : parts) {
+      Imf::FrameBuffer buffer;
+      for (const auto& [own, name] : part.channels) {
+        buffer.insert(own,
+                      Imf::Slice::Make(Imf::FLOAT, image.data.data() + index.at(name), window, stride_x, stride_y));
+      }
+      if (part.channels.empty()) continue;
+      if (multiple) {
+        Imf::InputPart in(*multiple, part.number);
+        in.setFrameBuffer(buffer);
+        in.readPixels(window.min.y, window.max.y);
+      } else {
+        single->setFrameBuffer(buffer);
+        single->readPixels(window.min.y, window.max.y);
+      }
     }
-    in.setFrameBuffer(buffer);
-    in.readPixels(window.min.y, window.max.y);
 
+    const Imf::Header& header = *parts[0].header;
     for (auto a = header.begin(); a != header.end(); ++a) {
       if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&a.attribute())) {
-        if (std::string(a.name()) != "type") image.metadata[a.name()] = text->value();
+        const std::string key = a.name();
+        if (key != "type" && !(multipart && key == "name")) image.metadata[key] = text->value();
       }
     }
     // Relative to the display window, so that files of a renderer whose display window is not at 0 0 read the same.
@@ -234,9 +350,15 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
   }
 }
 
-std::string image_io::exr_bytes(const std::string& file, const Image& image, ExrPrecision precision) {
+const std::vector<std::string>& exr_compressions() {
+  static const std::vector<std::string> names(std::begin(kExrCompressions), std::end(kExrCompressions));
+  return names;
+}
+
+std::string image_io::exr_bytes(const std::string& file, const Image& image, const ExrSettings& settings) {
   assert(image.width > 0 && image.height > 0 && !image.channels.empty());
   assert(image.data.size() == image.pixel_count() * image.channels.size());
+  const ExrPrecision precision = settings.precision;
   const Imf::PixelType type = precision == ExrPrecision::half ? Imf::HALF : Imf::FLOAT;
 
   Imath::V2i origin(0, 0), display(image.width, image.height);
@@ -259,12 +381,16 @@ std::string image_io::exr_bytes(const std::string& file, const Image& image, Exr
   std::vector<half> halves;
   if (precision == ExrPrecision::half) {
     halves.resize(image.data.size());
-    std::transform(image.data.begin(), image.data.end(), halves.begin(), [](float v) { return half(v); });
+    std::transform(image.data.begin(), image.data.end(), halves.begin(),
+                   [](float v) { return half(std::isfinite(v) ? std::clamp(v, -65504.0f, 65504.0f) : v); });
   }
   MemoryStream stream(file);
   try {
     Imf::Header header(Imath::Box2i(Imath::V2i(0, 0), display - Imath::V2i(1, 1)), window);
-    header.compression() = Imf::ZIP_COMPRESSION;
+    header.compression() = static_cast<Imf::Compression>(
+        std::find(std::begin(kExrCompressions), std::end(kExrCompressions), settings.compression) -
+        std::begin(kExrCompressions));
+    assert(header.compression() < Imf::NUM_COMPRESSION_METHODS);
     for (const auto& [key, value] : image.metadata) {
       if (!is_own_key(key)) header.insert(key, Imf::StringAttribute(value));
     }
@@ -288,9 +414,9 @@ std::string image_io::exr_bytes(const std::string& file, const Image& image, Exr
   return stream.take();
 }
 
-void write_exr(const std::string& file, const Image& image, ExrPrecision precision) {
+void write_exr(const std::string& file, const Image& image, const ExrSettings& settings) {
   require_writable(file);
-  const std::string bytes = image_io::exr_bytes(file, image, precision);
+  const std::string bytes = image_io::exr_bytes(file, image, settings);
   AtomicFile out(file);
   out.write(bytes);
   out.commit();

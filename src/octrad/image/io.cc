@@ -81,9 +81,9 @@ PictureFormat picture_format(const std::string& file) {
       file + ": the ending says what is written: .exr, .hdr or .pfm (linear radiance), .png or .jpg (for the screen)");
 }
 
-void write_image(const std::string& file, const Image& image, const ToneMapping& mapping) {
+void write_image(const std::string& file, const Image& image, const ToneMapping& mapping, const ExrSettings& exr) {
   const PictureFormat format = picture_format(file);
-  if (format == PictureFormat::exr) return write_exr(file, image);
+  if (format == PictureFormat::exr) return write_exr(file, image, exr);
   if (is_display_format(format)) return write_image(file, tonemap(image, mapping));
   const Image rgb = extract_rgb(image);
   write_bytes(file, format == PictureFormat::hdr ? image_io::hdr_bytes(rgb) : image_io::pfm_bytes(rgb));

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "octrad/image/image.h"
 #include "octrad/image/tonemap_math.h"
@@ -17,8 +18,10 @@ namespace octrad {
 // Reads EXR, PNG, JPEG, Radiance HDR, PFM, BMP or TGA; the format is recognised by content, only TGA also by name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
-// channels, the first part; channels are ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one.
-// String attributes become metadata. PNG, JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A.
+// channels; of several parts the first flat one, and the channels of those of the same size under their names as
+// layers. Where no channels are called R, G, B or Y, those of the layer that is the picture are (exr.cc). Channels are
+// ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one. String attributes become metadata. PNG,
+// JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A.
 //
 // BMP: uncompressed, 1 to 32 bits. TGA: grey, colour, palettes, plain or run-length encoded. Without their alpha.
 //
@@ -33,9 +36,17 @@ Image parse_image(const std::string& file, const std::string& bytes);
 
 enum class ExrPrecision { float32, half };
 
-// Writes an EXR file: scanlines, ZIP, channels by name, metadata as string attributes. A new file is written first and
+struct ExrSettings {
+  ExrPrecision precision = ExrPrecision::float32;  // half: 10 bits after the point, magnitudes up to 65504
+  std::string compression = "zip";                 // one of exr_compressions()
+};
+// "none", "rle", "zips", "zip", "piz" keep what is written; "pxr24" cuts floats to 24 bits; "b44", "b44a" (of halves),
+// "dwaa", "dwab" keep what is seen.
+const std::vector<std::string>& exr_compressions();
+
+// Writes an EXR file: scanlines, channels by name, metadata as string attributes. A new file is written first and
 // renamed, so an old file survives any failure. Missing folders are an IoError.
-void write_exr(const std::string& file, const Image& image, ExrPrecision precision = ExrPrecision::float32);
+void write_exr(const std::string& file, const Image& image, const ExrSettings& settings = {});
 
 enum class PictureFormat { exr, hdr, pfm, png, jpeg };
 
@@ -49,7 +60,8 @@ inline bool is_display_format(PictureFormat format) {
 
 // Writes what the ending of the name says, as atomically as write_exr(). EXR: everything. HDR and PFM: the colour. PNG
 // and JPEG: the colour through `mapping`.
-void write_image(const std::string& file, const Image& image, const ToneMapping& mapping = {});
+void write_image(const std::string& file, const Image& image, const ToneMapping& mapping = {},
+                 const ExrSettings& exr = {});
 // PNG or JPEG (quality 95; 1 or 3 channels); throws UsageError for a name with another ending.
 void write_image(const std::string& file, const Image8& image);
 

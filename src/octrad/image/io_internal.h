@@ -29,6 +29,6 @@ std::string pfm_bytes(const Image& rgb);
 std::string png_bytes(const Image8& image);
 std::string jpeg_bytes(const Image8& image, int quality = 95);
 // `file` is for messages.
-std::string exr_bytes(const std::string& file, const Image& image, ExrPrecision precision);
+std::string exr_bytes(const std::string& file, const Image& image, const ExrSettings& settings);
 
 }  // namespace octrad::image_io

@@ -34,6 +34,16 @@ void add_python_packages(std::vector<std::string>& places, const fs::path& prefi
   }
 }
 
+// Since version 2.5 the library needs another one, which it looks for in a folder `lib` beside its own. Once that is
+// loaded from its own folder, it is not looked for.
+void load_core_beside(const fs::path& library) {
+  std::error_code failed;
+  for (const fs::directory_entry& entry : fs::directory_iterator(library.parent_path(), failed)) {
+    if (entry.path().filename().string().starts_with("libOpenImageDenoise_core.so.2"))
+      dlopen(entry.path().c_str(), RTLD_NOW | RTLD_LOCAL);
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> OidnLibrary::search_places() {
@@ -79,6 +89,7 @@ OidnLibrary::OidnLibrary(const std::string& given) {
 }
 
 void OidnLibrary::load(const std::string& file) {
+  load_core_beside(file);
   // Never unloaded: its threads may outlive what they were started for.
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {

@@ -133,7 +133,7 @@ TEST_P(ReferenceImages, AreMatched) {
   if (std::getenv("OCTRAD_WRITE_IMAGES")) {
     if (std::string(c.integrator) != "path") GTEST_SKIP() << "compared with a picture of the path tracer";
     write_exr("tests/images/" + std::string(c.name) + ".exr", mean_picture(scene, "path", c.max_depth, kStored),
-              ExrPrecision::half);
+              {ExrPrecision::half});
     return;
   }
   const Image stored = stored_picture(c.name), found = mean_picture(scene, c.integrator, c.max_depth, kFound);

@@ -137,5 +137,11 @@ TEST_F(AttributesTest, Mistakes) {
   bad(shape("vertex_w"), "has two channels");
 }
 
+// `merge` of Mitsuba 3.9 is a remedy for many small shapes.
+TEST_F(AttributesTest, MergedShapesAreShapes) {
+  const std::string two = "<shape type=\"cube\"/><shape type=\"sphere\"><emitter type=\"area\"/></shape>";
+  EXPECT_EQ(load("<shape type=\"merge\">" + two + "</shape>").fingerprint, load(two).fingerprint);
+}
+
 }  // namespace
 }  // namespace octrad

@@ -149,6 +149,7 @@ class SceneBuilder {
   struct BitmapJob {
     int texture = -1;  // or -1: the environment
     std::string path;
+    const BuiltPicture* built = nullptr;  // instead of a file
     bool raw = false, scalar = false;
     std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;

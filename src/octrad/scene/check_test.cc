@@ -177,7 +177,7 @@ class ConvertTest : public CheckTest {
     options.permissive = with_stand_ins;
     Scene first;
     const std::string output = folder_.file("out.xml");
-    const std::string text = scene_as_xml(file, output, options, first);
+    const std::string text = scene_as_xml(file, output, options, first).xml;
     std::ofstream(output) << text;
     const Scene second = load_scene(output);
     EXPECT_EQ(second.fingerprint, first.fingerprint) << text;
@@ -217,9 +217,11 @@ TEST_F(ConvertTest, RoundTrip) {
 // Of Mitsuba 0.6 alone.
 TEST_F(ConvertTest, WhatMitsubaCannotSay) {
   Scene scene;
-  const std::string text = scene_as_xml(
-      write(R"(<shape type="sphere"><bsdf type="roughdiffuse"><float name="alpha" value="0.3"/></bsdf></shape>)"),
-      folder_.file("o.xml"), {}, scene);
+  const std::string text =
+      scene_as_xml(
+          write(R"(<shape type="sphere"><bsdf type="roughdiffuse"><float name="alpha" value="0.3"/></bsdf></shape>)"),
+          folder_.file("o.xml"), {}, scene)
+          .xml;
   EXPECT_NE(text.find("<bsdf type=\"diffuse\">"), std::string::npos) << text;
   EXPECT_EQ(text.find("alpha"), std::string::npos) << text;
   EXPECT_NE(join(scene.assumed).find("written as diffuse"), std::string::npos);

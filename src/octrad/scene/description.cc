@@ -11,6 +11,8 @@
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/scene/built_files.h"
+#include "octrad/scene/gltf.h"
 #include "octrad/scene/scene.h"
 #include "octrad/scene/upgrade.h"
 
@@ -54,7 +56,16 @@ class Reader {
   void read_main(const std::string& file) {
     std::error_code code;
     including_.push_back(std::filesystem::weakly_canonical(file, code).string());
-    read_document(file, read_file(file), nullptr);
+    std::string text = read_file(file);
+    if (is_gltf(file, text)) {
+      read_gltf(file, std::move(text), description_, report_);
+      return check_definitions();
+    }
+    if (std::filesystem::path(file).extension() == ".pbrt")
+      throw InputError(
+          file +
+          ": scenes of pbrt are not read; take the scene's Mitsuba XML, which collections often have too, or its glTF");
+    read_document(file, std::move(text), nullptr);
     check_definitions();
     collect_ids(*description_.root);
     resolve_aliases();
@@ -63,6 +74,7 @@ class Reader {
  private:
   // Parses `text` and appends its elements to `parent`, or makes it the root.
   void read_document(const std::string& file, std::string text, Element* parent) {
+    if (text.empty()) throw SceneError(file + ":1:1", "not well-formed XML: the file is empty");
     ask_memory(parsing_bytes(text), file);
     const auto source = std::make_shared<const SourceFile>(file, std::move(text));
     pugi::xml_document document;
@@ -377,6 +389,18 @@ std::string Description::resolve(const std::string& file, const Location& where)
     return resolve(slashes, where);
   }
   fail(where, "file \"" + file + "\" does not exist (looked for " + join(tried) + ")");
+}
+
+const RawMesh* Description::built_mesh(const std::string& name) const {
+  if (!built) return nullptr;
+  const auto found = built->meshes.find(name);
+  return found == built->meshes.end() ? nullptr : &found->second;
+}
+
+const BuiltPicture* Description::built_picture(const std::string& name) const {
+  if (!built) return nullptr;
+  const auto found = built->pictures.find(name);
+  return found == built->pictures.end() ? nullptr : &found->second;
 }
 
 Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,

@@ -1,5 +1,5 @@
-// A Mitsuba XML file as a tree: <default>s substituted, <include>s spliced in, <alias>es and ids collected. Nothing
-// is interpreted yet; every element and attribute keeps its line and column.
+// A scene file as a tree of Mitsuba's elements. Of XML: <default>s substituted, <include>s spliced in, <alias>es and
+// ids collected. Nothing is interpreted yet; every element and attribute keeps its line and column.
 #pragma once
 
 #include <map>
@@ -33,6 +33,10 @@ struct Understood {
   std::set<const Element*> left_out;          // what could not be used, and what changes nothing
 };
 
+struct BuiltFiles;
+struct BuiltPicture;
+struct RawMesh;
+
 struct Description {
   std::unique_ptr<Element> root;              // the <scene>
   std::map<std::string, const Element*> ids;  // every element with an id, aliases included
@@ -41,13 +45,17 @@ struct Description {
   SceneReport* report = nullptr;              // where mistakes and assumptions go
   Understood* understood = nullptr;           // where not null, filled by those who read the elements
   mutable std::vector<std::string> files;     // found by resolve()
+  std::shared_ptr<BuiltFiles> built;          // what names of files stand for that are in no file; or null
+  // What the name of a file stands for where it is built, or null.
+  const RawMesh* built_mesh(const std::string& name) const;
+  const BuiltPicture* built_picture(const std::string& name) const;
   // Full name of an existing file, or an error at `where` that lists what was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };
 
-// Files of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with file:line:column, or IoError
-// when the scene file itself cannot be read; mistakes that `report` collects are listed there, and what holds them is
-// left out. `report` must outlive the result.
+// Mitsuba XML or glTF (gltf.h); XML of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with
+// file:line:column, or IoError when the scene file itself cannot be read; mistakes that `report` collects are listed
+// there, and what holds them is left out. `report` must outlive the result.
 Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,
                              SceneReport& report);
 

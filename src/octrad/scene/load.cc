@@ -123,9 +123,7 @@ void SceneBuilder::add_object(const Element& element) {
   } else if (element.old && element.find("name") && element.find("value")) {
     report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
   } else if (element.tag == "medium") {
-    report().refuse(element.location,
-                    "<medium> is not supported: light travels in straight lines between surfaces; remove it, or ignore "
-                    "it with --permissive");
+    report().refuse(element.location, std::string("<medium>") + kNoMedia);
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});

@@ -36,7 +36,7 @@ void SceneBuilder::add_emitter(const Element& element) {
   const std::string& type = params.type();
   if (type == "envmap" || type == "constant") return add_environment(params);
   if (type == "area") fail(element.location, "an area emitter must stand inside a shape");
-  if (type == "sky" || type == "sun" || type == "sunsky") {
+  if (type == "sky" || type == "sun" || type == "sunsky" || type == "timed_sunsky") {
     fail(element.location, "emitter \"" + type +
                                "\" is not supported: bake it to a picture with Mitsuba (render it with a sensor that "
                                "sees all directions, or evaluate the emitter along them), and load that as an envmap");
@@ -44,10 +44,8 @@ void SceneBuilder::add_emitter(const Element& element) {
   if (type == "directionalarea")
     fail(element.location,
          "emitter \"directionalarea\" is not supported; take \"directional\" for light from far away");
-  if (std::find(kEmitters.begin(), kEmitters.end(), type) == kEmitters.end()) {
-    fail(element.location, "emitter \"" + type + "\" is not supported" + did_you_mean(type, kEmitters) +
-                               "; supported: " + join(kEmitters) + ", and area inside a shape");
-  }
+  if (std::find(kEmitters.begin(), kEmitters.end(), type) == kEmitters.end())
+    params.fail_type(kEmitters, "", ", and area inside a shape");
   add_delta_light(params);
 }
 
@@ -57,18 +55,12 @@ void SceneBuilder::add_delta_light(Params& params) {
   light.kind = static_cast<Kind>(std::find(kEmitters.begin(), kEmitters.end(), params.type()) - kEmitters.begin());
   const bool projector = light.kind == Kind::projector, directional = light.kind == Kind::directional,
              point = light.kind == Kind::point;
-  const auto given = [&](const std::string& name) {
-    const auto& children = params.element().children;
-    return std::any_of(children.begin(), children.end(), [&](const auto& c) { return c->get("name") == name; });
-  };
   const std::string other = point ? "position" : directional ? "direction" : "";
-  if (!other.empty() && given(other) && given("to_world"))
+  if (!other.empty() && params.given(other) && params.given("to_world"))
     fail(params.where(other), "give either " + other + " or to_world");
   Transform to_world = params.get_transform("to_world");
   if (point) to_world = Transform::translate(params.get_point("position", Vec3d(to_world.column(3))));
-  const double scale = std::max({length(to_world.column(0)), length(to_world.column(1)), length(to_world.column(2))});
-  if (!to_world.is_affine() || !(std::fabs(to_world.determinant()) > 1e-9 * scale * scale * scale))
-    fail(params.where("to_world"), "to_world of " + params.what() + " is singular");
+  if (to_world.is_singular(1e-9)) fail(params.where("to_world"), "to_world of " + params.what() + " is singular");
   if (!within(to_world.column(3), kLargestCoordinate))
     fail(params.where("to_world"), params.what() + " is too far away: coordinates may be up to 1e9");
   light.position = Vec3f(to_world.column(3));
@@ -166,7 +158,7 @@ void SceneBuilder::add_environment(Params& params) {
               std::fabs(length(a) - length(b)) < 1e-3 * length(a);
     }
     const double scale = std::max({l, length(to_world.column(1)), length(to_world.column(2))});
-    if (!alike && (!to_world.is_affine() || !(std::fabs(to_world.determinant()) > 1e-6 * scale * scale * scale)))
+    if (!alike && to_world.is_singular(1e-6))
       fail(params.where("to_world"), "to_world of an envmap is singular: it flattens the sky");
     for (int i = 0; i < 3; ++i) {
       const Vec3d a = to_world.column(i) / (alike ? length(to_world.column(i)) : scale);

@@ -175,9 +175,7 @@ Material SceneBuilder::scattering_model(Params& params) {
   const std::string& type = params.type();
   const auto found = std::find(kModels.begin(), kModels.end(), type);
   if (found == kModels.end()) {
-    const std::vector<std::string> known = bsdf_types();
-    fail(params.location(), "bsdf \"" + type + "\" is not supported" + did_you_mean(type, known) + way_out(type) +
-                                "; supported: " + join(known));
+    params.fail_type(bsdf_types(), way_out(type));
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());
@@ -324,7 +322,7 @@ void SceneBuilder::read_principled(Params& params, Material& m) {
   read_extra(params, m, P::clearcoat_gloss, "clearcoat_gloss", TextureRole::fraction, 0.0f);
   const bool transmissive = m.extra[P::spec_trans] >= 0;
   constexpr float kAbsent = -1.0f;
-  const bool given = params.where("eta").offset != params.location().offset;
+  const bool given = params.given("eta");
   float specular = params.float_in("specular", given ? kAbsent : 0.5f, given ? kAbsent : 0.0f, 1.0f);
   if (given && specular != kAbsent) fail(params.where("specular"), "principled takes eta or specular, not both");
   m.ext_ior = 1.0f;

@@ -32,11 +32,8 @@ std::vector<std::string> film_types() { return {"hdrfilm"}; }
 std::vector<std::string> rfilter_types() { return kFilters; }
 
 void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis) {
-  const std::vector<std::unique_ptr<Element>>& children = params.element().children;
-  const bool has_fov =
-      std::any_of(children.begin(), children.end(), [](const auto& child) { return child->get("name") == "fov"; });
   const std::string focal_length = params.get_string("focal_length", "");
-  if (has_fov) {
+  if (params.given("fov")) {
     if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
     degrees = params.get_float("fov", 0.0f);
     if (!(degrees > 0.0f && degrees < 180.0f)) fail(params.where("fov"), "fov must be above 0 and below 180 degrees");
@@ -60,10 +57,7 @@ void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis
 void SceneBuilder::add_sensor(const Element& element) {
   Params params(description_, element, scene_.warnings);
   const auto kind = std::find(kSensors.begin(), kSensors.end(), params.type());
-  if (kind == kSensors.end()) {
-    fail(element.location, "sensor \"" + params.type() + "\" is not supported" + did_you_mean(params.type(), kSensors) +
-                               "; supported: " + join(kSensors));
-  }
+  if (kind == kSensors.end()) params.fail_type(kSensors);
   Camera camera;
   camera.kind = static_cast<CameraKind>(kind - kSensors.begin());
   const bool lens = camera.kind == CameraKind::thinlens, orthographic = camera.kind == CameraKind::orthographic;
@@ -121,9 +115,7 @@ void SceneBuilder::add_sensor(const Element& element) {
 
 Film SceneBuilder::read_film(const Element& element, Camera& camera) {
   Params params(description_, element, scene_.warnings);
-  if (params.type() != "hdrfilm")
-    fail(element.location, "film \"" + params.type() + "\" is not supported" +
-                               did_you_mean(params.type(), {"hdrfilm"}) + "; supported: hdrfilm");
+  if (params.type() != "hdrfilm") params.fail_type(film_types());
   Film film;
   const int width = params.int_in("width", film.width, 1, kMaxFilmSide),
             height = params.int_in("height", film.height, 1, kMaxFilmSide);
@@ -153,10 +145,7 @@ Film SceneBuilder::read_film(const Element& element, Camera& camera) {
 void SceneBuilder::read_filter(const Element& element, Film& film) {
   Params params(description_, element, scene_.warnings);
   const auto type = std::find(kFilters.begin(), kFilters.end(), params.type());
-  if (type == kFilters.end()) {
-    fail(element.location, "rfilter \"" + params.type() + "\" is not supported" +
-                               did_you_mean(params.type(), kFilters) + "; supported: " + join(kFilters));
-  }
+  if (type == kFilters.end()) params.fail_type(kFilters);
   film.filter = static_cast<Film::Filter>(type - kFilters.begin());
   switch (film.filter) {
     case Film::Filter::box: film.filter_radius = 0.5f; break;

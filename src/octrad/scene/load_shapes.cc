@@ -15,13 +15,10 @@ namespace {
 constexpr std::uint64_t kShapeBytes = 2500;
 constexpr std::uint64_t kTriangleBytes = 200;  // and there, of the round shapes
 
-const std::vector<std::string> kShapes = {"obj",  "ply",    "serialized", "rectangle",  "cube",
-                                          "disk", "sphere", "cylinder",   "shapegroup", "instance"};
+const std::vector<std::string> kShapes = {"obj",    "ply",      "serialized", "rectangle", "cube", "disk",
+                                          "sphere", "cylinder", "shapegroup", "instance",  "merge"};
 
-bool singular(const Transform& t) {
-  const double scale = std::max({length(t.column(0)), length(t.column(1)), length(t.column(2))});
-  return !t.is_affine() || !(std::fabs(t.determinant()) > 1e-18 * scale * scale * scale);
-}
+constexpr double kLeastVolume = 1e-18;  // of Transform::is_singular()
 
 Placement make_placement(const Transform& t) {
   Placement p;
@@ -32,6 +29,14 @@ Placement make_placement(const Transform& t) {
   for (std::size_t i = 0; i < 9; ++i) p.normals[i] = static_cast<float>(normals[i] / largest);
   p.mirrors = t.determinant() < 0.0;
   return p;
+}
+
+// What can be written instead of shapes that there are not.
+std::string way_out(const std::string& type) {
+  if (type == "bsplinecurve" || type == "linearcurve") return "; turn its curves into triangles and load them as ply";
+  if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
+  if (type == "ellipsoids" || type == "ellipsoidsmesh") return "; use instances of a mesh";
+  return "";
 }
 
 }  // namespace
@@ -45,6 +50,10 @@ void SceneBuilder::add_shape(const Element& element) {
     return;
   }
   if (params.type() == "instance") return add_instance(params);
+  if (params.type() == "merge") {  // a remedy for many small shapes in Mitsuba: it changes nothing
+    for (const Element* child : params.nested("shape")) add(*child, [&] { add_shape(*child); });
+    return params.finish();
+  }
   SphereJob sphere;
   Shape shape = read_shape(params, sphere, false);
   if (shape.emitter >= 0)
@@ -55,12 +64,9 @@ void SceneBuilder::add_shape(const Element& element) {
 
 Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group) {
   const std::string& type = params.type();
-  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) {
-    fail(params.location(),
-         "shape \"" + type + "\" is not supported" + did_you_mean(type, kShapes) + "; supported: " + join(kShapes));
-  }
-  if (type == "shapegroup" || type == "instance")
-    fail(params.location(), "a shapegroup cannot hold another one or an instance (nor can it in Mitsuba)");
+  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) params.fail_type(kShapes, way_out(type));
+  if (type == "shapegroup" || type == "instance" || type == "merge")
+    fail(params.location(), "a shapegroup cannot hold another one, an instance or a merge");
   shape_meter_.add(kShapeBytes);
   attribute_uses_.clear();
   in_shape_ = true;
@@ -86,7 +92,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   }
 
   const Transform to_world = params.get_transform("to_world");
-  if (singular(to_world))
+  if (to_world.is_singular(kLeastVolume))
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
   const bool flip_normals = params.get_bool("flip_normals", false);
   in_shape_ = false;
@@ -123,7 +129,14 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     job.format = type == "obj" ? Format::obj : type == "ply" ? Format::ply : Format::serialized;
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
-    job.path = description_.resolve(file, job.where);
+    if (const RawMesh* built = description_.built_mesh(file)) {
+      ask_memory(
+          built->positions.size() * (2 * sizeof(Vec3f) + sizeof(Vec2f)) + built->triangles.size() * sizeof(Vec3i),
+          "a mesh of the scene");
+      job.raw = *built;
+    } else {
+      job.path = description_.resolve(file, job.where);
+    }
     job.options.face_normals = params.get_bool("face_normals", false);
     if (job.format == Format::serialized) job.index = params.int_in("shape_index", 0, 0, 1 << 30);
     else job.options.flip_v = params.get_bool("flip_tex_coords", job.format == Format::obj);
@@ -166,7 +179,7 @@ void SceneBuilder::add_instance(Params& params) {
   const Group& members = group(*groups[0]);
   const Transform to_world = params.get_transform("to_world");
   const Location where = params.where("to_world");
-  if (singular(to_world)) fail(where, "to_world of an instance is singular: it flattens the shapes");
+  if (to_world.is_singular(kLeastVolume)) fail(where, "to_world of an instance is singular: it flattens the shapes");
   params.finish();
   shape_meter_.add((members.meshes.size() + members.spheres.size()) * kShapeBytes);
   const int placement = static_cast<int>(scene_.placements.size());

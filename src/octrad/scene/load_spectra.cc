@@ -113,9 +113,7 @@ Vec3f SceneBuilder::spectrum_value(const Element& element, TextureRole role) {
     const Spectrum s = blackbody_spectrum(static_cast<double>(kelvin));
     value = rgb_of(s, role, element.location) * params.get_float("scale", 1.0f);
   } else {
-    const std::vector<std::string> known = spectrum_types();
-    fail(element.location, "spectrum \"" + type + "\" is not supported" + did_you_mean(type, known) + "; supported: " +
-                               join(known) + "; or give its values: <spectrum value=\"400:..., 500:...\"/>");
+    params.fail_type(spectrum_types(), "", "; or give its values: <spectrum value=\"400:..., 500:...\"/>");
   }
   params.finish();
   return value;

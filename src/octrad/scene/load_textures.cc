@@ -7,6 +7,7 @@
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/builder.h"
+#include "octrad/scene/built_files.h"
 #include "octrad/scene/plugins.h"
 #include "octrad/scene/texture_roles.h"
 
@@ -85,7 +86,8 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
     job.scalar = is_scalar(role);
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
-    job.path = description_.resolve(file, job.where);
+    job.built = description_.built_picture(file);
+    job.path = job.built ? file : description_.resolve(file, job.where);
     params.ignore({"format", "accel"});
     job.roles = {role};
     bitmap_of_[index] = bitmaps_.size();
@@ -101,11 +103,11 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
                                       "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>");
       *color = is_scalar(role) ? Vec3f(luminance(*value)) : *value;
     }
+    // As Mitsuba's eval_1, which exchanges the colours that its eval shows.
+    if (is_scalar(role)) std::swap(t.color0, t.color1);
   } else {
-    fail(element.location,
-         "texture \"" + params.type() + "\" is not supported" + did_you_mean(params.type(), kTextures) +
-             "; supported: " + join(kTextures) +
-             (params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : ""));
+    params.fail_type(kTextures, "",
+                     params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : "");
   }
   params.finish();
   textures_.emplace(key, index);
@@ -115,7 +117,7 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
 
 void SceneBuilder::load_bitmap(std::size_t number) {
   const BitmapJob& job = bitmaps_[number];
-  const Image image = read_image(job.path);
+  const Image image = job.built ? job.built->read() : read_image(job.path);
   const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   if (pixels == 0) fail(job.where, "the picture " + job.path + " is empty");
   // Alpha is not used (Mitsuba drops it as well); one or two channels are grey.

@@ -38,6 +38,9 @@ RawMesh parse_obj(const std::string& name, const std::string& text);
 RawMesh read_ply(const std::string& file, const std::vector<std::string>& attributes = {});
 RawMesh parse_ply(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes = {});
 
+// The content of a binary little-endian PLY file of the mesh; of its attributes those named vertex_color.
+std::string ply_bytes(const RawMesh& mesh);
+
 // Mitsuba's serialized meshes of versions 3 and 4: mesh `index` of the file, from 0. Vertex colours are skipped; the
 // flag of face normals has no effect, as in Mitsuba 3. Throws InputError, IoError, MemoryError.
 RawMesh read_serialized(const std::string& file, int index);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "octrad/base/lower_case.h"
+
 namespace octrad {
 namespace {
 
@@ -69,13 +71,6 @@ const NamedConductor kConductors[] = {
     {"a-C", {2.944046f, 2.227136f, 1.968162f}, {0.887465f, 0.799299f, 0.81529f}},
     {"d-C", {2.70872f, 2.318826f, 2.228898f}, {0.0f, 0.0f, 0.0f}},
 };
-
-std::string lower_case(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
-}
 
 }  // namespace
 

@@ -6,6 +6,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
 
@@ -32,13 +33,6 @@ std::string trimmed(const std::string& text) {
   while (begin < end && is_space(text[begin])) ++begin;
   while (end > begin && is_space(text[end - 1])) --end;
   return text.substr(begin, end - begin);
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
 }
 
 // Reads one number at `p`; null when there is none.
@@ -312,6 +306,17 @@ Location Params::where(const std::string& name) const {
   return element_.location;
 }
 
+void Params::fail_type(const std::vector<std::string>& known, const std::string& remark,
+                       const std::string& others) const {
+  fail(location(),
+       what() + " is not supported" + did_you_mean(type_, known) + remark + "; supported: " + join(known) + others);
+}
+
+bool Params::given(const std::string& name) const {
+  return std::any_of(element_.children.begin(), element_.children.end(),
+                     [&](const auto& child) { return child->get("name") == name; });
+}
+
 float Params::get_float(const std::string& name, float fallback) {
   return read<float>(name, fallback, [&] {
     const Element* e = take(name, {"float", "integer"});
@@ -461,9 +466,7 @@ void Params::finish() {
     report().attempt(child.location, [&] {
       const Element& target = follow_reference(description_, child);
       if (target.tag == "medium" || target.tag == "subsurface")
-        fail(child.location, "<" + target.tag + "> inside " + what() +
-                                 " is not supported: light travels in straight lines between surfaces; remove it, or"
-                                 " ignore it with --permissive");
+        fail(child.location, "<" + target.tag + "> inside " + what() + kNoMedia);
       if (!name.empty())
         fail(child.location,
              "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);

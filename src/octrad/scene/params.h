@@ -12,6 +12,9 @@
 
 namespace octrad {
 
+inline constexpr const char* kNoMedia =
+    " is not supported: light travels in straight lines between surfaces; remove it, or ignore it with --permissive";
+
 // Numbers separated by commas and white space; nullopt when anything else is in between or a number is not finite.
 std::optional<std::vector<double>> parse_numbers(const std::string& text);
 
@@ -25,6 +28,9 @@ class Params {
   const Location& location() const { return element_.location; }
   const std::string& type() const { return type_; }
   // The object's name in messages: bsdf "diffuse".
+  // Throws that the type is not supported, `remark`, and what is: `known`, `others`.
+  [[noreturn]] void fail_type(const std::vector<std::string>& known, const std::string& remark = "",
+                              const std::string& others = "") const;
   std::string what() const { return element_.tag + " \"" + type_ + "\""; }
 
   // Scalar parameters; the default where absent. float_in checks lower <= value <= upper.
@@ -39,6 +45,8 @@ class Params {
   Vec3d get_point(const std::string& name, Vec3d fallback);
   Transform get_transform(const std::string& name);
 
+  // Whether the file gives it; does not count as reading it.
+  bool given(const std::string& name) const;
   // The parameter as written (any of <float>, <rgb>, <texture>, <ref> ...), or null. For parameters with several types.
   const Element* find(const std::string& name);
   // Accepts a parameter that has no effect on the picture here.

@@ -413,4 +413,28 @@ RawMesh read_ply(const std::string& file, const std::vector<std::string>& attrib
   return parse_ply(file, read_file(file), attributes);
 }
 
+std::string ply_bytes(const RawMesh& mesh) {
+  std::string out = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(mesh.positions.size()) +
+                    "\nproperty float x\nproperty float y\nproperty float z\n";
+  if (!mesh.normals.empty()) out += "property float nx\nproperty float ny\nproperty float nz\n";
+  if (!mesh.uvs.empty()) out += "property float u\nproperty float v\n";
+  const auto color = std::find_if(mesh.attributes.begin(), mesh.attributes.end(),
+                                  [](const MeshAttribute& a) { return a.name == "vertex_color" && a.channels == 3; });
+  if (color != mesh.attributes.end()) out += "property float r\nproperty float g\nproperty float b\n";
+  out += "element face " + std::to_string(mesh.triangles.size()) +
+         "\nproperty list uchar int vertex_indices\nend_header\n";
+  const auto put = [&](const void* values, std::size_t bytes) { out.append(static_cast<const char*>(values), bytes); };
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    put(&mesh.positions[i], sizeof(Vec3f));
+    if (!mesh.normals.empty()) put(&mesh.normals[i], sizeof(Vec3f));
+    if (!mesh.uvs.empty()) put(&mesh.uvs[i], sizeof(Vec2f));
+    if (color != mesh.attributes.end()) put(color->values.data() + 3 * i, 3 * sizeof(float));
+  }
+  for (const Vec3i& triangle : mesh.triangles) {
+    out += '\3';
+    put(&triangle, sizeof triangle);
+  }
+  return out;
+}
+
 }  // namespace octrad

@@ -11,13 +11,14 @@
 
 namespace octrad {
 
-// A text file in memory, with line and column of a byte offset.
+// A text file in memory, with line and column of a byte offset. One without text has no lines, only its name, which may
+// be any place.
 class SourceFile {
  public:
   SourceFile(std::string name, std::string text);
   const std::string& name() const { return name_; }
   const std::string& text() const { return text_; }
-  // "name:line:column", both counted from 1; columns count bytes.
+  // "name:line:column", both counted from 1; columns count bytes. Without text: "name".
   std::string where(std::size_t offset) const;
 
  private:

@@ -216,6 +216,19 @@ TEST_F(TextureTest, Checkerboard) {
       k_checker_scaled, false);
 }
 
+// Mitsuba 3.9.1: eval_1 at (0.25, 0.25) is color1.
+TEST_F(TextureTest, CheckerboardOfNumbersIsExchanged) {
+  const Scene scene = load(
+      R"(<texture type="checkerboard" id="t"><float name="color0" value="0.8"/><float name="color1" value="0.2"/></texture>)");
+  const Material& m = scene.materials[1];
+  const auto at = [&](int texture, Vec2f uv) {
+    return evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(texture)]), uv).x;
+  };
+  EXPECT_EQ(at(m.alpha_u, {0.25f, 0.25f}), 0.2f);
+  EXPECT_EQ(at(m.alpha_u, {0.25f, 0.75f}), 0.8f);
+  EXPECT_EQ(at(m.specular_reflectance, {0.25f, 0.25f}), 0.8f);
+}
+
 // Also where to_uv rotates and the picture is not square: there Mitsuba 3.9.1 multiplies by width and height after
 // turning instead of before, and its eval_1_grad is not the derivative of its eval_1.
 TEST_F(TextureTest, GradientIsTheDerivativeOfTheValue) {

@@ -1,5 +1,6 @@
 #include "octrad/scene/transform.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace octrad {
@@ -72,6 +73,11 @@ bool Transform::is_affine() const {
     if (!std::isfinite(v)) return false;
   }
   return m[12] == 0.0 && m[13] == 0.0 && m[14] == 0.0 && m[15] == 1.0;
+}
+
+bool Transform::is_singular(double least) const {
+  const double scale = std::max({length(column(0)), length(column(1)), length(column(2))});
+  return !is_affine() || !(std::fabs(determinant()) > least * scale * scale * scale);
 }
 
 Transform operator*(const Transform& a, const Transform& b) {

@@ -181,10 +181,9 @@ void upgrade_shape(Element& e, SceneReport& report) {
 // Scattering models.
 
 // Mean of a constant's channels, -1 for textures.
-double mean_of(const Element* e, double fallback) {
-  if (!e) return fallback;
-  if (e->tag != "rgb" && e->tag != "float" && e->tag != "spectrum") return -1.0;
-  const auto numbers = parse_numbers(e->get("value"));
+double mean_of(const Element& e) {
+  if (e.tag != "rgb" && e.tag != "float" && e.tag != "spectrum") return -1.0;
+  const auto numbers = parse_numbers(e.get("value"));
   if (!numbers || (numbers->size() != 1 && numbers->size() != 3)) return -1.0;
   double sum = 0.0;
   for (const double v : *numbers) sum += v;
@@ -206,15 +205,14 @@ void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::
   std::unique_ptr<Element> diffuse = take(e, "diffuse_reflectance"), specular = take(e, "specular_reflectance");
   if (!diffuse) diffuse = property("float", "", "0.5", e);
   if (!specular) specular = property("float", "", "0.2", e);
-  const double kd = mean_of(diffuse.get(), 0.5), ks = mean_of(specular.get(), 0.2);
+  const double kd = mean_of(*diffuse), ks = mean_of(*specular);
   double share = ks >= 0.0 ? (kd >= 0.0 && kd + ks > 0.0 ? ks / (kd + ks) : ks) : 0.5;
   share = std::clamp(share, 0.0, 1.0);
   report.assume(e.location, "bsdf \"" + type +
                                 "\" read as a blend of diffuse and roughconductor (beckmann) of the same reflectances" +
                                 (kd < 0.0 ? ", the textured one weakened by the other's share" : ""));
   if (kd >= 0.0 && share < 1.0) divide(*diffuse, 1.0 - share);
-  if (ks >= 0.0 && kd >= 0.0 && share > 0.0) divide(*specular, share);
-  if (ks >= 0.0 && kd < 0.0 && share > 0.0) divide(*specular, share);
+  if (ks >= 0.0 && share > 0.0) divide(*specular, share);
   auto base = object("bsdf", "diffuse", e);
   set(*diffuse, "name", "reflectance");
   base->children.push_back(std::move(diffuse));
@@ -250,6 +248,14 @@ void upgrade_ward(Element& e, SceneReport& report) {
   upgrade_glossy(e, "ward", {{"alpha_u", alpha}, {"alpha_v", alpha}}, report);
 }
 
+// Makes a bsdf stand for the one in it, which may be a reference: as an opaque mask around it.
+void stand_for(Element& e, std::unique_ptr<Element> nested) {
+  e.children.clear();
+  e.children.push_back(std::move(nested));
+  e.children.push_back(property("float", "opacity", "1", e));
+  set(e, "type", "mask");
+}
+
 // A coat over a diffuse surface is plastic; over others Mitsuba 3 has none.
 void upgrade_coating(Element& e, SceneReport& report) {
   const bool rough = e.get("type") == "roughcoating";
@@ -273,14 +279,9 @@ void upgrade_coating(Element& e, SceneReport& report) {
     return;
   }
   report.assume(e.location, "the coat of bsdf \"" + e.get("type") + "\" left out: what is under it is read alone");
-  std::vector<std::unique_ptr<Element>> kept;
   for (auto& c : e.children) {
-    if (c.get() == nested) kept.push_back(std::move(c));
+    if (c.get() == nested) return stand_for(e, std::move(c));
   }
-  // An opaque mask stands for the nested bsdf, which may be a reference.
-  e.children = std::move(kept);
-  e.children.push_back(property("float", "opacity", "1", e));
-  set(e, "type", "mask");
 }
 
 void upgrade_mixture(Element& e, SceneReport& report) {
@@ -316,10 +317,7 @@ void upgrade_mixture(Element& e, SceneReport& report) {
     sum = std::move(blend);
   }
   if (sum->tag == "ref" || parts.size() == 1) {  // one bsdf alone
-    e.children.clear();
-    e.children.push_back(std::move(sum));
-    e.children.push_back(property("float", "opacity", "1", e));
-    set(e, "type", "mask");
+    stand_for(e, std::move(sum));
     return;
   }
   set(e, "type", "blendbsdf");

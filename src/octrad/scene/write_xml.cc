@@ -4,28 +4,29 @@
 #include <filesystem>
 #include <set>
 
+#include "octrad/base/atomic_file.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/number_text.h"
+#include "octrad/image/io.h"
 #include "octrad/scene/builder.h"
+#include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/params.h"
 
 namespace octrad {
 namespace {
 
-std::string escaped(const std::string& text) {
+// In a value of an attribute a newline would be read as a blank.
+std::string attribute_text(const std::string& text) {
   std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      case '\n': out += "&#10;"; break;
-      default: out += c;
-    }
+  for (const char c : markup_text(text)) {
+    if (c == '\n') out += "&#10;";
+    else out += c;
   }
   return out;
 }
+
+std::string rgb_text(Vec3f v) { return number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z); }
 
 class Writer {
  public:
@@ -35,9 +36,10 @@ class Writer {
     const std::filesystem::path folder = std::filesystem::absolute(output).parent_path();
     std::error_code code;
     folder_ = std::filesystem::weakly_canonical(folder, code);
+    files_ = std::filesystem::path(output).stem().string() + "-files";
   }
 
-  std::string write(const Scene& scene) {
+  void write(const Scene& scene) {
     text_ = "<scene version=\"3.0.0\">\n";
     line(1, "<integrator type=\"path\">");
     line(2, "<integer name=\"max_depth\" value=\"" + std::to_string(scene.max_depth) + "\"/>");
@@ -45,10 +47,11 @@ class Writer {
     for (const auto& child : description_.root->children) {
       if (child->tag != "integrator" && !is_area_light(target_of(*child))) element(*child, 1, "scene");
     }
-    return text_ + "</scene>\n";
+    result.xml = text_ + "</scene>\n";
   }
 
   std::set<std::string> notes;  // of what Mitsuba 3 cannot say
+  SceneFiles result;
 
  private:
   using Attributes = std::vector<std::pair<std::string, std::string>>;
@@ -64,7 +67,7 @@ class Writer {
       out += ' ';
       out += key;
       out += "=\"";
-      out += escaped(value);
+      out += attribute_text(value);
       out += '"';
     }
     out += closed ? "/>" : ">";
@@ -88,7 +91,7 @@ class Writer {
   }
 
   void color(const Element& e, Vec3f v, int depth) {
-    const std::string rgb = number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z);
+    const std::string rgb = rgb_text(v);
     const Attributes own = labels(e);
     if (std::any_of(own.begin(), own.end(), [](const auto& a) { return a.first == "id"; })) {
       // A colour that others refer to is an object; d65 is the white of RGB.
@@ -144,10 +147,7 @@ class Writer {
     Attributes attributes = {{"type", "diffuse"}};
     for (const auto& label : labels(e)) attributes.push_back(label);
     line(depth, tag("bsdf", attributes, false));
-    line(depth + 1, tag("rgb",
-                        {{"name", "reflectance"},
-                         {"value", number_text(value.x) + ", " + number_text(value.y) + ", " + number_text(value.z)}},
-                        true));
+    line(depth + 1, tag("rgb", {{"name", "reflectance"}, {"value", rgb_text(value)}}, true));
     line(depth, "</bsdf>");
   }
 
@@ -191,7 +191,26 @@ class Writer {
     line(depth, "</sampler>");
   }
 
-  std::string file_name(const Element& e) const {
+  std::string file_name(const Element& e) {
+    const std::string& name = e.get("value");
+    if (const RawMesh* mesh = description_.built_mesh(name)) {
+      const std::string file = files_ + "/" + name + ".ply";
+      result.others[file] = [mesh, keep = description_.built](const std::string& path) {
+        write_whole(path, ply_bytes(*mesh));
+      };
+      return file;
+    }
+    if (const BuiltPicture* picture = description_.built_picture(name)) {
+      const std::string encoded = picture->encoded ? picture->encoded() : "";
+      const char* ending = encoded.starts_with("\x89PNG") ? ".png" : encoded.starts_with("\xff\xd8") ? ".jpg" : ".exr";
+      const std::string file = files_ + "/" + name + ending;
+      const bool same = ending != std::string(".exr");
+      result.others[file] = [picture, same, keep = description_.built](const std::string& path) {
+        if (same) write_whole(path, picture->encoded());
+        else write_exr(path, picture->read());
+      };
+      return file;
+    }
     std::error_code code;
     const std::filesystem::path file =
         std::filesystem::weakly_canonical(description_.resolve(e.get("value"), e.location), code);
@@ -199,25 +218,31 @@ class Writer {
     return (code || relative.empty() ? file : relative).string();
   }
 
+  static void write_whole(const std::string& path, const std::string& bytes) {
+    AtomicFile out(path);
+    out.write(bytes);
+    out.commit();
+  }
+
   const Description& description_;
   const Understood& understood_;
   std::filesystem::path folder_;
-  std::string text_;
+  std::string text_, files_;
   bool repeated_ = false;  // what is written stands elsewhere too: without ids
 };
 
 }  // namespace
 
-std::string scene_as_xml(const std::string& file, const std::string& output, const LoadOptions& options, Scene& scene) {
+SceneFiles scene_as_xml(const std::string& file, const std::string& output, const LoadOptions& options, Scene& scene) {
   SceneReport report(options.permissive);
   Description description = read_description(file, options.definitions, report);
   Understood understood;
   description.understood = &understood;
   scene = build_scene(description);
   Writer writer(description, understood, output);
-  std::string text = writer.write(scene);
+  writer.write(scene);
   scene.assumed.insert(scene.assumed.end(), writer.notes.begin(), writer.notes.end());
-  return text;
+  return std::move(writer.result);
 }
 
 }  // namespace octrad

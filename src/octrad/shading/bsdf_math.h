@@ -23,7 +23,7 @@ OCTRAD_HD inline bool bump_hides(const Bsdf& b, Vec3f wi) { return b.bumped && d
 
 // The dispatches below are of all models, of the parts of a blend, or of the models in kernels of plain worlds.
 template <Models kModels>
-OCTRAD_HD inline BsdfValue evaluate_model(const Bsdf& b, Vec3f wo, Vec3f wi) {
+OCTRAD_HD inline BsdfValue evaluate_listed(const Bsdf& b, Vec3f wo, Vec3f wi) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model, transmits)                                          \
   case BsdfType::name:                                                               \
@@ -36,7 +36,7 @@ OCTRAD_HD inline BsdfValue evaluate_model(const Bsdf& b, Vec3f wo, Vec3f wi) {
 }
 
 template <Models kModels>
-OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+OCTRAD_HD inline BsdfSample sample_listed(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
   switch (b.type) {
 #define OCTRAD_CASE(name, Model, transmits)                                               \
   case BsdfType::name:                                                                    \
@@ -46,6 +46,28 @@ OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, 
 #undef OCTRAD_CASE
   }
   return {};
+}
+
+// Of models that are no blends, for blends and for all models.
+OCTRAD_HD_APART_ON_DEVICE inline BsdfValue evaluate_part(const Bsdf& b, Vec3f wo, Vec3f wi) {
+  return evaluate_listed<Models::parts>(b, wo, wi);
+}
+OCTRAD_HD_APART_ON_DEVICE inline BsdfSample sample_part(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  return sample_listed<Models::parts>(b, wo, u_lobe, u);
+}
+
+template <Models kModels>
+OCTRAD_HD inline BsdfValue evaluate_model(const Bsdf& b, Vec3f wo, Vec3f wi) {
+  if constexpr (kModels == Models::plain) return evaluate_listed<kModels>(b, wo, wi);
+  if (kModels == Models::all && b.type == BsdfType::blendbsdf) return BlendModel::evaluate(b, wo, wi);
+  return evaluate_part(b, wo, wi);
+}
+
+template <Models kModels>
+OCTRAD_HD inline BsdfSample sample_model(const Bsdf& b, Vec3f wo, float u_lobe, Vec2f u) {
+  if constexpr (kModels == Models::plain) return sample_listed<kModels>(b, wo, u_lobe, u);
+  if (kModels == Models::all && b.type == BsdfType::blendbsdf) return BlendModel::sample(b, wo, u_lobe, u);
+  return sample_part(b, wo, u_lobe, u);
 }
 
 // Zero below the surface for one-sided models.

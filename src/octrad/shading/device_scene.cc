@@ -1,8 +1,8 @@
 #include "octrad/shading/device_scene.h"
 
+#include <cassert>
 #include <cstring>
 #include <limits>
-#include <map>
 #include <type_traits>
 #include <vector>
 
@@ -58,8 +58,8 @@ struct Plan {
   std::size_t nodes, primitives;
   std::vector<Mesh> meshes;
   std::size_t spheres;
-  std::vector<Image> images;  // of the textures, by index
-  std::map<const float*, std::size_t> transmittance;
+  std::vector<Image> images;               // of the textures, by index
+  std::vector<std::size_t> transmittance;  // of the materials
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
               environment_cells = kAbsent;
@@ -92,8 +92,7 @@ struct Plan {
     }
     for (std::size_t i = 0; i < t.materials.size(); ++i) {
       const float* table = t.materials.view().records[i].constant.external_transmittance;
-      if (table != nullptr && transmittance.count(table) == 0)
-        transmittance[table] = layout.add(table, kTransmittanceResolution);
+      transmittance.push_back(layout.add(table, kTransmittanceResolution));
     }
     const LightsView& l = t.lights.view();
     for (int i = 0; i < l.area_count; ++i) {
@@ -171,11 +170,11 @@ std::vector<TextureView> place_textures(const Materials& materials, const Plan& 
 std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block,
                                           const MaterialsView& tables) {
   std::vector<MaterialRecord> records(materials.view().records, materials.view().records + materials.size());
-  for (MaterialRecord& r : records) {
-    const float*& table = r.constant.external_transmittance;
-    if (table != nullptr) table = block.at<float>(plan.transmittance.at(table));
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    MaterialRecord& r = records[i];
+    r.constant.external_transmittance = block.at<float>(plan.transmittance[i]);
     r.tables = tables;
-    if (r.constant.record != nullptr) r.constant.record = tables.records + (&r - records.data());
+    if (r.constant.record != nullptr) r.constant.record = tables.records + i;
   }
   return records;
 }
@@ -219,7 +218,7 @@ void upload(Stream& stream, const Layout& layout, unsigned char* base) {
 
 std::size_t DeviceScene::bytes(const SceneTables& tables) { return Plan(tables).layout.size; }
 
-DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
+DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&stream) {
   Plan plan(tables);
   memory_ = DeviceArray<unsigned char>(stream, plan.layout.size, "the scene");
   const Block block{memory_.data()};
@@ -263,6 +262,25 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) {
     world_.surfaces.guide = block.at<std::uint32_t>(plan.guide);
     world_.surfaces.shapes = world_.shapes;
     world_.surfaces.placed = block.at<PlacedMesh>(place(plan.placed_meshes));
+  }
+}
+
+void DeviceScene::update(const SceneTables& tables) {
+  const Plan plan(tables);
+  assert(plan.layout.size == memory_.bytes());
+  const Block block{memory_.data()};
+  const LightsView& l = tables.lights.view();
+  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
+  const std::vector<LightRecord> lights = place_lights(l, place_shapes(tables.scene, plan, block), plan, block);
+  const auto put = [&](std::size_t offset, const void* from, std::size_t bytes) {
+    if (offset != kAbsent && bytes > 0) stream_->upload(memory_.data() + offset, from, bytes);
+  };
+  put(plan.layout.pieces[plan.records].offset, records.data(), records.size() * sizeof(MaterialRecord));
+  put(plan.layout.pieces[plan.area_lights].offset, lights.data(), lights.size() * sizeof(LightRecord));
+  put(plan.delta_lights, l.delta, static_cast<std::size_t>(l.delta_count) * sizeof(DeltaLight));
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    put(plan.transmittance[i], tables.materials.view().records[i].constant.external_transmittance,
+        kTransmittanceResolution * sizeof(float));
   }
 }
 

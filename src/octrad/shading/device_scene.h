@@ -26,11 +26,16 @@ class DeviceScene {
   DeviceScene(Stream& stream, const SceneTables& tables);
   static std::size_t bytes(const SceneTables& tables);
 
+  // Uploads materials and lights anew: those of the same scene, changed in place (PreparedScene::edit). Not while work
+  // on the stream uses them.
+  void update(const SceneTables& tables);
+
   std::size_t bytes() const { return memory_.bytes(); }
   // Valid as long as this object, also when it is moved.
   const DeviceWorld& world() const { return world_; }
 
  private:
+  Stream* stream_;
   DeviceArray<unsigned char> memory_;
   DeviceWorld world_;
 };

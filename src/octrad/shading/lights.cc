@@ -89,17 +89,24 @@ void prepare_grid(const TextureView& texture, MeshTables& tables, LightRecord& l
 }  // namespace
 
 struct Lights::Impl {
+  const Scene& scene;
   std::vector<LightRecord> area;
   std::vector<MeshTables> meshes;     // of each area light; empty for spheres
   std::vector<TextureView> textures;  // of the scene, by index
+  std::vector<DeltaLight> delta;
   std::optional<EnvironmentMap> environment;
+
+  Vec3f area_radiance(std::size_t i) const {
+    const Texture& texture = scene.textures[static_cast<std::size_t>(scene.area_lights[i].radiance)];
+    return texture.kind == Texture::Kind::constant ? texture.color0 : Vec3f(1.0f);
+  }
 
   bool picks_environment(const LightsView& view, float u_pick) const {
     return environment && pick_light(view, u_pick) >= view.area_count + view.delta_count;
   }
 };
 
-Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
+Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.delta_lights, {}}) {
   for (const Texture& t : scene.textures) impl_->textures.push_back(texture_view(t));
   impl_->meshes.resize(scene.area_lights.size());
   for (std::size_t i = 0; i < scene.area_lights.size(); ++i) {
@@ -109,7 +116,7 @@ Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
     l.shape_index = source.shape;
     l.shape = shape_view(scene, static_cast<std::size_t>(source.shape));
     l.texture = texture.kind == Texture::Kind::constant ? -1 : source.radiance;
-    l.radiance = texture.color0;
+    l.radiance = impl_->area_radiance(i);
     if (l.shape.sphere != nullptr) {
       l.side = l.shape.sphere->flip_normals ? -1.0f : 1.0f;
       l.inv_area = 1.0f / (4.0f * kPi * l.shape.sphere->radius * l.shape.sphere->radius);
@@ -125,7 +132,7 @@ Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
   view_.area = impl_->area.data();
   view_.textures = impl_->textures.data();
   view_.area_count = static_cast<int>(impl_->area.size());
-  view_.delta = scene.delta_lights.data();
+  view_.delta = impl_->delta.data();
   view_.delta_count = static_cast<int>(scene.delta_lights.size());
   view_.count = view_.area_count + view_.delta_count;
   if (!scene.environments.empty()) {
@@ -137,6 +144,19 @@ Lights::Lights(const Scene& scene) : impl_(std::make_unique<Impl>()) {
 }
 
 Lights::~Lights() = default;
+
+void Lights::set_factor(int index, Vec3f factor) {
+  const int delta = index - view_.area_count;
+  if (delta < 0) {
+    const auto i = static_cast<std::size_t>(index);
+    impl_->area[i].radiance = impl_->area_radiance(i) * factor;
+  } else if (delta < view_.delta_count) {
+    const auto i = static_cast<std::size_t>(delta);
+    impl_->delta[i].intensity = impl_->scene.delta_lights[i].intensity * factor;
+  } else {
+    view_.environment_factor = factor;
+  }
+}
 
 LightSample Lights::sample(Vec3f x, float u_pick, Vec2f u) const { return sample_light(view_, x, u_pick, u); }
 Vec3f Lights::emitted(const SurfaceInteraction& surface, Vec3f wo) const { return light_emitted(view_, surface, wo); }

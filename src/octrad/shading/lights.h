@@ -36,6 +36,9 @@ class Lights {
   Vec3f environment(Vec3f direction, float& pdf) const;
   bool has_environment() const { return view_.has_environment(); }
   bool empty() const { return view_.count == 0; }
+  // Multiplies the emission that the scene gives light `index`: area lights come first, then lights without extent,
+  // then the environment. Not while anything else uses this object. Probabilities of picking lights stay.
+  void set_factor(int index, Vec3f factor);
   // The tables as lights_math.h reads them; `textures` holds all of the scene, by index.
   const LightsView& view() const { return view_; }
 

@@ -24,7 +24,7 @@ struct LightRecord {
   ShapeView shape;
   int shape_index = -1;
   int texture = -1;  // of radiance; -1: the same everywhere
-  Vec3f radiance;    // where it is not textured
+  Vec3f radiance;    // times the texture where there is one
   const LightTriangle* triangles = nullptr;
   const float* cdf = nullptr;  // [triangle_count] of triangle areas, last entry 1
   int triangle_count = 0;
@@ -40,14 +40,20 @@ struct LightsView {
   const TextureView* textures = nullptr;
   const DeltaLight* delta = nullptr;
   int area_count = 0, delta_count = 0;
-  int count = 0;                // area lights, lights without extent, the environment
-  float pick = 0.0f;            // probability of each emitter
-  EnvironmentView environment;  // without pixels where there is none
+  int count = 0;                               // area lights, lights without extent, the environment
+  float pick = 0.0f;                           // probability of each emitter
+  EnvironmentView environment;                 // without pixels where there is none
+  Vec3f environment_factor{1.0f, 1.0f, 1.0f};  // of its radiance; densities do not know it
 
   OCTRAD_HD bool has_environment() const { return environment.pixels != nullptr; }
 };
 
 namespace lights_detail {
+
+// Radiance of a light where its texture has these coordinates.
+OCTRAD_HD inline Vec3f light_radiance(const LightsView& view, const LightRecord& l, Vec2f uv) {
+  return l.texture >= 0 ? evaluate_texture(view.textures[l.texture], uv) * l.radiance : l.radiance;
+}
 
 OCTRAD_HD inline Vec2f mesh_uv(const MeshView& mesh, int triangle, Vec2f b) {
   if (mesh.uvs == nullptr) return b;
@@ -144,7 +150,7 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   const float cos = -dot(s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal));
   if (!(cos > 0.0f)) return s;
   s.pdf = view.pick * l.inv_area * distance2 / cos * density;
-  s.radiance = l.texture >= 0 ? evaluate_texture(view.textures[l.texture], mesh_uv(mesh, i, b)) : l.radiance;
+  s.radiance = l.texture >= 0 ? light_radiance(view, l, mesh_uv(mesh, i, b)) : l.radiance;
   s.valid = std::isfinite(s.pdf);
   return s;
 }
@@ -184,7 +190,7 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
   if (l.texture >= 0 && s.valid) {
     SurfaceInteraction surface;
     sphere_interaction(*l.shape.sphere, x + s.direction * s.distance, surface);
-    s.radiance = evaluate_texture(view.textures[l.texture], surface.uv);
+    s.radiance = light_radiance(view, l, surface.uv);
   }
   return s;
 }
@@ -210,7 +216,7 @@ OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float
   const EnvironmentSample e = sample_environment(view.environment, u);
   s.direction = e.direction;
   s.distance = kEnvironmentDistance;
-  s.radiance = e.radiance;
+  s.radiance = e.radiance * view.environment_factor;
   s.pdf = view.pick * e.pdf;
   s.valid = e.pdf > 0.0f;
   return s;
@@ -219,8 +225,7 @@ OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float
 // Radiance leaving a hit emitter towards `wo`, zero on its back and from surfaces that are none.
 OCTRAD_HD inline Vec3f light_emitted(const LightsView& view, const SurfaceInteraction& surface, Vec3f wo) {
   if (surface.emitter < 0 || !(dot(surface.shading_normal, wo) > 0.0f)) return Vec3f(0.0f);
-  const LightRecord& l = view.area[surface.emitter];
-  return l.texture >= 0 ? evaluate_texture(view.textures[l.texture], surface.uv) : l.radiance;
+  return lights_detail::light_radiance(view, view.area[surface.emitter], surface.uv);
 }
 
 // The density that sample_light() has for a hit emitter from `x`.
@@ -246,7 +251,8 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
 
 // Radiance of the environment along a unit direction that hit nothing, and the density of sample_light() for it.
 OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction) {
-  return view.has_environment() ? environment_radiance(view.environment, direction) : Vec3f(0.0f);
+  return view.has_environment() ? environment_radiance(view.environment, direction) * view.environment_factor
+                                : Vec3f(0.0f);
 }
 OCTRAD_HD inline float light_environment_pdf(const LightsView& view, Vec3f direction) {
   return view.has_environment() ? view.pick * environment_pdf(view.environment, direction) : 0.0f;
@@ -258,7 +264,7 @@ OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction
   }
   const Vec3f radiance = environment_radiance(view.environment, direction, pdf);
   pdf *= view.pick;
-  return radiance;
+  return radiance * view.environment_factor;
 }
 
 }  // namespace octrad

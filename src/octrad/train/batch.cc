@@ -38,6 +38,8 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   targets_.resize(n);
   const std::size_t far_ends = far_end_count(config_, s.points);
   sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
+  if (changed_)
+    changed_->replace(stream, std::span(shading_).last(static_cast<std::size_t>(changed_share_ * s.points)));
   RhsOptions rhs(rhs_rules(config_));
   rhs.directions = s.directions;
   rhs.rays = query_rays(config_);

@@ -1,9 +1,12 @@
 // One training batch: left-hand-side points and their targets by the rendering equation (method section 7).
 #pragma once
 
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "octrad/model/config.h"
+#include "octrad/train/changed_points.h"
 #include "octrad/train/trainer.h"
 #include "octrad/transport/lhs_sampler.h"
 #include "octrad/transport/rhs_estimator.h"
@@ -25,6 +28,11 @@ class BatchSource {
   // where the bounce ends. Replaces points() and targets().
   RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
   const LhsSampler& sampler() const { return sampler_; }
+  // From now on a share of the points is of `changed`; null: none.
+  void set_changed(std::unique_ptr<ChangedPoints> changed, double share) {
+    changed_ = std::move(changed);
+    changed_share_ = share;
+  }
   // Of the last batch: points of the next one. Part of the state of a run (TrainEngine::far_ends).
   std::vector<FarEnd>& far_ends() { return far_ends_; }
   const std::vector<SurfacePoint>& points() const { return points_; }
@@ -34,6 +42,8 @@ class BatchSource {
   TransportContext context_;
   const Config& config_;
   LhsSampler sampler_;
+  std::unique_ptr<ChangedPoints> changed_;
+  double changed_share_ = 0.0;
   std::vector<ShadingPoint> shading_;
   std::vector<SurfacePoint> points_;
   std::vector<Vec3f> targets_;

@@ -34,6 +34,10 @@ class CpuEngine : public TrainEngine {
   std::unique_ptr<RadianceField> release_field() override { return std::move(field_); }
   std::vector<FarEnd> far_ends() override { return batches_->far_ends(); }
   void set_far_ends(const std::vector<FarEnd>& far_ends) override { batches_->far_ends() = far_ends; }
+  void set_target_scale(float scale) override { field_->set_target_scale(scale); }
+  void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) override {
+    batches_->set_changed(std::move(changed), share);
+  }
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = batches_->points();
     targets = batches_->targets();

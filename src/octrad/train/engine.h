@@ -40,7 +40,11 @@ class TrainEngine {
   // of.
   virtual std::vector<FarEnd> far_ends() = 0;
   virtual void set_far_ends(const std::vector<FarEnd>& far_ends) = 0;
-  // Points and targets of the last step, for reports of failures.
+  // RadianceField::set_target_scale, while it trains.
+  virtual void set_target_scale(float scale) = 0;
+  // The scene has changed. `changed`, where the engine can draw them: a share of the points from now on; null: no more.
+  virtual void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) = 0;
+  // Points and targets of the last step.
   virtual void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) = 0;
 };
 

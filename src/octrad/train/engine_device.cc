@@ -191,6 +191,13 @@ class DeviceEngine : public TrainEngine {
     far_ends_.upload(std::span<const FarEnd>(all));
   }
 
+  void set_target_scale(float scale) override {
+    device_field_->set_target_scale(scale);
+    field_->set_target_scale(scale);
+  }
+  // Points are drawn as always; those that were drawn ahead know the old materials.
+  void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = next_ = {}; }
+
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = download_points(stream_, training_points(), last_points_);
     targets.resize(last_points_);

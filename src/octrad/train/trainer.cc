@@ -105,8 +105,12 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
   return ends;
 }
 
-// One training run: everything that lives from the first step to the last.
-class Run {
+constexpr double kChangeRate = 1.0, kChangeShare = 0.25;
+
+}  // namespace
+
+// Everything that lives from the first step to the last.
+class Trainer::Run {
  public:
   Run(const PreparedScene& scene, const Config& config, const TrainOptions& options)
       : scene_(scene),
@@ -139,40 +143,74 @@ class Run {
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
+    earlier_seconds_ = state_.seconds;
+    first_step_ = state_.step;
+    first_queries_ = state_.rhs_queries;
+    // A GPU is quick to query and to train: validate often.
+    between_validations_ = options_.validation_seconds > 0.0 ? options_.validation_seconds
+                           : options_.stream && options_.stream->on_device()
+                               ? 0.5
+                               : std::max(5.0, 0.02 * config_.train_seconds);
+    next_validation_ = std::min(5.0, between_validations_);
+    next_checkpoint_ = config_.checkpoint_seconds;
+    emission_ = emission();
   }
 
-  TrainResult go();
+  void step();
+  bool done() const { return fraction() >= 1.0 && change_steps_left() == 0; }
+  void aside(const std::function<void()>& work);
+  RadianceField& field() { return engine_->field(); }
+  const TrainingState& state() const { return state_; }
+  TrainProgress progress() const;
+  const Config& config() const { return config_; }
+  std::vector<SurfacePoint> last_points();
+  void checkpoint(bool optimizer);
+  void scene_changed(const SceneChange& change);
+  long long change_steps_left() const { return std::max(0LL, change_ends_ - state_.step); }
+  TrainResult finish(bool interrupted);
 
  private:
-  void checkpoint(bool optimizer);
   void try_checkpoint();
   void save_result(bool optimizer);
   double fraction() const { return spent_budget(config_, state_); }
+  ScheduleState schedule_now() const;
   void settle();
+  void report();
+  std::vector<Vec3f> emission() const;
   [[noreturn]] void stop_non_finite(long long step, const std::string& why);
 
   const PreparedScene& scene_;
   Config config_;
-  const TrainOptions& options_;
+  const TrainOptions options_;
   std::unique_ptr<TrainEngine> engine_;
   std::unique_ptr<Validation> validation_;
   TrainingState state_;
   double bytes_ = 0.0;
-  double exposure_ = 1.0;         // of the field: the unit of the loss's epsilon
-  long long saved_step_ = -1;     // what the file holds; -1: nothing of this run
-  double earlier_seconds_ = 0.0;  // of the runs that this one continues
+  double exposure_ = 1.0;                         // of the field: the unit of the loss's epsilon
+  long long saved_step_ = -1;                     // what the file holds; -1: nothing of this run
+  double earlier_seconds_ = 0.0;                  // of the runs that this one continues
+  long long first_step_ = 0, first_queries_ = 0;  // of this run
   WorkClock clock_;
+  bool started_ = false;
+  double between_validations_ = 0.0, next_validation_ = 0.0, next_progress_ = 0.0, next_checkpoint_ = 0.0;  // seconds
+  double mape_ = -1.0;
+  int waiting_ = 0;  // steps launched and not yet collected
+  double rate_scale_ = 0.0;
   long long non_finite_ = 0;  // gradients dropped
   long long empty_lookups_ = 0;
-  long long dropped_contributions_ = 0;  // right-hand-side contributions dropped, which darkens targets
+  long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
+  std::vector<Vec3f> emission_;                   // factors of the lights that the field stands for
+  bool dark_ = false;                             // nothing emits
+  long long change_began_ = 0, change_ends_ = 0;  // steps
 };
 
-void Run::checkpoint(bool optimizer) {
+void Trainer::Run::checkpoint(bool optimizer) {
   if (options_.output.empty()) return;
+  if (waiting_ > 0) settle();
   ModelInfo info;
   info.config = config_;
   info.scene_file = scene_.scene().file;
-  info.scene_fingerprint = scene_.scene().fingerprint;
+  info.scene_fingerprint = scene_.fingerprint();
   info.state = state_;
   if (optimizer) set_far_ends(engine_->far_ends(), info.state);
   save_model(options_.output, engine_->field(), info, optimizer);
@@ -180,7 +218,7 @@ void Run::checkpoint(bool optimizer) {
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
 
-void Run::save_result(bool optimizer) {
+void Trainer::Run::save_result(bool optimizer) {
   try {
     checkpoint(optimizer);
   } catch (const IoError& error) {
@@ -190,7 +228,7 @@ void Run::save_result(bool optimizer) {
   }
 }
 
-void Run::try_checkpoint() {
+void Trainer::Run::try_checkpoint() {
   try {
     checkpoint(true);
   } catch (const IoError& error) {
@@ -200,7 +238,8 @@ void Run::try_checkpoint() {
 }
 
 // Takes over what the engine's steps since the last call reported.
-void Run::settle() {
+void Trainer::Run::settle() {
+  waiting_ = 0;
   const StepReport report = engine_->collect();
   state_.rhs_queries += report.rhs_queries;
   dropped_contributions_ += report.dropped;
@@ -217,7 +256,7 @@ void Run::settle() {
   }
 }
 
-void Run::stop_non_finite(long long step, const std::string& why) {
+void Trainer::Run::stop_non_finite(long long step, const std::string& why) {
   std::string message = "step " + std::to_string(step) + ": " + why;
   if (!options_.output.empty()) {
     const std::string file = options_.output + ".bad-batch.csv";
@@ -244,63 +283,128 @@ void Run::stop_non_finite(long long step, const std::string& why) {
   throw InputError(message + "; try a lower adam.rate.features or adam.rate.networks, or another target.scale");
 }
 
-TrainResult Run::go() {
-  TrainResult result;
-  clock_.back_to(0.0);  // what came before was no training
-  earlier_seconds_ = state_.seconds;
-  const long long first_step = state_.step, first_queries = state_.rhs_queries;
-  // A GPU is quick to query and to train: validate often.
-  const double between_validations = options_.validation_seconds > 0.0 ? options_.validation_seconds
-                                     : options_.stream && options_.stream->on_device()
-                                         ? 0.5
-                                         : std::max(5.0, 0.02 * config_.train_seconds);
-  double next_progress = 0.0, next_checkpoint = config_.checkpoint_seconds,
-         next_validation = std::min(5.0, between_validations);
-  double mape = -1.0;
-  int waiting = 0;  // steps launched and not yet collected
-  while (fraction() < 1.0) {
-    if (options_.interrupted && options_.interrupted()) {
-      result.interrupted = true;
-      settle();
-      break;
-    }
-    ScheduleState s = schedule(config_, state_.step, fraction());
-    s.epsilon *= exposure_;
-    engine_->step(state_.step, s);
-    ++state_.step;
-    state_.lhs_samples += s.points;
-    if (++waiting < engine_->steps_between_reports() && fraction() < 1.0) continue;
-    waiting = 0;
-    settle();
-    const double seconds = clock_.seconds();
-    state_.seconds = earlier_seconds_ + seconds;
-    if (validation_ && seconds >= next_validation) {
-      mape = validation_->mape(*engine_);
-      if (options_.validated) options_.validated(state_.step, state_.seconds, mape);
-      clock_.back_to(seconds);  // this was no training
-      next_validation = seconds + between_validations;
-    }
-    if (options_.progress && seconds >= next_progress) {
-      TrainProgress p;
-      p.step = state_.step;
-      p.steps = config_.train_steps;
-      p.seconds = state_.seconds;
-      p.fraction = fraction();
-      p.loss = state_.loss;
-      p.validation_mape = mape;
-      p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries) / seconds;
-      p.points_per_second = static_cast<double>(state_.step - first_step) * s.points / seconds;
-      p.bytes = bytes_;
-      options_.progress(p);
-      next_progress = seconds + 0.2;
-    }
-    if (seconds >= next_checkpoint && fraction() < 1.0) {
-      try_checkpoint();
-      next_checkpoint = clock_.seconds() + config_.checkpoint_seconds;
-    }
+std::vector<SurfacePoint> Trainer::Run::last_points() {
+  std::vector<SurfacePoint> points;
+  std::vector<Vec3f> targets;
+  engine_->last_batch(points, targets);
+  return points;
+}
+
+// A change is learnt at rates that fall to those of the schedule.
+ScheduleState Trainer::Run::schedule_now() const {
+  ScheduleState s = schedule(config_, state_.step, fraction());
+  s.epsilon *= exposure_;
+  if (const long long left = change_steps_left(); left > 0) {
+    const double t = 1.0 - static_cast<double>(left) / static_cast<double>(change_ends_ - change_began_);
+    s.rate_scale = std::max(s.rate_scale, kChangeRate * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846)));
   }
-  save_result(options_.save_optimizer || result.interrupted);
-  if (options_.reference)
+  return s;
+}
+
+void Trainer::Run::step() {
+  if (!std::exchange(started_, true)) clock_.back_to(0.0);  // what came before was no training
+  if (dark_) return;
+  const ScheduleState s = schedule_now();
+  rate_scale_ = s.rate_scale;
+  engine_->step(state_.step, s);
+  ++state_.step;
+  state_.lhs_samples += s.points;
+  if (change_ends_ == state_.step) engine_->scene_changed(nullptr, 0.0);
+  if (++waiting_ < engine_->steps_between_reports() && fraction() < 1.0) return;
+  settle();
+  report();
+}
+
+void Trainer::Run::report() {
+  const double seconds = clock_.seconds();
+  state_.seconds = earlier_seconds_ + seconds;
+  if (validation_ && seconds >= next_validation_) {
+    mape_ = validation_->mape(*engine_);
+    if (options_.validated) options_.validated(state_.step, state_.seconds, mape_);
+    clock_.back_to(seconds);  // this was no training
+    next_validation_ = seconds + between_validations_;
+  }
+  if (options_.progress && seconds >= next_progress_) {
+    options_.progress(progress());
+    next_progress_ = seconds + 0.2;
+  }
+  if (seconds >= next_checkpoint_ && fraction() < 1.0) {
+    try_checkpoint();
+    next_checkpoint_ = clock_.seconds() + config_.checkpoint_seconds;
+  }
+}
+
+TrainProgress Trainer::Run::progress() const {
+  const double seconds = std::max(1e-9, state_.seconds - earlier_seconds_);
+  TrainProgress p;
+  p.step = state_.step;
+  p.steps = config_.train_steps;
+  p.seconds = state_.seconds;
+  p.fraction = fraction();
+  p.rate_scale = rate_scale_;
+  p.loss = state_.loss;
+  p.validation_mape = mape_;
+  p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries_) / seconds;
+  p.points_per_second =
+      static_cast<double>(state_.step - first_step_) * schedule(config_, 0, p.fraction).points / seconds;
+  p.bytes = bytes_;
+  return p;
+}
+
+void Trainer::Run::aside(const std::function<void()>& work) {
+  if (waiting_ > 0) settle();
+  const double seconds = clock_.seconds();
+  work();
+  engine_->field().take_empty_lookups();  // of the work
+  clock_.back_to(seconds);
+}
+
+// Factors of the emission of lights.
+std::vector<Vec3f> Trainer::Run::emission() const {
+  std::vector<Vec3f> factors;
+  for (int i = 0; i < scene_.light_count(); ++i) factors.push_back(scene_.light_factor(i));
+  return factors;
+}
+
+void Trainer::Run::scene_changed(const SceneChange& change) {
+  if (waiting_ > 0) settle();
+  validation_.reset();
+  mape_ = -1.0;
+  const std::vector<Vec3f> now = emission();
+  dark_ = std::all_of(now.begin(), now.end(), [](Vec3f f) { return f == Vec3f(0.0f); });
+  if (dark_) {
+    engine_->set_target_scale(static_cast<float>(exposure_ * 1e-20));  // files need a scale above 0
+    return;
+  }
+  // What the field stands for, times a factor, is as near as one comes to what it has to stand for.
+  double was = 0.0, is = 0.0;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    was += static_cast<double>(dot(emission_[i], now[i]));
+    is += static_cast<double>(dot(now[i], now[i]));
+  }
+  const double factor = was > 0.0 ? is / was : 1.0;
+  bool same = true;
+  for (std::size_t i = 0; i < now.size(); ++i)
+    same = same && length(emission_[i] * static_cast<float>(factor) - now[i]) <= 1e-5f * length(now[i]);
+  if (same) {
+    exposure_ *= factor;
+    emission_ = now;
+    engine_->set_target_scale(static_cast<float>(exposure_));
+    if (!change.materials) return;
+  }
+  emission_ = now;
+  change_began_ = state_.step;
+  change_ends_ = state_.step + kChangeSteps;
+  auto points = std::make_unique<ChangedPoints>(scene_, lhs_options(config_), change);
+  engine_->scene_changed(points->empty() ? nullptr : std::move(points), kChangeShare);
+}
+
+TrainResult Trainer::Run::finish(bool interrupted) {
+  if (waiting_ > 0) settle();
+  TrainResult result;
+  result.interrupted = interrupted;
+  save_result(options_.save_optimizer || interrupted);
+  if (options_.reference && validation_)
     result.validation_mape = Validation(scene_.context(), *options_.reference, config_, 1 << 20, 4).mape(*engine_);
   result.steps = state_.step;
   result.seconds = state_.seconds;
@@ -315,10 +419,29 @@ TrainResult Run::go() {
   return result;
 }
 
-}  // namespace
+Trainer::Trainer(const PreparedScene& scene, const Config& config, const TrainOptions& options)
+    : run_(std::make_unique<Run>(scene, config, options)) {}
+Trainer::~Trainer() = default;
+void Trainer::step() { run_->step(); }
+bool Trainer::done() const { return run_->done(); }
+void Trainer::aside(const std::function<void()>& work) { run_->aside(work); }
+RadianceField& Trainer::field() { return run_->field(); }
+const TrainingState& Trainer::state() const { return run_->state(); }
+TrainProgress Trainer::progress() const { return run_->progress(); }
+const Config& Trainer::config() const { return run_->config(); }
+std::vector<SurfacePoint> Trainer::last_points() { return run_->last_points(); }
+void Trainer::checkpoint(bool optimizer) { run_->checkpoint(optimizer); }
+void Trainer::scene_changed(const SceneChange& change) { run_->scene_changed(change); }
+long long Trainer::change_steps_left() const { return run_->change_steps_left(); }
+TrainResult Trainer::finish(bool interrupted) { return run_->finish(interrupted); }
 
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options) {
-  return Run(scene, config, options).go();
+  Trainer trainer(scene, config, options);
+  while (!trainer.done()) {
+    if (options.interrupted && options.interrupted()) return trainer.finish(true);
+    trainer.step();
+  }
+  return trainer.finish(false);
 }
 
 }  // namespace octrad

@@ -20,6 +20,7 @@ struct TrainProgress {
   long long step = 0, steps = 0;    // steps: 0 when the run is bounded by time
   double seconds = 0.0;             // of training so far
   double fraction = 0.0;            // of the budget
+  double rate_scale = 0.0;          // of the learning rates, in the last step
   double loss = 0.0;                // smoothed: see smoothed_loss()
   double validation_mape = -1.0;    // latest; -1 before the first or without a reference
   double queries_per_second = 0.0;  // right-hand-side cache queries
@@ -38,7 +39,7 @@ struct TrainOptions {
   bool deterministic = false;       // on a device: the same bits every time, at a cost (the CPU always is)
   std::vector<Camera> cameras;      // poses in addition to the scene's
   Model* resume = nullptr;          // continue this model (its field is moved from)
-  std::function<bool()> interrupted;
+  std::function<bool()> interrupted;                   // train() asks it before each step
   std::function<void(const DomainFit&)> placed;        // the box of a new field, before it is made
   std::function<void(const TrainProgress&)> progress;  // several times a second
   std::function<void(long long step, double seconds, double mape)> validated;  // each time it is measured
@@ -61,9 +62,50 @@ struct TrainResult {
   std::unique_ptr<RadianceField> field;
 };
 
-// Throws MemoryError before allocating when the estimate is over max_memory (naming what each knob saves), and
-// InputError when the loss turns non-finite (the last good model stays in `output`), and IoError when the finished
-// model cannot be written.
+// One training run, from the first step to the last.
+class Trainer {
+ public:
+  // A new field, or that of options.resume. The scene and what `options` point to must outlive the trainer. Throws
+  // MemoryError before allocating when the estimate is over max_memory (naming what each knob saves).
+  Trainer(const PreparedScene& scene, const Config& config, const TrainOptions& options);
+  ~Trainer();
+
+  // The next step; now and then it validates, reports progress and saves a checkpoint, as the options say. Throws
+  // InputError when the loss turns non-finite (the last good model stays in `output`).
+  void step();
+  // Whether the budget is spent and the last change of the scene is learnt; one can take steps nevertheless.
+  bool done() const;
+  // Does something that is no training and whose time does not count, after the steps taken so far.
+  void aside(const std::function<void()>& work);
+  // The field, brought up to date; between steps. Its address does not change.
+  RadianceField& field();
+  const TrainingState& state() const;
+  TrainProgress progress() const;
+  const Config& config() const;
+  // Where the last step was taken.
+  std::vector<SurfacePoint> last_points();
+  // Writes `output` as it is. Throws IoError.
+  void checkpoint(bool optimizer);
+
+  // The scene's lights or materials have been edited (PreparedScene::set_light_factor ...), between steps. What is the
+  // same for all of the emission, a factor, is applied at once: radiance is linear in it. The rest is learnt in the
+  // next kChangeSteps steps, at higher learning rates that fall to those of the schedule, and with a share of the
+  // points on what changed and on what it lights. While nothing emits, radiance is 0 and steps change nothing. From the
+  // first change on there is no validation: the reference shows another scene.
+  void scene_changed(const SceneChange& change);
+  static constexpr long long kChangeSteps = 600;
+  // Steps that it still takes; 0: all changes are learnt.
+  long long change_steps_left() const;
+
+  // Saves and ends: the field moves into the result. Throws IoError when the model cannot be written.
+  TrainResult finish(bool interrupted);
+
+ private:
+  class Run;
+  std::unique_ptr<Run> run_;
+};
+
+// Trains until the budget is spent. Throws what Trainer throws.
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options);
 
 // Batch shape and loss epsilon at a fraction of the budget.

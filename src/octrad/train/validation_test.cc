@@ -28,6 +28,8 @@ class Ones : public TrainEngine {
   std::unique_ptr<RadianceField> release_field() override { return nullptr; }
   std::vector<FarEnd> far_ends() override { return {}; }
   void set_far_ends(const std::vector<FarEnd>&) override {}
+  void set_target_scale(float) override {}
+  void scene_changed(std::unique_ptr<ChangedPoints>, double) override {}
   void last_batch(std::vector<SurfacePoint>&, std::vector<Vec3f>&) override {}
 };
 

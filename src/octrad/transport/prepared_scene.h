@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "octrad/device/stream.h"
 #include "octrad/geometry/bvh8.h"
@@ -10,6 +12,17 @@
 #include "octrad/transport/context.h"
 
 namespace octrad {
+
+// What an edit made different, for those who learn the scene (Trainer::scene_changed).
+struct SceneChange {
+  std::vector<int> shapes;    // that emit or scatter otherwise
+  std::vector<Vec3f> lights;  // places of lights without extent that do
+  bool materials = false;     // not only emission
+  SceneChange& operator+=(const SceneChange& other);
+};
+
+// Whether material `of` is `material`, has it on its back, or blends it.
+bool uses_material(const Scene& scene, int of, int material);
 
 // Materials and lights are prepared by the constructor. Acceleration structures, the surface sampler and a stream's
 // copy are built when they are first asked for, once each, whoever asks. Thread-safe. What it hands out lives as long
@@ -33,6 +46,18 @@ class PreparedScene {
   const SurfaceSampler& surfaces() const;
   // What estimators on the CPU take.
   TransportContext context() const;
+
+  // Edits: the emission of lights, times a factor, and colour and roughness of materials. Geometry stays as it is, and
+  // so does scene(). Not while anything else uses this object; what was made from it goes on with the scene as it is
+  // now, and so do the copies on streams. Lights are numbered as Lights::set_factor() numbers them, factors are >= 0.
+  // Throws InputError for the environment where there is a copy on a stream, whose users hold its factor.
+  int light_count() const;
+  Vec3f light_factor(int light) const;
+  SceneChange set_light_factor(int light, Vec3f factor);
+  const MaterialEdit& material_edit(int material) const;
+  SceneChange set_material_edit(int material, const MaterialEdit& edit);
+  // That of the scene, and another one while there are edits.
+  std::string fingerprint() const;
 
   // The scene in the memory of `stream`, which must outlive this object or be released before. Throws MemoryError,
   // DeviceError.

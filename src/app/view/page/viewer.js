@@ -1,6 +1,7 @@
 // The page of octrad view. The server holds the state; the page asks for changes and shows what comes (docs/viewer.md).
 import { add, subtract, normalize, clamp, axes, turned, tangentX, copyOf, element, saveFile, short, list, bytes, rate, quoted, length }
   from "./tools.js";
+import { TrainingPanel } from "./training.js";
 
 const get = id => document.getElementById(id);
 const token = new URLSearchParams(location.hash.slice(1)).get("token") || "";
@@ -30,6 +31,7 @@ class Viewer {
     this.times = [];
     this.pose_list = [];
     this.retry = 1000;
+    this.training = new TrainingPanel(this);
     this.build();
     this.listen();
     this.connect();
@@ -80,6 +82,7 @@ class Viewer {
   told(message) {
     if (message.type === "hello") {
       this.hello = message;
+      this.training.begin(message.training);
       this.offer();
     } else if (message.type === "state") {
       const had = this.controls;
@@ -90,6 +93,8 @@ class Viewer {
       const resolve = this.asked.get(message.id);
       this.asked.delete(message.id);
       if (resolve) resolve(message);
+    } else if (message.type === "training" || message.type === "scene") {
+      this.training.told(message);
     } else if (message.type === "path") {
       this.playing = { frames: message.frames, fps: message.fps, start: null };
     } else if (message.type === "error") {
@@ -437,6 +442,7 @@ class Viewer {
     control.hidden = !state || (!this.controls && state.controller !== 0) || (this.controls && state.clients < 2);
     control.textContent = this.controls ? "Release controls" : "Take controls";
     for (const field of document.querySelectorAll("#panel select, #panel input, #panel button")) field.disabled = !this.controls && !field.matches("#speed, #inspect, #camera-save, #command, [data-save], [data-mode]:not([data-mode=errors])");
+    if (hello && hello.training) this.training.enable();
     if (!state || !hello) return;
     const options = (names, none) => [...(none ? [element("option", { value: "" }, none)] : []),
       ...names.map(n => element("option", { value: n, title: hello.summaries[n.replace(/\d+$/, "")] || "" }, n))];
@@ -505,6 +511,7 @@ class Viewer {
       query.features.forEach((features, level) => row(`features ${level + 1}`, list(features)));
     }
     get("inspected").replaceChildren(element("table", {}, ...rows));
+    if (found.material) this.training.choose(found.material);
     if (get("panel").hidden) this.togglePanel();
     get("inspected").scrollIntoView({ block: "nearest" });
   }

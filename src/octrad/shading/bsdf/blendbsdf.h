@@ -13,7 +13,7 @@ struct BlendPart {
   bool turned = false;  // two-sided and seen from behind
 };
 
-OCTRAD_HD inline float opacity_at(const MaterialRecord& record, Vec2f uv) {
+OCTRAD_HD_APART inline float opacity_at(const MaterialRecord& record, Vec2f uv) {
   Bsdf b;
   b.opacity = record.constant.opacity;
   if (record.textured >> MaterialSlot::opacity & 1u) {
@@ -29,7 +29,7 @@ struct BlendParts {
   float sum = 0.0f;  // of their weights: what is left of 1 passes through
 
   // Of the blend `root`, seen from the side of cos_o. Those that Mitsuba samples first come first.
-  OCTRAD_HD BlendParts(const MaterialRecord& root, Vec2f uv, float cos_o) {
+  OCTRAD_HD_APART BlendParts(const MaterialRecord& root, Vec2f uv, float cos_o) {
     BlendPart open[kMostBlended];
     int top = 0;
     open[top++] = {&root, 1.0f, false};
@@ -68,7 +68,7 @@ struct BlendedModel {
   bool turned;
   Frame frame;
 
-  OCTRAD_HD BlendedModel(const BlendPart& p, Vec2f uv, Vec3f wo)
+  OCTRAD_HD_APART BlendedModel(const BlendPart& p, Vec2f uv, Vec3f wo)
       : turned(p.turned),
         frame{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}} {
     const MaterialRecord& record = *p.record;

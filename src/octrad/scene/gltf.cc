@@ -1,0 +1,454 @@
+#include "octrad/scene/gltf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "octrad/base/error.h"
+#include "octrad/base/lower_case.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
+#include "octrad/scene/gltf_reader.h"
+
+namespace octrad {
+namespace {
+
+constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+constexpr int kFilmHeight = 720, kMaxFilmSide = 131072;
+constexpr std::size_t kMaxPlaced = 4'000'000;
+constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
+
+// Extensions that are read. Others are refused where the file requires them, else noted.
+const std::set<std::string> kExtensions = {
+    "EXT_mesh_gpu_instancing", "KHR_lights_punctual",   "KHR_materials_clearcoat", "KHR_materials_emissive_strength",
+    "KHR_materials_ior",       "KHR_materials_sheen",   "KHR_materials_specular",  "KHR_materials_transmission",
+    "KHR_materials_volume",    "KHR_mesh_quantization", "KHR_texture_transform"};
+
+std::string way_out(const std::string& extension) {
+  static const std::pair<const char*, const char*> ways[] = {
+      {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
+      {"EXT_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
+      {"KHR_materials_pbrSpecularGlossiness", "; convert it, as by \"gltf-transform metalrough\""},
+      {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
+      {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
+      {"EXT_texture_webp", "; save the pictures as PNG or JPEG"},
+      {"EXT_texture_avif", "; save the pictures as PNG or JPEG"},
+      {"MSFT_texture_dds", "; save the pictures as PNG or JPEG"},
+  };
+  for (const auto& [name, way] : ways) {
+    if (extension == name) return way;
+  }
+  return "";
+}
+
+Transform rotation(const std::vector<double>& q) {
+  const double x = q[0], y = q[1], z = q[2], w = q[3];
+  Transform t;
+  t.m = {1 - 2 * (y * y + z * z),
+         2 * (x * y - z * w),
+         2 * (x * z + y * w),
+         0,
+         2 * (x * y + z * w),
+         1 - 2 * (x * x + z * z),
+         2 * (y * z - x * w),
+         0,
+         2 * (x * z - y * w),
+         2 * (y * z + x * w),
+         1 - 2 * (x * x + y * y),
+         0,
+         0,
+         0,
+         0,
+         1};
+  return t;
+}
+
+Transform of_parts(Vec3d translation, std::vector<double> quaternion, Vec3d scale, const GltfObject& user) {
+  double l = 0.0;
+  for (const double v : quaternion) l += v * v;
+  if (!(l > 0.0) || !std::isfinite(l)) user.fail("the rotation must be a quaternion of length 1");
+  for (double& v : quaternion) v /= std::sqrt(l);
+  return Transform::translate(translation) * rotation(quaternion) * Transform::scale(scale);
+}
+
+Vec3d vec(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
+
+// Cameras and lights of glTF look along -z with x to the right; those of Mitsuba along +z with x to the left.
+std::optional<Transform> view_of(const Transform& node) {
+  return Transform::look_at(node.column(3), node.column(3) - node.column(2), node.column(1));
+}
+
+class Reader {
+ public:
+  Reader(const std::string& file, std::string bytes, Description& description, SceneReport& report)
+      : file_(std::make_shared<const GltfFile>(file, std::move(bytes), description)),
+        description_(description),
+        report_(report),
+        materials_(file_, description, report) {}
+
+  void read() {
+    check_extensions();
+    const Location here = file_->root().location();
+    if (file_->count("animations") > 0) report_.assume(here, "animations are left out: the scene stands still");
+    place_nodes();
+    for (std::size_t mesh = 0; mesh < file_->count("meshes"); ++mesh) {
+      if (const auto at = placed_.find(static_cast<int>(mesh)); at != placed_.end())
+        add_mesh(file_->item("meshes", at->first), at->second);
+    }
+    if (!has_camera_) add_default_camera();
+    if (!has_light_) {
+      report_.assume(here, "the file has no light: one that is the same from all sides is added");
+      Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
+      add_element(light, here, "float", {{"name", "radiance"}, {"value", "1"}});
+    }
+  }
+
+ private:
+  Element& root() { return *description_.root; }
+
+  void check_extensions() {
+    const GltfObject file = file_->root();
+    const std::vector<std::string> required = file.texts("extensionsRequired");
+    for (const std::string& name : required) {
+      if (kExtensions.count(name) == 0)
+        report_.refuse(file.location(),
+                       "the file requires the extension " + name + ", which is not supported" + way_out(name));
+    }
+    for (const std::string& name : file.texts("extensionsUsed")) {
+      if (kExtensions.count(name) == 0 && !name.starts_with("KHR_materials_") &&
+          std::find(required.begin(), required.end(), name) == required.end())
+        report_.assume(file.location(), "the extension " + name + " is left out");
+    }
+  }
+
+  Transform local(const GltfObject& node) const {
+    if (node.has("matrix")) {
+      const std::vector<double> m = node.numbers("matrix", std::vector<double>(16, 0.0));
+      Transform t;
+      for (int row = 0; row < 4; ++row) {
+        for (int column = 0; column < 4; ++column) t(row, column) = m[static_cast<std::size_t>(4 * column + row)];
+      }
+      if (!t.is_affine()) node.fail("the last row of the matrix must be 0 0 0 1");
+      return t;
+    }
+    return of_parts(vec(node.numbers("translation", {0, 0, 0})), node.numbers("rotation", {0, 0, 0, 1}, -2.0, 2.0),
+                    vec(node.numbers("scale", {1, 1, 1})), node);
+  }
+
+  // Walks the tree of the scene without calling itself: it may be as deep as the file has nodes.
+  void place_nodes() {
+    const int scene = file_->root().index("scene", "scenes");
+    std::vector<std::pair<int, Transform>> open;
+    const auto push = [&](const std::vector<std::uint64_t>& nodes, const GltfObject& owner, const Transform& parent) {
+      for (auto at = nodes.rbegin(); at != nodes.rend(); ++at) {
+        if (*at >= file_->count("nodes")) owner.fail("node " + std::to_string(*at) + " does not exist");
+        open.emplace_back(static_cast<int>(*at), parent);
+      }
+    };
+    if (file_->count("scenes") > 0) {
+      const GltfObject chosen = file_->item("scenes", std::max(scene, 0));
+      if (file_->count("scenes") > 1)
+        report_.assume(chosen.location(), "of " + std::to_string(file_->count("scenes")) + " scenes this one is read");
+      push(chosen.sizes("nodes"), chosen, Transform());
+    } else {
+      // Without scenes: everything that is no child.
+      std::set<std::uint64_t> children;
+      for (std::size_t i = 0; i < file_->count("nodes"); ++i) {
+        for (const std::uint64_t child : file_->item("nodes", static_cast<int>(i)).sizes("children"))
+          children.insert(child);
+      }
+      std::vector<std::uint64_t> roots;
+      for (std::uint64_t i = 0; i < file_->count("nodes"); ++i) {
+        if (children.count(i) == 0) roots.push_back(i);
+      }
+      push(roots, file_->root(), Transform());
+    }
+    std::set<int> seen;
+    while (!open.empty()) {
+      const auto [index, parent] = open.back();
+      open.pop_back();
+      const GltfObject node = file_->item("nodes", index);
+      if (!seen.insert(index).second) node.fail("the node stands in the tree twice, or contains itself");
+      const Transform to_world = parent * local(node);
+      if (!to_world.is_affine()) node.fail("the transform of the node is not finite");
+      add_node(node, to_world);
+      push(node.sizes("children"), node, to_world);
+    }
+  }
+
+  void add_node(const GltfObject& node, const Transform& to_world) {
+    if (const int mesh = node.index("mesh", "meshes"); mesh >= 0) {
+      if (node.has("skin")) report_.assume(node.location(), "skins are left out: the mesh stands as it was bound");
+      const GltfObject instancing = node.extension("EXT_mesh_gpu_instancing");
+      if (instancing.exists()) add_instances(mesh, instancing.object("attributes"), to_world);
+      else place(mesh, to_world, node);
+    }
+    if (const int camera = node.index("camera", "cameras"); camera >= 0)
+      add_camera(file_->item("cameras", camera), node, to_world);
+    const GltfObject light = node.extension("KHR_lights_punctual");
+    if (light.exists()) add_light(light, to_world);
+  }
+
+  void place(int mesh, const Transform& to_world, const GltfObject& node) {
+    if (to_world.is_singular(1e-18)) {
+      report_.assume(node.location(), "a node that is scaled to nothing shows nothing");
+      return;
+    }
+    if (++placed_count_ > kMaxPlaced) node.fail("the scene has more than 4 million placed meshes");
+    meter_.add(kPlacedBytes);
+    placed_[mesh].push_back(to_world);
+  }
+
+  void add_instances(int mesh, const GltfObject& attributes, const Transform& to_world) {
+    const auto read = [&](const char* name, int components) {
+      const int accessor = attributes.index(name, "accessors");
+      return accessor >= 0 ? file_->values(accessor, {components}) : GltfValues();
+    };
+    const GltfValues translation = read("TRANSLATION", 3), turn = read("ROTATION", 4), scale = read("SCALE", 3);
+    const std::size_t count = std::max({translation.count, turn.count, scale.count});
+    for (const GltfValues* v : {&translation, &turn, &scale}) {
+      if (v->count != 0 && v->count != count) attributes.fail("has accessors of different counts");
+    }
+    const auto value = [](const GltfValues& v, std::size_t i, std::vector<double> fallback) {
+      for (std::size_t k = 0; i < v.count && k < fallback.size(); ++k)
+        fallback[k] = static_cast<double>(v.values[i * fallback.size() + k]);
+      return fallback;
+    };
+    for (std::size_t i = 0; i < count; ++i) {
+      const Transform own = of_parts(vec(value(translation, i, {0, 0, 0})), value(turn, i, {0, 0, 0, 1}),
+                                     vec(value(scale, i, {1, 1, 1})), attributes);
+      place(mesh, to_world * own, attributes);
+    }
+  }
+
+  // The primitives of a mesh in all its places: as shapes, or, where there are several places, in a group of which
+  // there are instances. Lights cannot be in groups.
+  void add_mesh(const GltfObject& mesh, const std::vector<Transform>& places) {
+    Element* group = nullptr;
+    const std::string id = mesh.path();
+    for (const GltfObject& primitive : mesh.objects("primitives")) {
+      report_.attempt(primitive.location(), [&] {
+        for (const auto& [name, surface] : build(primitive)) {
+          const bool emits = materials_.emits(surface.material);
+          if (places.size() == 1 || emits) {
+            for (const Transform& to_world : places) {
+              Element& shape = add_shape(root(), primitive, name, surface);
+              add_matrix(shape, primitive.location(), "to_world", to_world);
+            }
+            continue;
+          }
+          if (!group) {
+            group = &add_element(root(), mesh.location(), "shape", {{"type", "shapegroup"}, {"id", id}});
+            description_.ids.emplace(id, group);
+          }
+          add_shape(*group, primitive, name, surface);
+        }
+      });
+    }
+    for (const Transform& to_world : places) extend(to_world, mesh_bounds_);
+    mesh_bounds_ = {};
+    if (!group) return;
+    for (const Transform& to_world : places) {
+      Element& instance = add_element(root(), mesh.location(), "shape", {{"type", "instance"}});
+      add_element(instance, mesh.location(), "ref", {{"id", id}});
+      add_matrix(instance, mesh.location(), "to_world", to_world);
+    }
+  }
+
+  // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
+  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive) {
+    if (primitive.extension("KHR_draco_mesh_compression").exists())
+      primitive.fail("KHR_draco_mesh_compression is not supported" + way_out("KHR_draco_mesh_compression"));
+    GltfSurface surface;
+    surface.material = primitive.index("material", "materials");
+    const int uv_set = materials_.uv_set(surface.material);
+    const GltfObject attributes = primitive.object("attributes");
+    surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
+    const bool colors = attributes.has("COLOR_0");
+    surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
+    if (colors && !surface.colors)
+      report_.assume(primitive.location(), "colours of vertices are left out where there is a texture");
+    const Vec3f color = materials_.base_color(surface.material);
+    std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr);
+    std::vector<std::pair<std::string, GltfSurface>> result;
+    if (!mesh) {
+      report_.assume(primitive.location(), "points and lines are left out");
+      return result;
+    }
+    if (primitive.has("targets")) report_.assume(primitive.location(), "morph targets are left out");
+    const auto keep = [&](RawMesh&& m) {
+      const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
+      for (const Vec3f& p : m.positions) mesh_bounds_.extend(p);
+      description_.built->meshes.emplace(name, std::move(m));
+      result.emplace_back(name, surface);
+    };
+    RawMesh mirrored;
+    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(*mesh);
+    if (!mesh->triangles.empty()) keep(std::move(*mesh));
+    surface.mirrored = true;
+    if (!mirrored.triangles.empty()) keep(std::move(mirrored));
+    return result;
+  }
+
+  Element& add_shape(Element& parent, const GltfObject& primitive, const std::string& mesh,
+                     const GltfSurface& surface) {
+    const Location where = primitive.location();
+    const std::string bsdf = materials_.bsdf(surface);
+    Element& shape = add_element(parent, where, "shape", {{"type", "ply"}});
+    add_element(shape, where, "string", {{"name", "filename"}, {"value", mesh}});
+    if (description_.built->meshes.at(mesh).normals.empty())
+      add_element(shape, where, "boolean", {{"name", "face_normals"}, {"value", "true"}});
+    add_element(shape, where, "ref", {{"id", bsdf}});
+    if (materials_.emits(surface.material)) {
+      materials_.add_emitter(shape, surface);
+      has_light_ = true;
+    }
+    return shape;
+  }
+
+  void add_camera(const GltfObject& camera, const GltfObject& node, const Transform& to_world) {
+    const std::string type = camera.text("type", "");
+    const std::optional<Transform> view = view_of(to_world);
+    if (!view) node.fail("the camera looks nowhere: its node is scaled to nothing");
+    if (type != "perspective" && type != "orthographic")
+      camera.fail("the type must be perspective or orthographic, not \"" + type + "\"");
+    const GltfObject p = camera.object(type);
+    const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e4, 0.0, 1e12);
+    double aspect = p.number("aspectRatio", 16.0 / 9.0, 1e-3, 1e3);
+    Transform t = *view;
+    double degrees = 0.0;
+    if (type == "perspective") {
+      degrees = p.number("yfov", 0.0, 1e-6, 3.1415) * kDegrees;
+      if (!p.has("yfov")) p.fail("needs yfov");
+    } else {
+      const double x = p.number("xmag", 1.0, 1e-9, 1e9), y = p.number("ymag", 1.0, 1e-9, 1e9);
+      aspect = std::clamp(x / y, 1e-3, 1e3);
+      t = t * Transform::scale({x, x, 1.0});
+    }
+    add_sensor(camera.location(), t, type, degrees, aspect, std::max(near_clip, 1e-6), std::max(far_clip, 2e-6));
+  }
+
+  void add_sensor(const Location& where, const Transform& to_world, const std::string& type, double degrees,
+                  double aspect, double near_clip, double far_clip) {
+    has_camera_ = true;
+    Element& sensor = add_element(root(), where, "sensor", {{"type", type}});
+    const auto number = [&](Element& parent, const char* tag, const char* name, const std::string& value) {
+      add_element(parent, where, tag, {{"name", name}, {"value", value}});
+    };
+    if (type == "perspective") {
+      number(sensor, "float", "fov", number_text(degrees));
+      number(sensor, "string", "fov_axis", "y");
+    }
+    number(sensor, "float", "near_clip", number_text(near_clip));
+    number(sensor, "float", "far_clip", number_text(std::max(far_clip, near_clip * 2.0)));
+    add_matrix(sensor, where, "to_world", to_world);
+    Element& film = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
+    const int width = std::clamp(static_cast<int>(std::lround(kFilmHeight * aspect)), 1, kMaxFilmSide);
+    number(film, "integer", "width", std::to_string(width));
+    number(film, "integer", "height", std::to_string(kFilmHeight));
+  }
+
+  void add_light(const GltfObject& reference, const Transform& to_world) {
+    const std::vector<GltfObject> lights = file_->root().extension("KHR_lights_punctual").objects("lights");
+    const std::uint64_t index = reference.size("light", 0);
+    if (index >= lights.size()) reference.fail("light " + std::to_string(index) + " does not exist");
+    const GltfObject light = lights[index];
+    const std::string type = light.text("type", "");
+    const Location where = light.location();
+    if (type != "point" && type != "spot" && type != "directional")
+      light.fail("the type must be point, spot or directional, not \"" + type + "\"");
+    const Vec3d color = vec(light.numbers("color", {1, 1, 1}, 0.0, 1e12));
+    const Vec3d intensity = color * light.number("intensity", 1.0, 0.0, 1e15);
+    has_light_ = true;
+    Element& emitter = add_element(root(), where, "emitter", {{"type", type}});
+    add_element(emitter, where, "rgb",
+                {{"name", type == "directional" ? "irradiance" : "intensity"}, {"value", three_numbers(intensity)}});
+    if (light.has("range")) report_.assume(where, "the range of lights is left out: they shine as far as light does");
+    const std::optional<Transform> view = view_of(to_world);
+    if (!view && type != "point") light.fail("the light shines nowhere: its node is scaled to nothing");
+    add_matrix(emitter, where, "to_world", type == "point" ? Transform::translate(to_world.column(3)) : *view);
+    if (type != "spot") return;
+    const GltfObject spot = light.object("spot");
+    const double outer = spot.number("outerConeAngle", 3.14159265358979323846 / 4.0, 1e-4, 1.5708),
+                 inner = spot.number("innerConeAngle", 0.0, 0.0, outer);
+    add_element(emitter, where, "float", {{"name", "cutoff_angle"}, {"value", number_text(outer * kDegrees)}});
+    add_element(emitter, where, "float",
+                {{"name", "beam_width"}, {"value", number_text(std::min(inner, 0.999 * outer) * kDegrees)}});
+    report_.assume(where, "the light of a spot falls linearly with the angle between its cones, as in Mitsuba");
+  }
+
+  void extend(const Transform& to_world, const Bounds3f& box) {
+    if (!(box.lower.x <= box.upper.x)) return;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vec3d p(static_cast<double>((corner & 1 ? box.upper : box.lower).x),
+                    static_cast<double>((corner & 2 ? box.upper : box.lower).y),
+                    static_cast<double>((corner & 4 ? box.upper : box.lower).z));
+      bounds_.extend(Vec3f(to_world.point(p)));
+    }
+  }
+
+  // From the front, which glTF has at +z, a little from above and the side.
+  void add_default_camera() {
+    const Location here = file_->root().location();
+    report_.assume(here, "the file has no camera: one that sees everything is added");
+    if (!(bounds_.lower.x <= bounds_.upper.x)) bounds_ = {Vec3f(-1.0f), Vec3f(1.0f)};  // nothing is there
+    const Vec3d center = (Vec3d(bounds_.lower) + Vec3d(bounds_.upper)) * 0.5;
+    const double radius = std::max(0.5 * length(Vec3d(bounds_.upper) - Vec3d(bounds_.lower)), 1e-6);
+    constexpr double kFov = 40.0;
+    const double distance = radius / std::sin(0.5 * kFov / kDegrees);
+    const Vec3d direction = normalize(Vec3d(0.5, 0.4, 1.0));
+    const auto view = Transform::look_at(center + direction * distance, center, {0, 1, 0});
+    if (!view) return;
+    add_sensor(here, *view, "perspective", kFov, 4.0 / 3.0, distance * 1e-4, distance * 10.0);
+  }
+
+  std::shared_ptr<const GltfFile> file_;
+  Description& description_;
+  SceneReport& report_;
+  GltfMaterials materials_;
+  std::map<int, std::vector<Transform>> placed_;  // where each mesh stands
+  std::size_t placed_count_ = 0;
+  MemoryMeter meter_{"the tree of the scene file"};
+  bool has_camera_ = false, has_light_ = false;
+  Bounds3f bounds_, mesh_bounds_;
+};
+
+}  // namespace
+
+Element& add_element(Element& parent, const Location& where, const std::string& tag, Attributes attributes) {
+  auto element = std::make_unique<Element>();
+  element->tag = tag;
+  element->attributes = std::move(attributes);
+  element->location = where;
+  parent.children.push_back(std::move(element));
+  return *parent.children.back();
+}
+
+void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t) {
+  std::string numbers;
+  for (const double v : t.m) {
+    if (!numbers.empty()) numbers += ' ';
+    numbers += number_text(v);
+  }
+  Element& transform = add_element(parent, where, "transform", {{"name", name}});
+  add_element(transform, where, "matrix", {{"value", numbers}});
+}
+
+std::string three_numbers(Vec3d v) { return number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z); }
+
+bool is_gltf(const std::string& file, const std::string& bytes) {
+  const std::string ending = lower_case(std::filesystem::path(file).extension().string());
+  const std::size_t first = bytes.find_first_not_of(" \t\r\n");
+  return ending == ".gltf" || ending == ".glb" || bytes.starts_with("glTF") ||
+         (first != std::string::npos && bytes[first] == '{');
+}
+
+void read_gltf(const std::string& file, std::string bytes, Description& description, SceneReport& report) {
+  description.root = std::make_unique<Element>();
+  description.root->tag = "scene";
+  description.root->location = {std::make_shared<const SourceFile>(file, ""), 0};
+  description.built = std::make_shared<BuiltFiles>();
+  Reader(file, std::move(bytes), description, report).read();
+}
+
+}  // namespace octrad

@@ -1,0 +1,430 @@
+#include "octrad/scene/gltf_file.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+
+#include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/join.h"
+#include "octrad/base/json_file.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
+
+namespace octrad {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+constexpr std::uint64_t kMaxCount = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
+constexpr std::uint64_t kMaxZeros = 1 << 24;  // elements of an accessor without data, which the file need not hold
+
+enum Component { kByte = 5120, kUnsignedByte, kShort, kUnsignedShort, kUnsignedInt = 5125, kFloat };
+
+std::size_t component_size(int type) {
+  return type == kByte || type == kUnsignedByte ? 1 : type == kShort || type == kUnsignedShort ? 2 : 4;
+}
+
+template <typename T>
+T load(const char* from) {
+  T value;
+  std::memcpy(&value, from, sizeof value);
+  return value;
+}
+
+float component(const char* from, int type, bool normalized) {
+  switch (type) {
+    case kByte: {
+      const auto v = static_cast<float>(load<std::int8_t>(from));
+      return normalized ? std::max(v / 127.0f, -1.0f) : v;
+    }
+    case kUnsignedByte: return static_cast<float>(load<std::uint8_t>(from)) / (normalized ? 255.0f : 1.0f);
+    case kShort: {
+      const auto v = static_cast<float>(load<std::int16_t>(from));
+      return normalized ? std::max(v / 32767.0f, -1.0f) : v;
+    }
+    case kUnsignedShort: return static_cast<float>(load<std::uint16_t>(from)) / (normalized ? 65535.0f : 1.0f);
+    case kUnsignedInt: return static_cast<float>(load<std::uint32_t>(from));
+    default: return load<float>(from);
+  }
+}
+
+std::uint32_t whole(const char* from, int type) {
+  return type == kUnsignedByte    ? load<std::uint8_t>(from)
+         : type == kUnsignedShort ? load<std::uint16_t>(from)
+                                  : load<std::uint32_t>(from);
+}
+
+int hex_digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+}  // namespace
+
+Location GltfObject::location() const {
+  std::string place = file_->name();
+  if (!path_.empty()) place += ": " + path_;
+  if (const nlohmann::json* name = member("name"); name && name->is_string() && !path_.empty())
+    place += " \"" + name->get_ref<const std::string&>().substr(0, 100) + "\"";
+  return {std::make_shared<const SourceFile>(std::move(place), ""), 0};
+}
+
+const nlohmann::json* GltfObject::member(const std::string& key) const {
+  if (!object_) return nullptr;
+  const auto found = object_->find(key);
+  return found == object_->end() ? nullptr : &*found;
+}
+
+void GltfObject::wrong(const std::string& key, const std::string& expected) const {
+  fail("\"" + key + "\" must be " + expected);
+}
+
+GltfObject GltfObject::object(const std::string& key) const {
+  const nlohmann::json* found = member(key);
+  if (found && !found->is_object()) wrong(key, "an object");
+  return {file_, found, path_.empty() ? key : path_ + "." + key};
+}
+
+std::vector<GltfObject> GltfObject::objects(const std::string& key) const {
+  std::vector<GltfObject> result;
+  const nlohmann::json* found = member(key);
+  if (!found) return result;
+  if (!found->is_array()) wrong(key, "a list of objects");
+  for (std::size_t i = 0; i < found->size(); ++i) {
+    if (!(*found)[i].is_object()) wrong(key, "a list of objects");
+    result.push_back({file_, &(*found)[i], (path_.empty() ? key : path_ + "." + key) + "[" + std::to_string(i) + "]"});
+  }
+  return result;
+}
+
+std::vector<std::string> GltfObject::keys() const {
+  std::vector<std::string> result;
+  if (object_) {
+    for (const auto& [key, value] : object_->items()) result.push_back(key);
+  }
+  return result;
+}
+
+double GltfObject::number(const std::string& key, double fallback, double lower, double upper) const {
+  const nlohmann::json* found = member(key);
+  if (!found) return fallback;
+  const double value = found->is_number() ? found->get<double>() : std::numeric_limits<double>::quiet_NaN();
+  if (!(value >= lower && value <= upper)) {
+    wrong(key, lower > -1e30 || upper < 1e30
+                   ? "a number from " + number_text(lower) + (upper < 1e30 ? " to " + number_text(upper) : " on")
+                   : "a number");
+  }
+  return value;
+}
+
+int GltfObject::integer(const std::string& key, int fallback, int lower, int upper) const {
+  const double value = number(key, fallback, lower, upper);
+  if (value != std::floor(value)) wrong(key, "a whole number");
+  return static_cast<int>(value);
+}
+
+std::uint64_t GltfObject::size(const std::string& key, std::uint64_t fallback) const {
+  const nlohmann::json* found = member(key);
+  if (!found) return fallback;
+  // Some writers give whole numbers with a point.
+  const double value = found->is_number() ? found->get<double>() : -1.0;
+  if (!(value >= 0.0 && value < 9e15) || value != std::floor(value)) wrong(key, "a whole number from 0 on");
+  return static_cast<std::uint64_t>(value);
+}
+
+std::vector<double> GltfObject::numbers(const std::string& key, std::vector<double> fallback, double lower,
+                                        double upper) const {
+  const nlohmann::json* found = member(key);
+  if (!found) return fallback;
+  const std::string expected = "a list of " + std::to_string(fallback.size()) + " numbers" +
+                               (upper < 1e30 ? " from " + number_text(lower) + " to " + number_text(upper) : "");
+  if (!found->is_array() || found->size() != fallback.size()) wrong(key, expected);
+  for (std::size_t i = 0; i < fallback.size(); ++i) {
+    fallback[i] = (*found)[i].is_number() ? (*found)[i].get<double>() : std::numeric_limits<double>::quiet_NaN();
+    if (!(fallback[i] >= lower && fallback[i] <= upper)) wrong(key, expected);
+  }
+  return fallback;
+}
+
+std::vector<std::uint64_t> GltfObject::sizes(const std::string& key) const {
+  std::vector<std::uint64_t> result;
+  const nlohmann::json* found = member(key);
+  if (!found) return result;
+  if (!found->is_array()) wrong(key, "a list of indices");
+  for (const nlohmann::json& value : *found) {
+    if (!value.is_number_unsigned()) wrong(key, "a list of indices");
+    result.push_back(value.get<std::uint64_t>());
+  }
+  return result;
+}
+
+std::vector<std::string> GltfObject::texts(const std::string& key) const {
+  std::vector<std::string> result;
+  const nlohmann::json* found = member(key);
+  if (!found) return result;
+  if (!found->is_array()) wrong(key, "a list of names");
+  for (const nlohmann::json& value : *found) {
+    if (!value.is_string()) wrong(key, "a list of names");
+    result.push_back(value.get<std::string>());
+  }
+  return result;
+}
+
+std::string GltfObject::text(const std::string& key, const std::string& fallback) const {
+  const nlohmann::json* found = member(key);
+  if (!found) return fallback;
+  if (!found->is_string()) wrong(key, "a text");
+  return found->get<std::string>();
+}
+
+bool GltfObject::flag(const std::string& key) const {
+  const nlohmann::json* found = member(key);
+  if (found && !found->is_boolean()) wrong(key, "true or false");
+  return found && found->get<bool>();
+}
+
+int GltfObject::index(const std::string& key, const std::string& list) const {
+  if (!has(key)) return -1;
+  const std::uint64_t value = size(key, 0);
+  if (value >= file_->count(list))
+    fail("\"" + key + "\" is " + std::to_string(value) + ", but the file has " + std::to_string(file_->count(list)) +
+         " " + list);
+  return static_cast<int>(value);
+}
+
+GltfFile::GltfFile(const std::string& file, std::string bytes, const Description& description)
+    : name_(file),
+      description_(description) {
+  if (bytes.starts_with("glTF")) read_binary(bytes);
+  else json_ = parse_json(bytes, name_);
+  bytes = {};
+  if (!json_.is_object()) root().fail("a glTF file is a JSON object");
+  const GltfObject asset = root().object("asset");
+  const std::string version = asset.text("version", "");
+  if (!version.starts_with("2."))
+    root().fail(version.empty() ? "not a glTF file: it has no asset.version"
+                                : "glTF " + version + " is not supported; supported: 2.x");
+  for (const char* list : {"accessors", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes",
+                           "samplers", "scenes", "textures"}) {
+    const auto found = json_.find(list);
+    if (found != json_.end() && !found->is_array()) root().fail(std::string("\"") + list + "\" must be a list");
+  }
+  load_buffers();
+}
+
+// The container: 12 bytes of header, then chunks of a length, a type and content; first JSON, then at most one BIN.
+void GltfFile::read_binary(const std::string& bytes) {
+  const auto number = [&](std::size_t at) { return load<std::uint32_t>(bytes.data() + at); };
+  if (bytes.size() < 20) root().fail("the .glb file ends early");
+  if (number(4) != 2) root().fail("glTF " + std::to_string(number(4)) + " is not supported; supported: 2.x");
+  const std::uint64_t length = number(8);
+  if (length > bytes.size() || length < 20)
+    root().fail("the .glb file announces " + std::to_string(length) + " bytes, but has " +
+                std::to_string(bytes.size()));
+  constexpr std::uint32_t kJson = 0x4e4f534a, kBin = 0x004e4942;
+  bool json = false;
+  for (std::uint64_t at = 12; at + 8 <= length;) {
+    const std::uint64_t size = number(at);
+    const std::uint32_t type = number(at + 4);
+    at += 8;
+    if (size > length - at) root().fail("a chunk of the .glb file is longer than the file");
+    if (!json && type != kJson) root().fail("the first chunk of a .glb file must be JSON");
+    if (!json) json_ = parse_json(bytes.substr(at, size), name_);
+    else if (type == kBin && binary_.empty()) binary_ = bytes.substr(at, size);
+    json = true;
+    at += size;
+  }
+}
+
+std::size_t GltfFile::count(const std::string& list) const {
+  const auto found = json_.find(list);
+  return found == json_.end() ? 0 : found->size();
+}
+
+GltfObject GltfFile::item(const std::string& list, int index) const {
+  const nlohmann::json& item = json_.at(list).at(static_cast<std::size_t>(index));
+  GltfObject result{this, &item, list + "[" + std::to_string(index) + "]"};
+  if (!item.is_object()) octrad::fail(GltfObject(this, nullptr, result.path()).location(), "must be an object");
+  return result;
+}
+
+std::string GltfFile::resolve(const std::string& uri, const GltfObject& user) const {
+  std::string file;
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    const int high = uri[i] == '%' && i + 2 < uri.size() ? hex_digit(uri[i + 1]) : -1;
+    const int low = high >= 0 ? hex_digit(uri[i + 2]) : -1;
+    if (low >= 0) {
+      file += static_cast<char>(16 * high + low);
+      i += 2;
+    } else {
+      file += uri[i];
+    }
+  }
+  const std::string shown = "\"" + uri.substr(0, 200) + "\"";
+  const std::filesystem::path path(file);
+  const std::size_t colon = file.find(':');
+  if (file.find('\0') != std::string::npos || path.is_absolute() ||
+      (colon != std::string::npos && file.find('/') > colon))
+    user.fail("the uri " + shown + " must be a relative path or data:…;base64,…");
+  if (std::find(path.begin(), path.end(), "..") != path.end())
+    user.fail("the uri " + shown + " leaves the folder of the glTF file");
+  return description_.resolve(file, user.location());
+}
+
+std::string GltfFile::decode(const std::string& uri, const GltfObject& user) {
+  const std::size_t comma = uri.find(',');
+  if (comma == std::string::npos || !uri.substr(0, comma).ends_with(";base64"))
+    user.fail("a data uri must be in base64");
+  ask_memory(uri.size(), user.location().text());
+  std::string out;
+  out.reserve((uri.size() - comma) / 4 * 3 + 3);
+  unsigned bits = 0, held = 0;
+  std::size_t end = uri.size();
+  while (end > comma + 1 && uri[end - 1] == '=') --end;
+  for (std::size_t i = comma + 1; i < end; ++i) {
+    const char c = uri[i];
+    unsigned digit = 64;
+    if (c >= 'A' && c <= 'Z') digit = static_cast<unsigned>(c - 'A');
+    if (c >= 'a' && c <= 'z') digit = static_cast<unsigned>(c - 'a') + 26;
+    if (c >= '0' && c <= '9') digit = static_cast<unsigned>(c - '0') + 52;
+    if (c == '+' || c == '-') digit = 62;
+    if (c == '/' || c == '_') digit = 63;
+    if (digit == 64) user.fail("the data uri is not in base64: character " + std::to_string(i + 1));
+    bits = (bits << 6 | digit) & 0xffff;
+    held += 6;
+    if (held < 8) continue;
+    held -= 8;
+    out += static_cast<char>(bits >> held & 0xff);
+  }
+  return out;
+}
+
+void GltfFile::load_buffers() {
+  for (std::size_t i = 0; i < count("buffers"); ++i) {
+    const GltfObject buffer = item("buffers", static_cast<int>(i));
+    const std::uint64_t length = buffer.size("byteLength", 0);
+    const std::string uri = buffer.text("uri", "");
+    if (length == 0) buffer.fail("needs a byteLength above 0");
+    std::string content;
+    if (!uri.empty()) {
+      content = is_data(uri) ? decode(uri, buffer) : read_file(resolve(uri, buffer));
+    } else if (i == 0 && !binary_.empty()) {
+      content = std::move(binary_);
+    } else if (!buffer.extension("EXT_meshopt_compression").exists()) {  // refused elsewhere
+      buffer.fail("has no uri, and the file no binary chunk for it");
+    } else {
+      buffers_.emplace_back();
+      continue;
+    }
+    if (content.size() < length)
+      buffer.fail("byteLength is " + std::to_string(length) + ", but there are " + std::to_string(content.size()) +
+                  " bytes");
+    content.resize(length);
+    buffers_.push_back(std::move(content));
+  }
+}
+
+std::string_view GltfFile::view(int index) const {
+  if (index < 0) return {};
+  const GltfObject v = item("bufferViews", index);
+  const int buffer = v.index("buffer", "buffers");
+  if (buffer < 0) v.fail("needs a buffer");
+  const std::string& bytes = buffers_[static_cast<std::size_t>(buffer)];
+  const std::uint64_t offset = v.size("byteOffset", 0), length = v.size("byteLength", 0);
+  if (offset > bytes.size() || length > bytes.size() - offset) {
+    v.fail("byteOffset " + std::to_string(offset) + " and byteLength " + std::to_string(length) +
+           " lead beyond the buffer of " + std::to_string(bytes.size()) + " bytes");
+  }
+  return std::string_view(bytes).substr(offset, length);
+}
+
+GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size,
+                                      bool packed, const GltfObject& user) const {
+  const std::string_view bytes = view(buffer_view);
+  const std::uint64_t stride = packed ? size : item("bufferViews", buffer_view).size("byteStride", size);
+  if (stride < size || stride > 65536) user.fail("the byteStride of its buffer view does not fit its elements");
+  if (offset > bytes.size() || size > bytes.size() - offset || (count - 1) > (bytes.size() - offset - size) / stride) {
+    user.fail("its " + std::to_string(count) + " elements lead beyond the buffer view of " +
+              std::to_string(bytes.size()) + " bytes");
+  }
+  return {bytes.data() + offset, count, stride};
+}
+
+GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
+  const GltfObject a = item("accessors", accessor);
+  const std::string type = a.text("type", "");
+  static const std::pair<const char*, int> kTypes[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}};
+  GltfValues result;
+  for (const auto& [name, number] : kTypes) {
+    if (type == name) result.components = number;
+  }
+  if (std::find(components.begin(), components.end(), result.components) == components.end()) {
+    std::vector<std::string> names;
+    for (const int n : components) names.push_back(kTypes[n - 1].first);
+    a.fail("the type must be " + join(names, " or ") + " here, not \"" + type + "\"");
+  }
+  const int kind = a.integer("componentType", 0, kByte, kFloat);
+  if (kind == 5124 || kind == 0) a.fail("needs a componentType of 5120 to 5123, 5125 or 5126");
+  const bool normalized = a.flag("normalized");
+  const std::uint64_t count = a.size("count", 0);
+  const GltfObject sparse = a.object("sparse");
+  const int buffer_view = a.index("bufferView", "bufferViews");
+  if (count == 0) a.fail("needs a count above 0");
+  if (count > (buffer_view < 0 ? kMaxZeros : kMaxCount)) a.fail("has too many elements");
+  const auto n = static_cast<std::size_t>(result.components);
+  const std::size_t bytes = component_size(kind), size = bytes * n;
+  Elements source;
+  if (buffer_view >= 0) source = elements(buffer_view, a.size("byteOffset", 0), count, size, false, a);
+  ask_memory(count * n * sizeof(float), name_);
+  result.count = count;
+  result.values.assign(count * n, 0.0f);
+  const auto read = [&](const char* from, std::size_t to) {
+    for (std::size_t c = 0; c < n; ++c) {
+      const float value = component(from + c * bytes, kind, normalized);
+      if (!std::isfinite(value)) a.fail("element " + std::to_string(to) + " is not finite");
+      result.values[to * n + c] = value;
+    }
+  };
+  for (std::size_t i = 0; i < source.count; ++i) read(source.first + i * source.stride, i);
+  if (!sparse.exists()) return result;
+  const std::uint64_t replaced = sparse.size("count", 0);
+  if (replaced == 0 || replaced > count) sparse.fail("needs a count from 1 to that of the accessor");
+  const GltfObject at = sparse.object("indices"), with = sparse.object("values");
+  const int index_kind = at.integer("componentType", 0, kByte, kFloat);
+  if (index_kind != kUnsignedByte && index_kind != kUnsignedShort && index_kind != kUnsignedInt)
+    at.fail("needs a componentType of 5121, 5123 or 5125");
+  const int index_view = at.index("bufferView", "bufferViews"), value_view = with.index("bufferView", "bufferViews");
+  if (index_view < 0 || value_view < 0) sparse.fail("needs buffer views of indices and values");
+  const Elements where = elements(index_view, at.size("byteOffset", 0), replaced, component_size(index_kind), true, at);
+  const Elements what = elements(value_view, with.size("byteOffset", 0), replaced, size, true, with);
+  for (std::size_t i = 0; i < replaced; ++i) {
+    const std::uint32_t to = whole(where.first + i * where.stride, index_kind);
+    if (to >= count) at.fail("index " + std::to_string(to) + " is beyond the accessor");
+    read(what.first + i * what.stride, to);
+  }
+  return result;
+}
+
+std::vector<std::uint32_t> GltfFile::indices(int accessor) const {
+  const GltfObject a = item("accessors", accessor);
+  const int kind = a.integer("componentType", 0, kByte, kFloat);
+  if (a.text("type", "") != "SCALAR" || (kind != kUnsignedByte && kind != kUnsignedShort && kind != kUnsignedInt))
+    a.fail("indices must be of type SCALAR and componentType 5121, 5123 or 5125");
+  const int buffer_view = a.index("bufferView", "bufferViews");
+  const std::uint64_t count = a.size("count", 0);
+  if (buffer_view < 0) a.fail("indices need a bufferView");
+  if (a.object("sparse").exists()) a.fail("sparse indices are not supported");
+  if (count == 0 || count > kMaxCount * 3) a.fail("needs a count above 0");
+  const Elements source = elements(buffer_view, a.size("byteOffset", 0), count, component_size(kind), false, a);
+  ask_memory(count * sizeof(std::uint32_t), name_);
+  std::vector<std::uint32_t> result(count);
+  for (std::size_t i = 0; i < count; ++i) result[i] = whole(source.first + i * source.stride, kind);
+  return result;
+}
+
+}  // namespace octrad

@@ -1,0 +1,138 @@
+#include <algorithm>
+#include <optional>
+
+#include "octrad/base/memory_limit.h"
+#include "octrad/scene/gltf_reader.h"
+
+namespace octrad {
+namespace {
+
+enum Mode { kPoints, kLines, kLineLoop, kLineStrip, kTriangles, kStrip, kFan };
+
+std::vector<Vec3f> vectors(const GltfValues& v) {
+  std::vector<Vec3f> result(v.count);
+  const auto n = static_cast<std::size_t>(v.components);
+  for (std::size_t i = 0; i < v.count; ++i) result[i] = {v.values[i * n], v.values[i * n + 1], v.values[i * n + 2]};
+  return result;
+}
+
+// Primitives may share one list of vertices, of which each needs a few.
+void drop_unused_vertices(RawMesh& mesh) {
+  std::vector<int> place(mesh.positions.size(), -1);
+  for (const Vec3i& t : mesh.triangles) {
+    for (int i = 0; i < 3; ++i) place[static_cast<std::size_t>(t[i])] = 0;
+  }
+  std::size_t count = 0;
+  const auto keep = [](auto& values, std::size_t width, std::size_t from, std::size_t to) {
+    if (!values.empty())
+      std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(from * width), width,
+                  values.begin() + static_cast<std::ptrdiff_t>(to * width));
+  };
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    if (place[i] < 0) continue;
+    keep(mesh.positions, 1, i, count);
+    keep(mesh.normals, 1, i, count);
+    keep(mesh.uvs, 1, i, count);
+    for (MeshAttribute& a : mesh.attributes) keep(a.values, static_cast<std::size_t>(a.channels), i, count);
+    place[i] = static_cast<int>(count++);
+  }
+  const auto cut = [count](auto& values, std::size_t width) {
+    if (values.empty()) return;
+    values.resize(count * width);
+    values.shrink_to_fit();
+  };
+  cut(mesh.positions, 1);
+  cut(mesh.normals, 1);
+  cut(mesh.uvs, 1);
+  for (MeshAttribute& a : mesh.attributes) cut(a.values, static_cast<std::size_t>(a.channels));
+  for (Vec3i& t : mesh.triangles) {
+    for (int i = 0; i < 3; ++i) t[i] = place[static_cast<std::size_t>(t[i])];
+  }
+}
+
+}  // namespace
+
+std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color) {
+  const int mode = primitive.integer("mode", kTriangles, kPoints, kFan);
+  if (mode < kTriangles) return std::nullopt;
+  const GltfObject attributes = primitive.object("attributes");
+  const auto read = [&](const std::string& name, std::vector<int> components, std::size_t count) {
+    const int accessor = attributes.index(name, "accessors");
+    GltfValues values;
+    if (accessor >= 0) values = file.values(accessor, std::move(components));
+    if (accessor >= 0 && count > 0 && values.count != count) {
+      primitive.fail("has " + std::to_string(values.count) + " of " + name + ", but " + std::to_string(count) +
+                     " positions");
+    }
+    return values;
+  };
+  RawMesh mesh;
+  mesh.positions = vectors(read("POSITION", {3}, 0));
+  const std::size_t count = mesh.positions.size();
+  if (count == 0) primitive.fail("has no POSITION");
+  mesh.normals = vectors(read("NORMAL", {3}, count));
+  const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
+  for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
+  if (color) {
+    MeshAttribute attribute{"vertex_color", 3, {}};
+    for (const Vec3f& c : vectors(read("COLOR_0", {3, 4}, count))) {
+      for (int i = 0; i < 3; ++i) attribute.values.push_back(std::clamp(c[i], 0.0f, 1.0f) * (*color)[i]);
+    }
+    mesh.attributes.push_back(std::move(attribute));
+  }
+
+  std::vector<std::uint32_t> order;
+  if (const int accessor = primitive.index("indices", "accessors"); accessor >= 0) {
+    order = file.indices(accessor);
+    for (const std::uint32_t i : order) {
+      if (i >= count)
+        primitive.fail("index " + std::to_string(i) + " is beyond its " + std::to_string(count) + " vertices");
+    }
+  } else {
+    ask_memory(count * sizeof(std::uint32_t), file.name());
+    order.resize(count);
+    for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(i);
+  }
+  if (order.size() < 3 || (mode == kTriangles && order.size() % 3 != 0))
+    primitive.fail("its " + std::to_string(order.size()) + " corners make no triangles");
+  const std::size_t triangles = mode == kTriangles ? order.size() / 3 : order.size() - 2;
+  ask_memory(triangles * sizeof(Vec3i), file.name());
+  mesh.triangles.reserve(triangles);
+  for (std::size_t i = 0; i < triangles; ++i) {
+    // Of a strip every second one is turned; of a fan all begin at the first corner.
+    const std::size_t a = mode == kTriangles ? 3 * i
+                          : mode == kFan     ? i + 1
+                                             : i,
+                      b = mode == kStrip ? i + 1 + i % 2 : a + 1, c = mode == kStrip ? i + 2 - i % 2 : a + 2;
+    const std::size_t corners[3] = {a, b, mode == kFan ? 0 : c};
+    Vec3i triangle;
+    for (int k = 0; k < 3; ++k) triangle[k] = static_cast<int>(order[corners[k]]);
+    mesh.triangles.push_back(triangle);
+  }
+  drop_unused_vertices(mesh);
+  return mesh;
+}
+
+RawMesh take_mirrored(RawMesh& mesh) {
+  RawMesh mirrored;
+  if (mesh.uvs.empty()) return mirrored;
+  const auto is_mirrored = [&](const Vec3i& t) {
+    Vec2f uv[3];
+    for (int i = 0; i < 3; ++i) uv[i] = mesh.uvs[static_cast<std::size_t>(t[i])];
+    return (uv[1].x - uv[0].x) * (uv[2].y - uv[0].y) - (uv[2].x - uv[0].x) * (uv[1].y - uv[0].y) > 0.0f;
+  };
+  const auto first = std::stable_partition(mesh.triangles.begin(), mesh.triangles.end(),
+                                           [&](const Vec3i& t) { return !is_mirrored(t); });
+  if (first == mesh.triangles.end()) return mirrored;
+  mirrored.positions = mesh.positions;
+  mirrored.normals = mesh.normals;
+  mirrored.uvs = mesh.uvs;
+  mirrored.attributes = mesh.attributes;
+  mirrored.triangles.assign(first, mesh.triangles.end());
+  mesh.triangles.erase(first, mesh.triangles.end());
+  drop_unused_vertices(mesh);
+  drop_unused_vertices(mirrored);
+  return mirrored;
+}
+
+}  // namespace octrad

@@ -1,0 +1,378 @@
+// glTF: accessors, primitives, nodes, materials, cameras, lights; files are made here.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/join.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/texture.h"
+#include "octrad/scene/write_xml.h"
+
+namespace octrad {
+namespace {
+
+using Json = nlohmann::json;
+
+template <typename T>
+std::string bytes_of(std::initializer_list<T> values) {
+  return {reinterpret_cast<const char*>(values.begin()), values.size() * sizeof(T)};
+}
+
+std::string base64(const std::string& bytes) {
+  static const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      bits = bits << 8 | (i + k < bytes.size() ? static_cast<std::uint8_t>(bytes[i + k]) : 0u);
+    for (std::size_t k = 0; k < 4; ++k) out += i + k > bytes.size() ? '=' : digits[bits >> (18 - 6 * k) & 63];
+  }
+  return out;
+}
+
+class GltfTest : public ::testing::Test {
+ protected:
+  GltfTest() {
+    json_ = Json::parse(R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+      "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "accessors": [], "bufferViews": []})");
+    // A triangle, seen by u to the right and v down the picture.
+    add("VEC3", 5126, 3, bytes_of<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}));
+  }
+  // An accessor over bytes of its own; returns its index.
+  int add(const std::string& type, int component, int count, const std::string& bytes, Json more = Json::object()) {
+    Json accessor = {{"type", type}, {"componentType", component}, {"count", count}, {"bufferView", view(bytes)}};
+    accessor.update(more);
+    json_["accessors"].push_back(accessor);
+    return static_cast<int>(json_["accessors"].size()) - 1;
+  }
+  int view(const std::string& bytes) {
+    while (binary_.size() % 4 != 0) binary_ += '\0';
+    json_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary_.size()}, {"byteLength", bytes.size()}});
+    binary_ += bytes;
+    return static_cast<int>(json_["bufferViews"].size()) - 1;
+  }
+  Json& primitive() { return json_["meshes"][0]["primitives"][0]; }
+  std::string write(bool container = false) {
+    json_["buffers"] = {{{"byteLength", binary_.size()}}};
+    if (!container) {
+      json_["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64(binary_);
+      return folder_.write("s.gltf", json_.dump());
+    }
+    std::string text = json_.dump(), binary = binary_;
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    binary.resize((binary.size() + 3) / 4 * 4, '\0');
+    const auto number = [](std::size_t v) { return bytes_of<std::uint32_t>({static_cast<std::uint32_t>(v)}); };
+    return folder_.write("s.glb", "glTF" + number(2) + number(28 + text.size() + binary.size()) + number(text.size()) +
+                                      "JSON" + text + number(binary.size()) + std::string("BIN\0", 4) + binary);
+  }
+  Scene load(bool permissive = false) {
+    LoadOptions options;
+    options.permissive = permissive;
+    return load_scene(write(), options);
+  }
+  std::string error() {
+    try {
+      load();
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  }
+  // A picture of one pixel.
+  void add_picture(int r, int g, int b) {
+    Image8 picture(1, 1, 3);
+    picture.data = {static_cast<std::uint8_t>(r), static_cast<std::uint8_t>(g), static_cast<std::uint8_t>(b)};
+    write_image(folder_.file("a b.png"), picture);
+    json_["images"] = {{{"uri", "a%20b.png"}}};
+    json_["textures"] = {{{"source", 0}}};
+    primitive()["attributes"]["TEXCOORD_0"] = add("VEC2", 5126, 3, bytes_of<float>({0, 1, 1, 1, 0, 0}));
+    primitive()["material"] = 0;
+  }
+  static Vec3f value(const Scene& scene, int texture) {
+    return evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(texture)]), {0.3f, 0.4f});
+  }
+  static const Material& material(const Scene& scene) {
+    return scene.materials[static_cast<std::size_t>(scene.shapes[0].material)];
+  }
+
+  TestFolder folder_;
+  Json json_;
+  std::string binary_;
+};
+
+TEST_F(GltfTest, TriangleCameraAndLightThatAreMissing) {
+  const Scene scene = load();
+  ASSERT_EQ(scene.shapes.size(), 1u);
+  EXPECT_EQ(scene.meshes[0].positions, (std::vector<Vec3f>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}));
+  EXPECT_TRUE(scene.meshes[0].normals.empty());  // flat, as glTF says
+  ASSERT_EQ(scene.cameras.size(), 1u);
+  ASSERT_EQ(scene.environments.size(), 1u);
+  const std::string notes = join(scene.assumed);
+  EXPECT_NE(notes.find("no camera"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("no light"), std::string::npos) << notes;
+  // The camera sees all corners.
+  const Camera& camera = scene.cameras[0];
+  for (const Vec3f& p : scene.meshes[0].positions) {
+    const Vec3f d = p - camera.origin;
+    const float depth = dot(d, camera.forward), limit = std::tan(20.0f * kPi / 180.0f) * depth;
+    EXPECT_GT(depth, 0.0f);
+    EXPECT_LT(std::fabs(dot(d, camera.up)), limit);
+    EXPECT_LT(std::fabs(dot(d, camera.right)), limit);
+  }
+  EXPECT_EQ(material(scene).type, BsdfType::principled);
+  EXPECT_EQ(value(scene, material(scene).extra[ExtraParameter::metallic]), Vec3f(1.0f));
+  EXPECT_EQ(load_scene(write(true)).fingerprint, scene.fingerprint);  // the container
+}
+
+TEST_F(GltfTest, ComponentTypesStrideAndSparse) {
+  // Positions as normalised shorts, three numbers of every four.
+  json_["bufferViews"].clear();
+  json_["accessors"].clear();
+  binary_.clear();
+  add("VEC3", 5122, 3, bytes_of<std::int16_t>({0, 0, 0, 9, 32767, 0, 0, 9, 0, -32768, 16384, 9}),
+      {{"normalized", true}});
+  json_["bufferViews"][0]["byteStride"] = 8;
+  Scene scene = load();
+  EXPECT_EQ(scene.meshes[0].positions[1], Vec3f(1, 0, 0));
+  EXPECT_EQ(scene.meshes[0].positions[2], Vec3f(0, -1, 16384.0f / 32767.0f));
+  // Unsigned bytes, not normalised.
+  primitive()["attributes"]["POSITION"] = add("VEC3", 5121, 3, bytes_of<std::uint8_t>({0, 0, 0, 255, 0, 0, 0, 7, 0}));
+  EXPECT_EQ(load().meshes[0].positions[1], Vec3f(255, 0, 0));
+  primitive()["attributes"]["POSITION"] =
+      add("VEC3", 5120, 3, bytes_of<std::int8_t>({0, 0, 0, -128, 0, 0, 0, 127, 0}), {{"normalized", true}});
+  EXPECT_EQ(load().meshes[0].positions[1], Vec3f(-1, 0, 0));
+  primitive()["attributes"]["POSITION"] =
+      add("VEC3", 5123, 3, bytes_of<std::uint16_t>({0, 0, 0, 65535, 0, 0, 0, 9, 0}), {{"normalized", true}});
+  EXPECT_EQ(load().meshes[0].positions[1], Vec3f(1, 0, 0));
+  // Two values of zeros replaced.
+  const int at = view(bytes_of<std::uint8_t>({1, 2})), with = view(bytes_of<float>({2, 0, 0, 0, 3, 0}));
+  json_["accessors"].push_back({{"type", "VEC3"},
+                                {"componentType", 5126},
+                                {"count", 3},
+                                {"sparse",
+                                 {{"count", 2},
+                                  {"indices", {{"bufferView", at}, {"componentType", 5121}}},
+                                  {"values", {{"bufferView", with}}}}}});
+  primitive()["attributes"]["POSITION"] = json_["accessors"].size() - 1;
+  EXPECT_EQ(load().meshes[0].positions, (std::vector<Vec3f>{{0, 0, 0}, {2, 0, 0}, {0, 3, 0}}));
+}
+
+TEST_F(GltfTest, StripsFansAndIndices) {
+  primitive()["attributes"]["POSITION"] =
+      add("VEC3", 5126, 5, bytes_of<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0}));
+  primitive()["mode"] = 5;
+  EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 1, 2}, {1, 3, 2}, {2, 3, 4}}));
+  primitive()["mode"] = 6;
+  EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{1, 2, 0}, {2, 3, 0}, {3, 4, 0}}));
+  for (const auto& [kind, bytes] : {std::pair{5121, bytes_of<std::uint8_t>({0, 1, 3, 4, 2, 1})},
+                                    std::pair{5123, bytes_of<std::uint16_t>({0, 1, 3, 4, 2, 1})},
+                                    std::pair{5125, bytes_of<std::uint32_t>({0, 1, 3, 4, 2, 1})}}) {
+    primitive()["mode"] = 4;
+    primitive()["indices"] = add("SCALAR", kind, 6, bytes);
+    EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 1, 3}, {4, 2, 1}}));
+  }
+  primitive()["mode"] = 1;
+  EXPECT_NE(error().find("no shape"), std::string::npos);
+}
+
+TEST_F(GltfTest, NodesAndInstances) {
+  json_["nodes"] = Json::parse(R"([{"children": [1, 2], "translation": [0, 0, 5]},
+    {"mesh": 0, "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476], "scale": [2, 1, 1]}])");
+  json_["nodes"].push_back({{"camera", 0}, {"matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1}}});
+  json_["cameras"] = {
+      {{"type", "perspective"}, {"perspective", {{"yfov", 1.0}, {"aspectRatio", 2.0}, {"znear", 0.5}}}}};
+  Scene scene = load();
+  EXPECT_LT(length(scene.meshes[0].positions[1] - Vec3f(0, 2, 5)), 1e-6f);
+  EXPECT_LT(length(scene.meshes[0].positions[2] - Vec3f(-1, 0, 5)), 1e-6f);
+  const Camera& camera = scene.cameras[0];
+  EXPECT_EQ(camera.origin, Vec3f(1, 2, 8));
+  EXPECT_EQ(camera.forward, Vec3f(0, 0, -1));
+  EXPECT_EQ(camera.right, Vec3f(1, 0, 0));
+  EXPECT_EQ(scene.film.width, 1440);
+  EXPECT_NEAR(camera.fov_degrees, 57.29578f, 1e-4f);
+  EXPECT_EQ(camera.near_clip, 0.5f);
+
+  json_["cameras"] = {
+      {{"type", "orthographic"}, {"orthographic", {{"xmag", 3.0}, {"ymag", 1.5}, {"znear", 1}, {"zfar", 9}}}}};
+  scene = load();
+  EXPECT_EQ(scene.cameras[0].half_size.x, 3.0f);
+  EXPECT_EQ(scene.film.width, 1440);
+  EXPECT_EQ(scene.cameras[0].near_clip, 1.0f);
+
+  json_["nodes"][0]["mesh"] = 0;  // a second place: instances of one copy
+  scene = load();
+  EXPECT_EQ(scene.shapes.size(), 2u);
+  EXPECT_EQ(scene.meshes.size(), 1u);
+  EXPECT_EQ(scene.placements.size(), 2u);
+  json_["nodes"][0]["scale"] = {0, 0, 0};
+  EXPECT_NE(error().find("looks nowhere"), std::string::npos);
+  json_["nodes"].erase(2);
+  json_["nodes"][0]["children"] = {1};
+  EXPECT_NE(error().find("no shape"), std::string::npos);
+  json_["nodes"][0].erase("scale");
+  json_["nodes"][1]["children"] = {0};
+  EXPECT_NE(error().find("twice"), std::string::npos);
+
+  json_["nodes"] = Json::parse(R"([{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}])");
+  json_["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
+      add("VEC3", 5126, 2, bytes_of<float>({0, 0, 1, 0, 0, 2}));
+  scene = load();
+  ASSERT_EQ(scene.placements.size(), 2u);
+  EXPECT_EQ(scene.placements[1].point({0, 0, 0}), Vec3f(0, 0, 2));
+}
+
+TEST_F(GltfTest, MaterialFactorsAndTextures) {
+  add_picture(255, 128, 64);
+  json_["materials"] =
+      Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 0.25, 1], "metallicFactor": 0.5,
+    "roughnessFactor": 0.5, "baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}}, "doubleSided": true}])");
+  Scene scene = load();
+  const Material& m = material(scene);
+  EXPECT_TRUE(m.two_sided);
+  const Vec3f base = value(scene, m.reflectance);
+  EXPECT_FLOAT_EQ(base.x, 0.5f);
+  EXPECT_NEAR(base.y, 0.21586f, 1e-5f);  // 128 of sRGB
+  EXPECT_NEAR(base.z, 0.25f * 0.05127f, 1e-5f);
+  EXPECT_FLOAT_EQ(value(scene, m.extra[ExtraParameter::roughness]).x, 0.5f * 128 / 255);
+  EXPECT_FLOAT_EQ(value(scene, m.extra[ExtraParameter::metallic]).x, 0.5f * 64 / 255);
+  EXPECT_FLOAT_EQ(m.int_ior, 1.5f);
+
+  json_["materials"][0].update(Json::parse(R"({"extensions": {"KHR_materials_ior": {"ior": 1.8},
+    "KHR_materials_transmission": {"transmissionFactor": 0.75}, "KHR_materials_volume": {"thicknessFactor": 1}},
+    "normalTexture": {"index": 0}})"));
+  scene = load();
+  const Material& glass = material(scene);
+  EXPECT_FALSE(glass.two_sided);
+  EXPECT_TRUE(glass.normal_map);
+  EXPECT_FLOAT_EQ(glass.int_ior, 1.8f);
+  EXPECT_FLOAT_EQ(value(scene, glass.extra[ExtraParameter::spec_trans]).x, 0.75f);
+  EXPECT_EQ(value(scene, glass.bump), Vec3f(1.0f, 128.0f / 255, 64.0f / 255));
+  json_["materials"][0]["extensions"].erase("KHR_materials_volume");
+  EXPECT_EQ(material(load()).type, BsdfType::principledthin);
+
+  json_["materials"] = Json::parse(R"([{"emissiveFactor": [0.5, 0, 1], "alphaMode": "BLEND",
+    "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.25]},
+    "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8},
+      "KHR_materials_clearcoat": {"clearcoatFactor": 0.5}, "KHR_materials_specular": {"specularFactor": 0.25}}}])");
+  scene = load();
+  EXPECT_FLOAT_EQ(value(scene, material(scene).opacity).x, 0.25f);
+  EXPECT_FLOAT_EQ(value(scene, material(scene).extra[ExtraParameter::clearcoat]).x, 0.5f);
+  EXPECT_FLOAT_EQ(value(scene, material(scene).extra[ExtraParameter::clearcoat_gloss]).x, 1.0f);
+  EXPECT_FLOAT_EQ(material(scene).int_ior, 1.1f / 0.9f);  // F0 = 0.01
+  ASSERT_EQ(scene.area_lights.size(), 1u);
+  EXPECT_EQ(value(scene, scene.area_lights[0].radiance), Vec3f(4, 0, 8));
+  EXPECT_TRUE(scene.environments.empty());
+  json_["materials"][0]["alphaMode"] = "MASK";
+  EXPECT_FLOAT_EQ(value(load(), material(load()).opacity).x, 0.0f);
+}
+
+TEST_F(GltfTest, TextureTransformSamplerAndMirroredNormalMaps) {
+  add_picture(255, 128, 64);
+  json_["samplers"] = {{{"wrapS", 33071}, {"wrapT", 33071}, {"magFilter", 9728}}};
+  json_["textures"][0]["sampler"] = 0;
+  // The lower left quarter, turned: the example of KHR_texture_transform.
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions":
+    {"KHR_texture_transform": {"offset": [0, 1], "rotation": 1.5707963267948966, "scale": [0.5, 0.5]}}}}}])");
+  Scene scene = load();
+  const Texture& t = scene.textures[static_cast<std::size_t>(material(scene).reflectance)];
+  EXPECT_EQ(t.wrap, Texture::Wrap::clamp);
+  EXPECT_EQ(t.filter, Texture::Filter::nearest);
+  const Vec2f corner = transform_uv(t, {1, 1}), left = transform_uv(t, {1, 0});
+  EXPECT_NEAR(corner.x, 0.5f, 1e-6f);
+  EXPECT_NEAR(corner.y, 0.5f, 1e-6f);
+  EXPECT_NEAR(left.x, 0.0f, 1e-6f);
+  EXPECT_NEAR(left.y, 0.5f, 1e-6f);
+
+  // Two triangles, the second with its texture mirrored.
+  primitive()["attributes"]["POSITION"] =
+      add("VEC3", 5126, 6, bytes_of<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 2, 0, 0, 3, 0, 0, 2, 1, 0}));
+  primitive()["attributes"]["TEXCOORD_0"] = add("VEC2", 5126, 6, bytes_of<float>({0, 1, 1, 1, 0, 0, 1, 1, 0, 1, 1, 0}));
+  json_["materials"] = Json::parse(R"([{"normalTexture": {"index": 0, "scale": 0.5}}])");
+  scene = load();
+  ASSERT_EQ(scene.shapes.size(), 2u);
+  const auto normal = [&](std::size_t shape) {
+    const Material& m = scene.materials[static_cast<std::size_t>(scene.shapes[shape].material)];
+    return value(scene, m.bump) * 2.0f - Vec3f(1.0f);
+  };
+  const Vec3f expected = normalize(Vec3f(0.5f, 0.5f * (256.0f / 255 - 1), 128.0f / 255 - 1));
+  EXPECT_LT(length(normal(0) - expected), 1e-5f);
+  EXPECT_LT(length(normal(1) - Vec3f(expected.x, -expected.y, expected.z)), 1e-5f);
+}
+
+TEST_F(GltfTest, ColoursOfVertices) {
+  primitive()["attributes"]["COLOR_0"] =
+      add("VEC4", 5121, 3, bytes_of<std::uint8_t>({255, 0, 0, 9, 255, 0, 0, 9, 255, 0, 0, 9}), {{"normalized", true}});
+  primitive()["material"] = 0;
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}])");
+  const Scene scene = load();
+  EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(0.5f, 0, 0));
+}
+
+TEST_F(GltfTest, Lights) {
+  json_["nodes"] = Json::parse(R"([{"mesh": 0, "children": [1, 2, 3]},
+    {"translation": [1, 2, 3], "scale": [2, 2, 2], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+    {"rotation": [-0.7071067811865476, 0, 0, 0.7071067811865476], "extensions": {"KHR_lights_punctual": {"light": 1}}},
+    {"extensions": {"KHR_lights_punctual": {"light": 2}}}])");
+  json_["extensions"] = Json::parse(R"({"KHR_lights_punctual": {"lights": [
+    {"type": "point", "color": [1, 0.5, 0], "intensity": 10}, {"type": "directional", "intensity": 3},
+    {"type": "spot", "spot": {"innerConeAngle": 0.25, "outerConeAngle": 0.5}}]}})");
+  const Scene scene = load();
+  ASSERT_EQ(scene.delta_lights.size(), 3u);
+  EXPECT_EQ(scene.delta_lights[0].position, Vec3f(1, 2, 3));
+  EXPECT_EQ(scene.delta_lights[0].intensity, Vec3f(10, 5, 0));
+  EXPECT_LT(length(scene.delta_lights[1].axis - Vec3f(0, -1, 0)), 1e-6f);
+  EXPECT_EQ(scene.delta_lights[2].axis, Vec3f(0, 0, -1));
+  EXPECT_NEAR(scene.delta_lights[2].cos_cutoff, std::cos(0.5f), 1e-6f);
+  EXPECT_NEAR(scene.delta_lights[2].cos_beam, std::cos(0.25f), 1e-6f);
+  EXPECT_TRUE(scene.environments.empty());
+}
+
+TEST_F(GltfTest, Extensions) {
+  json_["extensionsUsed"] = {"KHR_materials_unlit", "VENDOR_thing"};
+  EXPECT_NE(join(load().assumed).find("VENDOR_thing"), std::string::npos);
+  json_["extensionsRequired"] = {"KHR_draco_mesh_compression", "KHR_mesh_quantization", "VENDOR_thing"};
+  EXPECT_NE(error().find("KHR_draco_mesh_compression, which is not supported; decompress"), std::string::npos);
+  EXPECT_EQ(load(true).refused.size(), 2u);
+  EXPECT_EQ(check_scene_file(write()).refused.size(), 2u);
+}
+
+TEST_F(GltfTest, ConvertedToXml) {
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 0.25, 1],
+    "baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}}, "normalTexture": {"index": 0}}])");
+  primitive()["attributes"]["NORMAL"] = add("VEC3", 5126, 3, bytes_of<float>({0, 0, 1, 0, 0, 2, 0, 1, 1}));
+  json_["nodes"].push_back({{"mesh", 0}, {"translation", {0, 0, 1}}});
+  json_["scenes"][0]["nodes"] = {0, 1};
+  json_["images"][0] = {{"bufferView", view(read_file(folder_.file("a b.png")))}, {"mimeType", "image/png"}};
+  Scene first;
+  const SceneFiles files = scene_as_xml(write(true), folder_.file("o.xml"), {}, first);
+  folder_.write("o.xml", files.xml);
+  EXPECT_EQ(files.others.size(), 5u);  // the mesh, the picture, and three made of it
+  std::filesystem::create_directory(folder_.path() / "o-files");
+  for (const auto& [name, put] : files.others) put(folder_.file(name));
+  const Scene second = load_scene(folder_.file("o.xml"));
+  EXPECT_EQ(second.fingerprint, first.fingerprint) << files.xml;
+  EXPECT_EQ(second.cameras[0].origin, first.cameras[0].origin);
+}
+
+TEST_F(GltfTest, UrisStayInTheFolder) {
+  for (const char* uri : {"../a.bin", "/etc/passwd", "file:///etc/passwd", "http://example.org/a.bin",
+                          "sub/../../a.bin", "%2e%2e/a.bin"}) {
+    json_["buffers"] = {{{"byteLength", 4}, {"uri", uri}}};
+    try {
+      load_scene(folder_.write("s.gltf", json_.dump()));
+      FAIL() << uri;
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find("s.gltf: buffers[0]: the uri"), std::string::npos) << e.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace octrad

@@ -1,0 +1,197 @@
+// Trainer: steps one by one, and scenes that change while they are learnt.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "octrad/base/threads.h"
+#include "octrad/device/stream_test_helper.h"
+#include "octrad/scene/sample_scenes.h"
+#include "octrad/train/batch.h"
+#include "octrad/train/box_test_helper.h"
+#include "octrad/train/changed_points.h"
+#include "octrad/train/checks.h"
+#include "octrad/train/trainer.h"
+
+namespace octrad {
+namespace {
+
+using testing::Box;
+
+Config short_run(int steps) {
+  Config config = preset("cpu");
+  config.train_steps = steps;
+  config.train_points = 256;
+  config.train_directions = 4;
+  config.octree_levels = 3;
+  config.disparity_log2_table = 10;
+  config.train_poses = 8;
+  return config;
+}
+
+std::vector<Vec3f> ask(Trainer& trainer, const std::vector<SurfacePoint>& points) {
+  std::vector<Vec3f> radiance(points.size());
+  trainer.field().radiance(points, radiance);
+  return radiance;
+}
+
+// Also where somebody looks at the field all the time.
+TEST(Trainer, StepsAreThoseOfTrain) {
+  Box box;
+  const Config config = short_run(12);
+  const std::vector<SurfacePoint> probes = surface_probes(box.scene, 100, 1, config);
+  std::vector<Vec3f> expected(probes.size());
+  const TrainResult whole = train(box.scene, config, {});
+  whole.field->radiance(probes, expected);
+  Trainer trainer(box.scene, config, {});
+  RadianceField* const field = &trainer.field();
+  int steps = 0;
+  for (; !trainer.done(); ++steps) {
+    trainer.step();
+    trainer.aside([&] { ask(trainer, probes); });
+    EXPECT_EQ(trainer.last_points().size(), 256u);
+    EXPECT_EQ(field, &trainer.field());
+  }
+  EXPECT_EQ(steps, 12);
+  EXPECT_EQ(trainer.state().step, 12);
+  EXPECT_EQ(ask(trainer, probes), expected);
+  const TrainResult result = trainer.finish(false);
+  EXPECT_EQ(result.loss, whole.loss);
+  EXPECT_EQ(result.rhs_queries, whole.rhs_queries);
+  EXPECT_EQ(result.field.get(), field);
+}
+
+// Radiance is linear in emission: nothing has to be learnt.
+TEST(Trainer, AllOfTheEmissionTimesAFactorIsRadianceTimesIt) {
+  Box box;
+  Trainer trainer(box.scene, short_run(20), {});
+  while (!trainer.done()) trainer.step();
+  const std::vector<SurfacePoint> probes = surface_probes(box.scene, 200, 1, trainer.config());
+  const std::vector<Vec3f> before = ask(trainer, probes);
+  trainer.scene_changed(box.scene.set_light_factor(0, Vec3f(4.0f)));
+  EXPECT_TRUE(trainer.done());
+  std::vector<Vec3f> after = ask(trainer, probes);
+  for (std::size_t i = 0; i < probes.size(); ++i) EXPECT_EQ(after[i], before[i] * 4.0f);
+  // Off: no light at all, and nothing is learnt from that.
+  trainer.scene_changed(box.scene.set_light_factor(0, Vec3f(0.0f)));
+  const long long step = trainer.state().step;
+  trainer.step();
+  EXPECT_EQ(trainer.state().step, step);
+  after = ask(trainer, probes);
+  for (std::size_t i = 0; i < probes.size(); ++i) EXPECT_LE(luminance(after[i]), 1e-15f);
+  trainer.scene_changed(box.scene.set_light_factor(0, Vec3f(1.0f)));
+  after = ask(trainer, probes);
+  for (std::size_t i = 0; i < probes.size(); ++i) {
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(after[i][c], before[i][c], 1e-5f * before[i][c]);
+  }
+  EXPECT_TRUE(trainer.done());
+}
+
+// Mean relative difference from what the right-hand side gives at points of the scene.
+double residual(Trainer& trainer, const PreparedScene& scene) {
+  BatchSource batch(scene, trainer.config(), {});
+  ScheduleState s = schedule(trainer.config(), 0, 0.0);
+  s.points = 1000;
+  s.directions = 64;
+  batch.draw(1ull << 40, s,
+             [&](std::span<const SurfacePoint> p, std::span<Vec3f> out) { trainer.field().radiance(p, out); });
+  const std::vector<Vec3f> predicted = ask(trainer, batch.points());
+  double sum = 0.0;
+  for (std::size_t i = 0; i < predicted.size(); ++i)
+    sum += std::fabs(luminance(predicted[i]) - luminance(batch.targets()[i])) / (luminance(batch.targets()[i]) + 0.01);
+  return sum / static_cast<double>(predicted.size());
+}
+
+// A lamp of two in another colour, and a wall that is painted: learnt in the steps that were promised, the same bits at
+// any thread count.
+TEST(Trainer, ChangesAreLearnt) {
+  std::vector<Vec3f> radiance[2];
+  for (const int threads : {1, 3}) {
+    set_thread_count(threads);
+    PreparedScene scene(testing::closed_room());
+    Config config = short_run(150);
+    Trainer trainer(scene, config, {});
+    while (!trainer.done()) trainer.step();
+    const double learnt = residual(trainer, scene);
+    SceneChange change = scene.set_light_factor(0, {4.0f, 1.0f, 0.25f});
+    change += scene.set_material_edit(scene.scene().shapes[4].material, {Vec3f(0.1f, 0.9f, 0.1f), {}});
+    trainer.scene_changed(change);
+    EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps);
+    EXPECT_FALSE(trainer.done());
+    const double surprised = residual(trainer, scene);
+    for (int i = 0; i < 150; ++i) trainer.step();
+    EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps - 150);
+    EXPECT_GT(trainer.progress().rate_scale, 0.5);
+    const double relearnt = residual(trainer, scene);
+    EXPECT_GT(surprised, 2.0 * learnt);
+    EXPECT_LT(relearnt, 0.6 * surprised) << learnt;
+    radiance[threads / 2] = ask(trainer, surface_probes(scene, 200, 1, config));
+  }
+  set_thread_count(0);
+  EXPECT_EQ(radiance[0], radiance[1]);
+}
+
+class TrainerOnDevices : public testing::StreamTest {};
+
+TEST_P(TrainerOnDevices, ChangesAreLearnt) {
+  PreparedScene scene(testing::closed_room());
+  TrainOptions options;
+  options.stream = stream.get();
+  Trainer trainer(scene, short_run(64), options);
+  while (!trainer.done()) trainer.step();
+  const std::vector<SurfacePoint> probes = surface_probes(scene, 200, 1, trainer.config());
+  const std::vector<Vec3f> before = ask(trainer, probes);
+  trainer.scene_changed(scene.set_light_factor(0, Vec3f(2.0f)));
+  const std::vector<Vec3f> twice = ask(trainer, probes);
+  for (std::size_t i = 0; i < probes.size(); ++i) ASSERT_EQ(twice[i], before[i] * 2.0f);
+  trainer.scene_changed(scene.set_light_factor(0, {8.0f, 2.0f, 0.5f}));
+  const double surprised = residual(trainer, scene);
+  for (int i = 0; i < 100; ++i) trainer.step();
+  trainer.aside([] {});
+  EXPECT_LT(residual(trainer, scene), 0.7 * surprised);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, TrainerOnDevices, ::testing::Bool(), testing::stream_name);
+
+TEST(ChangedPoints, LieOnWhatChangedAndOnWhatItLights) {
+  PreparedScene scene(testing::closed_room());
+  const Config config = short_run(1);
+  SceneChange change = scene.set_light_factor(0, Vec3f(2.0f));
+  ASSERT_EQ(change.shapes.size(), 1u);
+  const ChangedPoints changed(scene, lhs_options(config), change);
+  ASSERT_FALSE(changed.empty());
+  std::vector<ShadingPoint> points(4000);
+  for (ShadingPoint& p : points) p.surface.shape = -1;
+  changed.replace(3, points);
+  int on = 0, lit = 0;
+  for (const ShadingPoint& p : points) {
+    if (p.surface.shape < 0) continue;  // a ray that left the lamp's back
+    ASSERT_GT(dot(p.wo, viewed_normal(p)), 0.0f);
+    ASSERT_FALSE(p.black);
+    on += p.surface.shape == change.shapes[0];
+    lit += p.surface.shape != change.shapes[0];
+  }
+  EXPECT_GT(on, 500);
+  EXPECT_GT(lit, 500);
+  // The same points again, and others in another step.
+  std::vector<ShadingPoint> again(4000), other(4000);
+  changed.replace(3, again);
+  changed.replace(4, other);
+  int same = 0, differ = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    same += points[i].surface.shape < 0 || points[i].surface.position == again[i].surface.position;
+    differ += !(other[i].surface.position == again[i].surface.position);
+  }
+  EXPECT_EQ(same, 4000);
+  EXPECT_GT(differ, 1000);
+  // Of a bulb: what it lights. Of the sky: nothing in particular.
+  SceneChange bulb;
+  bulb.lights.push_back({0.2f, 0.3f, -0.1f});
+  ChangedPoints(scene, lhs_options(config), bulb).replace(1, points);
+  EXPECT_GT(std::count_if(points.begin(), points.end(), [](const ShadingPoint& p) { return p.surface.shape >= 0; }),
+            3900);
+  EXPECT_TRUE(ChangedPoints(scene, lhs_options(config), {}).empty());
+}
+
+}  // namespace
+}  // namespace octrad
