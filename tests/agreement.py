@@ -85,6 +85,9 @@ def write_grid(mi, np, folder):
         mi.Bitmap(picture.astype(np.float32)).write(os.path.join(folder, "grid", name + ".exr"))
     for bsdf, parameters in BSDFS.items():
         for emitter, text in EMITTERS.items():
+            # Mitsuba drops the light of paths that pass masks alone, unless there is an environment.
+            if bsdf == "mask" and emitter not in ("constant", "envmap"):
+                text += '<emitter type="constant"><rgb name="radiance" value="1e-5"/></emitter>'
             with open(os.path.join(folder, "grid", f"{bsdf}-{emitter}.xml"), "w", encoding="utf-8") as out:
                 out.write(GRID.format(bsdf=bsdf, parameters=parameters, emitter=text))
 

@@ -283,10 +283,10 @@ def png(width, height, data=b"", color=0):
 
 # glTF
 def gltf(name, change, text, code=2, make=triangle, **files):
-    """A triangle with something wrong: change(scene) -> None, or what the file holds instead."""
+    """A triangle with something wrong: change(scene) -> the text that the file holds instead, if any."""
     made = make()
     other = change(made)
-    case("gltf-" + name, {"s.gltf": made.text() if other is None else other, **{key.replace("_", "."): value for key, value in files.items()}}, ["info", "s.gltf"], code, text)
+    case("gltf-" + name, {"s.gltf": other if isinstance(other, str) else made.text(), **{key.replace("_", "."): value for key, value in files.items()}}, ["info", "s.gltf"], code, text)
 
 
 def put(*path, value):
@@ -324,7 +324,7 @@ gltf("rotation-zero", put("nodes", 0, "rotation", value=[0, 0, 0, 0]), "quaterni
 gltf("far-away", put("nodes", 0, "translation", value=[1e20, 0, 0]), "too far away")
 gltf("accessor-beyond", put("accessors", 0, "count", value=4), "lead beyond the buffer view")
 gltf("accessor-huge", put("accessors", 0, "count", value=2 ** 50), "too many elements")
-gltf("accessor-of-zeros", lambda g: g.json["accessors"][0].update(count=2 ** 24 + 1) or g.json["accessors"][0].pop("bufferView") and None, "too many elements")
+gltf("accessor-of-zeros", lambda g: g.json["accessors"][0].update(count=2 ** 24 + 1) or g.json["accessors"][0].pop("bufferView"), "too many elements")
 gltf("accessor-of-twos", put("accessors", 0, "type", value="VEC2"), "must be VEC3 here")
 gltf("accessor-of-doubles", put("accessors", 0, "componentType", value=5130), "componentType")
 gltf("offset-negative", put("accessors", 0, "byteOffset", value=-4), "whole number")
@@ -333,10 +333,10 @@ gltf("stride-narrow", put("bufferViews", 0, "byteStride", value=4), "byteStride"
 gltf("index-beyond", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 3], 5123)), "index 3 is beyond")
 gltf("corners-four", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 2, 0], 5123)), "make no triangles")
 gltf("normals-two", lambda g: g.json["meshes"][0]["primitives"][0]["attributes"].update(NORMAL=g.accessor("VEC3", [0, 0, 1] * 2)), "2 of NORMAL, but 3 positions")
-gltf("nan", lambda g: put("accessors", value=[])(g) or g.accessor("VEC3", [float("nan")] * 9) and None, "is not finite")
+gltf("nan", lambda g: put("accessors", value=[])(g) or g.accessor("VEC3", [float("nan")] * 9), "is not finite")
 gltf("sparse-beyond", lambda g: g.json["accessors"][0].update(sparse={"count": 1, "indices": {"bufferView": g.view(b"\x09"), "componentType": 5121}, "values": {"bufferView": 0}}), "index 9 is beyond")
 gltf("color-of-two", lambda g: put("materials", value=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}])(g) or put("meshes", 0, "primitives", 0, "material", value=0)(g), "a list of 4 numbers")
-gltf("draco", lambda g: put("meshes", 0, "primitives", 0, "extensions", value={"KHR_draco_mesh_compression": {}})(g), "KHR_draco_mesh_compression is not supported")
+gltf("draco", lambda g: put("meshes", 0, "primitives", 0, "extensions", value={"KHR_draco_mesh_compression": {}})(g) or g.json["accessors"][0].pop("bufferView"), "KHR_draco_mesh_compression is not supported")
 gltf("buffer-short", lambda g: g.text().replace(f'"byteLength": {len(g.binary)}, "uri"', '"byteLength": 1000000000, "uri"'), "but there are")
 gltf("base64-broken", lambda g: g.text().replace("base64,AAAA", "base64,A!AA"), "not in base64")
 gltf("buffer-missing", lambda g: g.text().replace('"data:', '"none.bin" , "x": "'), "does not exist")

@@ -1,5 +1,6 @@
 """--tev: packets as the viewer reads them, and runs that no viewer can disturb."""
 import array
+import re
 import socket
 import struct
 import threading
@@ -7,7 +8,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import ROOM, Case
+from support import ROOM, SMALL, Case
 
 
 class Viewer:
@@ -113,8 +114,21 @@ class Tev(Case):
         for c, name in enumerate("RGB"):
             self.assertEqual(array.array("f", values[c::3]).tobytes(), picture[2][name])
 
+    def test_train(self):
+        viewer = self.viewer()
+        model = self.path("m.octrad")
+        result = self.ok("train", self.write("room.xml", ROOM), "-o", model, "--time", "2s", "--tev", viewer.address, *SMALL[:-1])
+        self.assertNotIn("--tev", re.sub(r"room\S*", "", result.err))
+        time.sleep(0.2)
+        self.assertEqual(viewer.problems, [])
+        self.assertGreaterEqual(viewer.updates, 2)
+        values = viewer.pictures[model][3]
+        self.assertTrue(all(v == v and 0 <= v < 100 for v in values))
+        self.assertGreater(sum(values), 0)
+
     def test_nobody_is_waited_for(self):
         expected, _, _ = self.render("")
+        self.ok("train", self.path("room.xml"), "-o", self.path("a.octrad"), "--steps", "20", *SMALL)
         closed = socket.create_server(("127.0.0.1", 0))
         port = closed.getsockname()[1]
         closed.close()
@@ -132,6 +146,10 @@ class Tev(Case):
         _, err, _ = self.render(viewer.address, "--time", "2s", spp=1 << 20)
         self.assertEqual(err.count("--tev: "), 1, err)
         self.assertEqual(viewer.problems, [])
+        # The same bits with somebody watching.
+        self.ok("train", self.path("room.xml"), "-o", self.path("b.octrad"), "--steps", "20", "--tev", self.viewer().address, *SMALL)
+        with open(self.path("a.octrad"), "rb") as a, open(self.path("b.octrad"), "rb") as b:
+            self.assertEqual(len(a.read()), len(b.read()))
 
     def test_addresses(self):
         for address in ("", ":", "host:", "host:0", "host:99999", "host:1x", ":14158"):

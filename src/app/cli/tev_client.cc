@@ -231,8 +231,9 @@ void TevClient::serve(const std::shared_ptr<State>& state) {
   }
 }
 
-void add_tev_option(CLI::App& verb, std::string& address) {
-  verb.add_option("--tev", address, "show the picture while it is made in the viewer tev, at port 14158 or another")
+CLI::Option* add_tev_option(CLI::App& verb, std::string& address) {
+  return verb
+      .add_option("--tev", address, "show the picture while it is made in the viewer tev, at port 14158 or another")
       ->type_name("HOST[:PORT]");
 }
 

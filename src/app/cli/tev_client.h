@@ -35,7 +35,7 @@ class TevClient {
 };
 
 // --tev of verbs whose work can be watched; null where it was not given.
-void add_tev_option(CLI::App& verb, std::string& address);
+CLI::Option* add_tev_option(CLI::App& verb, std::string& address);
 std::unique_ptr<TevClient> open_tev(const std::string& address);
 
 }  // namespace octrad::cli

@@ -8,6 +8,7 @@
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
 #include "app/cli/serve.h"
+#include "app/cli/tev_training.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -36,6 +37,7 @@ struct TrainVerbOptions {
   bool resume = false, overwrite = false, no_optimizer = false, deterministic = false;
   bool view = false;
   ServeOptions serve;
+  std::string tev;
 };
 
 // Options that have configuration keys of their own are applied last: they are what the user sees first.
@@ -273,10 +275,14 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   if (o.view) {
     cut = train_viewed(common, o, scene, trainer, stream.get(), options.interrupted);
   } else {
+    std::optional<TevTraining> tev;
+    if (!o.tev.empty()) tev.emplace(o.tev, o.output, scene, trainer, stream.get());
     while (!trainer.done() && !cut) {
       cut = options.interrupted();
       if (!cut) trainer.step();
+      if (tev) tev->update();
     }
+    if (tev) tev->update(true);
   }
   const TrainResult result = trainer.finish(cut);
   set_memory_limit(0);  // what is left is to say what was done
@@ -367,6 +373,7 @@ void add_train(Program& program) {
       verb->add_flag("--view", o->view, "watch and steer it in a browser (docs/viewer.md)")->group("Server");
   o->serve.add_to(*verb, view);
   add_permissive_option(*verb, program.common);
+  add_tev_option(*verb, o->tev)->excludes("--view");
   add_log_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
 }

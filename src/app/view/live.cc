@@ -199,8 +199,9 @@ bool LiveTraining::aside(bool moving, const std::function<void()>& work, const s
   while (!turn.done) {
     served_.wait_for(lock, 20ms);
     if (turn.done) break;
-    if (turn_ == &turn && (ended_ || give_up())) {  // not begun
-      turn_ = nullptr;
+    const bool waits = turn_ == &turn;
+    if (ended_ || (waits && give_up())) {
+      if (waits) turn_ = nullptr;
       return false;
     }
   }

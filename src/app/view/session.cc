@@ -444,7 +444,9 @@ bool Session::answer_picks() {
   live_->aside(
       true,
       [&] {
-        for (ViewerModel& model : studio_.models) model.refresh();
+        for (const ViewerModel& model : studio_.models) {
+          if (model.trainer != nullptr) model.trainer->field();  // brings it up to date
+        }
         for (const auto& [client, message] : picks) {
           try {
             server_->send(client, json_text(pick(message)));

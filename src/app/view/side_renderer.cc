@@ -15,17 +15,11 @@ constexpr int kMostSamples = 1 << 16, kMostCached = 256;  // a pixel: paths, and
 
 }  // namespace
 
-void ViewerModel::refresh() {
-  if (trainer == nullptr) return;
-  field = &trainer->field();
-  info.state = trainer->state();
-}
-
 void SideRenderer::show(const Side& side, const View& view) {
   const bool stored = side.integrator == kStored;
   const bool asks = !stored && find_integrator(side.integrator).info->needs_model;
   ViewerModel* model = asks ? &studio_.models.at(static_cast<std::size_t>(side.model)) : nullptr;
-  if (model != nullptr) model->refresh();
+  if (model != nullptr && model->trainer != nullptr) model->trainer->field();  // brings it up to date
   if (!renderer_ || !(side == side_)) {
     renderer_.reset();
     pass_seconds_ = queries_per_second_ = rays_per_second_ = 0.0;
@@ -79,7 +73,7 @@ std::shared_ptr<const Picture> SideRenderer::picture(bool final_look) {
     const ViewerModel& model = studio_.models.at(static_cast<std::size_t>(side_.model));
     origin.config = &model.config;
     origin.model_file = model.file;
-    origin.model_step = model.info.state.step;
+    origin.model_step = model.trainer != nullptr ? model.trainer->state().step : model.info.state.step;
   }
   add_origin(picture->image, origin);
   if (const std::string fingerprint = studio_.scene.fingerprint(); fingerprint != studio_.scene.scene().fingerprint) {

@@ -19,12 +19,9 @@ struct ViewerModel {
   std::string file;
   ModelInfo info;
   Config config;                   // with the keys render.* as they were asked for
-  RadianceField* field = nullptr;  // of `own`, or of the trainer
+  RadianceField* field = nullptr;  // `own`, or the trainer's
   std::unique_ptr<RadianceField> own = {};
   Trainer* trainer = nullptr;  // that trains it: it is looked at in between (view/live.h)
-
-  // Brings field and info up to date, where it is being trained.
-  void refresh();
 };
 
 // A picture with what it is of.

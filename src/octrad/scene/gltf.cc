@@ -257,7 +257,9 @@ class Reader {
 
   // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
   std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive) {
-    if (primitive.extension("KHR_draco_mesh_compression").exists())
+    const int positions = primitive.object("attributes").index("POSITION", "accessors");
+    if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
+        !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
       primitive.fail("KHR_draco_mesh_compression is not supported" + way_out("KHR_draco_mesh_compression"));
     GltfSurface surface;
     surface.material = primitive.index("material", "materials");

@@ -1,4 +1,4 @@
-// Mitsuba XML -> Scene.
+// Scene files (Mitsuba XML, glTF) -> Scene.
 #pragma once
 
 #include <map>

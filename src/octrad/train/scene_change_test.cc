@@ -121,7 +121,7 @@ TEST(Trainer, ChangesAreLearnt) {
     const double surprised = residual(trainer, scene);
     for (int i = 0; i < 150; ++i) trainer.step();
     EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps - 150);
-    EXPECT_GT(trainer.progress().rate_scale, 0.5);
+    EXPECT_NEAR(trainer.progress().rate_scale, 50.0 / (50.0 + 149.0), 1e-6);
     const double relearnt = residual(trainer, scene);
     EXPECT_GT(surprised, 2.0 * learnt);
     EXPECT_LT(relearnt, 0.6 * surprised) << learnt;

@@ -105,7 +105,8 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
   return ends;
 }
 
-constexpr double kChangeRate = 1.0, kChangeShare = 0.25;
+// Of learning rates after a change, in steps; share of the points on what changed and on what it lights.
+constexpr double kChangeHalves = 50.0, kChangeShare = 0.15;
 
 }  // namespace
 
@@ -290,13 +291,13 @@ std::vector<SurfacePoint> Trainer::Run::last_points() {
   return points;
 }
 
-// A change is learnt at rates that fall to those of the schedule.
+// A change is learnt at the full rates, which then fall as 1 / steps to those of the schedule.
 ScheduleState Trainer::Run::schedule_now() const {
   ScheduleState s = schedule(config_, state_.step, fraction());
   s.epsilon *= exposure_;
-  if (const long long left = change_steps_left(); left > 0) {
-    const double t = 1.0 - static_cast<double>(left) / static_cast<double>(change_ends_ - change_began_);
-    s.rate_scale = std::max(s.rate_scale, kChangeRate * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846)));
+  if (change_steps_left() > 0) {
+    const auto steps = static_cast<double>(state_.step - change_began_);
+    s.rate_scale = std::max(s.rate_scale, kChangeHalves / (kChangeHalves + steps));
   }
   return s;
 }

@@ -93,7 +93,7 @@ class Trainer {
   // points on what changed and on what it lights. While nothing emits, radiance is 0 and steps change nothing. From the
   // first change on there is no validation: the reference shows another scene.
   void scene_changed(const SceneChange& change);
-  static constexpr long long kChangeSteps = 600;
+  static constexpr long long kChangeSteps = 1500;
   // Steps that it still takes; 0: all changes are learnt.
   long long change_steps_left() const;
 
