@@ -84,7 +84,7 @@ TEST_F(AttributesTest, AreInterpolatedOverTriangles) {
   const int vertices[3][3] = {{0, 1, 2}, {0, 1, 2}, {0, 2, 3}};
   const Vec3f tints[3] = {{0.5f, 0.25f, 0}, {0.75f, 1, 0.5f}, {0.75f, 1, 0.5f}};
   for (int i = 0; i < 3; ++i) {
-    for (const Vec2f b : {Vec2f(0, 0), Vec2f(1, 0), Vec2f(0, 1), Vec2f(0.25f, 0.5f), Vec2f(0.5f, 0.5f)}) {
+    for (const Vec2f b : {Vec2f{0, 0}, Vec2f{1, 0}, Vec2f{0, 1}, Vec2f{0.25f, 0.5f}, Vec2f{0.5f, 0.5f}}) {
       const int* v = vertices[i];
       expect_near(at(scene, texture(0), 0, i, b.x, b.y),
                   corners[v[0]] * (1.0f - b.x - b.y) + corners[v[1]] * b.x + corners[v[2]] * b.y);
