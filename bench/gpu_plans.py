@@ -34,7 +34,7 @@ class Plan:
         return self.add(name, seconds, [verb, *([scene] if scene else []), *words, "--device", self.device, "--json", "-q"], scene=scene, **keywords)
 
     def train(self, name, seconds, scene, model, *words, **keywords):
-        return self.octrad(name, seconds, "train", scene, *words, *NO_EXTRAS, "-o", self.at(model), **keywords)
+        return self.octrad(name, seconds, "train", scene, *words, *NO_EXTRAS, "--overwrite", "-o", self.at(model), **keywords)
 
     def frames(self, name, seconds, scene, model, *words, **keywords):
         return self.octrad(name, seconds, "render", scene, "--model", self.at(model), *words, "--frames", "200", "-o", self.at("frame.exr"), **keywords)
@@ -134,7 +134,7 @@ TITLES = {"first": "does it work, and where does the time go", "second": "why, a
 
 def rehearsed(words, device):
     """The same command, tiny, on the host standing in for a GPU. Frames are timed there too: few."""
-    small = {"--width": "16", "--height": "16", "--spp": "1", "--time": "1s", "--steps": "2", "--frames": "1"}
+    small = {"--width": "16", "--height": "16", "--spp": "1", "--time": "0.2s", "--steps": "2", "--frames": "1"}
     out = []
     for word in words:
         out.append(small.get(out[-1], word) if out else word)

@@ -106,7 +106,7 @@ done
 cp "$root/LICENSE" "$to/licences/octrad"
 
 # libstdc++ of Debian 12 names one function of glibc 2.36 (arc4random, in std::random_device, which octrad does not use).
-python3 "$root/scripts/glibc_floor.py" --newest $newest --weaken arc4random "$to/lib/libstdc++.so.6"
+python3 "$root/scripts/glibc_floor.py" --newest $newest --unversion arc4random "$to/lib/libstdc++.so.6"
 python3 "$root/scripts/glibc_floor.py" --newest $newest "$to"/bin/* "$to"/lib/*.so*
 
 for starter in octrad run $([ $cuda = 0 ] || echo octrad-nofmad); do

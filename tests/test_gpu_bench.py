@@ -141,6 +141,7 @@ class GpuBench(unittest.TestCase):
         self.assertGreater(report["steps"][0]["result"]["seconds"], 0)
         self.assertNotIn("complete", report)
         self.assertTrue(os.path.getsize(self.file + ".log") > 0)
+        os.remove(self.file)
         report = self.killed(signal.SIGTERM)
         self.assertEqual(report["interrupted"], "SIGTERM")
         self.assertGreaterEqual(len(report["steps"]), 2)

@@ -330,8 +330,8 @@ TEST_P(RenderOnStream, FramesAreTimedByStage) {
   const FrameTimes times = box.renderer("lhs", 1, stream.get())->time_frames(5, 1);
   EXPECT_GT(times.median, 0.0);
   EXPECT_GE(times.p95, times.median);
-  ASSERT_EQ(times.stages.size(), 4u);
-  EXPECT_EQ(times.stages.front().first, "first hits");
+  ASSERT_GE(times.stages.size(), 7u);
+  EXPECT_EQ(times.stages.front().first, "first rays");
   EXPECT_EQ(times.stages.back().first, "tone mapping");
 }
 

@@ -196,7 +196,7 @@ class DeviceEngine : public TrainEngine {
     field_->set_target_scale(scale);
   }
   // Points are drawn as always; those that were drawn ahead know the old materials.
-  void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = {}; }
+  void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = next_ = {}; }
 
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = download_points(stream_, training_points(), last_points_);

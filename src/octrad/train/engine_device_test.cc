@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -66,7 +67,11 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     EXPECT_EQ(on_stream.steps, on_cpu.steps);
     EXPECT_EQ(on_stream.lhs_samples, on_cpu.lhs_samples);
     EXPECT_TRUE(on_cpu.stages.empty());
-    ASSERT_EQ(on_stream.stages.size(), 5u);
+    for (const char* wanted : {"left-hand rays", "occlusion rays", "closest-hit rays", "hits", "look-up", "decoder",
+                               "targets", "training forward", "decoder backward", "tables' optimiser"}) {
+      const auto found = std::ranges::find(on_stream.stages, wanted, [](const auto& s) { return s.first; });
+      ASSERT_NE(found, on_stream.stages.end()) << wanted;
+    }
     double step_ms = 0.0;
     for (const auto& [stage, ms] : on_stream.stages) {
       EXPECT_GE(ms, 0.0) << stage;
@@ -89,7 +94,7 @@ TEST_P(TrainOnStream, StagesAreTimedAfterThirtyTwoSteps) {
   TrainOptions options;
   options.stream = stream.get();
   EXPECT_TRUE(train(box.scene, short_run("octaoctree", 32), options).stages.empty());
-  EXPECT_EQ(train(box.scene, short_run("octaoctree", 33), options).stages.size(), 5u);
+  EXPECT_GE(train(box.scene, short_run("octaoctree", 33), options).stages.size(), 15u);
 }
 
 TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
