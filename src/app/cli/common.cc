@@ -125,8 +125,7 @@ CLI::App* add_verb(Program& program, const std::string& name, const std::string&
 }
 
 void ExrOptions::add_to(CLI::App& verb) {
-  verb.add_option("--exr-type", type,
-                  "numbers of .exr pictures: float, half (about half the size); default: float")
+  verb.add_option("--exr-type", type, "numbers of .exr pictures: float, half (about half the size); default: float")
       ->check(unnamed(CLI::IsMember({"float", "half"})))
       ->type_name("TYPE");
   verb.add_option("--exr-compression", settings.compression,
