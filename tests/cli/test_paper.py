@@ -150,6 +150,8 @@ class Paper(Case):
         process.communicate()
         reference = {p: t for p, t in self.files().items() if "references" in p and p.endswith((".exr", ".json"))}
         self.assertEqual(len(reference), 6)
+        # The training hears of it, saves and ends.
+        self.assertTrue(wait_for(lambda: b'"done"' in open(glob.glob(logs)[0], "rb").read()))
         written = os.path.getsize(glob.glob(logs)[0])
         # A second process that is interrupted passes it on: the training is saved, and continues.
         process = start(*self.arguments(matrix, scenes=self.scenes[:1]))
