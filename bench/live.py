@@ -74,6 +74,8 @@ def picture(viewer, np):
 
 
 def settle(viewer, integrator, samples, np):
+    viewer.send("set", a={"integrator": "disparity"})  # what was shown before is another scene's
+    viewer.frame(lambda h: h["a"]["integrator"] == "disparity")
     viewer.send("set", a={"integrator": integrator})
     viewer.frame(lambda h: h["a"]["integrator"] == integrator and not h["moving"] and h["a"]["samples"] >= samples and h["width"] == 320)
     return picture(viewer, np)
