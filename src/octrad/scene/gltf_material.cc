@@ -73,7 +73,9 @@ int GltfMaterials::uv_set(int index) const {
 
 bool GltfMaterials::has_normal_map(int index) const { return material(index).object("normalTexture").exists(); }
 
-bool GltfMaterials::shows_colors(int index, bool uvs) const { return !uvs || texture_infos(material(index)).empty(); }
+bool GltfMaterials::has_textures(int index) const { return !texture_infos(material(index)).empty(); }
+
+bool GltfMaterials::shows_colors(int index, bool uvs) const { return !uvs || !has_textures(index); }
 
 Vec3f GltfMaterials::base_color(int index) const {
   const std::vector<double> c =
