@@ -4,7 +4,7 @@
     bench/live.py watch SCENE.xml [--steps 3000]
     bench/live.py edit SCENE.xml MODEL.octrad --light 1 --factor 4,4,4 [--seconds 14] [--spp 256] [-o results.json]
 
-`watch` trains the same steps alone and while a plain client takes every frame, and compares the time from the printed address to the end.
+`watch` trains the same steps alone and while a plain client takes every frame, and compares the seconds that they take.
 `edit` opens `octrad view --train`, changes one light (numbers as the page has them), and measures the picture of the cache at 320 x 180 against
 path tracing of the edited scene (MAPE of octrad compare): before the change against the scene as it was, then after so many seconds, and the
 mean of what is too bright as a share of what the light had contributed. Needs numpy.
@@ -38,16 +38,16 @@ def train_time(args, watched):
         if watched:
             viewer = Viewer(url)
             viewer.until(lambda m: isinstance(m, dict) and m["type"] == "training" and m["step"] > 0)
-            start = time.monotonic()
+            start, first = time.monotonic(), viewer.others[-1]["seconds"]
             done = viewer.until(lambda m: isinstance(m, dict) and m["type"] == "training" and m["finished"])
             frames[0] = len(viewer.frames)
-            seconds = time.monotonic() - start
+            seconds = first + time.monotonic() - start
             viewer.close()
             process.terminate()
             process.communicate()
             return seconds, frames[0], done["seconds"]
-        process.communicate()
-        return time.monotonic() - start, 0, 0
+        seconds = json.loads(process.communicate()[0])["seconds"]
+        return seconds, 0, seconds
 
 
 def watch(args):
