@@ -2,6 +2,7 @@
 import glob
 import json
 import os
+import pathlib
 import resource
 import shutil
 import signal
@@ -151,7 +152,7 @@ class Paper(Case):
         reference = {p: t for p, t in self.files().items() if "references" in p and p.endswith((".exr", ".json"))}
         self.assertEqual(len(reference), 6)
         # The training hears of it, saves and ends.
-        self.assertTrue(wait_for(lambda: b'"done"' in open(glob.glob(logs)[0], "rb").read()))
+        self.assertTrue(wait_for(lambda: b'"done"' in pathlib.Path(glob.glob(logs)[0]).read_bytes()))
         written = os.path.getsize(glob.glob(logs)[0])
         # A second process that is interrupted passes it on: the training is saved, and continues.
         process = start(*self.arguments(matrix, scenes=self.scenes[:1]))
