@@ -66,9 +66,20 @@ function(octrad_program name)
   list(APPEND sources ${PROGRAM_GENERATED})
   add_executable(${name} ${sources})
   octrad_flags(${name})
-  # Much code that runs once, below headers that take longer to read than what is written over them.
-  target_compile_options(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-O1>)
-  target_precompile_headers(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:<CLI/CLI.hpp$<ANGLE-R>>
-    $<$<COMPILE_LANGUAGE:CXX>:<nlohmann/json.hpp$<ANGLE-R>> $<$<COMPILE_LANGUAGE:CXX>:<fmt/format.h$<ANGLE-R>>)
+  target_compile_options(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-O1>)  # much code that runs once
+  octrad_join_sources(${name} ${sources})
   target_link_libraries(${name} PRIVATE ${libs})
+endfunction()
+
+# The sources of each folder are compiled as one: reading the headers of JSON and of the command line, and writing out
+# their templates, takes most of the time of each.
+function(octrad_join_sources name)
+  foreach(source ${ARGN})
+    get_filename_component(folder ${source} DIRECTORY)
+    get_filename_component(folder ${folder} NAME)
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${folder})
+  endforeach()
+  set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  # An unnamed namespace of an included file is no matter of headers here.
+  target_compile_options(${name} PRIVATE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>)
 endfunction()

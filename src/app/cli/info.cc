@@ -6,6 +6,7 @@
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
+#include "app/report/vector_json.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
@@ -157,8 +158,6 @@ void info_image(const CommonOptions& common, const std::string& file) {
   for (const auto& [key, value] : image.metadata) out += fmt::format("{}: {}\n", key, value);
   print_text(out);
 }
-
-nlohmann::json vector_json(Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); }
 
 // The levels of the octree that training would build (Table "levels" of the paper): only the cells are found, nothing
 // is allocated for features.

@@ -1,4 +1,5 @@
 #include "app/paper/plan.h"
+#include "app/report/vector_json.h"
 
 #include <fmt/format.h>
 #include <fnmatch.h>
@@ -194,7 +195,6 @@ nlohmann::json sideways(const PaperScene& scene) {
   const auto vector = [](const nlohmann::json& v) {
     return Vec3f{v.at(0).get<float>(), v.at(1).get<float>(), v.at(2).get<float>()};
   };
-  const auto json = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
   const Vec3f origin = vector(camera.at("origin")), forward = vector(camera.at("forward")),
               up = vector(camera.at("up"));
   const auto& bounds = scene.info.at("bounds");
@@ -202,8 +202,10 @@ nlohmann::json sideways(const PaperScene& scene) {
       normalize(cross(forward, up)) * (0.02f * length(vector(bounds.at("upper")) - vector(bounds.at("lower"))));
   nlohmann::json keys = nlohmann::json::array();
   for (const Vec3f from : {origin, origin + step})
-    keys.push_back(
-        {{"origin", json(from)}, {"target", json(from + forward)}, {"up", json(up)}, {"fov", camera.at("fov")}});
+    keys.push_back({{"origin", vector_json(from)},
+                    {"target", vector_json(from + forward)},
+                    {"up", vector_json(up)},
+                    {"fov", camera.at("fov")}});
   return {{"keys", keys}};
 }
 

@@ -1,6 +1,7 @@
 #include "app/report/picture_origin.h"
 
 #include <fmt/format.h>
+#include "app/report/vector_json.h"
 
 #include "octrad/base/json_file.h"
 #include "octrad/base/version.h"
@@ -8,10 +9,9 @@
 namespace octrad::report {
 
 nlohmann::json camera_json(const Camera& c) {
-  const auto vector = [](Vec3f v) { return nlohmann::json::array({v.x, v.y, v.z}); };
   static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
   const Vec3f target = c.origin + c.forward;
-  nlohmann::json json = {{"origin", vector(c.origin)}, {"target", vector(target)}, {"up", vector(c.up)}};
+  nlohmann::json json = {{"origin", vector_json(c.origin)}, {"target", vector_json(target)}, {"up", vector_json(c.up)}};
   if (c.kind == CameraKind::orthographic) {
     json["type"] = "orthographic";
     json["view_width"] = 2.0f * c.half_size.x;

@@ -1,12 +1,11 @@
 #include "app/view/inspect.h"
+#include "app/report/vector_json.h"
 
 #include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/query_point.h"
 
 namespace octrad::viewer {
 namespace {
-
-nlohmann::json list(Vec3f v) { return {v.x, v.y, v.z}; }
 
 // One point that the field is asked at.
 nlohmann::json answer(const RadianceField& field, const Config& config, const SurfacePoint& point) {
@@ -23,11 +22,15 @@ nlohmann::json answer(const RadianceField& field, const Config& config, const Su
     by_level.push_back(std::vector<float>(features.begin() + static_cast<std::ptrdiff_t>(l * n),
                                           features.begin() + static_cast<std::ptrdiff_t>((l + 1) * n)));
   }
-  return {{"x", list(point.x)},        {"wo", list(point.wo)},
-          {"n", list(point.n)},        {"albedo", list(point.albedo)},
-          {"alpha", point.alpha},      {"direction", list(lookup_direction(lookup_rule(config), point))},
-          {"disparity", disparity},    {"features", by_level},
-          {"radiance", list(radiance)}};
+  return {{"x", vector_json(point.x)},
+          {"wo", vector_json(point.wo)},
+          {"n", vector_json(point.n)},
+          {"albedo", vector_json(point.albedo)},
+          {"alpha", point.alpha},
+          {"direction", vector_json(lookup_direction(lookup_rule(config), point))},
+          {"disparity", disparity},
+          {"features", by_level},
+          {"radiance", vector_json(radiance)}};
 }
 
 }  // namespace
@@ -41,7 +44,7 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
   nlohmann::json out = {{"hit", false}};
   const Hit hit = context.intersect(sample.ray.origin, sample.ray.direction, 0.0f, sample.ray.t_max);
   if (!hit.valid()) {
-    out["emitted"] = list(context.environment(sample.ray.direction));
+    out["emitted"] = vector_json(context.environment(sample.ray.direction));
     return out;
   }
   const SurfaceInteraction surface = context.interact(hit, sample.ray.origin, sample.ray.direction);
@@ -49,16 +52,16 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
   const Scene& scene = studio.scene.scene();
   const Shape& shape = scene.shapes[static_cast<std::size_t>(surface.shape)];
   out["hit"] = true;
-  out["position"] = list(surface.position);
+  out["position"] = vector_json(surface.position);
   out["distance"] = length(surface.position - view.camera.origin);
   out["shape"] = shape.id;
   out["material"] =
       surface.material >= 0 ? scene.materials[static_cast<std::size_t>(surface.material)].id : std::string();
-  out["normal"] = list(viewed_normal(shading));
+  out["normal"] = vector_json(viewed_normal(shading));
   out["uv"] = {surface.uv.x, surface.uv.y};
-  out["albedo"] = list(shading.black ? Vec3f(0.0f) : albedo_bsdf(shading.bsdf));
+  out["albedo"] = vector_json(shading.black ? Vec3f(0.0f) : albedo_bsdf(shading.bsdf));
   out["roughness"] = roughness_bsdf(shading.bsdf);
-  out["emitted"] = list(surface.emitter >= 0 ? context.emitted(surface, -sample.ray.direction) : Vec3f(0.0f));
+  out["emitted"] = vector_json(surface.emitter >= 0 ? context.emitted(surface, -sample.ray.direction) : Vec3f(0.0f));
   if (model == nullptr) return out;
   const FirstHitOptions options(first_hit_rules(model->config));
   const QueryRays rays = query_rays(model->config);
@@ -67,7 +70,7 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
   const FirstHitQuery query = trace_first_hit(context, options, sample, end, first);
   out["queries"] = nlohmann::json::array();
   if (query.next != FirstHitQuery::Next::query) return out;
-  out["throughput"] = list(end.throughput);
+  out["throughput"] = vector_json(end.throughput);
   for_each_asked_lobe(options, end.point, [&] {
     out["queries"].push_back(
         answer(*model->field, model->config, field_query_point(context, end.point, rays, sample.rng)));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "app/report/vector_json.h"
 #include "app/view/protocol.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -43,8 +44,6 @@ Vec3f color_in(const nlohmann::json& message, const std::string& key, double mos
   return color;
 }
 
-nlohmann::json list(Vec3f v) { return {v.x, v.y, v.z}; }
-
 }  // namespace
 
 LiveTraining::LiveTraining(PreparedScene& scene, Trainer& trainer, const Options& options)
@@ -72,13 +71,14 @@ nlohmann::json LiveTraining::describe_lights() const {
   for (int i = 0; i < view.area_count; ++i) {
     const LightRecord& l = view.area[i];
     add(s.shapes[static_cast<std::size_t>(l.shape_index)].id, "area",
-        l.texture >= 0 ? nlohmann::json() : list(l.radiance));
+        l.texture >= 0 ? nlohmann::json() : vector_json(l.radiance));
   }
   const std::vector<std::string> kinds = {"point", "spot", "directional", "projector"};
-  for (const DeltaLight& l : s.delta_lights) add("", kinds.at(static_cast<std::size_t>(l.kind)), list(l.intensity));
+  for (const DeltaLight& l : s.delta_lights)
+    add("", kinds.at(static_cast<std::size_t>(l.kind)), vector_json(l.intensity));
   if (!s.environments.empty()) add("", "environment", nullptr);
   for (int i = 0; i < scene_.light_count(); ++i)
-    lights[static_cast<std::size_t>(i)]["factor"] = list(scene_.light_factor(i));
+    lights[static_cast<std::size_t>(i)]["factor"] = vector_json(scene_.light_factor(i));
   return lights;
 }
 
@@ -97,10 +97,11 @@ nlohmann::json LiveTraining::describe_materials() const {
         {"material", i}, {"name", s.materials[i].id}, {"model", kModels[static_cast<int>(r.constant.type)]}};
     if (slot >= 0) {
       const bool textured = (r.textured >> slot & 1u) != 0;
-      m["color"] = textured ? nlohmann::json()
-                            : list(slot == MaterialSlot::reflectance            ? r.constant.reflectance
-                                   : slot == MaterialSlot::specular_reflectance ? r.constant.specular_reflectance
-                                                                                : r.constant.specular_transmittance);
+      m["color"] = textured
+                       ? nlohmann::json()
+                       : vector_json(slot == MaterialSlot::reflectance            ? r.constant.reflectance
+                                     : slot == MaterialSlot::specular_reflectance ? r.constant.specular_reflectance
+                                                                                  : r.constant.specular_transmittance);
     }
     if (has_roughness(r.constant.type)) {
       const bool extra = needs_record(r.constant.type);
@@ -150,7 +151,7 @@ void LiveTraining::edit(const nlohmann::json& message) {
     }
     for (const auto& [light, factor] : edits) {
       light_edits_[light] = factor;
-      lights_[static_cast<std::size_t>(light)]["factor"] = list(factor);
+      lights_[static_cast<std::size_t>(light)]["factor"] = vector_json(factor);
     }
   } else {
     const auto number = whole_in(message, "material", 0, 1 << 30);
@@ -253,7 +254,7 @@ void LiveTraining::apply_edits() {
     trouble_ = error.what();
     const std::lock_guard lock(mutex_);
     for (const auto& [light, factor] : lights)
-      lights_[static_cast<std::size_t>(light)]["factor"] = list(scene_.light_factor(light));
+      lights_[static_cast<std::size_t>(light)]["factor"] = vector_json(scene_.light_factor(light));
   }
   trainer_.scene_changed(all);
   ++scene_number_;
