@@ -31,10 +31,10 @@ class OcclusionIntegrator : public DeviceIntegrator {
         samples_(stream, kSampleNumbers, capacity, "samples") {}
 
   void set(const CameraJob& job) override { job_.upload(std::span(&job, 1)); }
-  void run(std::size_t samples, const StageMark& mark) override {
+  void run(std::size_t samples) override {
     launch(stream_, samples, Occlusion{{}, world_, job_.data(), reach_, this->samples()});
     rays_ += 2 * static_cast<long long>(samples);
-    mark("occlusion");
+    stream_.mark("occlusion");
   }
   const CameraJob* job() const override { return job_.data(); }
   SamplePlanes samples() const override { return {samples_.planes()}; }

@@ -16,6 +16,7 @@
 #include "octrad/base/log.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
+#include "octrad/device/tuning_keys.h"
 #include "octrad/model/field_registry.h"
 
 namespace octrad::cli {

@@ -1,9 +1,6 @@
-// What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. On the
-// command line: -D device.KEY=VALUE. No result depends on any of it but for the order of sums.
+// What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. Its
+// keys: device/tuning_keys.h. No result depends on any of it but for the order of sums.
 #pragma once
-
-#include <span>
-#include <string>
 
 namespace octrad {
 
@@ -27,17 +24,6 @@ struct DeviceTuning {
   bool direct_film = true;    // a frame of one sample a pixel goes to the screen without sums in double
   bool sort_queries = false;  // queries of the field in the order of a 15-bit Morton key
   bool scan_touched = false;  // the list of touched table entries from a scan over their bits, else as they come
-
-  friend bool operator==(const DeviceTuning&, const DeviceTuning&) = default;
 };
-
-struct TuningKey {
-  const char* name;     // without "device."
-  const char* meaning;  // half a sentence
-};
-std::span<const TuningKey> tuning_keys();
-
-// Throws UsageError for a key that there is not, or a value outside of what makes sense.
-void set(DeviceTuning& tuning, const std::string& key, const std::string& value);
 
 }  // namespace octrad

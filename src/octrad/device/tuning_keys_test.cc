@@ -1,4 +1,4 @@
-#include "octrad/device/tuning.h"
+#include "octrad/device/tuning_keys.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "octrad/device/tuning.h"
+#include "octrad/device/tuning_keys.h"
 
 #include <algorithm>
 #include <charconv>
@@ -49,6 +49,12 @@ static_assert(std::size(kKeys) == std::size(kEntries));
 }  // namespace
 
 std::span<const TuningKey> tuning_keys() { return kKeys; }
+
+bool operator==(const DeviceTuning& a, const DeviceTuning& b) {
+  return std::ranges::all_of(kEntries, [&](const Entry& e) {
+    return e.number != nullptr ? a.*e.number == b.*e.number : a.*e.flag == b.*e.flag;
+  });
+}
 
 void set(DeviceTuning& tuning, const std::string& key, const std::string& value) {
   const auto* known =
