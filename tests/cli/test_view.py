@@ -17,6 +17,7 @@ from web_client import Frame, Refused, Viewer, WebSocket, request
 
 MODEL = {}
 SERVER = os.environ.get("OCTRAD_VIEW_SERVER")  # tests/view_server.cc, built with sanitizers
+whole_program = unittest.skipIf(SERVER, "needs options that the server alone does not have")
 
 
 def trained(folder):
@@ -282,6 +283,7 @@ class Stream(View):
         again = self.viewer(url)
         self.assertEqual((again.state["controller"], again.state["exposure"]), (again.hello["you"], -1))
 
+    @whole_program
     def test_comparison(self):
         viewer = self.viewer(self.serve("--compare", "path", "--width", "48", "--height", "32"))
         frame = viewer.frame(lambda h: not h["moving"])
@@ -294,6 +296,7 @@ class Stream(View):
         self.assertEqual(set(viewer.frame(lambda h: "b" not in h).pictures), {"a"})
 
 
+    @whole_program
     def test_stored_picture(self):
         stored = self.path("stored.exr")
         self.ok("render", self.scene, "--integrator", "path", "--spp", "4", "--width", "48", "--height", "32", "--origin=0.2,0,0.8", "--target=0,-0.1,0", "-o", stored, "-q")
