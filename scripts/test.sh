@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every check of the project, from a bare clone: installs what is missing, builds, tests, and ends with one line
-# "N passed, N failed, N skipped". About 25 minutes on two cores the first time, mostly compiling.
+# "N passed, N failed, N skipped". About half an hour on two cores the first time, mostly compiling.
 #   scripts/test.sh              everything
 #   scripts/test.sh --fast       without the sanitizers, clang and the demo
 #   scripts/test.sh --long       everything, and a minute of fuzzing for every reader of files
