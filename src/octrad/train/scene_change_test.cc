@@ -93,8 +93,8 @@ double residual(Trainer& trainer, const PreparedScene& scene) {
   ScheduleState s = schedule(trainer.config(), 0, 0.0);
   s.points = 1000;
   s.directions = 64;
-  batch.draw(1ull << 40, s,
-             [&](std::span<const SurfacePoint> p, std::span<Vec3f> out) { trainer.field().radiance(p, out); });
+  const RadianceField& field = trainer.field();  // brought up to date here, and not by the threads that ask it
+  batch.draw(1ull << 40, s, [&](std::span<const SurfacePoint> p, std::span<Vec3f> out) { field.radiance(p, out); });
   const std::vector<Vec3f> predicted = ask(trainer, batch.points());
   double sum = 0.0;
   for (std::size_t i = 0; i < predicted.size(); ++i)
