@@ -9,6 +9,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/device/stream_test_helper.h"
+#include "octrad/device/tuning_keys.h"
 #include "octrad/train/batch.h"
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
