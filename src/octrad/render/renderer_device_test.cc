@@ -9,6 +9,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/device/stream_test_helper.h"
+#include "octrad/device/tuning_keys.h"
 #include "octrad/geometry/bvh8.h"
 #include "octrad/geometry/voxelize.h"
 #include "octrad/image/metrics.h"
