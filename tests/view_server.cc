@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <stdexcept>
 #include <string>
-#include <thread>
 
 #include "app/view/session.h"
 #include "octrad/base/interrupt.h"
@@ -71,13 +70,7 @@ int run(const std::vector<std::string>& words) {
   session.start(server);
   std::puts(json_text({{"url", server.url()}}).c_str());
   std::fflush(stdout);
-  const auto ended = [&session] {
-    session.check();
-    return interrupted();
-  };
-  if (live) live->run(ended);
-  else
-    while (!ended()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  session.run(interrupted);
   session.stop();
   return 0;
 }

@@ -65,8 +65,8 @@ void ServeOptions::prepare() {
     throw UsageError("--token: expected 8 to 128 letters, digits, - or _");
 }
 
-void serve(const ServeOptions& options, const CommonOptions& common, viewer::Session& session,
-           const std::function<void()>& run) {
+bool serve(const ServeOptions& options, const CommonOptions& common, viewer::Session& session,
+           const std::function<bool()>& interrupted) {
   viewer::WebServer server(options.server, session);
   struct Ending {
     viewer::Session& session;
@@ -82,7 +82,18 @@ void serve(const ServeOptions& options, const CommonOptions& common, viewer::Ses
   if (common.json) print_text(json_text({{"url", server.url()}}));
   else print_text(fmt::format("{}\nOpen this address in a browser; Ctrl-C ends.", server.url()));
   if (options.open) open_page(server.url());
-  run();
+  return session.run(interrupted);
+}
+
+nlohmann::json viewer_command(const std::string& scene, const std::map<std::string, std::string>& of_scene,
+                              const std::vector<std::pair<std::string, std::string>>& of_model) {
+  const auto listed = [](const auto& definitions) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const auto& [key, value] : definitions) list.push_back(key + "=" + value);
+    return list;
+  };
+  return {
+      {"scene", scene}, {"definitions", listed(of_scene)}, {"model_definitions", listed(of_model)}, {"force", false}};
 }
 
 viewer::ViewState first_state(const View& view, bool chosen) {

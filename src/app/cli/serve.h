@@ -2,6 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "app/cli/common.h"
 #include "app/cli/render_view.h"
@@ -19,9 +23,13 @@ struct ServeOptions {
   void prepare();
 };
 
-// Serves while `run` does, printing the address first.
-void serve(const ServeOptions& options, const CommonOptions& common, viewer::Session& session,
-           const std::function<void()>& run);
+// Serves while session.run() does, printing the address first. The result is its.
+bool serve(const ServeOptions& options, const CommonOptions& common, viewer::Session& session,
+           const std::function<bool()>& interrupted);
+
+// What the page needs for a command line of octrad render (docs/viewer.md, "hello").
+nlohmann::json viewer_command(const std::string& scene, const std::map<std::string, std::string>& of_scene,
+                              const std::vector<std::pair<std::string, std::string>>& of_model);
 
 // What the viewer shows first: pose and size of a view, smaller where it was not asked for in so many pixels
 // (`chosen`). Throws UsageError for a size that cannot be shown.

@@ -124,22 +124,9 @@ bool train_viewed(const CommonOptions& common, const TrainVerbOptions& o, Prepar
   viewer::ViewState first = first_state(view, false);
   first.a.integrator = "lhs";
   viewer::LiveTraining live(scene, trainer, {});
-  nlohmann::json definitions = nlohmann::json::array();
-  for (const auto& [key, value] : o.config.scene_definitions()) definitions.push_back(key + "=" + value);
   viewer::Session session(std::move(studio), std::move(first),
-                          {{"scene", o.scene},
-                           {"definitions", definitions},
-                           {"model_definitions", nlohmann::json::array()},
-                           {"force", false}},
-                          &live);
-  bool cut = false;
-  serve(o.serve, common, session, [&] {
-    cut = live.run([&] {
-      session.check();
-      return interrupted();
-    });
-  });
-  return cut;
+                          viewer_command(o.scene, o.config.scene_definitions(), {}), &live);
+  return serve(o.serve, common, session, interrupted);
 }
 
 void train_verb(const CommonOptions& common, TrainVerbOptions o) {

@@ -2,8 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
-#include <thread>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -83,11 +81,8 @@ std::shared_ptr<const viewer::Picture> open_reference(const std::string& file) {
 // What the page adds a camera, a size and an integrator to.
 nlohmann::json command_of(const CommonOptions& common, const ViewVerbOptions& o) {
   const ConfigOptions definitions = definitions_of(o);
-  nlohmann::json scene = nlohmann::json::array(), model = nlohmann::json::array();
-  for (const auto& [key, value] : definitions.scene_definitions()) scene.push_back(key + "=" + value);
-  for (const auto& [key, value] : definitions.config_definitions()) model.push_back(key + "=" + value);
-  nlohmann::json command = {
-      {"scene", o.scene}, {"definitions", scene}, {"model_definitions", model}, {"force", o.force}};
+  nlohmann::json command = viewer_command(o.scene, definitions.scene_definitions(), definitions.config_definitions());
+  command["force"] = o.force;
   if (o.max_depth >= -1) command["max_depth"] = o.max_depth;
   if (common.has_seed()) command["seed"] = common.seed;
   return command;
@@ -165,15 +160,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
     live = std::make_unique<LiveTraining>(prepared, *trainer, LiveTraining::Options{false, !o.output.empty(), false});
   }
   Session session(std::move(studio), std::move(first), command_of(common, o), live.get());
-  serve(o.serve, common, session, [&] {
-    const auto ended = [&session] {
-      session.check();
-      return interrupted();
-    };
-    if (live) live->run(ended);
-    else
-      while (!ended()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  });
+  serve(o.serve, common, session, interrupted);
   if (trainer && trainer->state().step > 0 && !o.output.empty()) trainer->checkpoint(true);
 }
 

@@ -35,6 +35,10 @@ constexpr int kMostPathFrames = 20000;
 constexpr std::size_t kMostPicks = 32;                        // that wait
 constexpr auto kBetweenLooks = 50ms, kBetweenStatus = 250ms;  // at a live training
 
+std::string error_text(const std::string& why) {
+  return json_text({{"type", "error"}, {"message", why.substr(0, 500)}});
+}
+
 }  // namespace
 
 Session::Session(Studio studio, ViewState first, nlohmann::json command, LiveTraining* live)
@@ -93,6 +97,16 @@ void Session::stop() {
 void Session::check() const {
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
+}
+
+bool Session::run(const std::function<bool()>& interrupted) {
+  const auto ended = [&] {
+    check();
+    return interrupted();
+  };
+  if (live_ != nullptr) return live_->run(ended);
+  while (!ended()) std::this_thread::sleep_for(kBetweenLooks);
+  return true;
 }
 
 // Sums of films are doubles, twice: the copy before a pass. Then the picture with its layers, and what is shown of it.
@@ -191,7 +205,7 @@ void Session::message(ClientId client, const std::string& text) {
       throw InputError("a message is an object with a \"type\"");
     handle(client, message);
   } catch (const std::exception& error) {
-    server_->send(client, json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+    server_->send(client, error_text(error.what()));
   }
 }
 
@@ -401,9 +415,8 @@ Session::FilmKey Session::film_key(const Wanted& wanted, const Side& side, const
   FilmKey key{wanted.view, 0, 0, view.width, view.height, side};
   if (live_ == nullptr) return key;
   key.scene = live_->scene_number();
-  const bool asks = side.integrator != kStored && find_integrator(side.integrator).info->needs_model;
-  if (asks && studio_.models.at(static_cast<std::size_t>(side.model)).trainer != nullptr)
-    key.field = live_->field_number();
+  const ViewerModel* model = studio_.model_of(side);
+  if (model != nullptr && model->trainer != nullptr) key.field = live_->field_number();
   return key;
 }
 
@@ -451,8 +464,7 @@ bool Session::answer_picks() {
           try {
             server_->send(client, json_text(pick(message)));
           } catch (const std::exception& error) {
-            server_->send(client,
-                          json_text({{"type", "error"}, {"message", std::string(error.what()).substr(0, 500)}}));
+            server_->send(client, error_text(error.what()));
           }
         }
       },
@@ -492,7 +504,7 @@ void Session::render() {
       failed = wanted.film;
       still_ = false;
       film_done_ = 0;
-      server_->broadcast(json_text({{"type", "error"}, {"message", why.substr(0, 500)}}));
+      server_->broadcast(error_text(why));
     };
     try {
       if (live_ == nullptr) {

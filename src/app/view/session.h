@@ -32,8 +32,9 @@ class Session : public ServerHandler {
   void start(WebServer& server);
   // Ends the threads. Call before the server ends.
   void stop();
-  // Throws what ended the rendering thread, if something did that is no mistake of a client.
-  void check() const;
+  // While clients are served: trains where there is a training, else waits, until `interrupted`. Throws what ended the
+  // rendering thread, if something did that is no mistake of a client. The result is that of LiveTraining::run().
+  bool run(const std::function<bool()>& interrupted);
 
   void opened(ClientId client) override;
   void closed(ClientId client) override;
@@ -41,6 +42,7 @@ class Session : public ServerHandler {
   void download(const std::string& path, std::function<void(Download)> answer) override;
 
  private:
+  void check() const;
   using Clock = std::chrono::steady_clock;
   // What the rendering thread works on. Numbers rise with every change.
   struct Wanted {

@@ -15,10 +15,14 @@ constexpr int kMostSamples = 1 << 16, kMostCached = 256;  // a pixel: paths, and
 
 }  // namespace
 
+const ViewerModel* Studio::model_of(const Side& side) const {
+  if (side.integrator == kStored || !find_integrator(side.integrator).info->needs_model) return nullptr;
+  return &models.at(static_cast<std::size_t>(side.model));
+}
+
 void SideRenderer::show(const Side& side, const View& view) {
   const bool stored = side.integrator == kStored;
-  const bool asks = !stored && find_integrator(side.integrator).info->needs_model;
-  ViewerModel* model = asks ? &studio_.models.at(static_cast<std::size_t>(side.model)) : nullptr;
+  const ViewerModel* model = studio_.model_of(side);
   if (model != nullptr && model->trainer != nullptr) model->trainer->field();  // brings it up to date
   if (!renderer_ || !(side == side_)) {
     renderer_.reset();

@@ -41,6 +41,9 @@ struct Studio {
   Stream* stream = nullptr;                    // null: the CPU
   std::unique_ptr<Denoiser> denoiser = {};     // null: there is none
   std::shared_ptr<const Picture> stored = {};  // from a file; null: there is none
+
+  // That a side's integrator asks; null: none.
+  const ViewerModel* model_of(const Side& side) const;
 };
 
 class SideRenderer {

@@ -158,28 +158,26 @@ std::vector<double> GltfObject::numbers(const std::string& key, std::vector<doub
   return fallback;
 }
 
-std::vector<std::uint64_t> GltfObject::sizes(const std::string& key) const {
-  std::vector<std::uint64_t> result;
+template <typename T>
+std::vector<T> GltfObject::list(const std::string& key, const std::string& expected,
+                                bool (nlohmann::json::*is)() const noexcept) const {
+  std::vector<T> result;
   const nlohmann::json* found = member(key);
   if (!found) return result;
-  if (!found->is_array()) wrong(key, "a list of indices");
+  if (!found->is_array()) wrong(key, expected);
   for (const nlohmann::json& value : *found) {
-    if (!value.is_number_unsigned()) wrong(key, "a list of indices");
-    result.push_back(value.get<std::uint64_t>());
+    if (!(value.*is)()) wrong(key, expected);
+    result.push_back(value.get<T>());
   }
   return result;
 }
 
+std::vector<std::uint64_t> GltfObject::sizes(const std::string& key) const {
+  return list<std::uint64_t>(key, "a list of indices", &nlohmann::json::is_number_unsigned);
+}
+
 std::vector<std::string> GltfObject::texts(const std::string& key) const {
-  std::vector<std::string> result;
-  const nlohmann::json* found = member(key);
-  if (!found) return result;
-  if (!found->is_array()) wrong(key, "a list of names");
-  for (const nlohmann::json& value : *found) {
-    if (!value.is_string()) wrong(key, "a list of names");
-    result.push_back(value.get<std::string>());
-  }
-  return result;
+  return list<std::string>(key, "a list of names", &nlohmann::json::is_string);
 }
 
 std::string GltfObject::text(const std::string& key, const std::string& fallback) const {

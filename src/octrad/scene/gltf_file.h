@@ -46,6 +46,9 @@ class GltfObject {
 
  private:
   friend class GltfFile;
+  template <typename T>
+  std::vector<T> list(const std::string& key, const std::string& expected,
+                      bool (nlohmann::json::*is)() const noexcept) const;
   GltfObject(const GltfFile* file, const nlohmann::json* object, std::string path)
       : file_(file),
         object_(object),
