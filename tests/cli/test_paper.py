@@ -94,8 +94,14 @@ class Paper(Case):
 
         # Again: nothing is done twice, but for the report. A further seed shares references.
         before = self.files()
-        self.ok(*self.arguments(self.matrix()))
+        self.ok(*self.arguments(self.matrix()), "--no-viewers")
         after = self.files()
+        with open(os.path.join(self.report, "index.html"), encoding="utf-8") as file:
+            small = file.read()
+        self.assertIn("octrad-viewer", page)
+        self.assertNotIn('class="octrad-viewer', small)
+        self.assertEqual(small.count("data:image/jpeg"), page.count("data:image/jpeg"))
+        self.assertLess(len(small), 0.6 * len(page))
         self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])  # what is not available is tried again
         self.ok(*self.arguments(self.matrix(seeds=[0, 1], methods=["octaoctree"], equal=["steps"])))
         after = self.files()

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "app/paper/page_style.h"
@@ -242,11 +243,15 @@ int viewer_factor(const Plan& plan, const json& results) {
   return std::max(1, static_cast<int>(std::ceil(std::sqrt(8.0 * pixels / 36e6))));
 }
 
-std::string picture_figures(const Store& store, const Plan& plan, const json& results, const Matrix& m, int factor) {
+// `factor`: of viewer_factor(); none: no viewers.
+std::string picture_figures(const Store& store, const Plan& plan, const json& results, const Matrix& m,
+                            std::optional<int> factor) {
   std::string out;
-  for (const ViewFigure& f : view_figures(plan, results, m))
-    out += fmt::format("<h4>{}</h4>\n{}", markup_text(f.heading),
-                       view_figure(store, f.name, f.pictures, factor > 1 ? f.side / factor : 0));
+  for (const ViewFigure& f : view_figures(plan, results, m)) {
+    std::optional<int> side;
+    if (factor) side = *factor > 1 ? f.side / *factor : 0;
+    out += fmt::format("<h4>{}</h4>\n{}", markup_text(f.heading), view_figure(store, f.name, f.pictures, side));
+  }
   return out.empty() ? "" : "<h3>Pictures</h3>\n" + out;
 }
 
@@ -348,7 +353,7 @@ std::string command_details(const std::vector<std::string>& commands) {
                           : fmt::format("<details><summary>commands</summary>{}</details>", command_list(commands));
 }
 
-void write_report(const Store& store, const Plan& plan, const json& results) {
+void write_report(const Store& store, const Plan& plan, const json& results, bool viewers) {
   store.write_text("results.csv", results_csv(results));
   store.make_folder("tables");
   const std::vector<Table> tables = make_tables(plan, results);
@@ -357,9 +362,10 @@ void write_report(const Store& store, const Plan& plan, const json& results) {
   std::string page = fmt::format(
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n"
       "<title>octrad paper</title>\n{}<style>{}</style></head>\n<body>\n<h1>octrad paper</h1>\n",
-      report::viewer_head(), kPageStyle);
+      viewers ? report::viewer_head() : "", kPageStyle);
   page += head_text(plan, results);
-  const int factor = viewer_factor(plan, results);
+  std::optional<int> factor;
+  if (viewers) factor = viewer_factor(plan, results);
   for (const Matrix& m : plan.matrices) {
     page += fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", markup_text(m.name), markup_text(m.title),
                         markup_text(m.about));

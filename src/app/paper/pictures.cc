@@ -13,6 +13,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/escape.h"
 #include "octrad/base/log.h"
+#include "octrad/image/encode.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
 #include "octrad/image/tonemap.h"
@@ -21,13 +22,14 @@ namespace octrad::paper {
 
 namespace {
 
-constexpr float kErrorMax = 0.5f;  // MAPE shown as white
+constexpr float kErrorMax = 0.5f;      // MAPE shown as white
+constexpr int kEmbeddedQuality = 85;  // of the page's JPEGs; those of the folder pictures/ have 95
 
 std::string image_element(const Store& store, const std::string& name, const Image8& image, const char* kind,
                           const std::string& alt) {
   const std::string file = "pictures/" + name + ".jpg";
   write_image(store.path(file), image);
-  const std::string bytes = store.read_text(file);
+  const std::string bytes = encode_jpeg(image, kEmbeddedQuality);
   return fmt::format("<img class=\"{}\" width=\"{}\" height=\"{}\" alt=\"{}\" src=\"data:image/jpeg;base64,{}\">", kind,
                      image.width, image.height, markup_text(alt), report::base64({bytes.begin(), bytes.end()}));
 }
@@ -135,7 +137,7 @@ std::string row_figure(const Store& store, const std::string& name, const std::v
 }  // namespace
 
 std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,
-                        int largest_side) {
+                        std::optional<int> viewer_side) {
   if (pictures.empty()) return "";
   store.make_folder("pictures");
   const std::optional<Image> reference = read(store, pictures.front().file);
@@ -155,7 +157,7 @@ std::string view_figure(const Store& store, const std::string& name, const std::
     shown.push_back(&picture);
     seen.push_back(tonemap(*image, mapping));
     if (!is_reference) errors.push_back(error_image(*reference, *image));
-    viewed.push_back({picture.title, extract_rgb(*image), picture.caption});
+    if (viewer_side) viewed.push_back({picture.title, extract_rgb(*image), picture.caption});
   }
   const Box box = errors.empty() ? Box{0, 0, 8} : most_different(*reference, errors);
   std::string out = fmt::format("<div class=\"pictures\" data-box=\"{} {} {}\">\n", box.x, box.y, box.side);
@@ -168,10 +170,14 @@ std::string view_figure(const Store& store, const std::string& name, const std::
           image_element(store, base + "-error", false_color(errors[i - 1], 0, 0.0f, kErrorMax), "error", "error map");
     out += "</div>" + caption(*shown[i]) + "</figure>\n";
   }
-  std::string id = "viewer";
-  for (const char c : name)
-    id += std::isalnum(static_cast<unsigned char>(c)) ? std::string(1, c) : fmt::format("{:02x}", c);
-  return report::viewer_html(id, viewed, true, largest_side) + out +
+  std::string viewer;
+  if (viewer_side) {
+    std::string id = "viewer";
+    for (const char c : name)
+      id += std::isalnum(static_cast<unsigned char>(c)) ? std::string(1, c) : fmt::format("{:02x}", c);
+    viewer = report::viewer_html(id, viewed, true, *viewer_side);
+  }
+  return viewer + out +
          fmt::format(
              "</div>\n<p class=\"note\">Exposure {:+.1f} stops, filmic curve, sRGB. Cut out: {} × {} pixels at ({}, {}), where the pictures differ most from the reference on glossy surfaces. "
              "Error maps: |I − R| / (R + 0.01), black 0, white {} or more.</p>\n",

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,9 +18,9 @@ struct ViewPicture {
 
 // A viewer that flips between the pictures (report::viewer_html), and for paper every picture with its cut-out and
 // error map, whose files are kept in the folder pictures/ too. Pictures that cannot be read are left out. `name`:
-// unique in the page; `largest_side`: of the viewer.
+// unique in the page; `viewer_side`: as report::viewer_html takes it; none: no viewer.
 std::string view_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures,
-                        int largest_side);
+                        std::optional<int> viewer_side);
 
 // A row of colours in [0, 1], such as features.
 std::string color_figure(const Store& store, const std::string& name, const std::vector<ViewPicture>& pictures);

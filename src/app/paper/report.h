@@ -13,8 +13,9 @@ namespace octrad::paper {
 // results.json (docs/formats.md) of what is there so far, written and returned. `head`: program, budget, machine.
 nlohmann::json write_results(const Store& store, const Plan& plan, const nlohmann::json& head);
 
-// index.html, results.csv and tables/*.tex from it.
-void write_report(const Store& store, const Plan& plan, const nlohmann::json& results);
+// index.html, results.csv and tables/*.tex from it. `viewers`: the page's pictures can be flipped and zoomed, which is
+// two thirds of its bytes.
+void write_report(const Store& store, const Plan& plan, const nlohmann::json& results, bool viewers);
 
 // A table of the report. Its numbers are means over views and seeds.
 struct Table {

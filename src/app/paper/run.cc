@@ -685,7 +685,7 @@ PaperSummary Run::go() {
            {"machine", store_.ask({"info"}, "")["output"]}};
   do_jobs(summary);
   const nlohmann::json results = write_results(store_, plan_, head_);
-  write_report(store_, plan_, results);
+  write_report(store_, plan_, results, o_.viewers);
   for (const nlohmann::json& cell : results["cells"]) {
     const std::string status = cell["status"];
     ++(status == "done"            ? summary.done
