@@ -26,6 +26,7 @@ function(octrad_module name)
   octrad_libraries(libs ${MODULE_USES})
   add_library(octrad_${name} STATIC ${sources})
   octrad_flags(octrad_${name})
+  octrad_join_sources(octrad_${name} ${sources})
   target_include_directories(octrad_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(octrad_${name} PUBLIC ${libs})
   if(OCTRAD_TESTS AND tests)
@@ -33,9 +34,10 @@ function(octrad_module name)
     add_executable(test_${name} ${tests})
     # Tests call optimised libraries; their own code is not worth the compiler's time.
     octrad_flags(test_${name} -Wno-conversion -O1 ${OCTRAD_SANITIZE_TESTS})
+    octrad_join_sources(test_${name} ${tests})
     target_link_libraries(test_${name} PRIVATE octrad_${name} GTest::gtest GTest::gtest_main)
     list(LENGTH tests count)
-    if(count GREATER 5)  # a third of a test's compile time
+    if(count GREATER 5 AND NOT OCTRAD_JOIN)  # a third of a test's compile time
       target_precompile_headers(test_${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:<gtest/gtest.h$<ANGLE-R>>)
     endif()
     add_test(NAME ${name} COMMAND test_${name} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
@@ -71,13 +73,22 @@ function(octrad_program name)
   target_link_libraries(${name} PRIVATE ${libs})
 endfunction()
 
-# The sources of each folder are compiled as one: reading the headers of JSON and of the command line, and writing out
-# their templates, takes most of the time of each.
+# With OCTRAD_JOIN the sources of each folder are compiled as one: reading headers, of JSON and of the command line above
+# all, and writing out their templates, takes most of the time of each. What nvcc may compile is a unit of its own; SIMD
+# sources, which include themselves for every instruction set, stay alone.
 function(octrad_join_sources name)
+  if(NOT OCTRAD_JOIN)
+    return()
+  endif()
   foreach(source ${ARGN})
-    get_filename_component(folder ${source} DIRECTORY)
-    get_filename_component(folder ${folder} NAME)
-    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${folder})
+    get_filename_component(group ${source} DIRECTORY)
+    get_filename_component(group ${group} NAME)
+    if(source MATCHES "_device(_test)?\\.cc$")
+      string(APPEND group _device)
+    endif()
+    if(NOT source MATCHES "_simd\\.cc$")
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
+    endif()
   endforeach()
   set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
   # An unnamed namespace of an included file is no matter of headers here.

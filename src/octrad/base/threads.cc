@@ -16,7 +16,7 @@
 
 namespace octrad {
 namespace {
-tbb::global_control* g_limit = nullptr;  // TBB's own limit is process-wide too
+tbb::global_control* g_tbb_limit = nullptr;  // TBB's own limit is process-wide too
 int g_threads = 0;
 }  // namespace
 
@@ -27,7 +27,7 @@ void set_thread_count(int threads) {
   tbb::global_control* limit = g_threads == 0 ? nullptr
                                               : new tbb::global_control(tbb::global_control::max_allowed_parallelism,
                                                                         static_cast<std::size_t>(g_threads));
-  delete std::exchange(g_limit, limit);
+  delete std::exchange(g_tbb_limit, limit);
 }
 
 int thread_count() { return g_threads > 0 ? g_threads : tbb::info::default_concurrency(); }

@@ -32,14 +32,14 @@ struct Fixture {
   OctaOctree tree;
 };
 
-struct Queries {
+struct LookupQueries {
   std::vector<Vec3f> x, w;
   std::vector<float> d;
   int size() const { return static_cast<int>(x.size()); }
 };
 
-Queries make_queries(const Fixture& fixture, int n, std::uint64_t seed) {
-  Queries q;
+LookupQueries make_queries(const Fixture& fixture, int n, std::uint64_t seed) {
+  LookupQueries q;
   Rng rng(seed, RngPurpose::test, 11);
   for (int i = 0; i < n; ++i) {
     q.x.push_back(fixture.tree.origin() + fixture.scene.point(rng) * fixture.tree.size());
@@ -218,7 +218,7 @@ TEST(OctaOctree, IndexFindsExactlyTheGivenCells) {
 TEST(OctaOctree, DefinitionMatchesAnIndependentEvaluation) {
   for (int features : {2, 4}) {
     const Fixture f({.levels = 4, .features = features});
-    const Queries q = make_queries(f, 150, 1);
+    const LookupQueries q = make_queries(f, 150, 1);
     std::vector<double> value(static_cast<std::size_t>(f.tree.feature_count())), slope(value.size());
     for (int i = 0; i < q.size(); ++i) {
       double coverage;
@@ -261,7 +261,7 @@ TEST(OctaOctree, CanonicalizeRims) {
 TEST(OctaOctree, DerivativeMatchesDifferencesInDouble) {
   // The features are piecewise smooth in d: triangles that change between d - e and d + e are rare and left out.
   const Fixture f({.levels = 5});
-  const Queries q = make_queries(f, 400, 2);
+  const LookupQueries q = make_queries(f, 400, 2);
   const int count = f.tree.feature_count();
   std::vector<double> value(static_cast<std::size_t>(count)), slope(value), lower(value), upper(value), scratch(value);
   int outliers = 0, compared = 0;
@@ -283,7 +283,7 @@ TEST(OctaOctree, DerivativeMatchesDifferencesInDouble) {
 void check_against_definition(OctaOctreeOptions options, int n, int stride) {
   Fixture f(options);
   testing::fill_random(f.tree.features(), 17);  // rim duplicates hold other values: reading one would show
-  const Queries q = make_queries(f, n, 3);
+  const LookupQueries q = make_queries(f, n, 3);
   const int count = f.tree.feature_count();
   std::vector<float> out(static_cast<std::size_t>(count * stride), -7.0f), recorded(out);
   OctaOctree::Record record;
@@ -379,7 +379,7 @@ TEST(OctaOctree, PartitionOfUnity) {
   testing::for_each_simd_target([] {
     Fixture f({.levels = 5});
     std::fill(f.tree.features().begin(), f.tree.features().end(), 0.625f);
-    const Queries q = make_queries(f, 700, 4);
+    const LookupQueries q = make_queries(f, 700, 4);
     std::vector<float> out(static_cast<std::size_t>(f.tree.feature_count() * q.size()));
     EXPECT_EQ(f.tree.lookup(q.x.data(), q.w.data(), q.d.data(), q.size(), out.data(), q.size()), 0);
     for (float v : out) EXPECT_NEAR(v, 0.625f, 1e-6f);
@@ -419,7 +419,7 @@ TEST(OctaOctree, OutsideTheDomainIsLookedUpAtItsNearestPlace) {
   testing::for_each_simd_target([] {
     Fixture f({.levels = 4});
     const Vec3f low = f.tree.origin(), high = low + f.tree.size();
-    Queries q = make_queries(f, 300, 5), inside = q;
+    LookupQueries q = make_queries(f, 300, 5), inside = q;
     int moved = 0;
     for (int i = 0; i < q.size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
@@ -450,7 +450,7 @@ TEST(OctaOctree, WhatIsNotANumberIsHarmless) {
     const float nan = std::nanf(""), inf = std::numeric_limits<float>::infinity();
     const float odd[] = {nan, inf, -inf, 3e38f, -3e38f, 1e9f, -1e9f, 0.0f, -0.0f, 1e-42f};
     Rng rng(5, RngPurpose::test, 5);
-    Queries q = make_queries(f, 600, 6);
+    LookupQueries q = make_queries(f, 600, 6);
     std::vector<bool> bad_x(600, false), plain(600, false);
     for (int i = 0; i < q.size(); ++i) {
       const float v = odd[rng.below(10)];
@@ -485,7 +485,7 @@ TEST(OctaOctree, WhatIsNotANumberIsHarmless) {
 TEST(OctaOctree, ResultDoesNotDependOnThePlaceInTheBatch) {
   testing::for_each_simd_target([] {
     const Fixture f({.levels = 5});
-    const Queries q = make_queries(f, 700, 8);
+    const LookupQueries q = make_queries(f, 700, 8);
     const int count = f.tree.feature_count();
     std::vector<float> all(static_cast<std::size_t>(count * 700)), part(all), recorded(all);
     OctaOctree::Record record, single;

@@ -18,14 +18,14 @@ HashGrid random_grid(const HashGridOptions& options = kOptions) {
   return grid;
 }
 
-struct Queries {
+struct FootprintQueries {
   std::vector<Vec3f> p;
   std::vector<float> r;
 };
 
 // Footprints from below the finest level's to above the coarsest's, some of them exactly a level's.
-Queries random_queries(int n) {
-  Queries q;
+FootprintQueries random_queries(int n) {
+  FootprintQueries q;
   Rng rng(2, RngPurpose::test, 32);
   for (int i = 0; i < n; ++i) {
     q.p.push_back({rng.uniform(), rng.uniform(), rng.uniform()});
@@ -57,7 +57,7 @@ std::vector<double> brute_force(const HashGrid& grid, Vec3f p, double r) {
   return result;
 }
 
-std::vector<float> lookup(const HashGrid& grid, const Queries& q, PrefilteredRecord* record = nullptr) {
+std::vector<float> lookup(const HashGrid& grid, const FootprintQueries& q, PrefilteredRecord* record = nullptr) {
   const auto n = static_cast<int>(q.p.size());
   std::vector<float> out(static_cast<std::size_t>(grid.options().features) * q.p.size());
   prefiltered_lookup(grid.view(), q.p.data(), q.r.data(), n, out.data(), n, record);
@@ -69,7 +69,7 @@ TEST(PrefilteredGrid, IsTheBlendOfAllLevels) {
     HashGridOptions options = kOptions;
     options.growth = growth;
     const HashGrid grid = random_grid(options);
-    const Queries q = random_queries(200);
+    const FootprintQueries q = random_queries(200);
     const std::vector<float> out = lookup(grid, q);
     for (std::size_t i = 0; i < q.p.size(); ++i) {
       const std::vector<double> expected = brute_force(grid, q.p[i], static_cast<double>(q.r[i]));
@@ -81,7 +81,7 @@ TEST(PrefilteredGrid, IsTheBlendOfAllLevels) {
 
 TEST(PrefilteredGrid, AQueryDoesNotDependOnThoseBesideIt) {
   const HashGrid grid = random_grid();
-  const Queries q = random_queries(133);
+  const FootprintQueries q = random_queries(133);
   const std::vector<float> together = lookup(grid, q);
   for (const std::size_t i : {std::size_t{0}, std::size_t{50}, std::size_t{132}}) {
     const std::vector<float> alone = lookup(grid, {{q.p[i]}, {q.r[i]}});
@@ -93,7 +93,7 @@ TEST(PrefilteredGrid, AQueryDoesNotDependOnThoseBesideIt) {
 // its taps.
 TEST(PrefilteredGrid, TapsAreTheGradientByTheFeatures) {
   HashGrid grid = random_grid();
-  const Queries q = random_queries(60);
+  const FootprintQueries q = random_queries(60);
   PrefilteredRecord record;
   const std::vector<float> out = lookup(grid, q, &record);
   EXPECT_EQ(out, lookup(grid, q));
@@ -180,7 +180,7 @@ TEST(PrefilteredGrid, FilledWithAveragesItGivesAverages) {
     }
   }
   Rng rng(3, RngPurpose::test, 33);
-  Queries q;
+  FootprintQueries q;
   for (int i = 0; i < 200; ++i) {
     const auto inside = [&] { return 0.2f + 0.6f * rng.uniform(); };  // away from the wrap at the far side
     q.p.push_back({inside(), inside(), inside()});

@@ -15,7 +15,7 @@ namespace {
 constexpr int kBins = 16;
 constexpr std::size_t kSweep = 6;                // up to this many references all splits are tried
 constexpr std::size_t kParallelSplit = 1 << 12;  // subtrees of this size are built by different threads
-constexpr std::size_t kParallelBins = 1 << 17, kBlock = 1 << 15;
+constexpr std::size_t kParallelBins = 1 << 17, kBinBlock = 1 << 15;
 
 struct Box {
   float lower[3] = {3e38f, 3e38f, 3e38f}, upper[3] = {-3e38f, -3e38f, -3e38f};
@@ -90,9 +90,9 @@ void accumulate(std::size_t count, Accumulator& total, const Body& body) {
     body(0, count, total);
     return;
   }
-  const std::size_t blocks = (count + kBlock - 1) / kBlock;
+  const std::size_t blocks = (count + kBinBlock - 1) / kBinBlock;
   std::vector<Accumulator> parts(blocks, total);  // minima, maxima and counts: the order does not matter
-  parallel_for(blocks, [&](std::size_t b) { body(b * kBlock, std::min(count, (b + 1) * kBlock), parts[b]); });
+  parallel_for(blocks, [&](std::size_t b) { body(b * kBinBlock, std::min(count, (b + 1) * kBinBlock), parts[b]); });
   for (const Accumulator& p : parts) total.extend(p);
 }
 

@@ -16,7 +16,7 @@
 namespace octrad {
 namespace {
 
-constexpr std::size_t kBlock = 4096;
+constexpr std::size_t kTriangleBlock = 4096;
 constexpr std::uint64_t kBuildBytes =
     sizeof(BvhReference) + sizeof(Bvh2Node) + sizeof(Bvh8Primitive) + 32;  // a triangle
 
@@ -63,7 +63,7 @@ std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_ou
     }
     const TriangleMesh& mesh = scene.meshes[geometry];
     const MeshView view = shape_view(scene, i).mesh;
-    parallel_blocks(mesh.triangles.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    parallel_blocks(mesh.triangles.size(), kTriangleBlock, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k) out[k] = triangle_reference(view, static_cast<int>(i), k);
     });
   }

@@ -343,26 +343,28 @@ TEST_F(IoTest, ReadsEveryLayoutOfPng) {
     for (const float v : image.data) out.push_back(static_cast<int>(std::lround(v * 255.0f)));
     return std::pair(image.channels, out);
   };
-  using Names = std::vector<std::string>;
+  using ChannelNames = std::vector<std::string>;
   using Values = std::vector<int>;
   const std::string none;
   // One bit of grey: 1, 0. Two bits: 3, 1.
-  EXPECT_EQ(values(png({2, 1, 1, 0}, std::string("\0\x80", 2))), std::pair(Names{"Y"}, Values({255, 0})));
-  EXPECT_EQ(values(png({2, 1, 2, 0}, std::string("\0\xd0", 2))), std::pair(Names{"Y"}, Values({255, 85})));
-  EXPECT_EQ(values(png({1, 1, 8, 4}, std::string("\0\x10\x20", 3))), std::pair(Names{"Y", "A"}, Values({16, 32})));
+  EXPECT_EQ(values(png({2, 1, 1, 0}, std::string("\0\x80", 2))), std::pair(ChannelNames{"Y"}, Values({255, 0})));
+  EXPECT_EQ(values(png({2, 1, 2, 0}, std::string("\0\xd0", 2))), std::pair(ChannelNames{"Y"}, Values({255, 85})));
+  EXPECT_EQ(values(png({1, 1, 8, 4}, std::string("\0\x10\x20", 3))),
+            std::pair(ChannelNames{"Y", "A"}, Values({16, 32})));
   // A palette of two colours, then with one of them transparent.
   const std::string palette = png_chunk("PLTE", "\x01\x02\x03\x04\x05\x06");
   const std::string indices("\0\x40", 2);  // 0, 1
-  EXPECT_EQ(values(png({2, 1, 1, 3}, indices, palette)), std::pair(Names{"R", "G", "B"}, Values({1, 2, 3, 4, 5, 6})));
+  EXPECT_EQ(values(png({2, 1, 1, 3}, indices, palette)),
+            std::pair(ChannelNames{"R", "G", "B"}, Values({1, 2, 3, 4, 5, 6})));
   EXPECT_EQ(values(png({2, 1, 1, 3}, indices, palette + png_chunk("tRNS", "\x07"))),
-            std::pair(Names{"R", "G", "B", "A"}, Values({1, 2, 3, 7, 4, 5, 6, 255})));
+            std::pair(ChannelNames{"R", "G", "B", "A"}, Values({1, 2, 3, 7, 4, 5, 6, 255})));
   EXPECT_THROW(values(png({2, 1, 1, 3}, indices)), InputError) << "no palette";
   // What is said of gamma changes nothing.
   EXPECT_EQ(values(png({1, 1, 8, 0}, std::string("\0\x64", 2), png_chunk("gAMA", std::string("\0\x01\x86\xa0", 4)))),
-            std::pair(Names{"Y"}, Values({100})));
+            std::pair(ChannelNames{"Y"}, Values({100})));
   // Interlaced, 2 x 2: the passes hold (0, 0), (1, 0) and the second row.
   EXPECT_EQ(values(png({2, 2, 8, 0, 1}, std::string("\0\x01\0\x02\0\x03\x04", 7))),
-            std::pair(Names{"Y"}, Values({1, 2, 3, 4})));
+            std::pair(ChannelNames{"Y"}, Values({1, 2, 3, 4})));
 }
 
 // 16 x 16 pixels of one colour: 1 value grey, 3 RGB, 4 CMYK, as Adobe's programs store it (inverted) or not.

@@ -13,7 +13,7 @@
 namespace octrad {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNotANumber = std::numeric_limits<float>::quiet_NaN();
 
 Image8 filled(int width, int height, std::uint8_t value) {
   Image8 image(width, height, 3);
@@ -41,7 +41,7 @@ TEST(Tonemap, KnownValues) {
   EXPECT_NEAR(tonemap(1.0f, mapping), std::pow(std::log(2.0f), 1.0f / 2.2f), 1e-6f);
   EXPECT_EQ(tonemap(100.0f, mapping), 1.0f);
   EXPECT_EQ(tonemap(-1.0f, mapping), 0.0f);
-  EXPECT_EQ(tonemap(kNan, mapping), 0.0f);
+  EXPECT_EQ(tonemap(kNotANumber, mapping), 0.0f);
   EXPECT_EQ(tonemap(std::numeric_limits<float>::infinity(), mapping), 1.0f);
 
   Image image(2, 1, {"R", "G", "B"});
@@ -81,7 +81,7 @@ TEST(Tonemap, VectorsAreShownFromMinusOneToOne) {
 
 TEST(Tonemap, FalseColors) {
   Image values(3, 1, {"Y"});
-  values.data = {-1.0f, 5.0f, kNan};
+  values.data = {-1.0f, 5.0f, kNotANumber};
   const Image8 colors = false_color(values, 0, 0.0f, 1.0f);
   EXPECT_EQ(colors.data, (std::vector<std::uint8_t>{0, 0, 0, 255, 255, 235, 0, 255, 0}));
   EXPECT_THROW(false_color(values, 0, 1.0f, 1.0f), InputError);
@@ -140,7 +140,7 @@ TEST(ContactSheet, PicturesStandInRowsWithLabelsBelow) {
 
 TEST(DisplayReferred, LinearAndShownValues) {
   Image linear(2, 1, {"R", "G", "B"}), stored(1, 1, {"Y"});
-  linear.data = {0.5f, 2.0f, -1.0f, 0.0f, 1.0f, kNan};
+  linear.data = {0.5f, 2.0f, -1.0f, 0.0f, 1.0f, kNotANumber};
   EXPECT_FALSE(is_display_referred(linear));
   EXPECT_EQ(linear_color(linear).data[1], 2.0f);
   const Image shown = display_color(linear), limited = shown_linear_color(linear);
@@ -161,7 +161,7 @@ TEST(DisplayReferred, LinearAndShownValues) {
 
 TEST(SignedColor, BlueWhiteRed) {
   Image image(5, 1, {"Y"});
-  image.data = {-2.0f, 0.0f, 1.0f, 9.0f, kNan};
+  image.data = {-2.0f, 0.0f, 1.0f, 9.0f, kNotANumber};
   const Image8 out = signed_color(image, 0, 2.0f);
   const auto pixel = [&](std::size_t p) {
     return std::vector<int>(out.data.begin() + 3 * static_cast<std::ptrdiff_t>(p),

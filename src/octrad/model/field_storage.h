@@ -18,6 +18,8 @@
 
 namespace octrad {
 
+constexpr int kQueryChunk = 128;  // queries that go through a field together: activations stay in the L2 cache
+
 // Cuts a batch into at most 32 groups of at least 64 points. Depends on the batch alone, so that sums over groups in
 // their order are the same at any thread count.
 class GroupedBatch {

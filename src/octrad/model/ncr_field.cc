@@ -21,9 +21,7 @@ MlpShape ncr_merge_shape(const Config& c) { return {kMergeInputs, c.ncr_merge_wi
 
 namespace {
 
-constexpr int kChunk = 128;
-
-constexpr std::string_view kOwnKeys[] = {"ncr."};
+constexpr std::string_view kNcrKeys[] = {"ncr."};
 
 std::vector<MemoryPart> ncr_memory(const Config& config, const std::vector<long long>&, bool training) {
   std::vector<MemoryPart> parts;
@@ -61,7 +59,7 @@ void set3(Rows& rows, int row, int stride, int i, Vec3f v) {
 constinit const FieldEntry kNcrField = {
     .name = "ncr",
     .title = "Neural Cone Radiosity",
-    .own_keys = kOwnKeys,
+    .own_keys = kNcrKeys,
     .cell_levels = [](const Config&) { return 0; },
     .finest_cells = [](const Config& c) { return c.ncr_base * std::pow(c.ncr_scale, c.ncr_levels - 1); },
     .rays = ncr_rays,
@@ -143,7 +141,7 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
   merge_mlp_.initialize(seed, 10);
 }
 
-// Fills e.inputs of the diffuse branch for up to kChunk points.
+// Fills e.inputs of the diffuse branch for up to kQueryChunk points.
 void NcrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   const int n = static_cast<int>(points.size()), features = grid_.feature_count();
   e.stride = padded(n);
@@ -249,8 +247,8 @@ void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool r
 
 void NcrField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
   thread_local Encoded e;
-  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     evaluate(chunk, e, false);
     for (std::size_t i = 0; i < chunk.size(); ++i) {
       const DecoderRules& of_point = rules(chunk[i]);
@@ -265,8 +263,8 @@ void NcrField::inspect(std::span<const SurfacePoint> points, std::span<float> fe
                        std::span<float> disparity) const {
   Encoded e;
   const auto count = static_cast<std::size_t>(feature_count());
-  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e, false);
     copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
   }
@@ -368,8 +366,8 @@ FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const 
     mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
     mine.cone.assign(cone_mlp_.parameter_count(), 0.0f);
     mine.merge.assign(merge_mlp_.parameter_count(), 0.0f);
-    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kChunk) {
-      const std::size_t count = std::min<std::size_t>(kChunk, groups.end(g) - begin);
+    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kQueryChunk) {
+      const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
       const auto chunk = points.subspan(begin, count);
       evaluate(chunk, e, true);
       mine.loss += loss(chunk, targets.subspan(begin, count), n, epsilon, e, mine.non_finite);

@@ -17,25 +17,25 @@ using testing::FieldKeys;
 using testing::NcrReference;
 using testing::TrainingBatch;
 
-constexpr std::size_t kPoints = 140;
+constexpr std::size_t kNcrPoints = 140;
 
 // As in field_gradient_device_test.cc, but that rounding adds up over two networks: beyond 1e-3 lie up to 0.56 %
 // (world positions, whose halves are coarse). Those of GPUs are a first guess.
-const testing::Limits kAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
-const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.015, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
-constexpr double kLoss[2] = {1e-5, 1e-3};
+const testing::Limits kNcrAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
+const testing::Limits kNcrGradients[2] = {{5e-5, 1e-3, 0.015, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
+constexpr double kNcrLoss[2] = {1e-5, 1e-3};
 
 // Far from the edges of ReLU.
 TrainingBatch batch(NcrReference& reference) {
   TrainingBatch result;
-  for (const SurfacePoint& p : testing::box_points(kPoints + kPoints / 4, 7)) {
-    if (result.points.size() == kPoints) break;
+  for (const SurfacePoint& p : testing::box_points(kNcrPoints + kNcrPoints / 4, 7)) {
+    if (result.points.size() == kNcrPoints) break;
     if (reference.evaluate(p).margin < 1e-5) continue;
     Rng rng(8, RngPurpose::test, result.points.size());
     result.points.push_back(p);
     result.targets.push_back(Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 2.0f);
   }
-  EXPECT_EQ(result.points.size(), kPoints);
+  EXPECT_EQ(result.points.size(), kNcrPoints);
   return result;
 }
 
@@ -64,7 +64,7 @@ TEST_P(DeviceNcr, GivesAnswersAndGradients) {
       const Vec3d r = reference.radiance(p);
       radiance.insert(radiance.end(), {r.x, r.y, r.z});
     }
-    expect_within(kAnswers[cuda], testing::ask(*stream, *device, b.points), radiance, "radiance");
+    expect_within(kNcrAnswers[cuda], testing::ask(*stream, *device, b.points), radiance, "radiance");
 
     const testing::DeviceBatch there(*stream, b.points, b.targets);
     const StepConstants constants{static_cast<float>(b.epsilon), 1.0f};
@@ -73,12 +73,12 @@ TEST_P(DeviceNcr, GivesAnswersAndGradients) {
     const DeviceTrainReport report = device->collect();
     ASSERT_EQ(report.losses.size(), 1u);
     const double loss = reference.loss(b, reference.denominators(b));
-    EXPECT_NEAR(report.losses[0], loss, kLoss[cuda] * loss);
+    EXPECT_NEAR(report.losses[0], loss, kNcrLoss[cuda] * loss);
     EXPECT_EQ(report.non_finite, 0);
     device->download_to(*field);
     const NcrReference::Numbers got = testing::ncr_first_moments(*field), expected = reference.gradient(b);
     for (int part = 0; part < NcrReference::kParts; ++part)
-      expect_within(kGradients[cuda], got[part], expected[part], NcrReference::kNames[part]);
+      expect_within(kNcrGradients[cuda], got[part], expected[part], NcrReference::kNames[part]);
 
     // Which entries were touched, and how often, is the same as on the CPU.
     EXPECT_EQ(report.touched, cpu->train(b.points, b.targets, b.epsilon, 1.0).touched);

@@ -8,9 +8,7 @@
 namespace octrad {
 namespace {
 
-constexpr int kChunk = 128;
-
-constexpr std::string_view kOwnKeys[] = {"nr."};
+constexpr std::string_view kNrKeys[] = {"nr."};
 
 std::vector<MemoryPart> nr_memory(const Config& config, const std::vector<long long>&, bool training) {
   std::vector<MemoryPart> parts;
@@ -25,7 +23,7 @@ std::vector<MemoryPart> nr_memory(const Config& config, const std::vector<long l
 constinit const FieldEntry kNrField = {
     .name = "nr",
     .title = "Neural Radiosity (a hash grid)",
-    .own_keys = kOwnKeys,
+    .own_keys = kNrKeys,
     .cell_levels = [](const Config&) { return 0; },
     .finest_cells =
         [](const Config& config) { return config.nr_base * std::pow(config.nr_scale, config.nr_levels - 1); },
@@ -84,8 +82,8 @@ void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool reco
 
 void NrField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
   thread_local Encoded e;
-  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e, false);
     e.linear.resize(3 * static_cast<std::size_t>(e.stride));
     decoder_.mlp().forward(e.inputs.data(), static_cast<int>(chunk.size()), e.stride, e.linear.data());
@@ -97,8 +95,8 @@ void NrField::inspect(std::span<const SurfacePoint> points, std::span<float> fea
                       std::span<float> disparity) const {
   Encoded e;
   const auto count = static_cast<std::size_t>(feature_count());
-  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e, false);
     copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
   }
@@ -126,8 +124,8 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
     thread_local Encoded e;
     Gradients& mine = gradients[g];
     mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
-    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kChunk) {
-      const std::size_t count = std::min<std::size_t>(kChunk, groups.end(g) - begin);
+    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kQueryChunk) {
+      const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
       const auto chunk = points.subspan(begin, count);
       encode(chunk, e, true);
       e.linear.resize(3 * static_cast<std::size_t>(e.stride));

@@ -10,14 +10,12 @@
 namespace octrad {
 namespace {
 
-constexpr int kChunk = 128;  // queries that go through the field together: activations stay in the L2 cache
-
 OctaOctreeOptions octree_options(const Config& config) {
   return {config.octree_levels, config.octree_features, config.octree_interpolation == OctreeInterpolation::trilinear,
           config.octa_interpolation == OctaInterpolation::barycentric};
 }
 
-constexpr std::string_view kOwnKeys[] = {
+constexpr std::string_view kOctaOctreeKeys[] = {
     "octree.levels",    "octree.features", "octree.occupancy",       "octree.interpolation", "octa.",
     "lookup.direction", "lookup.offset",   "lookup.rough_direction", "disparity.",           "decoder.width",
     "decoder.hidden",   "decoder.output",  "adam.rate.features"};
@@ -55,7 +53,7 @@ float* row(std::vector<float>& rows, int r, int stride) {
 constinit const FieldEntry kOctaOctreeField = {
     .name = "octaoctree",
     .title = "OctaOctree",
-    .own_keys = kOwnKeys,
+    .own_keys = kOctaOctreeKeys,
     .cell_levels = [](const Config& config) { return config.octree_levels; },
     .finest_cells = [](const Config& config) { return static_cast<double>(spatial_resolution(config.octree_levels)); },
     .rays =
@@ -120,7 +118,7 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
   initialize_hash_grid(grid_, seed, 3);
 }
 
-// Fills e.inputs (features first, then the point's own inputs) for up to kChunk points.
+// Fills e.inputs (features first, then the point's own inputs) for up to kQueryChunk points.
 void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   const int n = static_cast<int>(points.size());
   const int stride = e.stride = padded(n);
@@ -167,8 +165,8 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
 
 void OctaOctreeField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
   thread_local Encoded e;
-  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e, false);
     e.linear.resize(3 * static_cast<std::size_t>(e.stride));
     decoder_.mlp().forward(e.inputs.data(), static_cast<int>(chunk.size()), e.stride, e.linear.data());
@@ -180,8 +178,8 @@ void OctaOctreeField::inspect(std::span<const SurfacePoint> points, std::span<fl
                               std::span<float> disparity) const {
   Encoded e;
   const auto count = static_cast<std::size_t>(feature_count());
-  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kChunk, points.size() - begin));
+  for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e, false);
     if (!features.empty()) copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
     if (!disparity.empty()) std::copy_n(e.disparity.begin(), chunk.size(), disparity.data() + begin);
@@ -252,8 +250,8 @@ FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span
     Gradients& mine = gradients[g];
     mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
     mine.disparity.assign(disparity_.parameter_count(), 0.0f);
-    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kChunk) {
-      const std::size_t count = std::min<std::size_t>(kChunk, groups.end(g) - begin);
+    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kQueryChunk) {
+      const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
       mine.loss += backward(points.subspan(begin, count), targets.subspan(begin, count), begin, n, epsilon, e, mine);
     }
   });

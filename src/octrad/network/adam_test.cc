@@ -1,7 +1,6 @@
 #include "octrad/network/adam.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cmath>
 #include <limits>
@@ -9,6 +8,8 @@
 #include <numeric>
 #include <vector>
 
+#include "octrad/base/each_target_test_helper.h"
+#include "octrad/base/random_inputs.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/network/adam_math.h"
@@ -36,32 +37,15 @@ struct RestoreThreads {
   ~RestoreThreads() { set_thread_count(0); }
 };
 
-template <typename Body>
-void for_each_target(const Body& body) {
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(network_simd_name());
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-}
-
-std::vector<float> random_floats(std::size_t n, std::uint64_t index) {
-  Rng rng(11, RngPurpose::test, index);
-  std::vector<float> v(n);
-  for (float& x : v) x = 2.0f * rng.uniform() - 1.0f;
-  return v;
-}
-
 TEST(DenseAdam, AgreesWithTheTextbook) {
-  for_each_target([] {
+  testing::for_each_simd_target([] {
     constexpr std::size_t kN = 16384 + 37;  // more than one task, and a remainder
-    std::vector<float> p = random_floats(kN, 0);
+    std::vector<float> p = testing::random_floats(kN, 0);
     std::vector<double> want(p.begin(), p.end());
     std::vector<Textbook> textbook(kN);
     DenseAdam adam(kN, {});
     for (std::uint64_t step = 1; step <= 20; ++step) {
-      const std::vector<float> g = random_floats(kN, step);
+      const std::vector<float> g = testing::random_floats(kN, step);
       EXPECT_EQ(adam.step(p, g, 0.01), 0);
       for (std::size_t i = 0; i < kN; ++i) want[i] = textbook[i].update(want[i], g[i], 0.01);
     }
@@ -73,12 +57,12 @@ TEST(DenseAdam, AgreesWithTheTextbook) {
 TEST(DenseAdam, SameBitsOnEveryTargetAndThreadCount) {
   RestoreThreads restore;
   std::vector<float> first;
-  for_each_target([&] {
+  testing::for_each_simd_target([&] {
     for (int threads : {1, 2, 3}) {
       set_thread_count(threads);
-      std::vector<float> p = random_floats(100003, 0);
+      std::vector<float> p = testing::random_floats(100003, 0);
       DenseAdam adam(p.size(), {});
-      for (std::uint64_t step = 1; step <= 4; ++step) adam.step(p, random_floats(p.size(), step), 0.003);
+      for (std::uint64_t step = 1; step <= 4; ++step) adam.step(p, testing::random_floats(p.size(), step), 0.003);
       if (first.empty()) first = p;
       EXPECT_TRUE(first == p) << threads;
     }
@@ -86,7 +70,7 @@ TEST(DenseAdam, SameBitsOnEveryTargetAndThreadCount) {
 }
 
 TEST(DenseAdam, NonFiniteGradientsAreTakenAsZeroAndCounted) {
-  for_each_target([] {
+  testing::for_each_simd_target([] {
     std::vector<float> p(40, 1.0f), q(40, 1.0f), g(40, 0.5f), clean(40, 0.5f);
     const std::vector<std::pair<std::size_t, float>> bad{{0, kNan}, {7, kInf}, {20, -kInf}, {38, 1e30f}, {39, kNan}};
     for (const auto& [i, value] : bad) {
@@ -112,7 +96,7 @@ struct Batch {
 Batch make_batch(std::uint64_t index, std::uint32_t entries, std::size_t features, std::size_t taps) {
   constexpr std::uint32_t kSources = 300;
   Batch batch;
-  batch.upstream = random_floats(kSources * features, 1000 + index);
+  batch.upstream = testing::random_floats(kSources * features, 1000 + index);
   Rng rng(12, RngPurpose::test, index);
   batch.lists.resize(5);
   for (std::size_t t = 0; t < taps; ++t) {
@@ -123,13 +107,13 @@ Batch make_batch(std::uint64_t index, std::uint32_t entries, std::size_t feature
   return batch;
 }
 
-class SparseAdamFeatures : public testing::TestWithParam<std::size_t> {};
+class SparseAdamFeatures : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(SparseAdamFeatures, TouchedEntriesFollowTheTextbookWithTheirOwnCounts) {
   const std::size_t features = GetParam();
   constexpr std::uint32_t kEntries = 9000;
-  for_each_target([&] {
-    std::vector<float> table = random_floats(kEntries * features, 0);
+  testing::for_each_simd_target([&] {
+    std::vector<float> table = testing::random_floats(kEntries * features, 0);
     const std::vector<float> before = table;
     std::vector<double> want(table.begin(), table.end());
     std::map<std::size_t, std::vector<Textbook>> textbook;
@@ -177,13 +161,13 @@ TEST_P(SparseAdamFeatures, TouchedEntriesFollowTheTextbookWithTheirOwnCounts) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Features, SparseAdamFeatures, testing::Values(1, 2, 3, 4, 8),
-                         testing::PrintToStringParamName());
+INSTANTIATE_TEST_SUITE_P(Features, SparseAdamFeatures, ::testing::Values(1, 2, 3, 4, 8),
+                         ::testing::PrintToStringParamName());
 
 TEST(SparseAdam, TouchedAndDenseAgreeWhenAllEntriesAreTouched) {
   constexpr std::uint32_t kEntries = 5000;
   for (int features : {2, 3, 4}) {
-    std::vector<float> a = random_floats(kEntries * static_cast<std::size_t>(features), 0), b = a;
+    std::vector<float> a = testing::random_floats(kEntries * static_cast<std::size_t>(features), 0), b = a;
     SparseAdam touched(kEntries, features, {}), dense(kEntries, features, {});
     dense.set_dense(true);
     for (std::uint64_t step = 1; step <= 5; ++step) {
@@ -199,7 +183,7 @@ TEST(SparseAdam, TouchedAndDenseAgreeWhenAllEntriesAreTouched) {
 
 TEST(SparseAdam, DenseModeIsTheTextbookOnEntriesWithoutGradientToo) {
   constexpr std::uint32_t kEntries = 2500;
-  std::vector<float> table = random_floats(kEntries * 4, 0);
+  std::vector<float> table = testing::random_floats(kEntries * 4, 0);
   std::vector<double> want(table.begin(), table.end());
   std::vector<Textbook> textbook(kEntries * 4);
   SparseAdam adam(kEntries, 4, {});
@@ -224,10 +208,10 @@ TEST(SparseAdam, SameBitsOnEveryTargetAndThreadCount) {
   constexpr std::uint32_t kEntries = 30000;
   for (bool dense : {false, true}) {
     std::vector<float> first;
-    for_each_target([&] {
+    testing::for_each_simd_target([&] {
       for (int threads : {1, 2, 3}) {
         set_thread_count(threads);
-        std::vector<float> table = random_floats(kEntries * 4, 0);
+        std::vector<float> table = testing::random_floats(kEntries * 4, 0);
         SparseAdam adam(kEntries, 4, {});
         adam.set_dense(dense);
         for (std::uint64_t step = 1; step <= 3; ++step) {
@@ -245,7 +229,7 @@ TEST(SparseAdam, SameBitsOnEveryTargetAndThreadCount) {
 TEST(SparseAdam, OrderOfContributionsIsThatOfTheLists) {
   std::vector<SparseTap> taps;
   for (std::uint32_t i = 0; i < 50000; ++i) taps.push_back({i % 7, i % 300, 1.0f / static_cast<float>(i + 1)});
-  const std::vector<float> upstream = random_floats(300 * 4, 5);
+  const std::vector<float> upstream = testing::random_floats(300 * 4, 5);
   std::vector<float> one(7 * 4), cut(7 * 4), scalar(7 * 4);
   for (const SparseTap& tap : taps) {
     for (std::size_t f = 0; f < 4; ++f) scalar[tap.entry * 4 + f] += tap.scale * upstream[tap.source * 4 + f];
@@ -263,7 +247,7 @@ TEST(SparseAdam, OrderOfContributionsIsThatOfTheLists) {
 }
 
 TEST(SparseAdam, NonFiniteGradientsAreTakenAsZeroAndCounted) {
-  for_each_target([] {
+  testing::for_each_simd_target([] {
     for (bool dense : {false, true}) {
       std::vector<float> table(10 * 4, 1.0f), upstream{1.0f, kNan, 1.0f, -kInf, 1.0f, 1.0f, 1.0f, 1.0f};
       SparseAdam adam(10, 4, {});
@@ -302,7 +286,7 @@ TEST(SparseAdam, CountsSaturateAndCorrectionsEndAtOne) {
 
 TEST(SparseAdam, StateRestoresARun) {
   constexpr std::uint32_t kEntries = 3000;
-  std::vector<float> table = random_floats(kEntries * 4, 0);
+  std::vector<float> table = testing::random_floats(kEntries * 4, 0);
   SparseAdam adam(kEntries, 4, {});
   const auto step = [](SparseAdam& a, std::vector<float>& t, std::uint64_t i) {
     const Batch batch = make_batch(i, kEntries, 4, 5000);

@@ -14,7 +14,7 @@
 namespace octrad {
 namespace {
 
-constexpr std::size_t kTile = kMlpTile;
+constexpr std::size_t kRowsAtOnce = kMlpTile;
 
 std::size_t panels_for(std::size_t features) { return (features + kPanel - 1) / kPanel; }
 
@@ -111,9 +111,9 @@ void Mlp::forward_tiles(const float* in, int n, int stride, float* out, Workspac
   assert(n >= 0 && n <= stride);
   const std::size_t outputs = as_size(shape_.outputs), queries = as_size(n), in_stride = as_size(stride);
   const std::size_t wide = row_stride(as_size(shape_.width)), narrow = panels_for(outputs) * kPanel;
-  float* tiles = grown(scratch().tiles, kTile * (2 * wide + narrow));
-  for (std::size_t i = 0; i < queries; i += kTile) {
-    const std::size_t rows = std::min(kTile, queries - i);
+  float* tiles = grown(scratch().tiles, kRowsAtOnce * (2 * wide + narrow));
+  for (std::size_t i = 0; i < queries; i += kRowsAtOnce) {
+    const std::size_t rows = std::min(kRowsAtOnce, queries - i);
     GemmArgs g;
     g.rows = rows;
     g.a = in + i;
@@ -128,11 +128,11 @@ void Mlp::forward_tiles(const float* in, int n, int stride, float* out, Workspac
       g.post = last ? GemmArgs::Post::store : GemmArgs::Post::relu;
       g.c_stride = last ? narrow : wide;
       if (last) {
-        g.c = tiles + 2 * kTile * wide;
+        g.c = tiles + 2 * kRowsAtOnce * wide;
       } else if (keep != nullptr) {
         g.c = keep->activations.data() + (as_size(l) * queries + i) * wide;
       } else {
-        g.c = tiles + static_cast<std::size_t>(l & 1) * kTile * wide;
+        g.c = tiles + static_cast<std::size_t>(l & 1) * kRowsAtOnce * wide;
       }
       gemm(g);
       g.a = g.c;
@@ -168,12 +168,12 @@ void Mlp::backward(const float* in, const float* d_out, const Workspace& kept, s
     total += as_size(l == 0 ? layer_inputs(l) : layer_outputs(l)) * panels_for(vectors) * kPanel;
   }
   float* sums = grown(scratch().gradients, total);
-  float* tiles = grown(scratch().tiles, 2 * kTile * tile_stride);
+  float* tiles = grown(scratch().tiles, 2 * kRowsAtOnce * tile_stride);
 
-  for (std::size_t i = 0; i < queries; i += kTile) {
-    const std::size_t rows = std::min(kTile, queries - i);
+  for (std::size_t i = 0; i < queries; i += kRowsAtOnce) {
+    const std::size_t rows = std::min(kRowsAtOnce, queries - i);
     float* dy = tiles;
-    float* dx = tiles + kTile * tile_stride;
+    float* dx = tiles + kRowsAtOnce * tile_stride;
     std::size_t dy_stride = row_stride(outputs);
     for (std::size_t r = 0; r < rows; ++r) {
       for (std::size_t o = 0; o < outputs; ++o) dy[r * dy_stride + o] = d_out[o * stride + i + r];

@@ -1,7 +1,6 @@
 #include "octrad/network/mlp.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/each_target_test_helper.h"
+#include "octrad/base/random_inputs.h"
 #include "octrad/base/rng.h"
 #include "octrad/network/mlp_reference_test_helper.h"
 #include "octrad/network/mlp_simd.h"
@@ -17,13 +18,6 @@ namespace octrad {
 namespace {
 
 using octrad::testing::MlpReference;
-
-std::vector<float> random_floats(std::size_t n, std::uint64_t index) {
-  Rng rng(7, RngPurpose::test, index);
-  std::vector<float> v(n);
-  for (float& x : v) x = 2.0f * rng.uniform() - 1.0f;
-  return v;
-}
 
 struct Case {
   MlpShape shape;
@@ -39,17 +33,6 @@ const Case kCases[] = {
     {{64, 48, 2, 16}, 6, 64},
 };
 
-// Runs the test body once on every instruction set that this program has and this processor supports.
-template <typename Body>
-void for_each_target(const Body& body) {
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(network_simd_name());
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-}
-
 class MlpShapes : public ::testing::TestWithParam<Case> {};
 
 TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
@@ -59,8 +42,8 @@ TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
   const auto inputs = static_cast<std::size_t>(c.shape.inputs), outputs = static_cast<std::size_t>(c.shape.outputs);
   const auto stride = static_cast<std::size_t>(c.stride), n = static_cast<std::size_t>(c.n);
   // Exactly sized buffers, so that a sanitizer sees any access beyond them; NaN in the padding, which must not be read.
-  std::vector<float> in = random_floats((inputs - 1) * stride + n, 1),
-                     d_out = random_floats((outputs - 1) * stride + n, 2);
+  std::vector<float> in = testing::random_floats((inputs - 1) * stride + n, 1),
+                     d_out = testing::random_floats((outputs - 1) * stride + n, 2);
   for (auto* buffer : {&in, &d_out}) {
     for (std::size_t j = 0; j < buffer->size(); ++j) {
       if (j % stride >= n) (*buffer)[j] = std::numeric_limits<float>::quiet_NaN();
@@ -79,7 +62,7 @@ TEST_P(MlpShapes, ForwardAndBackwardAgreeWithTheDefinition) {
     for (std::size_t f = 0; f < inputs; ++f) want_din[f * n + i] = dx[f];
   }
 
-  for_each_target([&] {
+  testing::for_each_simd_target([&] {
     constexpr float kUntouched = 12345.0f;
     std::vector<float> out(d_out.size(), kUntouched), kept_out(d_out.size(), kUntouched), d_in(in.size(), kUntouched);
     std::vector<float> d_weights(weights.size(), 0.5f);
@@ -154,8 +137,8 @@ TEST(Mlp, ForwardOfAQueryDoesNotDependOnItsNeighbours) {
   Mlp mlp({45, 128, 4, 3});
   mlp.initialize(5, 0);
   constexpr int kN = 200, kStride = 256;
-  const std::vector<float> in = random_floats(45 * kStride, 3);
-  for_each_target([&] {
+  const std::vector<float> in = testing::random_floats(45 * kStride, 3);
+  testing::for_each_simd_target([&] {
     std::vector<float> whole(3 * kStride), parts(3 * kStride);
     mlp.forward(in.data(), kN, kStride, whole.data());
     for (int begin = 0, size = 1; begin < kN; begin += size, size = size * 2 + 1) {
@@ -168,9 +151,9 @@ TEST(Mlp, ForwardOfAQueryDoesNotDependOnItsNeighbours) {
 TEST(Mlp, SameBitsOnEveryTargetWithFusedMultiplyAdd) {
   Mlp mlp({45, 100, 3, 3});
   mlp.initialize(6, 0);
-  const std::vector<float> in = random_floats(45 * 128, 5), d_out = random_floats(3 * 128, 6);
+  const std::vector<float> in = testing::random_floats(45 * 128, 5), d_out = testing::random_floats(3 * 128, 6);
   std::vector<float> first;
-  for_each_target([&] {
+  testing::for_each_simd_target([&] {
     const std::string name = network_simd_name();
     if (name != "AVX2" && name != "AVX3") return;
     std::vector<float> out(3 * 128), d_in(45 * 128), d_weights(mlp.parameter_count());
@@ -211,9 +194,9 @@ TEST(Mlp, InitialisationIsXavierUniformAndKeyed) {
 TEST(Mlp, NonFiniteInputIsSeenAtTheOutputOfItsQueryOnly) {
   Mlp mlp({8, 32, 2, 2});
   mlp.initialize(2, 0);
-  std::vector<float> in = random_floats(8 * 64, 4), out(2 * 64);
+  std::vector<float> in = testing::random_floats(8 * 64, 4), out(2 * 64);
   in[3 * 64 + 17] = std::numeric_limits<float>::quiet_NaN();
-  for_each_target([&] {
+  testing::for_each_simd_target([&] {
     mlp.forward(in.data(), 64, 64, out.data());
     for (int i = 0; i < 64; ++i) EXPECT_EQ(std::isfinite(out[static_cast<std::size_t>(i)]), i != 17) << i;
   });

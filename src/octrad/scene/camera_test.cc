@@ -11,14 +11,14 @@
 namespace octrad {
 namespace {
 
-struct Expected {
+struct ExpectedCamera {
   Vec2f at;  // relative position on the film
   Vec3f origin, direction;
   float t_max;
 };
 
-void expect_rays(const Camera& camera, std::initializer_list<Expected> rays, int width = 40, int height = 20) {
-  for (const Expected& e : rays) {
+void expect_rays(const Camera& camera, std::initializer_list<ExpectedCamera> rays, int width = 40, int height = 20) {
+  for (const ExpectedCamera& e : rays) {
     const Ray ray =
         camera.generate({e.at.x * static_cast<float>(width), e.at.y * static_cast<float>(height)}, width, height);
     EXPECT_LT(length(ray.direction - e.direction), 2e-6f)

@@ -15,12 +15,12 @@
 namespace octrad {
 namespace {
 
-const std::string kSensor = "<sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/></sensor>\n";
+const std::string kOneSensor = "<sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/></sensor>\n";
 
 class CheckTest : public ::testing::Test {
  protected:
   std::string write(const std::string& body, const std::string& version = "3.0.0") const {
-    return folder_.write("s.xml", "<scene version=\"" + version + "\">\n" + body + kSensor + "</scene>\n");
+    return folder_.write("s.xml", "<scene version=\"" + version + "\">\n" + body + kOneSensor + "</scene>\n");
   }
   // "2:1 what" of every mistake.
   std::vector<std::string> mistakes(const std::string& body) const {

@@ -45,9 +45,9 @@ bool is_name_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
 }
 
-class Reader {
+class XmlReader {
  public:
-  Reader(const std::map<std::string, std::string>& definitions, Description& description, SceneReport& report)
+  XmlReader(const std::map<std::string, std::string>& definitions, Description& description, SceneReport& report)
       : description_(description),
         report_(report),
         parameters_(definitions),
@@ -409,7 +409,7 @@ Description read_description(const std::string& file, const std::map<std::string
   description.report = &report;
   const std::filesystem::path folder = std::filesystem::path(file).parent_path();
   description.search_paths.push_back(folder.empty() ? "." : folder.string());
-  Reader(definitions, description, report).read_main(file);
+  XmlReader(definitions, description, report).read_main(file);
   return description;
 }
 

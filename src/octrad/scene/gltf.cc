@@ -9,12 +9,13 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/scene/gltf_reader.h"
+#include "octrad/scene/limits.h"
 
 namespace octrad {
 namespace {
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
-constexpr int kFilmHeight = 720, kMaxFilmSide = 131072;
+constexpr int kFilmHeight = 720;
 constexpr std::size_t kMaxPlaced = 4'000'000;
 constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
 
@@ -24,7 +25,7 @@ const std::set<std::string> kExtensions = {
     "KHR_materials_ior",       "KHR_materials_sheen",   "KHR_materials_specular",  "KHR_materials_transmission",
     "KHR_materials_volume",    "KHR_mesh_quantization", "KHR_texture_transform"};
 
-std::string way_out(const std::string& extension) {
+std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"EXT_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
@@ -78,9 +79,9 @@ std::optional<Transform> view_of(const Transform& node) {
   return Transform::look_at(node.column(3), node.column(3) - node.column(2), node.column(1));
 }
 
-class Reader {
+class GltfReader {
  public:
-  Reader(const std::string& file, std::string bytes, Description& description, SceneReport& report)
+  GltfReader(const std::string& file, std::string bytes, Description& description, SceneReport& report)
       : file_(std::make_shared<const GltfFile>(file, std::move(bytes), description)),
         description_(description),
         report_(report),
@@ -114,7 +115,7 @@ class Reader {
     for (const std::string& name : required) {
       if (kExtensions.count(name) == 0)
         report_.refuse(file.location(),
-                       "the file requires the extension " + name + ", which is not supported" + way_out(name));
+                       "the file requires the extension " + name + ", which is not supported" + extension_advice(name));
     }
     for (const std::string& name : file.texts("extensionsUsed")) {
       if (kExtensions.count(name) == 0 && !name.starts_with("KHR_materials_") &&
@@ -292,7 +293,7 @@ class Reader {
     const int positions = primitive.object("attributes").index("POSITION", "accessors");
     if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
         !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
-      primitive.fail("KHR_draco_mesh_compression is not supported" + way_out("KHR_draco_mesh_compression"));
+      primitive.fail("KHR_draco_mesh_compression is not supported" + extension_advice("KHR_draco_mesh_compression"));
     GltfSurface surface;
     surface.material = primitive.index("material", "materials");
     const int uv_set = materials_.uv_set(surface.material);
@@ -378,7 +379,7 @@ class Reader {
     number(sensor, "float", "far_clip", number_text(std::max(far_clip, near_clip * 2.0)));
     add_matrix(sensor, where, "to_world", to_world);
     Element& film = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
-    const int width = std::clamp(static_cast<int>(std::lround(kFilmHeight * aspect)), 1, kMaxFilmSide);
+    const int width = std::clamp(static_cast<int>(std::lround(kFilmHeight * aspect)), 1, kMostFilmPixels);
     number(film, "integer", "width", std::to_string(width));
     number(film, "integer", "height", std::to_string(kFilmHeight));
   }
@@ -485,7 +486,7 @@ void read_gltf(const std::string& file, std::string bytes, Description& descript
   description.root->tag = "scene";
   description.root->location = {std::make_shared<const SourceFile>(file, ""), 0};
   description.built = std::make_shared<BuiltFiles>();
-  Reader(file, std::move(bytes), description, report).read();
+  GltfReader(file, std::move(bytes), description, report).read();
 }
 
 }  // namespace octrad

@@ -13,13 +13,13 @@
 #include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
+#include "octrad/scene/limits.h"
 
 namespace octrad {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::uint64_t kMaxCount = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
 constexpr std::uint64_t kMaxZeros = 1 << 24;  // elements of an accessor without data, which the file need not hold
 
 enum Component { kByte = 5120, kUnsignedByte, kShort, kUnsignedShort, kUnsignedInt = 5125, kFloat };
@@ -383,7 +383,7 @@ GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   const GltfObject sparse = a.object("sparse");
   const int buffer_view = a.index("bufferView", "bufferViews");
   if (count == 0) a.fail("needs a count above 0");
-  if (count > (buffer_view < 0 ? kMaxZeros : kMaxCount)) a.fail("has too many elements");
+  if (count > (buffer_view < 0 ? kMaxZeros : kMostMeshElements)) a.fail("has too many elements");
   const auto n = static_cast<std::size_t>(result.components);
   const std::size_t bytes = component_size(kind), size = bytes * n;
   Elements source;
@@ -427,7 +427,7 @@ std::vector<std::uint32_t> GltfFile::indices(int accessor) const {
   const std::uint64_t count = a.size("count", 0);
   if (buffer_view < 0) a.fail("indices need a bufferView");
   if (a.object("sparse").exists()) a.fail("sparse indices are not supported");
-  if (count == 0 || count > kMaxCount * 3) a.fail("needs a count above 0");
+  if (count == 0 || count > kMostMeshElements * 3) a.fail("needs a count above 0");
   const Elements source = elements(buffer_view, a.size("byteOffset", 0), count, component_size(kind), false, a);
   ask_memory(count * sizeof(std::uint32_t), name_);
   std::vector<std::uint32_t> result(count);

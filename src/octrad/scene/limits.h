@@ -1,18 +1,24 @@
-// Limits of what a scene may hold: beyond them single precision and the ray tracer (whose rays must begin
-// within 1.8e18) give no picture.
+// Limits of what a scene may hold.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "octrad/base/vec.h"
 
 namespace octrad {
 
-// Of vertices and spheres in world space. Products of two areas must stay finite: (1e9)^4 is 1e36 of 3.4e38.
+// Beyond the limits of coordinates single precision and the ray tracer (whose rays must begin within 1.8e18) give no
+// picture. Of vertices and spheres in world space: products of two areas must stay finite: (1e9)^4 is 1e36 of 3.4e38.
 constexpr float kLargestCoordinate = 1e9f;
 // Of cameras and of where their rays begin. They may stand outside of what they look at.
 constexpr float kLargestCameraCoordinate = 1e12f;
+
+// Vertices, and triangles, of a mesh: four times their number is an int.
+constexpr std::uint64_t kMostMeshElements = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
+// Pixels along a side of a film.
+constexpr int kMostFilmPixels = 131072;
 
 // False also where a component is not a number.
 template <typename T>

@@ -17,7 +17,7 @@ const std::vector<std::string> kModels = {OCTRAD_BSDF_LIST(OCTRAD_NAME)};
 const std::vector<std::string> kWrappers = {"twosided", "mask", "bumpmap", "normalmap"};
 
 // What can be written instead of models that there are not.
-std::string way_out(const std::string& type) {
+std::string bsdf_advice(const std::string& type) {
   static const std::pair<const char*, const char*> ways[] = {
       {"hk", "a thin scattering layer has no counterpart; use diffuse or principledthin"},
       {"irawan", "woven cloth has no counterpart; use diffuse with a bitmap"},
@@ -175,7 +175,7 @@ Material SceneBuilder::scattering_model(Params& params) {
   const std::string& type = params.type();
   const auto found = std::find(kModels.begin(), kModels.end(), type);
   if (found == kModels.end()) {
-    params.fail_type(bsdf_types(), way_out(type));
+    params.fail_type(bsdf_types(), bsdf_advice(type));
   }
   Material m;
   m.type = static_cast<BsdfType>(found - kModels.begin());

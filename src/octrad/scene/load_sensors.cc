@@ -4,12 +4,12 @@
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/scene/builder.h"
+#include "octrad/scene/limits.h"
 #include "octrad/scene/plugins.h"
 
 namespace octrad {
 namespace {
 
-constexpr int kMaxFilmSide = 131072;
 constexpr float kMaxFilterRadius = 8.0f;
 const std::vector<std::string> kSensors = {"perspective", "thinlens", "orthographic"};
 const std::vector<std::string> kFilters = {"box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"};
@@ -117,12 +117,12 @@ Film SceneBuilder::read_film(const Element& element, Camera& camera) {
   Params params(description_, element, scene_.warnings);
   if (params.type() != "hdrfilm") params.fail_type(film_types());
   Film film;
-  const int width = params.int_in("width", film.width, 1, kMaxFilmSide),
-            height = params.int_in("height", film.height, 1, kMaxFilmSide);
-  const int x = params.int_in("crop_offset_x", 0, 0, kMaxFilmSide),
-            y = params.int_in("crop_offset_y", 0, 0, kMaxFilmSide);
-  film.width = params.int_in("crop_width", width, 1, kMaxFilmSide);
-  film.height = params.int_in("crop_height", height, 1, kMaxFilmSide);
+  const int width = params.int_in("width", film.width, 1, kMostFilmPixels),
+            height = params.int_in("height", film.height, 1, kMostFilmPixels);
+  const int x = params.int_in("crop_offset_x", 0, 0, kMostFilmPixels),
+            y = params.int_in("crop_offset_y", 0, 0, kMostFilmPixels);
+  film.width = params.int_in("crop_width", width, 1, kMostFilmPixels);
+  film.height = params.int_in("crop_height", height, 1, kMostFilmPixels);
   if (x + film.width > width || y + film.height > height) {
     fail(element.location, "the crop window reaches beyond the film of " + std::to_string(width) + " x " +
                                std::to_string(height) + " pixels");

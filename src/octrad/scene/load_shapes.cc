@@ -32,7 +32,7 @@ Placement make_placement(const Transform& t) {
 }
 
 // What can be written instead of shapes that there are not.
-std::string way_out(const std::string& type) {
+std::string shape_advice(const std::string& type) {
   if (type == "bsplinecurve" || type == "linearcurve") return "; turn its curves into triangles and load them as ply";
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
   if (type == "ellipsoids" || type == "ellipsoidsmesh") return "; use instances of a mesh";
@@ -64,7 +64,7 @@ void SceneBuilder::add_shape(const Element& element) {
 
 Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group) {
   const std::string& type = params.type();
-  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) params.fail_type(kShapes, way_out(type));
+  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) params.fail_type(kShapes, shape_advice(type));
   if (type == "shapegroup" || type == "instance" || type == "merge")
     fail(params.location(), "a shapegroup cannot hold another one, an instance or a merge");
   shape_meter_.add(kShapeBytes);

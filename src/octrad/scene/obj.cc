@@ -1,11 +1,11 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 
@@ -110,7 +110,7 @@ class ObjReader {
       ask_to_grow(positions_, name_);
       positions_.push_back(read_vec3("vertex"));  // w and colours are skipped
       first_.push_back(-1);
-      if (positions_.size() > kMaxCount) fail_at(p_, "the OBJ file has too many vertices");
+      if (positions_.size() > kMostMeshElements) fail_at(p_, "the OBJ file has too many vertices");
     } else if (kind == 't' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
       ask_to_grow(uvs_, name_);
@@ -195,10 +195,8 @@ class ObjReader {
       ++corners;
     }
     if (corners < 3) fail_at(begin, "face: a face needs at least three corners");
-    if (mesh_.triangles.size() > kMaxCount) fail_at(begin, "the OBJ file has too many faces");
+    if (mesh_.triangles.size() > kMostMeshElements) fail_at(begin, "the OBJ file has too many faces");
   }
-
-  static constexpr std::size_t kMaxCount = static_cast<std::size_t>(std::numeric_limits<int>::max()) / 4;
 
   const std::string& name_;
   const std::string& text_;

@@ -8,6 +8,7 @@
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 
@@ -188,7 +189,7 @@ class PlyReader {
       row += format_ == Format::ascii ? 1 : size_of(property.list ? property.count_type : property.type);
     }
     const auto left = static_cast<std::uint64_t>(end_ - p_);
-    if (element.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4 ||
+    if (element.count > kMostMeshElements ||
         (element.count > 0 && element.count > left / std::max<std::uint64_t>(row, 1))) {
       fail_at(p_, "the header announces " + std::to_string(element.count) + " of element \"" + element.name +
                       "\", but only " + std::to_string(left) + " bytes follow");
@@ -371,8 +372,7 @@ class PlyReader {
           if (k >= 2) mesh_.triangles.push_back({first, last, vertex});
           last = vertex;
         }
-        if (mesh_.triangles.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) / 4)
-          fail_at(where, "the PLY file has too many faces");
+        if (mesh_.triangles.size() > kMostMeshElements) fail_at(where, "the PLY file has too many faces");
       }
       repeat_face(mesh_.triangles.size() - first_triangle);
     }

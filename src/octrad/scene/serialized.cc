@@ -6,10 +6,10 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
 
@@ -20,7 +20,6 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr std::uint16_t kMagic = 0x041c;
 enum Flag : std::uint32_t { kNormals = 1, kTexcoords = 2, kColors = 8, kDouble = 0x2000 };
-constexpr std::uint64_t kMaxCount = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
 constexpr std::uint64_t kMostExpansion = 1100;  // of deflate, rounded up
 
 class SerializedReader {
@@ -48,8 +47,8 @@ class SerializedReader {
     const std::uint64_t number = wide ? 8 : 4;
     const std::uint64_t vertex_bytes =
         number * (3u + (flags & kNormals ? 3u : 0u) + (flags & kTexcoords ? 2u : 0u) + (flags & kColors ? 3u : 0u));
-    if (vertices > kMaxCount || triangles > kMaxCount)
-      fail_here("the mesh has too many vertices or triangles: at most " + std::to_string(kMaxCount) + " each");
+    if (vertices > kMostMeshElements || triangles > kMostMeshElements)
+      fail_here("the mesh has too many vertices or triangles: at most " + std::to_string(kMostMeshElements) + " each");
     if (vertices == 0 || triangles == 0) fail_here("the mesh has no triangles");
     if (vertices * vertex_bytes + triangles * 12 > (end - begin) * kMostExpansion) {
       fail_here("the mesh announces " + std::to_string(vertices) + " vertices and " + std::to_string(triangles) +

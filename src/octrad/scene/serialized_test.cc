@@ -90,7 +90,7 @@ TEST(Serialized, VersionsPrecisionsAndSeveralMeshes) {
   }
 }
 
-std::string error_of(const std::string& bytes, int index = 0) {
+std::string damage_of(const std::string& bytes, int index = 0) {
   try {
     parse_serialized("a.serialized", bytes, index);
   } catch (const InputError& e) {
@@ -105,20 +105,20 @@ TEST(Serialized, DamageIsNamed) {
     EXPECT_NE(found.find(text), std::string::npos) << found;
   };
   const std::string good = file_of({content(kSingle, 4, 1.0f)}, 4);
-  says(error_of(""), "not a serialized mesh");
-  says(error_of("ply\nformat ascii 1.0\n"), "not a serialized mesh");
+  says(damage_of(""), "not a serialized mesh");
+  says(damage_of("ply\nformat ascii 1.0\n"), "not a serialized mesh");
   std::string other = good;
   other[2] = 5;
-  says(error_of(other), "version 5 are not supported; supported: 3, 4");
-  says(error_of(good, 1), "shape_index 1: the file holds 1 meshes");
-  says(error_of(good.substr(0, 10)), "ends early");
-  says(error_of(good.substr(0, good.size() - 2) + "\xff\xff"), "no table of its meshes");
-  says(error_of(file_of({content(kSingle, 4, 1.0f).substr(0, 60)}, 4)), "ends early");
-  says(error_of(file_of({content(kSingle, 4, 1.0f, 4)}, 4)), "refers to vertex 4, but there are 4");
-  says(error_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 27)}, 4)), "announces 134217728 vertices");
-  says(error_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 60)}, 4)), "too many vertices");
-  says(error_of(file_of({content(kSingle, 4, 1.0f, 3, 0)}, 4)), "has no triangles");
-  says(error_of(file_of({content(kSingle, 4, std::nanf(""))}, 4)), "a position is not finite");
+  says(damage_of(other), "version 5 are not supported; supported: 3, 4");
+  says(damage_of(good, 1), "shape_index 1: the file holds 1 meshes");
+  says(damage_of(good.substr(0, 10)), "ends early");
+  says(damage_of(good.substr(0, good.size() - 2) + "\xff\xff"), "no table of its meshes");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f).substr(0, 60)}, 4)), "ends early");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f, 4)}, 4)), "refers to vertex 4, but there are 4");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 27)}, 4)), "announces 134217728 vertices");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 60)}, 4)), "too many vertices");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, 0)}, 4)), "has no triangles");
+  says(damage_of(file_of({content(kSingle, 4, std::nanf(""))}, 4)), "a position is not finite");
   for (std::size_t i = 0; i < good.size(); ++i) {  // whatever bit is wrong: a mesh or a sentence
     std::string damaged = good;
     damaged[i] = static_cast<char>(damaged[i] ^ (1 << (i % 8)));

@@ -12,14 +12,14 @@
 namespace octrad {
 namespace {
 
-const std::string kSensor = "<sensor type=\"perspective\"/>\n";
-const std::string kSphere = "<shape type=\"sphere\"/>\n";
+const std::string kOldSensor = "<sensor type=\"perspective\"/>\n";
+const std::string kOldSphere = "<shape type=\"sphere\"/>\n";
 
 class UpgradeTest : public ::testing::Test {
  protected:
   Scene load(const std::string& body, const std::string& version) const {
-    return load_scene(
-        folder_.write("s.xml", "<scene version=\"" + version + "\">\n" + body + kSensor + kSphere + "</scene>\n"));
+    return load_scene(folder_.write(
+        "s.xml", "<scene version=\"" + version + "\">\n" + body + kOldSensor + kOldSphere + "</scene>\n"));
   }
   // Both files are the same scene.
   void same(const std::string& old, const std::string& now) const {

@@ -18,7 +18,7 @@ namespace {
 
 using testing::Box;
 
-Config short_run(int steps) {
+Config small_run(int steps) {
   Config config = preset("cpu");
   config.train_steps = steps;
   config.train_points = 256;
@@ -38,7 +38,7 @@ std::vector<Vec3f> ask(Trainer& trainer, const std::vector<SurfacePoint>& points
 // Also where somebody looks at the field all the time.
 TEST(Trainer, StepsAreThoseOfTrain) {
   Box box;
-  const Config config = short_run(12);
+  const Config config = small_run(12);
   const std::vector<SurfacePoint> probes = surface_probes(box.scene, 100, 1, config);
   std::vector<Vec3f> expected(probes.size());
   const TrainResult whole = train(box.scene, config, {});
@@ -64,7 +64,7 @@ TEST(Trainer, StepsAreThoseOfTrain) {
 // Radiance is linear in emission: nothing has to be learnt.
 TEST(Trainer, AllOfTheEmissionTimesAFactorIsRadianceTimesIt) {
   Box box;
-  Trainer trainer(box.scene, short_run(20), {});
+  Trainer trainer(box.scene, small_run(20), {});
   while (!trainer.done()) trainer.step();
   const std::vector<SurfacePoint> probes = surface_probes(box.scene, 200, 1, trainer.config());
   const std::vector<Vec3f> before = ask(trainer, probes);
@@ -109,7 +109,7 @@ TEST(Trainer, ChangesAreLearnt) {
   for (const int threads : {1, 3}) {
     set_thread_count(threads);
     PreparedScene scene(testing::closed_room());
-    Config config = short_run(150);
+    Config config = small_run(150);
     Trainer trainer(scene, config, {});
     while (!trainer.done()) trainer.step();
     const double learnt = residual(trainer, scene);
@@ -137,7 +137,7 @@ TEST_P(TrainerOnDevices, ChangesAreLearnt) {
   PreparedScene scene(testing::closed_room());
   TrainOptions options;
   options.stream = stream.get();
-  Trainer trainer(scene, short_run(64), options);
+  Trainer trainer(scene, small_run(64), options);
   while (!trainer.done()) trainer.step();
   const std::vector<SurfacePoint> probes = surface_probes(scene, 200, 1, trainer.config());
   const std::vector<Vec3f> before = ask(trainer, probes);
@@ -155,7 +155,7 @@ INSTANTIATE_TEST_SUITE_P(All, TrainerOnDevices, ::testing::Bool(), testing::stre
 
 TEST(ChangedPoints, LieOnWhatChangedAndOnWhatItLights) {
   PreparedScene scene(testing::closed_room());
-  const Config config = short_run(1);
+  const Config config = small_run(1);
   SceneChange change = scene.set_light_factor(0, Vec3f(2.0f));
   ASSERT_EQ(change.shapes.size(), 1u);
   const ChangedPoints changed(scene, lhs_options(config), change);

@@ -139,8 +139,6 @@ struct Add : Kernel {
 
 }  // namespace gbuffer_kernels
 
-using namespace gbuffer_kernels;
-
 DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size_t capacity, bool bounces,
                              const QueryRays& rays, bool split_coats)
     : stream_(&stream),
@@ -179,6 +177,7 @@ std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const Query
 void DeviceGBuffer::set(const CameraJob& job) { job_.upload(std::span<const CameraJob>(&job, 1)); }
 
 void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
+  using namespace gbuffer_kernels;
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
   const Memory memory{
@@ -204,6 +203,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
 }
 
 void DeviceGBuffer::add(const Vec3f* responses, const Vec3f* right_hand_sides, std::size_t samples) {
+  using namespace gbuffer_kernels;
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
   if (responses) {

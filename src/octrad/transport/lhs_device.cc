@@ -210,8 +210,6 @@ struct TakeFarEnds : Kernel {
 
 }  // namespace lhs_kernels
 
-using namespace lhs_kernels;
-
 DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options,
                      std::span<const CameraView> views, bool fresh_poses, std::size_t most, std::size_t most_ahead,
                      int rounds, Stream* drawing)
@@ -234,13 +232,13 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
       progress_(stream, most_ahead_, "left-hand-side points"),
       generators_(stream, most_ahead_, "random numbers of points"),
       hits_(stream, most_ahead_, "hits of left-hand-side points"),
-      walks_(stream, kDrawNumbers, most_ahead_, "left-hand-side points"),
+      walks_(stream, lhs_kernels::kDrawNumbers, most_ahead_, "left-hand-side points"),
       points_(stream, most, "left-hand-side points"),
       surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
   if (views.empty()) throw UsageError("left-hand-side points need a camera to start from");
-  if (options.max_walk < 0 || options.max_walk > kMostWalk) {
+  if (options.max_walk < 0 || options.max_walk > lhs_kernels::kMostWalk) {
     throw UsageError("walks of up to " + std::to_string(options.max_walk) +
-                     " vertices: a device draws walks of up to " + std::to_string(kMostWalk));
+                     " vertices: a device draws walks of up to " + std::to_string(lhs_kernels::kMostWalk));
   }
   missing_.fill(0);
   for (int buffer = 0; buffer < (drawing != nullptr ? 2 : 1); ++buffer) {
@@ -253,12 +251,13 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
 
 std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffers) {
   const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(kSurfacePointNumbers) * sizeof(float);
-  const std::size_t draw =
-      3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) + static_cast<std::size_t>(kDrawNumbers) * sizeof(float);
+  const std::size_t draw = 3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) +
+                           static_cast<std::size_t>(lhs_kernels::kDrawNumbers) * sizeof(float);
   return most * point + std::max(most, most_ahead) * (static_cast<std::size_t>(buffers) * point + draw);
 }
 
 void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset, int buffer) {
+  using namespace lhs_kernels;
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
@@ -296,6 +295,7 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, c
 }
 
 void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps, int buffer) {
+  using namespace lhs_kernels;
   check(n, steps);
   launch(*stream_, n,
          Take{{},
@@ -310,6 +310,7 @@ void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps, i
 }
 
 void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset) {
+  using namespace lhs_kernels;
   check(count, 1);
   with_world(world_, [&](const auto& world) {
     launch(*stream_, count,

@@ -149,8 +149,6 @@ std::size_t items_at_once(std::size_t capacity, const QueryRays& rays, std::size
 
 }  // namespace lobe_kernels
 
-using namespace lobe_kernels;
-
 DeviceLobes::DeviceLobes(Stream& stream, const DeviceWorld& world, std::size_t capacity, const QueryRays& rays,
                          bool queries, std::size_t rays_in_flight) {
   if (rays.lobe == 0 || capacity == 0) return;
@@ -159,7 +157,7 @@ DeviceLobes::DeviceLobes(Stream& stream, const DeviceWorld& world, std::size_t c
   world_ = world;
   rays_ = rays;
   capacity_ = capacity;
-  at_once_ = items_at_once(capacity, rays, rays_in_flight);
+  at_once_ = lobe_kernels::items_at_once(capacity, rays, rays_in_flight);
   const std::size_t slots = at_once_ * static_cast<std::size_t>(rays.lobe);
   if (queries) ends_ = DeviceArray<FarEnd>(stream, capacity, points);
   samples_ = DeviceArray<SobolSet>(stream, capacity, points);
@@ -174,7 +172,7 @@ DeviceLobes::DeviceLobes(Stream& stream, const DeviceWorld& world, std::size_t c
 
 std::size_t DeviceLobes::bytes(std::size_t capacity, const QueryRays& rays, bool queries) {
   if (rays.lobe == 0) return 0;
-  const std::size_t items = items_at_once(capacity, rays, kRaysInFlight),
+  const std::size_t items = lobe_kernels::items_at_once(capacity, rays, kRaysInFlight),
                     slots = items * static_cast<std::size_t>(rays.lobe);
   return capacity * ((queries ? sizeof(FarEnd) : 0) + sizeof(SobolSet) + sizeof(std::uint32_t) +
                      static_cast<std::size_t>(kHitClusterNumbers) * sizeof(float)) +
@@ -188,6 +186,7 @@ void DeviceLobes::trace(SurfacePointArray points, const std::uint32_t* count, st
 
 void DeviceLobes::trace(SurfacePointArray points, const ShadingPoint* shading, unsigned long long seed,
                         const unsigned long long* step, std::size_t n) {
+  using namespace lobe_kernels;
   if (empty()) return;
   launch(*stream_, n, Seed{{}, seed, step, samples_.data()});
   run(points, nullptr, shading, n, nullptr);
@@ -195,6 +194,7 @@ void DeviceLobes::trace(SurfacePointArray points, const ShadingPoint* shading, u
 
 void DeviceLobes::run(SurfacePointArray points, const std::uint32_t* count, const ShadingPoint* shading, std::size_t n,
                       TraceCounts* counts) {
+  using namespace lobe_kernels;
   if (empty() || n == 0) return;
   if (n > capacity_) throw DeviceError("rays of cones for more points than there is memory for");
   const auto each = static_cast<std::uint32_t>(rays_.lobe), items = static_cast<std::uint32_t>(at_once_);

@@ -20,7 +20,7 @@ struct Walker {
 };
 
 // The contribution of a shadow ray that is not traced yet.
-struct Pending {
+struct PendingConnection {
   PathSample* out;
   Vec3f contribution;
 };
@@ -118,7 +118,7 @@ class Group {
     PathSample& out = *w.out;
     const auto connect = [&](const RayQuery& ray, Vec3f contribution) {
       std::construct_at(&shadow_rays_[connections_], ray);
-      std::construct_at(&pending_[connections_++], Pending{&out, contribution});
+      std::construct_at(&pending_[connections_++], PendingConnection{&out, contribution});
     };
     return path_scatter(context_, limits_, environment_, w.surface, w.hit.t, w.numbers, w.path, out.rng, out.radiance,
                         out.first, connect);
@@ -133,7 +133,7 @@ class Group {
   std::array<RayQuery, kGroup> rays_, shadow_rays_;
   std::array<Hit, kGroup> hits_;
   std::array<unsigned char, kGroup> blocked_;
-  std::array<Pending, kGroup> pending_;
+  std::array<PendingConnection, kGroup> pending_;
   std::size_t connections_ = 0;
 };
 

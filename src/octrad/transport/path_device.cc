@@ -228,8 +228,6 @@ struct Finish : Kernel {
 
 }  // namespace path_kernels
 
-using namespace path_kernels;
-
 DevicePathTracer::DevicePathTracer(Stream& stream, const DeviceWorld& world, std::size_t capacity, int wave_bounces)
     : stream_(&stream),
       world_(world),
@@ -244,7 +242,7 @@ DevicePathTracer::DevicePathTracer(Stream& stream, const DeviceWorld& world, std
       shadow_owner_(stream, capacity, "shadow rays"),
       generators_(stream, capacity, "random numbers of paths"),
       hits_(stream, capacity, "hits of paths"),
-      state_(stream, kStateNumbers, capacity, "paths"),
+      state_(stream, path_kernels::kStateNumbers, capacity, "paths"),
       samples_(stream, kSampleNumbers, capacity, "samples"),
       shadow_rays_(stream, kRayNumbers, capacity, "shadow rays"),
       shadow_light_(stream, 3, capacity, "shadow rays") {
@@ -252,13 +250,15 @@ DevicePathTracer::DevicePathTracer(Stream& stream, const DeviceWorld& world, std
 }
 
 std::size_t DevicePathTracer::bytes(std::size_t capacity) {
-  return capacity * (4 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) +
-                     static_cast<std::size_t>(kStateNumbers + kSampleNumbers + kRayNumbers + 3) * sizeof(float));
+  return capacity *
+         (4 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) +
+          static_cast<std::size_t>(path_kernels::kStateNumbers + kSampleNumbers + kRayNumbers + 3) * sizeof(float));
 }
 
 void DevicePathTracer::set(const CameraJob& job) { job_.upload(std::span<const CameraJob>(&job, 1)); }
 
 void DevicePathTracer::run(const PathLimits& limits, std::size_t samples) {
+  using namespace path_kernels;
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   const Memory memory{job_.data(),   counts_.data(), {state_.planes()},   {samples_.planes()},    generators_.data(),
                       valid_.data(), hits_.data(),   shadow_rays_.rays(), shadow_light_.planes(), shadow_owner_.data()};

@@ -229,8 +229,6 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 
 }  // namespace rhs_kernels
 
-using namespace rhs_kernels;
-
 DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays)
     : stream_(&stream),
       world_(world),
@@ -246,7 +244,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       hits_(stream, slots, "hits"),
       rays_(stream, kRayNumbers, slots, "rays"),
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
-      slots_(stream, kSlotNumbers, slots, "right-hand-side samples"),
+      slots_(stream, rhs_kernels::kSlotNumbers, slots, "right-hand-side samples"),
       queries_(stream, kSurfacePointNumbers, slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
       lobes_(stream, world, slots, rays, true) {
@@ -255,13 +253,14 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
 
 std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays) {
   return slots * (5 * sizeof(std::uint32_t) + sizeof(Hit) +
-                  static_cast<std::size_t>(2 * kRayNumbers + kSlotNumbers + kSurfacePointNumbers +
+                  static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers + kSurfacePointNumbers +
                                            (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
          DeviceLobes::bytes(slots, rays, true);
 }
 
-Memory DeviceRhs::memory() const {
+rhs_kernels::Memory DeviceRhs::memory() const {
+  using namespace rhs_kernels;
   std::uint32_t* sizes = sizes_.data();
   return {counts_.data(),    slots_.planes(),   query_of_.data(),    places_.data(),        rays_.rays(),
           owners_.data(),    hits_.data(),      shadow_rays_.rays(), shadow_owners_.data(), chains_.data(),
@@ -270,6 +269,7 @@ Memory DeviceRhs::memory() const {
 }
 
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
+  using namespace rhs_kernels;
   check_slots(points.most, options.directions, capacity_);
   const std::size_t n = points.most * static_cast<std::size_t>(options.directions);
   const Memory memory = this->memory();
@@ -297,6 +297,7 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
 
 void DeviceRhs::reduce(const DeviceRhsPoints& points, const DeviceRhsOptions& options, const Vec3f* responses,
                        Vec3f* targets) {
+  using namespace rhs_kernels;
   check_slots(points.most, options.directions, capacity_);
   const Memory memory = this->memory();
   launch(*stream_, points.most, Reduce{{}, world_, memory, points, options, responses, targets});

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kernels, small enough for the L2 cache
 
 // A cache query without its response yet: its target and weight.
-struct Pending {
+struct PendingQuery {
   std::size_t target;
   Vec3f weight;
   Vec3f counted;  // the part of the response that was added already
@@ -26,7 +26,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
                              std::size_t begin, std::size_t end_point) {
   RhsStatistics statistics;
   thread_local std::vector<SurfacePoint> queried;
-  thread_local std::vector<Pending> pending;
+  thread_local std::vector<PendingQuery> pending;
   thread_local std::vector<Vec3f> responses;
   queried.clear();
   pending.clear();
