@@ -1,10 +1,11 @@
-// Counter-based random numbers: every number is a function of (seed, purpose, index, dimension), never of the
+// Counter-based random numbers: every number is a function of (seed, purpose, index, sample, dimension), never of the
 // thread that draws it. Mixing: splitmix64's finaliser (Steele et al. 2014), applied to two keys.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 
+#include "octrad/base/owen_math.h"
 #include "octrad/base/vec.h"
 
 namespace octrad {
@@ -39,15 +40,27 @@ class Rng {
   OCTRAD_HD Rng(std::uint64_t seed, RngPurpose purpose, std::uint64_t index)
       : key_(mix64(mix64(seed + 0x9e3779b97f4a7c15ull * static_cast<std::uint64_t>(purpose)) ^
                    (index * 0xd1342543de82ef95ull + 1))) {}
+  // Of sample `sample` of an estimate with many, such as a pixel (`index`): the numbers of stratified() and its like
+  // are stratified over the samples, in each dimension by itself (owen_math.h). From other generators they are as the
+  // rest.
+  OCTRAD_HD static Rng of_sample(std::uint64_t seed, RngPurpose purpose, std::uint64_t index, std::uint32_t sample) {
+    Rng rng(seed, purpose, index);
+    rng.sample_ = sample + 1;
+    return rng;
+  }
+  // The same for another purpose, by the sample_key() of the first generator.
+  OCTRAD_HD static Rng of_sample_key(std::uint64_t seed, RngPurpose purpose, std::uint64_t index, std::uint64_t key) {
+    return of_sample(seed, purpose, index ^ (key >> 24), static_cast<std::uint32_t>(key & 0xffffff));
+  }
+  // 40 bits of the estimate and 24 of the sample.
+  OCTRAD_HD std::uint64_t sample_key() const { return (key_ << 24) | ((sample_ - 1) & 0xffffff); }
 
   // Uniform bits; each call is the next dimension.
-  OCTRAD_HD std::uint32_t bits() {
-    return static_cast<std::uint32_t>(mix64(key_ + 0x9e3779b97f4a7c15ull * ++dimension_) >> 32);
-  }
+  OCTRAD_HD std::uint32_t bits() { return static_cast<std::uint32_t>(next() >> 32); }
   // Uniform in [0, 1).
   OCTRAD_HD float uniform() { return static_cast<float>(bits() >> 8) * 0x1p-24f; }
   OCTRAD_HD Vec2f uniform2() {
-    const std::uint64_t z = mix64(key_ + 0x9e3779b97f4a7c15ull * ++dimension_);
+    const std::uint64_t z = next();
     return {static_cast<float>(z >> 40) * 0x1p-24f, static_cast<float>((z >> 8) & 0xffffff) * 0x1p-24f};
   }
   // Uniform integer in [0, n), n > 0.
@@ -55,9 +68,35 @@ class Rng {
     return static_cast<std::uint32_t>((static_cast<std::uint64_t>(bits()) * n) >> 32);
   }
 
+  // The same, stratified over samples where this is the generator of one: two numbers of bits together, one of them,
+  // and both in [0, 1).
+  OCTRAD_HD BitPair stratified_bits2() {
+    if (sample_ == 0) {
+      const std::uint32_t x = bits();
+      return {x, bits()};
+    }
+    const std::uint64_t z = mix64(key_ + kStep * ++dimension_);
+    return owen2(sample_ - 1, z, static_cast<std::uint32_t>(mix64(z)));
+  }
+  OCTRAD_HD std::uint32_t stratified_bits() {
+    if (sample_ == 0) return bits();
+    return owen1(sample_ - 1, mix64(key_ + kStep * ++dimension_));
+  }
+  OCTRAD_HD Vec2f stratified2() {
+    if (sample_ == 0) return uniform2();
+    const BitPair b = stratified_bits2();
+    return {static_cast<float>(b.x >> 8) * 0x1p-24f, static_cast<float>(b.y >> 8) * 0x1p-24f};
+  }
+  OCTRAD_HD float stratified() { return static_cast<float>(stratified_bits() >> 8) * 0x1p-24f; }
+
  private:
+  static constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15ull;
+
+  OCTRAD_HD std::uint64_t next() { return mix64(key_ + kStep * ((std::uint64_t{sample_} << 32) | ++dimension_)); }
+
   std::uint64_t key_;
-  std::uint64_t dimension_ = 0;
+  std::uint32_t dimension_ = 0;
+  std::uint32_t sample_ = 0;  // + 1; 0: not of a sample
 };
 
 // Uniform on the unit sphere.

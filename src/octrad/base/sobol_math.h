@@ -28,7 +28,8 @@ OCTRAD_HD constexpr void sobol3(std::uint32_t index, std::uint32_t fraction[3]) 
   }
 }
 
-// One such set of points; sets made from one generator are independent of each other.
+// One such set of points; sets made from one generator are independent of each other. Of generators of samples
+// (Rng::of_sample) points of an index are stratified over samples too.
 class SobolSet {
  public:
   struct Sample {
@@ -37,7 +38,10 @@ class SobolSet {
   };
 
   OCTRAD_HD explicit SobolSet(Rng& rng) {
-    for (std::uint32_t& shift : shift_) shift = rng.bits();
+    const BitPair together = rng.stratified_bits2();
+    shift_[0] = together.x;
+    shift_[1] = together.y;
+    shift_[2] = rng.stratified_bits();
   }
 
   OCTRAD_HD Sample operator()(std::uint32_t index) const {

@@ -46,7 +46,7 @@ OCTRAD_HD inline Ray camera_ray(const CameraView& view, Vec2f pixel, Vec2f lens 
 
 // The same through a random point of the lens, where there is one.
 OCTRAD_HD inline Ray sample_camera_ray(const CameraView& view, Vec2f pixel, Rng& rng) {
-  return camera_ray(view, pixel, view.kind == CameraKind::thinlens ? rng.uniform2() : Vec2f{0.0f, 0.0f});
+  return camera_ray(view, pixel, view.kind == CameraKind::thinlens ? rng.stratified2() : Vec2f{0.0f, 0.0f});
 }
 
 // Side of what a pixel sees at a distance.
@@ -63,19 +63,19 @@ struct CameraSample {
   Vec2f position;  // on the film, pixels
 };
 
-// Where sample `i` of pixel (x, y) lies: uniform in the pixel. Each depends on (seed, pixel, i) alone.
+// Where sample `i` of pixel (x, y) lies: uniform in the pixel, and stratified over a pixel's samples. Each depends on
+// (seed, pixel, i) alone.
 OCTRAD_HD inline Vec2f camera_sample_position(Rng& rng, int x, int y) {
-  const Vec2f u = rng.uniform2();
+  const Vec2f u = rng.stratified2();
   // Rounding must not carry a position into the next pixel.
   return {std::fmin(static_cast<float>(x) + u.x, nextafterf(static_cast<float>(x + 1), 0.0f)),
           std::fmin(static_cast<float>(y) + u.y, nextafterf(static_cast<float>(y + 1), 0.0f))};
 }
 
 OCTRAD_HD inline Rng camera_sample_generator(const CameraView& view, unsigned long long seed, int x, int y, int i) {
-  const std::uint64_t pixels = static_cast<std::uint64_t>(view.width) * static_cast<std::uint64_t>(view.height);
   const std::uint64_t pixel =
       static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(view.width) + static_cast<std::uint64_t>(x);
-  return Rng(seed, RngPurpose::pixel, static_cast<std::uint64_t>(i) * pixels + pixel);
+  return Rng::of_sample(seed, RngPurpose::pixel, pixel, static_cast<std::uint32_t>(i));
 }
 
 OCTRAD_HD inline CameraSample camera_sample(const CameraView& view, unsigned long long seed, int x, int y, int i) {

@@ -42,12 +42,12 @@ OCTRAD_HD inline void for_each_asked_lobe(const FirstHitOptions& options, Shadin
 struct FirstHitQuery {
   enum class Next { nothing, query, bounce } next = Next::nothing;
   Vec3f known{0, 0, 0};        // emission and environment seen that no response holds
-  unsigned long long key = 0;  // bounce: its random stream
+  unsigned long long key = 0;  // bounce: of the sample (Rng::sample_key)
 };
 
 // `rng`: the sample's generator after its ray was followed.
 template <Models kModels = Models::all>
-OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, const RayEnd& end, Rng& rng) {
+OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, const RayEnd& end, const Rng& rng) {
   using Bounce = FirstHitOptions::Bounce;
   FirstHitQuery query;
   query.known = end.first_emitted + end.emitted;
@@ -56,8 +56,7 @@ OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, c
       (options.bounce == Bounce::glossy && roughness_bsdf<kModels>(end.point.bsdf) < options.rough_threshold &&
        (options.bounce_delta || !is_delta_bsdf(end.point.bsdf)))) {
     query.next = FirstHitQuery::Next::bounce;
-    const unsigned long long high = rng.bits();
-    query.key = (high << 32) | rng.bits();
+    query.key = rng.sample_key();
     return query;
   }
   query.next = FirstHitQuery::Next::query;

@@ -147,9 +147,9 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
       end.surface = true;
       return false;
     }
-    const float u_lobe = rng.uniform();
+    const float u_lobe = rng.stratified();
     const BsdfSample scattered =
-        sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.uniform2());
+        sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.stratified2());
     if (!scattered.valid) return false;
     end.throughput *= scattered.weight;
     if (max_component(end.throughput) <= 0.0f) return false;
@@ -175,8 +175,8 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
     if (!follow_hit(world, position, hit, rng, follow_below, segment, end, first)) return;
     if (segment.pdf > 0.0f) {
       const Vec3f wo = end.point.to_local(end.point.wo);
-      const Vec2f u = rng.uniform2();
-      const EmitterSample light = sample_emitter(world, end.point, wo, SobolSet::Sample{u, rng.uniform()});
+      const Vec2f u = rng.stratified2();
+      const EmitterSample light = sample_emitter(world, end.point, wo, SobolSet::Sample{u, rng.stratified()});
       if (light.valid) {
         ++end.rays;
         if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))

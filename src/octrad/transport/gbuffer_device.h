@@ -34,7 +34,7 @@ class DeviceGBuffer {
   const std::uint32_t* query_count() const { return sizes_.data() + kQueries; }
   const std::uint32_t* query_owners() const { return query_owner_.data(); }  // samples
   const ShadingPoint* bounce_points() const { return bounce_points_.data(); }
-  const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }  // random streams
+  const unsigned long long* bounce_keys() const { return bounce_keys_.data(); }  // of their samples
   const std::uint32_t* bounce_count() const { return sizes_.data() + kBounces; }
 
   // Adds the field's responses to the queries, and the right-hand sides of the bounce points (null: none), to the

@@ -30,7 +30,7 @@ struct DeviceRhsPoints {
   const std::uint32_t* count = nullptr;  // how many of the `most` there are; null: all
   std::size_t most = 0;
   const unsigned long long* stream = nullptr;  // e.g. the step: streams never share random numbers; null: stream 0
-  const unsigned long long* keys = nullptr;    // random stream of each point; null: its place in the batch
+  const unsigned long long* keys = nullptr;    // of the camera samples that saw the points; null: none did
 };
 
 // Two parts with the queries of the cache between them: trace() fills queries(), reduce() sums up each point's targets

@@ -5,16 +5,22 @@
 
 namespace octrad {
 
-// Random numbers of the point `key` in `stream`.
-OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long stream, unsigned long long key) {
-  return Rng(seed, RngPurpose::rhs, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ key);
+// Random numbers of a point in `stream`: of the one at place `key`, or of the camera sample that saw it (`seen`), whose
+// Rng::sample_key() is `key`.
+OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
+                                   bool seen) {
+  const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
+  if (seen) return Rng::of_sample_key(seed, RngPurpose::rhs, index, key);
+  return Rng(seed, RngPurpose::rhs, index ^ key);
 }
 
 // Random numbers of the chain of direction `m` (masks, mirrors and glass that the ray passes): a generator for each
 // direction, so that all can be followed in parallel.
 OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
-                                         std::uint32_t m) {
-  return Rng(seed, RngPurpose::chain, mix64(mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ key) + m);
+                                         bool seen, std::uint32_t m) {
+  const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
+  if (seen) return Rng::of_sample_key(seed, RngPurpose::chain, mix64(index) + m, key);
+  return Rng(seed, RngPurpose::chain, mix64(index ^ key) + m);
 }
 
 // A direction drawn from the BSDF.
