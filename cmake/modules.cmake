@@ -26,6 +26,13 @@ function(octrad_module name)
   octrad_libraries(libs ${MODULE_USES})
   add_library(octrad_${name} STATIC ${sources})
   octrad_flags(octrad_${name})
+  if(OCTRAD_SANITIZE MATCHES undefined)
+    # With both sanitizers each takes a minute instead of ten seconds with one. Their arithmetic is intrinsics, which the
+    # undefined-behaviour sanitizer does not look into.
+    set(simd ${sources})
+    list(FILTER simd INCLUDE REGEX "_simd\\.cc$")
+    set_source_files_properties(${simd} PROPERTIES COMPILE_OPTIONS -fno-sanitize=undefined)
+  endif()
   octrad_join_sources(octrad_${name} ${sources})
   target_include_directories(octrad_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(octrad_${name} PUBLIC ${libs})
