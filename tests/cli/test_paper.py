@@ -87,6 +87,10 @@ class Paper(Case):
         self.assertEqual(len(rows), 1 + sum(len(c["places"]) for c in cells))
         with open(os.path.join(self.report, "tables", "tiny-seconds.tex"), encoding="utf-8") as file:
             self.assertIn("\\begin{tabular}", file.read())
+        with open(os.path.join(self.report, "tables", "tiny-seconds.md"), encoding="utf-8") as file:
+            lines = file.read().splitlines()
+        self.assertEqual({line.count("|") for line in lines[2:]}, {lines[2].count("|")})
+        self.assertIn("| Neural Radiosity |", lines[-1] + "".join(lines))
 
         # A switch without keys is the method as it is, whatever its name.
         self.ok(*self.arguments(self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])))

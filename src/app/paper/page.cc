@@ -357,7 +357,10 @@ void write_report(const Store& store, const Plan& plan, const json& results, boo
   store.write_text("results.csv", results_csv(results));
   store.make_folder("tables");
   const std::vector<Table> tables = make_tables(plan, results);
-  for (const Table& t : tables) store.write_text("tables/" + t.name + ".tex", table_latex(t));
+  for (const Table& t : tables) {
+    store.write_text("tables/" + t.name + ".tex", table_latex(t));
+    store.write_text("tables/" + t.name + ".md", table_markdown(t));
+  }
 
   std::string page = fmt::format(
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n"

@@ -22,7 +22,7 @@ namespace octrad::paper {
 
 namespace {
 
-constexpr float kErrorMax = 0.5f;      // MAPE shown as white
+constexpr float kErrorMax = 0.5f;     // MAPE shown as white
 constexpr int kEmbeddedQuality = 85;  // of the page's JPEGs; those of the folder pictures/ have 95
 
 std::string image_element(const Store& store, const std::string& name, const Image8& image, const char* kind,

@@ -1,4 +1,4 @@
-// What a run leaves: results.json, tables as CSV and LaTeX, and a page that needs nothing beside itself.
+// What a run leaves: results.json, tables as CSV, LaTeX and Markdown, and a page that needs nothing beside itself.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -13,8 +13,8 @@ namespace octrad::paper {
 // results.json (docs/formats.md) of what is there so far, written and returned. `head`: program, budget, machine.
 nlohmann::json write_results(const Store& store, const Plan& plan, const nlohmann::json& head);
 
-// index.html, results.csv and tables/*.tex from it. `viewers`: the page's pictures can be flipped and zoomed, which is
-// two thirds of its bytes.
+// index.html, results.csv, tables/*.tex and tables/*.md from it. `viewers`: the page's pictures can be flipped and
+// zoomed, which is two thirds of its bytes.
 void write_report(const Store& store, const Plan& plan, const nlohmann::json& results, bool viewers);
 
 // A table of the report. Its numbers are means over views and seeds.
@@ -41,6 +41,7 @@ struct Table {
 std::vector<Table> make_tables(const Plan& plan, const nlohmann::json& results);
 std::string table_html(const Table& table);
 std::string table_latex(const Table& table);
+std::string table_markdown(const Table& table);
 std::string results_csv(const nlohmann::json& results);
 
 // A value as tables show it: numbers with three significant digits, "-" for null.

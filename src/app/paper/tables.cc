@@ -213,7 +213,7 @@ Table stages(const Matrix& m, const json& results, const std::string& equal, con
     Table::Row row{rows[r].title, cell_anchor(*cells[r]), {}};
     for (const Table::Column& c : t.columns) row.values.push_back(cells[r]->at("stages_ms").value(c.title, json()));
     row.values[row.values.size() - 2] = cells[r]->at("frame_ms");
-    row.values.back() = cells[r]->at("spp");
+    row.values.back() = cells[r]->at("frame_spp");
     t.rows.push_back(row);
   }
   return t;
@@ -259,9 +259,7 @@ std::string figure(const json& value) {
   if (!value.is_number()) return "-";
   const double v = value.get<double>();
   if (!std::isfinite(v)) return "-";
-  if (std::abs(v) >= 100.0) return fmt::format("{:.0f}", v);
-  if (std::abs(v) >= 1.0) return fmt::format("{:.3g}", v);
-  return std::abs(v) >= 0.001 ? fmt::format("{:.3f}", v) : v == 0.0 ? "0" : fmt::format("{:.2g}", v);
+  return std::abs(v) >= 100.0 ? fmt::format("{:.0f}", v) : fmt::format("{:.3g}", v);
 }
 
 std::string cell_anchor(const json& cell) {
@@ -285,15 +283,18 @@ bool Table::best(std::size_t row, std::size_t column) const {
 
 std::vector<Table> make_tables(const Plan& plan, const json& results) {
   std::vector<Table> tables;
+  const auto add = [&](Table&& t) {
+    if (!t.rows.empty()) tables.push_back(std::move(t));
+  };
   for (const Matrix& m : plan.matrices) {
     const std::vector<std::string> scenes = scenes_of(results, m.name);
     for (const Equal e : m.equal) {
-      tables.push_back(summary(m, results, equal_name(e), scenes));
+      add(summary(m, results, equal_name(e), scenes));
       for (const std::string& scene : scenes) {
-        tables.push_back(details(m, results, equal_name(e), scene));
+        add(details(m, results, equal_name(e), scene));
         if (e != m.equal.front()) continue;
-        tables.push_back(by_roughness(m, results, equal_name(e), scene));
-        tables.push_back(stages(m, results, equal_name(e), scene));
+        add(by_roughness(m, results, equal_name(e), scene));
+        add(stages(m, results, equal_name(e), scene));
       }
       for (Table& t : tables) {
         if (m.switches.size() > 1) t.row_title = "switch";
@@ -374,6 +375,29 @@ std::string table_latex(const Table& t) {
     out += " \\\\\n";
   }
   return out + "\\bottomrule\n\\end{tabular}\n";
+}
+
+std::string table_markdown(const Table& t) {
+  std::string out =
+      fmt::format("{}.{}\n\n| {} |", t.title, t.note.empty() ? "" : fmt::format(" {}.", t.note), t.row_title);
+  std::string rule = "\n|---|";
+  for (const Table::Column& c : t.columns) {
+    out += fmt::format(" {}{}{} |", c.group.empty() ? "" : c.group + ": ", c.title,
+                       c.better < 0   ? " ↓"
+                       : c.better > 0 ? " ↑"
+                                      : "");
+    rule += "---|";
+  }
+  out += rule + "\n";
+  for (std::size_t r = 0; r < t.rows.size(); ++r) {
+    out += fmt::format("| {} |", t.rows[r].name);
+    for (std::size_t c = 0; c < t.columns.size(); ++c) {
+      const char* style = t.best(r, c) ? "**" : t.columns[c].published ? "*" : "";
+      out += fmt::format(" {}{}{} |", style, figure(t.rows[r].values[c]), style);
+    }
+    out += "\n";
+  }
+  return out;
 }
 
 std::string results_csv(const json& results) {

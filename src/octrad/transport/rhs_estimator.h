@@ -20,10 +20,9 @@ struct RhsOptions : FollowRules {
   int directions = 16;  // M
   QueryRays rays;       // traced from the points of the queries
   unsigned long long seed = 0;
-  unsigned long long stream = 0;  // e.g. the step: streams never share random numbers
-  std::span<const unsigned long long>
-      keys;                    // of the camera samples that saw the points (Rng::sample_key); empty: none did
-  std::span<FarEnd> far_ends;  // filled for the points of far_end_range(); as many as there are places
+  unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
+  std::span<const unsigned long long> keys;  // sample_key() of the camera samples that saw the points; empty: none did
+  std::span<FarEnd> far_ends;                // filled for the points of far_end_range(); as many as there are places
 };
 
 struct RhsStatistics {
