@@ -261,6 +261,8 @@ const std::vector<Key>& keys() {
       choice("loss.normalizer", &C::loss_normalizer,
              {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},
              "denominator: mean of target and prediction (dark-biased) or the prediction"),
+      number("loss.power", &C::loss_power, {1, 2},
+             "power of the denominator: 2, the relative error; less is less easily too bright"),
       number("loss.epsilon.first", &C::loss_epsilon_first, {0, 100, true},
              "epsilon of the denominator at the start, in units of the exposure"),
       number("loss.epsilon.last", &C::loss_epsilon_last, {0, 100, true},
@@ -456,6 +458,7 @@ Config preset(const std::string& name) {
   c.train_stop_probability = 0.3;
   c.train_walks = 1.0;
   c.loss_normalizer = LossNormalizer::symmetric;
+  c.loss_power = 2.0;
   c.loss_epsilon_first = 0.1;
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;

@@ -109,6 +109,7 @@ struct Config {
 
   // Loss and optimiser.
   LossNormalizer loss_normalizer = LossNormalizer::prediction;
+  double loss_power = 1.75;                                     // of the denominator
   double loss_epsilon_first = 0.5, loss_epsilon_last = 0.0625;  // in units of the exposure
   AdamMode adam_mode = AdamMode::touched;
   double adam_beta1 = 0.9, adam_beta2 = 0.99, adam_epsilon = 1e-8;

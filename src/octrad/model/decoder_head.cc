@@ -8,6 +8,7 @@ DecoderHead::DecoderHead(const Config& config, int encoding_features, int width,
       adam_(mlp_.parameter_count(), adam_options(config)) {
   rules_.activation = activation;
   rules_.normalizer = config.loss_normalizer;
+  rules_.loss_power = static_cast<float>(config.loss_power);
   // Emission does not scale with albedo; nor does a coated surface as a whole, while each of its lobes does.
   if (config.target_emission == TargetEmission::outside && config.target_demodulate == TargetDemodulation::albedo)
     rules_.demodulate_from = split_coats(config) ? 0.0f : static_cast<float>(config.lookup_rough_threshold);
@@ -66,7 +67,8 @@ double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const V
     float* out = d_linear + static_cast<std::ptrdiff_t>(c) * stride;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const float f = factor(points[i])[c];
-      const LossTerm<float> term = decoder_loss(rules_, f, in[i], targets[i][c], static_cast<float>(epsilon), norm);
+      const LossTerm<float> term =
+          decoder_loss(rules_, f, in[i], targets[i][c], static_cast<float>(epsilon), target_scale_, norm);
       total += static_cast<double>(term.value);
       out[i] = term.gradient;
       if (!term.finite) ++non_finite;

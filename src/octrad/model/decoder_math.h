@@ -21,6 +21,7 @@ inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alp
 struct DecoderRules {
   Activation activation = Activation::exp;
   LossNormalizer normalizer = LossNormalizer::prediction;
+  float loss_power = 2.0f;        // LossWeight::power; its unit is the exposure
   float demodulate_from = 1e30f;  // alpha from which the network predicts radiance / albedo
   float rough_threshold = 0.5f;
   bool normalized = false;  // positions: [-1, 1] in the domain, contracted outside, or world units
@@ -61,11 +62,12 @@ OCTRAD_HD inline float decoder_radiance(const DecoderRules& rules, float factor,
   return factor * activate(rules.activation, linear).value;
 }
 
-// Loss of one channel and its gradient at the linear output, times `norm`.
+// Loss of one channel and its gradient at the linear output, times `norm`; `target_scale`: the exposure.
 OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, float factor, float linear, float target,
-                                              float epsilon, float norm) {
+                                              float epsilon, float target_scale, float norm) {
   const Activated<float> output = activate(rules.activation, linear);
-  LossTerm<float> term = relative_squared_loss(factor * output.value, target, epsilon, rules.normalizer);
+  LossTerm<float> term =
+      relative_squared_loss(factor * output.value, target, epsilon, rules.normalizer, {rules.loss_power, target_scale});
   term.gradient = term.gradient * factor * output.derivative * norm;
   if (!term.finite || !std::isfinite(term.gradient)) {
     term.gradient = 0.0f;
@@ -83,12 +85,12 @@ struct PointLoss {
   int dropped;  // channels with something that is not finite
 };
 OCTRAD_HD inline PointLoss decoder_point_loss(const DecoderRules& rules, Vec3f factor, Vec3f linear, Vec3f target,
-                                              float epsilon, float norm, float chroma) {
+                                              float epsilon, float target_scale, float norm, float chroma) {
   PointLoss loss{};
   Vec3f prediction, slope;
   OCTRAD_UNROLL
   for (int c = 0; c < 3; ++c) {
-    const LossTerm<float> term = decoder_loss(rules, factor[c], linear[c], target[c], epsilon, norm);
+    const LossTerm<float> term = decoder_loss(rules, factor[c], linear[c], target[c], epsilon, target_scale, norm);
     loss.value[c] = term.value;
     loss.gradient[c] = term.gradient;
     loss.dropped += term.finite ? 0 : 1;

@@ -170,7 +170,7 @@ struct Loss : Kernel {
       const DecoderRules here = rules_at(rules, glossy, alpha);
       const Vec3f of_point(linear.data[i], linear.data[linear.stride + i], linear.data[2 * linear.stride + i]);
       loss = decoder_point_loss(here, decoder_factor(here, points.get3(9, i), alpha, scalars[0]), of_point, targets[i],
-                                constants->epsilon, norm, chroma);
+                                constants->epsilon, scalars[0], norm, chroma);
     }
     float sum = loss.chroma, most = 0.0f;
     OCTRAD_UNROLL

@@ -113,6 +113,7 @@ class FieldReference {
     demodulate_ = is("target.demodulate", "albedo") && is("target.emission", "outside");
     split_coats_ = is("lookup.coats", "split");
     normalizer_ = is("loss.normalizer", "symmetric") ? LossNormalizer::symmetric : LossNormalizer::prediction;
+    power_ = config.loss_power;
     const std::string output = octaoctree_ != nullptr ? "decoder.output" : "nr.output";
     activation_ = is(output, "exp")          ? Activation::exp
                   : is(output, "squareplus") ? Activation::squareplus
@@ -150,15 +151,17 @@ class FieldReference {
     return true;
   }
 
-  // The loss's denominators at the present parameters: constants to the gradient, as the targets are.
+  // The loss's denominators, whose squares it divides by, at the present parameters: constants to the gradient, as the
+  // targets are.
   std::vector<double> denominators(const TrainingBatch& batch) {
     std::vector<double> result;
     for (std::size_t i = 0; i < batch.points.size(); ++i) {
       const Vec3d radiance = evaluate(batch.points[i]).radiance;
       for (int c = 0; c < 3; ++c) {
         const double target = static_cast<double>(batch.targets[i][c]);
-        result.push_back((normalizer_ == LossNormalizer::symmetric ? (target + radiance[c]) / 2 : radiance[c]) +
-                         batch.epsilon);
+        const double d =
+            (normalizer_ == LossNormalizer::symmetric ? (target + radiance[c]) / 2 : radiance[c]) + batch.epsilon;
+        result.push_back(d * std::pow(d / scale_, power_ / 2 - 1));  // its square is d^power, in units of the scale
       }
     }
     return result;
@@ -198,8 +201,9 @@ class FieldReference {
       const Vec3d factor = this->factor(batch.points[i]);
       for (int c = 0; c < 3; ++c) {
         const Activated<double> output = activate(activation_, query.linear[static_cast<std::size_t>(c)]);
-        const LossTerm<double> term = relative_squared_loss(
-            factor[c] * output.value, static_cast<double>(batch.targets[i][c]), batch.epsilon, normalizer_);
+        const LossTerm<double> term =
+            relative_squared_loss(factor[c] * output.value, static_cast<double>(batch.targets[i][c]), batch.epsilon,
+                                  normalizer_, {static_cast<float>(power_), static_cast<float>(scale_)});
         rows[i].d_linear.push_back(term.gradient * factor[c] * output.derivative * norm);
         largest = std::max(largest, std::abs(rows[i].d_linear.back()));
       }
@@ -383,6 +387,7 @@ class FieldReference {
   double unit_ = 1.0;
   float rough_threshold_ = 0.5f;
   LossNormalizer normalizer_ = LossNormalizer::prediction;
+  double power_ = 2.0;  // loss.power
   Activation activation_ = Activation::exp;
 };
 

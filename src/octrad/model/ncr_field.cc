@@ -283,8 +283,8 @@ double NcrField::loss(std::span<const SurfacePoint> points, std::span<const Vec3
     const DecoderRules& of_point = rules(points[p]);
     const Vec3f factor = decoder_factor(of_point, points[p].albedo, points[p].alpha, target_scale());
     const Vec3f linear{at(e.linear, 0, e.stride, i), at(e.linear, 1, e.stride, i), at(e.linear, 2, e.stride, i)};
-    const PointLoss term =
-        decoder_point_loss(of_point, factor, linear, targets[p], static_cast<float>(epsilon), norm, chroma_weight);
+    const PointLoss term = decoder_point_loss(of_point, factor, linear, targets[p], static_cast<float>(epsilon),
+                                              target_scale(), norm, chroma_weight);
     non_finite += term.dropped;
     for (int c = 0; c < 3; ++c) {
       total += static_cast<double>(term.value[c]);

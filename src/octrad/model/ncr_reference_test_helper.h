@@ -137,7 +137,9 @@ class NcrReference {
     for (std::size_t i = 0; i < batch.points.size(); ++i) {
       const Vec3d l = radiance(batch.points[i]);
       const bool symmetric = config_.loss_normalizer == LossNormalizer::symmetric;
-      result.push_back((symmetric ? (l + Vec3d(batch.targets[i])) * 0.5 : l) + Vec3d(batch.epsilon));
+      Vec3d d = (symmetric ? (l + Vec3d(batch.targets[i])) * 0.5 : l) + Vec3d(batch.epsilon);
+      for (int c = 0; c < 3; ++c) d[c] *= std::pow(d[c] / scale_, config_.loss_power / 2 - 1);
+      result.push_back(d);
     }
     return result;
   }

@@ -20,13 +20,23 @@ struct LossTerm {
   bool finite;  // false: something was not finite, value and gradient are 0; count it
 };
 
+// How bright and dark weigh against each other: (T - L)^2 / D^power, with D in units of `unit`, a radiance. 2 is the
+// paper's relative error. It asks for a mean of T / L of 1: a prediction that fluctuates by the share s around the
+// truth is drawn to 1 + s^2 of it, which a right-hand side that asks the cache hands on from bounce to bounce. 1 asks
+// for the mean of T itself, and hardly looks at dark places.
+struct LossWeight {
+  float power = 2.0f, unit = 1.0f;
+};
+
 // `prediction` and `target` are radiances >= 0, epsilon > 0.
 template <typename T>
-OCTRAD_HD inline LossTerm<T> relative_squared_loss(T prediction, T target, T epsilon, LossNormalizer normalizer) {
+OCTRAD_HD inline LossTerm<T> relative_squared_loss(T prediction, T target, T epsilon, LossNormalizer normalizer,
+                                                   LossWeight weight = {}) {
   const T denominator =
       (normalizer == LossNormalizer::symmetric ? (target + prediction) * T(0.5) : prediction) + epsilon;
   const T relative = (target - prediction) / denominator;
-  const T value = relative * relative, gradient = T(-2) * relative / denominator;
+  const T scale = weight.power == 2.0f ? T(1) : std::pow(denominator / T(weight.unit), T(2) - T(weight.power));
+  const T value = relative * relative * scale, gradient = T(-2) * relative / denominator * scale;
   if (!(std::isfinite(value) && std::isfinite(gradient))) return {T(0), T(0), false};
   return {value, gradient, true};
 }

@@ -59,6 +59,12 @@ TEST(Loss, GradientIsThatOfTheLossWithItsDenominatorHeld) {
         EXPECT_DOUBLE_EQ(term.value, held(prediction));
         const double h = 1e-6, difference = (held(prediction + h) - held(prediction - h)) / (2 * h);
         EXPECT_NEAR(term.gradient, difference, 1e-6 * (1 + std::abs(difference)));
+        for (const float power : {1.0f, 1.5f}) {
+          const LossTerm<double> other = relative_squared_loss(prediction, target, epsilon, normalizer, {power, 0.25f});
+          const double factor = std::pow(d / 0.25, 2.0 - power);
+          EXPECT_NEAR(other.value, term.value * factor, 1e-12 * other.value);
+          EXPECT_NEAR(other.gradient, term.gradient * factor, 1e-12 * std::abs(other.gradient));
+        }
       }
     }
   }
@@ -73,6 +79,31 @@ TEST(Loss, NonFiniteTermsAreZeroAndSaySo) {
       EXPECT_EQ(term.value, 0.0f);
       EXPECT_EQ(term.gradient, 0.0f);
     }
+  }
+}
+
+// A prediction of one logit, whose exponential fluctuates by the factor exp(sigma x), x normal, settles where the mean
+// gradient at the logit is zero: its mean is exp((power - 1) sigma^2) times the target.
+TEST(Loss, FluctuatingPredictionsAreTooBrightByThePower) {
+  constexpr double kSigma = 0.4;
+  std::mt19937_64 generator(6);
+  std::normal_distribution<double> normal;
+  std::vector<double> fluctuation(40'000);
+  for (double& f : fluctuation) f = std::exp(kSigma * normal(generator));
+  for (const float power : {1.0f, 1.5f, 2.0f}) {
+    double low = 0.2, high = 5.0, mean = 0.0;
+    for (int i = 0; i < 40; ++i) {
+      const double middle = (low + high) / 2;
+      double gradient = 0.0;
+      mean = 0.0;
+      for (const double f : fluctuation) {
+        const double l = middle * f;
+        gradient += relative_squared_loss(l, 1.0, 1e-9, LossNormalizer::prediction, {power, 1.0f}).gradient * l;
+        mean += l / static_cast<double>(fluctuation.size());
+      }
+      (gradient < 0 ? low : high) = middle;
+    }
+    EXPECT_NEAR(mean, std::exp((static_cast<double>(power) - 1.0) * kSigma * kSigma), 0.02) << power;
   }
 }
 
