@@ -9,7 +9,6 @@ namespace octrad {
 namespace {
 
 constexpr int kFeatures = 8, kWidth = 64, kHidden = 3;
-constexpr std::size_t kQueryChunk = 128;  // points that one call of the decoder takes
 
 double entries(const Config& config) { return 3.0 * config.planes_resolution * config.planes_resolution; }
 
@@ -76,7 +75,7 @@ void PlanesField::encode(std::span<const SurfacePoint> points, Encoded& e) const
 void PlanesField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
   thread_local Encoded e;
   for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
-    const auto chunk = points.subspan(begin, std::min(kQueryChunk, points.size() - begin));
+    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     encode(chunk, e);
     decoder_.mlp().forward(e.inputs.data(), static_cast<int>(chunk.size()), e.stride, e.linear.data());
     decoder_.activate(chunk, e.linear.data(), e.stride, out.data() + begin);
@@ -117,7 +116,7 @@ FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<con
     Gradients& mine = gradients[g];
     mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
     for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kQueryChunk) {
-      const std::size_t count = std::min(kQueryChunk, groups.end(g) - begin);
+      const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
       const auto chunk = points.subspan(begin, count);
       encode(chunk, e);
       e.d_linear.resize(e.linear.size());

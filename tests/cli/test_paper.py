@@ -87,7 +87,7 @@ class Paper(Case):
         self.assertEqual(len(rows), 1 + sum(len(c["places"]) for c in cells))
         with open(os.path.join(self.report, "tables", "tiny-seconds.tex"), encoding="utf-8") as file:
             self.assertIn("\\begin{tabular}", file.read())
-        with open(os.path.join(self.report, "tables", "tiny-seconds.md"), encoding="utf-8") as file:
+        with open(os.path.join(self.report, "tables", "tiny-seconds" + ".md"), encoding="utf-8") as file:
             lines = file.read().splitlines()
         self.assertEqual({line.count("|") for line in lines[2:]}, {lines[2].count("|")})
         self.assertIn("| Neural Radiosity |", lines[-1] + "".join(lines))
