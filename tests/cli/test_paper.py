@@ -85,12 +85,14 @@ class Paper(Case):
         with open(os.path.join(self.report, "results.csv"), encoding="utf-8") as file:
             rows = file.read().splitlines()
         self.assertEqual(len(rows), 1 + sum(len(c["places"]) for c in cells))
-        with open(os.path.join(self.report, "tables", "tiny-seconds.tex"), encoding="utf-8") as file:
-            self.assertIn("\\begin{tabular}", file.read())
-        with open(os.path.join(self.report, "tables", "tiny-seconds" + ".md"), encoding="utf-8") as file:
-            lines = file.read().splitlines()
-        self.assertEqual({line.count("|") for line in lines[2:]}, {lines[2].count("|")})
-        self.assertIn("| Neural Radiosity |", lines[-1] + "".join(lines))
+        table = {}
+        for kind in ("tex", "md"):
+            with open(os.path.join(self.report, "tables", "tiny-seconds." + kind), encoding="utf-8") as file:
+                table[kind] = file.read()
+        self.assertIn("\\begin{tabular}", table["tex"])
+        rows = table["md"].splitlines()[2:]
+        self.assertEqual({row.count("|") for row in rows}, {rows[0].count("|")})
+        self.assertTrue(any(row.startswith("| Neural Radiosity |") for row in rows))
 
         # A switch without keys is the method as it is, whatever its name.
         self.ok(*self.arguments(self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])))

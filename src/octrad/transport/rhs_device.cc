@@ -47,8 +47,7 @@ struct Sample : Kernel {
     const std::uint32_t i = slot / directions, m = slot - i * directions;
     if (points.count && i >= *points.count) return;
     const ShadingPoint point = points.points[i];
-    Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i,
-                            points.keys != nullptr);
+    Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, rhs_key(points.keys, i));
     const Vec3f wo = point.to_local(point.wo);
     const SobolSet light_set(rng), bsdf_set(rng);
     Vec3f light(0.0f);
@@ -134,8 +133,8 @@ struct Arrive : Kernel {
     const std::uint32_t slot = memory.owners[q];
     const auto directions = static_cast<std::uint32_t>(options.directions);
     const std::uint32_t i = slot / directions;
-    Rng rng = rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, points.keys ? points.keys[i] : i,
-                                  points.keys != nullptr, slot - i * directions);
+    Rng rng = rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, rhs_key(points.keys, i),
+                                  slot - i * directions);
     const RayQuery ray = memory.rays.load(q);
     Segment segment = first_segment(ray.origin, nullptr, ray.direction, ray.t_max);
     const Vec3f position = points.points[i].surface.position;

@@ -42,9 +42,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
     targets[i] = Vec3f(0.0f);
     if (const std::uint32_t place = range.place(static_cast<std::uint32_t>(i), n); place < range.count)
       options.far_ends[place] = FarEnd();
-    const bool seen = !options.keys.empty();
-    const unsigned long long key = seen ? options.keys[i] : i;
-    Rng rng = rhs_generator(options.seed, options.stream, key, seen);
+    const RhsKey key = rhs_key(options.keys.empty() ? nullptr : options.keys.data(), i);
+    Rng rng = rhs_generator(options.seed, options.stream, key);
     const Vec3f wo = point.to_local(point.wo);
     const bool delta_only = is_delta_bsdf(point.bsdf);
     const SobolSet light_set(rng), bsdf_set(rng);  // M stratified samples of each: less noise than M independent ones
@@ -61,7 +60,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       }
       const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
       if (!bounce.valid) continue;
-      Rng chain = rhs_chain_generator(options.seed, options.stream, key, seen, index);
+      Rng chain = rhs_chain_generator(options.seed, options.stream, key, index);
       RayEnd end;
       Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
       Hit hit = context.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);

@@ -5,22 +5,32 @@
 
 namespace octrad {
 
-// Random numbers of a point in `stream`: of the one at place `key`, or of the camera sample that saw it (`seen`), whose
-// Rng::sample_key() is `key`.
-OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
-                                   bool seen) {
+// What tells the random numbers of a point from those of others: its place in the batch, or the Rng::sample_key() of
+// the camera sample that saw it.
+struct RhsKey {
+  unsigned long long number;
+  bool seen;
+};
+
+// Of point `i`. `keys`: of the camera samples that saw the points; null: none did.
+OCTRAD_HD inline RhsKey rhs_key(const unsigned long long* keys, std::size_t i) {
+  return keys != nullptr ? RhsKey{keys[i], true} : RhsKey{i, false};
+}
+
+// Random numbers of a point in `stream`.
+OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long stream, RhsKey key) {
   const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
-  if (seen) return Rng::of_sample_key(seed, RngPurpose::rhs, index, key);
-  return Rng(seed, RngPurpose::rhs, index ^ key);
+  if (key.seen) return Rng::of_sample_key(seed, RngPurpose::rhs, index, key.number);
+  return Rng(seed, RngPurpose::rhs, index ^ key.number);
 }
 
 // Random numbers of the chain of direction `m` (masks, mirrors and glass that the ray passes): a generator for each
 // direction, so that all can be followed in parallel.
-OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, unsigned long long key,
-                                         bool seen, std::uint32_t m) {
+OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, RhsKey key,
+                                         std::uint32_t m) {
   const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
-  if (seen) return Rng::of_sample_key(seed, RngPurpose::chain, mix64(index) + m, key);
-  return Rng(seed, RngPurpose::chain, mix64(index ^ key) + m);
+  if (key.seen) return Rng::of_sample_key(seed, RngPurpose::chain, mix64(index) + m, key.number);
+  return Rng(seed, RngPurpose::chain, mix64(index ^ key.number) + m);
 }
 
 // A direction drawn from the BSDF.
