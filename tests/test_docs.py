@@ -107,33 +107,6 @@ class Documents(unittest.TestCase):
                 with self.subTest("%s: %s" % (path.relative_to(ROOT), name)):
                     self.assertTrue(any((folder / name).exists() for folder in (ROOT, ROOT / "docs", path.parent)))
 
-    def test_scattering_models(self):
-        listed = re.search(r"#define OCTRAD_BSDF_LIST\(X\)(.*?)\n\n", (ROOT / "src/octrad/scene/material_types.h").read_text(), re.S).group(1)
-        models = re.findall(r"X\((\w+),", listed)
-        self.assertGreaterEqual(len(models), 7)
-        rows = re.findall(r"^\| (`[^|]*)\|", (ROOT / "docs" / "scenes.md").read_text(), re.M)
-        for model in models:
-            with self.subTest(model):
-                self.assertTrue(any("`%s`" % model in row for row in rows), "docs/scenes.md has no row for it")
-
-    def test_plugins(self):
-        """docs/scenes.md names every type of object that the program reads, where its kind is described, and no others in its tables."""
-        parts = {"shape": r"^\*\*Shapes\*\*(.*?)^\*\*Materials", "bsdf": r"^\*\*Materials\*\*(.*?)^\*\*Textures", "texture": r"^\*\*Textures\*\*(.*?)^\*\*Lights",
-                 "emitter": r"^\*\*Lights\*\*(.*?)^\*\*Sensor", "sensor": r"^\*\*Sensors?\*\*(.*?)^\*\*Film", "film": r"^\*\*Film\*\*(.*?)^\*\*Integrator",
-                 "rfilter": r"^\*\*Film\*\*(.*?)^\*\*Integrator", "spectrum": r"^### Spectra(.*?)^## "}
-        text = (ROOT / "docs" / "scenes.md").read_text()
-        plugins = json.loads(octrad("info", "--plugins", "--json"))
-        self.assertEqual(set(plugins), set(parts))
-        for tag, types in plugins.items():
-            part = re.search(parts[tag], text, re.M | re.S).group(1)
-            for name in types:
-                with self.subTest("%s %s" % (tag, name)):
-                    self.assertIn("`%s`" % name, part)
-            for row in re.findall(r"^\| (`[^|]*)\|", part, re.M):
-                for name in re.findall(r"`([^`]*)`", row):
-                    with self.subTest("the row of %s %s" % (tag, name)):
-                        self.assertIn(name, types)
-
     def test_integrators(self):
         source = (ROOT / "src/octrad/render/integrators.cc").read_text()
         names = re.findall(r'(?:IntegratorInfo info\{|info\.name = |_info<[^>]*>\()"(\w+)"', source)

@@ -252,6 +252,41 @@ class Files(Case):
         self.assertEqual(read(victim), b"precious")
         self.assertFalse(os.path.islink(self.out))
 
+    def test_a_file_that_has_the_name_of_a_lock(self):
+        own = self.write("out.exr.lock", "precious")
+        self.fails(3, "out.exr.lock is in the way", "render", self.scene, "-o", self.out, "--spp", 1)
+        self.assertEqual(read(own), b"precious")
+        self.write("out.exr.lock", "")  # left by a program that was killed
+        self.render()
+        self.assertEqual(self.listing(), sorted([self.scene, self.out]))
+
+    def test_a_log_is_emptied_only_for_another(self):
+        notes = self.write("notes.txt", "precious")
+        self.fails(3, "missing.json", "render", self.scene, "-o", self.out, "--log-json", notes, "--camera", self.path("missing.json"))
+        self.fails(1, "sensor", "render", self.scene, "-o", self.out, "--log-json", notes, "--sensor", 99)
+        self.assertEqual(read(notes), b"precious")
+        self.render("--log-json", notes)
+        self.assertTrue(read(notes).startswith(b"{"))
+
+    def test_what_view_saves_to(self):
+        self.train("--steps", 2)
+        self.train("--steps", 3, model=self.path("other.octrad"))
+        model, other = self.path("m.octrad"), self.path("other.octrad")
+        before = {file: read(file) for file in self.listing()}
+        view = ("view", self.scene, "--model", model, "--train", "-o")
+        self.fails(1, "too, which it would overwrite", *view, self.scene)
+        self.fails(1, "too, which it would overwrite", "view", self.scene, "--model", model, "--model", other, "--train", "-o", other)
+        self.fails(1, "is not " + model, *view, other)
+        self.fails(3, "does not exist", *view, self.path("no/such/folder.octrad"))
+        first = start("train", self.scene, "-o", self.path("new.octrad"), *SMALL, "--steps", 100000000, "-q")
+        try:
+            self.assertTrue(wait_for(lambda: os.path.exists(self.path("new.octrad.lock"))))
+            self.fails(3, "another process is writing it", *view, self.path("new.octrad"))
+        finally:
+            first.kill()
+            first.communicate()
+        self.assertEqual({file: read(file) for file in before}, before)
+
     # ---- names
 
     def test_names_are_bytes(self):
@@ -341,6 +376,13 @@ class Files(Case):
                 self.fails(1, f"{name} too, which it would overwrite", "render", scene, "-o", out, "--spp", 1, "--log-json", self.path(name))
                 self.fails(1, f"{name} too, which it would overwrite", "train", scene, "-o", self.path(name), "--overwrite", "--steps", 1, *SMALL)
         self.fails(1, "p.pfm too, which it would overwrite", "render", scene, "-o", self.path("p.pfm"), "--spp", 1)
+        # Frames of a film, one of which has the name of a texture.
+        os.rename(self.path("p.pfm"), self.path("p1.pfm"))
+        film = self.write("film.xml", read(scene).decode().replace("p.pfm", "p1.pfm"))
+        path = self.write("path.json", json.dumps({"fps": 2, "keys": [{"time": t, "origin": [0, 0, 5], "target": [0, 0, 0], "fov": 60} for t in (0, 1)]}))
+        self.fails(1, "p1.pfm too, which it would overwrite", "render", film, "--path", path, "-o", self.path("p#.pfm"), "--overwrite", "--spp", 1)
+        os.rename(self.path("p1.pfm"), self.path("p.pfm"))
+        self.fails(1, "too, which it would overwrite", "compare", a, b, "--csv", self.path("table"), "--latex", self.path("table"))
         self.assertEqual({name: read(self.path(name)) for name in files}, contents)
         write_pfm(self.path("p.png"), 4, 4, lambda x, y: (1, 1, 1))
         self.fails(1, "too, which it would overwrite", "tonemap", self.path("p.png"), "-o", self.path("p.png"))

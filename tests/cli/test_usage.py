@@ -1,14 +1,24 @@
 """Help, unknown words, common options."""
+import os
 import re
 import shlex
 import unittest
 
-from support import Case, run
+from support import ROOM, Case, run
 
 VERBS = re.findall(r"^  (\w+)  ", run("--help").out.split("Subcommands:")[1], re.M)
 
 
 class Usage(Case):
+    def test_empty_values(self):
+        """Of variables that are not set: not the same as an option that is not given."""
+        scene = self.write("room.xml", ROOM)
+        for option in ("--model", "--camera", "--time", "--integrator"):
+            self.fails(1, option + ": the value is empty", "render", scene, option, "", "-o", self.path("a.exr"))
+        self.fails(1, "the value is empty", "render", scene, "-o", "")
+        self.fails(1, "the value is empty", "info", "")
+        self.assertEqual(os.listdir(self.folder), ["room.xml"])
+
     def test_verbs(self):
         self.assertTrue({"train", "render", "compare", "info", "query", "tonemap"} <= set(VERBS), VERBS)
 
@@ -51,7 +61,7 @@ class Usage(Case):
             self.assertIn(why, self.fails(1, "--exposure", "tonemap", "a.exr", "-o", "a.png", "--exposure", word).err, word)
         self.fails(1, "amount of memory", "info", "--max-memory", "4X")
         self.fails(1, "above 0", "info", "--max-memory", "0")
-        for word in ("gpu", "cuda:", "cuda:-1", "cuda:x", "cpu:0", ""):
+        for word in ("gpu", "cuda:", "cuda:-1", "cuda:x", "cpu:0"):
             self.fails(1, "expected auto, cpu, cuda or cuda:N", "info", "--device", word)
         self.fails(1, "required", "compare")
         self.fails(1, "one level of detail", "info", "-v", "-v")

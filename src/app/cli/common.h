@@ -149,6 +149,9 @@ struct ConfigOptions {
   std::map<std::string, std::string> scene_definitions() const;
 };
 
+// Of verbs that take -D and no preset.
+ConfigOptions only_definitions(const std::vector<std::string>& definitions);
+
 // A value of what octrad wrote into a picture: `key` of the JSON object in the attribute `name`. `fallback` where there
 // is none, or one of another type.
 template <typename T>

@@ -1,5 +1,6 @@
 // octrad: the command line. Parses, runs one verb, maps errors to exit codes (docs/manual.md, "Exit codes").
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -58,6 +59,17 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   return text + "; see " + help;
 }
 
+// A value without a character is most likely a variable that is not set, and must not count as an option not given.
+void refuse_empty_values(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    for (const std::string& value : option->results()) {
+      if (value.empty())
+        throw UsageError(
+            fmt::format("{}: the value is empty; see octrad {} --help", option->get_name(), verb.get_name()));
+    }
+  }
+}
+
 int run(int argc, char** argv) {
   Program program;
   program.app.name("octrad");
@@ -87,6 +99,7 @@ int run(int argc, char** argv) {
     log_error(explain(program.app, error));
     return static_cast<int>(ExitCode::usage);
   }
+  refuse_empty_values(*program.app.get_subcommands().front());
   const std::string verb = program.app.get_subcommands().front()->get_name();
   program.common.support = {"octrad " + verb, program.devices[verb] == Devices::cuda};
   program.common.apply();

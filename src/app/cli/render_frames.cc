@@ -47,8 +47,11 @@ void render_frames(RenderSession& s) {
   const CameraPath path(s.o.view.path_file);
   std::vector<View> views;
   std::vector<int> missing;
+  std::vector<std::string> inputs = s.scene().other_files;
+  inputs.insert(inputs.end(), {s.o.scene, s.o.model, s.o.view.path_file, s.common.log_json});
   const auto seed_of = [&](int frame) { return s.settings.seed + static_cast<unsigned long long>(frame); };
   for (int f = 0; f < path.frames(); ++f) {
+    refuse_input_as_output("-o", frame_file(pattern, f), inputs);
     views.push_back(choose_view(s.scene(), s.o.view, path.camera(f)));
     if (!is_there(s, frame_file(pattern, f), views.back(), seed_of(f))) missing.push_back(f);
   }

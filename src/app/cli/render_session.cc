@@ -89,12 +89,6 @@ std::optional<Model> open_model(const RenderVerbOptions& o) {
   return model;
 }
 
-ConfigOptions definitions_of(const RenderVerbOptions& o) {
-  ConfigOptions definitions;
-  definitions.definitions = o.definitions;
-  return definitions;
-}
-
 }  // namespace
 
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
@@ -117,14 +111,14 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       integrator(*find_integrator(o.integrator).info),
       model(open_model(o)),
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
-      stream(device.make_stream(definitions_of(o).tuning())),
+      stream(device.make_stream(only_definitions(o.definitions).tuning())),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
-      prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive,
+      prepared(open_scene(o.scene, only_definitions(o.definitions).scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),
       log(common.open_log()),
       tev(open_tev(o.tev)),
       progress_(o.integrator) {
-  const ConfigOptions definitions = definitions_of(o);
+  const ConfigOptions definitions = only_definitions(o.definitions);
   if (model) {
     check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
     config = model_config(model->info, definitions);

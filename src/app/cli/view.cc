@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <memory>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -9,6 +11,7 @@
 #include "app/cli/render_view.h"
 #include "app/cli/serve.h"
 #include "app/view/session.h"
+#include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
@@ -35,24 +38,19 @@ struct ViewVerbOptions {
   std::string output;
 };
 
-ConfigOptions definitions_of(const ViewVerbOptions& o) {
-  ConfigOptions definitions;
-  definitions.definitions = o.definitions;
-  return definitions;
-}
-
 std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scene) {
   std::vector<ViewerModel> models;
   for (const std::string& file : o.models) {
     Model model = load_model(file, o.train && models.empty());
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
-    ViewerModel made{file, model.info, model_config(model.info, definitions_of(o))};
+    ViewerModel made{file, model.info, model_config(model.info, only_definitions(o.definitions))};
     made.own = std::move(model.field);
     made.field = made.own.get();
     models.push_back(std::move(made));
   }
-  if (models.empty() && !definitions_of(o).config_definitions().empty())
-    throw UsageError(fmt::format("-D {}: is for a --model", definitions_of(o).config_definitions().front().first));
+  if (models.empty() && !only_definitions(o.definitions).config_definitions().empty())
+    throw UsageError(
+        fmt::format("-D {}: is for a --model", only_definitions(o.definitions).config_definitions().front().first));
   return models;
 }
 
@@ -80,9 +78,10 @@ std::shared_ptr<const viewer::Picture> open_reference(const std::string& file) {
 
 // What the page adds a camera, a size and an integrator to.
 nlohmann::json command_of(const CommonOptions& common, const ViewVerbOptions& o) {
-  const ConfigOptions definitions = definitions_of(o);
+  const ConfigOptions definitions = only_definitions(o.definitions);
   nlohmann::json command = viewer_command(o.scene, definitions.scene_definitions(), definitions.config_definitions());
   command["force"] = o.force;
+  command["permissive"] = common.permissive;
   if (o.max_depth >= -1) command["max_depth"] = o.max_depth;
   if (common.has_seed()) command["seed"] = common.seed;
   return command;
@@ -121,25 +120,43 @@ std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVer
   options.saved = [](const std::string& file, long long step) {
     log_info("saved {} at step {}", file, format_count(step));
   };
-  if (!resumed.info.config.train_cameras.empty()) options.cameras = read_cameras(resumed.info.config.train_cameras);
+  if (const std::string& cameras = resumed.info.config.train_cameras; !cameras.empty()) {
+    refuse_input_as_output("-o", o.output, {cameras});
+    options.cameras = read_cameras(cameras);
+  }
   auto trainer = std::make_unique<Trainer>(scene, resumed.info.config, options);
   model.field = &trainer->field();
   model.trainer = trainer.get();
   return trainer;
 }
 
+// Holds the file that the training is saved to; refuses one that is read too, or that is another model.
+std::unique_ptr<WriterLock> hold_output(const ViewVerbOptions& o) {
+  if (o.output.empty()) return nullptr;
+  auto lock = std::make_unique<WriterLock>(o.output);
+  std::vector<std::string> inputs = {o.scene, o.reference, o.view.camera_file};
+  inputs.insert(inputs.end(), o.models.begin() + 1, o.models.end());
+  refuse_input_as_output("-o", o.output, inputs);
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(o.output) && !std::filesystem::equivalent(o.output, o.models.front(), ignored))
+    throw UsageError(fmt::format("{} exists, and is not {}, which is trained on", o.output, o.models.front()));
+  return lock;
+}
+
 void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   o.serve.prepare();
+  const std::unique_ptr<WriterLock> lock = hold_output(o);
   for (const std::string& name : {o.integrator, o.compare}) {
     if (!name.empty() && find_integrator(name).info->needs_model && o.models.empty())
       throw UsageError(fmt::format("integrator {} needs --model FILE.octrad", name));
   }
-  PreparedScene prepared(open_scene(o.scene, definitions_of(o).scene_definitions(), common.permissive));
+  PreparedScene prepared(
+      open_scene(o.scene, only_definitions(o.definitions).scene_definitions(), common.permissive, {{"-o", o.output}}));
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream(definitions_of(o).tuning());
+  const std::unique_ptr<Stream> stream = device.make_stream(only_definitions(o.definitions).tuning());
   studio.stream = stream.get();
   studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;

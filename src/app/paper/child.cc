@@ -90,7 +90,7 @@ std::string command_line(const std::vector<std::string>& words) {
 }
 
 ChildResult run_octrad(const std::vector<std::string>& words, const std::string& folder, const std::string& log,
-                       const std::function<void(double seconds)>& waiting) {
+                       const std::function<void()>& waiting) {
   std::vector<std::string> texts = {"octrad"};
   texts.insert(texts.end(), words.begin(), words.end());
   std::vector<char*> arguments;
@@ -118,7 +118,7 @@ ChildResult run_octrad(const std::vector<std::string>& words, const std::string&
       kill(child, SIGTERM);
       told = true;
     }
-    waiting(watch.seconds());
+    waiting();
   }
   int status = 0;
   struct rusage usage {};

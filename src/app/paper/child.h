@@ -21,7 +21,7 @@ struct ChildResult {
 // once, which saves what it has and ends; a command never outlives this process. Throws IoError when it cannot be
 // started.
 ChildResult run_octrad(const std::vector<std::string>& words, const std::string& folder, const std::string& log,
-                       const std::function<void(double seconds)>& waiting);
+                       const std::function<void()>& waiting);
 
 // The command as one types it: words with blanks or other special characters are quoted.
 std::string command_line(const std::vector<std::string>& words);

@@ -612,13 +612,12 @@ void Run::do_jobs(PaperSummary& summary) {
       }
       // Times so far correct the estimates of what is left.
       const double slower = estimated > 5.0 ? std::clamp(spent / estimated, 0.2, 20.0) : 1.0;
-      store_.waiting = [&](double seconds) {
+      const Stopwatch watch;  // of all commands of the job
+      store_.waiting = [&] {
         if (!progress.due()) return;
-        const double rest = std::max(0.0, left - std::min(job.cost, seconds / slower)) * slower;
-        progress.update(total > 0.0 ? std::clamp(1.0 - rest / std::max(1e-9, total * slower), 0.0, 1.0) : 0.0,
-                        job.title);
+        const double rest = std::max(0.0, left - std::min(job.cost, watch.seconds() / slower));
+        progress.update(total > 0.0 ? std::clamp(1.0 - rest / total, 0.0, 1.0) : 0.0, job.title, false, rest * slower);
       };
-      const Stopwatch watch;
       if (!do_job(job)) {
         waits = true;
         continue;
@@ -636,7 +635,7 @@ void Run::do_jobs(PaperSummary& summary) {
     if (!moved) std::this_thread::sleep_for(std::chrono::milliseconds(500));  // another process has the rest
   }
   progress.finish();
-  store_.waiting = [](double) {};
+  store_.waiting = [] {};
   summary.interrupted = interrupted();
 }
 

@@ -37,7 +37,7 @@ class Store {
 
   // Words that every command gets, such as --threads, and what is called while one runs.
   std::vector<std::string> common;
-  std::function<void(double seconds)> waiting = [](double) {};
+  std::function<void()> waiting = [] {};
 
   // `octrad WORDS...`, whose record {command, seconds, peak_bytes, output} is kept in `record`; one that is there
   // already is taken from there. Messages go to log.txt beside it. Throws CommandFailed, Interrupted, or IoError when

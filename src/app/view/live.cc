@@ -44,6 +44,13 @@ Vec3f color_in(const nlohmann::json& message, const std::string& key, double mos
   return color;
 }
 
+nlohmann::json edit_json(const MaterialEdit& edit) {
+  nlohmann::json json = nlohmann::json::object();
+  if (edit.color) json["color"] = vector_json(*edit.color);
+  if (edit.roughness) json["roughness"] = *edit.roughness;
+  return json;
+}
+
 }  // namespace
 
 LiveTraining::LiveTraining(PreparedScene& scene, Trainer& trainer, const Options& options)
@@ -244,17 +251,28 @@ void LiveTraining::apply_edits() {
   }
   if (lights.empty() && materials.empty()) return;
   SceneChange all;
-  try {
-    trainer_.aside([&] {
-      for (const auto& [light, factor] : lights) all += scene_.set_light_factor(light, factor);
-      for (const auto& [material, edit] : materials) all += scene_.set_material_edit(material, edit);
-    });
-    trouble_.clear();
-  } catch (const InputError& error) {
-    trouble_ = error.what();
+  trouble_.clear();
+  const auto attempt = [&](const std::function<SceneChange()>& edit) {
+    try {
+      all += edit();
+    } catch (const InputError& error) {
+      trouble_ = error.what();
+    }
+  };
+  trainer_.aside([&] {
+    for (const auto& [light, factor] : lights)
+      attempt([this, light, factor] { return scene_.set_light_factor(light, factor); });
+    for (const auto& [material, edit] : materials)
+      attempt([this, material, edit] { return scene_.set_material_edit(material, edit); });
+  });
+  if (!trouble_.empty()) {  // says what holds, where something was refused
     const std::lock_guard lock(mutex_);
     for (const auto& [light, factor] : lights)
       lights_[static_cast<std::size_t>(light)]["factor"] = vector_json(scene_.light_factor(light));
+    for (nlohmann::json& m : materials_) {
+      const int material = m["material"].get<int>();
+      if (materials.count(material)) m["edit"] = edit_json(scene_.material_edit(material));
+    }
   }
   trainer_.scene_changed(all);
   ++scene_number_;
@@ -363,7 +381,8 @@ bool LiveTraining::run(const std::function<bool()>& interrupted) {
       state_ = State::idle;
       if (options_.saves) save();
     }
-    training_ = state_ == State::running || (state_ == State::idle && trainer_.change_steps_left() > 0);
+    training_ = !trainer_.is_dark() &&
+                (state_ == State::running || (state_ == State::idle && trainer_.change_steps_left() > 0));
     if (watched_) alone = {};
     const bool over = state_ == State::stopped || (state_ == State::idle && !training_);
     if (options_.ends && over && !watched_ && (alone.seconds() > kAlone || !ever_watched_)) break;

@@ -224,6 +224,10 @@ void Session::handle(ClientId client, const nlohmann::json& message) {
     picks_.emplace_back(client, message);
     wake_.notify_all();
   } else if (type == "path") {
+    {
+      const std::lock_guard lock(mutex_);
+      if (client != controller_) throw InputError("another viewer has the controls");
+    }
     server_->send(client, json_text(path(message)));
   } else if (type == "train" || type == "edit") {
     train(client, message);
@@ -255,7 +259,8 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     const bool moved = message.contains("camera");
     const bool seen_anew = moved || state.width != old.width || state.height != old.height;
     const bool other_a = !(state.a == old.a), film = seen_anew || other_a || state.b != old.b;
-    if (film && !moved) require_memory_for(state.width, state.height, state.b.has_value());
+    if (state.width != old.width || state.height != old.height || other_a || state.b != old.b)
+      require_memory_for(state.width, state.height, state.b.has_value());
     wanted_.state = std::move(state);
     if (live_ != nullptr) live_->set_wants_points(wanted_.state.layer == kTrainingPoints);
     ++wanted_.display;
@@ -340,7 +345,10 @@ void Session::download(const std::string& path, std::function<void(Download)> an
     return refuse(404, "there is nothing here");
   const std::lock_guard lock(mutex_);
   const std::shared_ptr<const Picture> picture = finished_[second ? 1 : 0];
-  if (!picture) return refuse(409, "there is no picture at full resolution yet");
+  if (!picture)
+    return refuse(409, live_ != nullptr
+                           ? "there is no picture at full resolution yet; while it trains there is none: pause it"
+                           : "there is no picture at full resolution yet");
   if (stopping_ || jobs_.size() >= kMostJobs) return refuse(503, "too many pictures are asked for at once");
   jobs_.emplace_back([picture, exr, state = wanted_.state, answer = std::move(answer)] {
     Download file;
@@ -351,7 +359,7 @@ void Session::download(const std::string& path, std::function<void(Download)> an
         ToneMapper tone;
         file = {200, "image/png", "view.png", encode_png(tone.show(picture->image, state))};
       }
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {  // std::bad_alloc, too: a picture must not end a training
       file = {500, "text/plain; charset=utf-8", "", std::string(error.what()) + "\n"};
     }
     answer(std::move(file));
@@ -650,8 +658,10 @@ void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
   server_->publish(std::move(frame));
   const std::lock_guard lock(mutex_);
   shown_ = shown;
-  finished_[0] = moving ? nullptr : shown.a;
-  finished_[1] = moving ? nullptr : shown.b;
+  const View& view = shown.a->view;
+  const bool full = !moving && view.width == state.width && view.height == state.height;
+  finished_[0] = full ? shown.a : nullptr;
+  finished_[1] = full ? shown.b : nullptr;
 }
 
 }  // namespace octrad::viewer

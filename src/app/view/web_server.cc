@@ -75,6 +75,7 @@ std::string host_name(std::string_view host) {
 }
 
 class Client;
+class Connection;
 
 }  // namespace
 
@@ -135,6 +136,7 @@ struct WebServer::Impl : std::enable_shared_from_this<WebServer::Impl> {
   std::shared_ptr<const Frame> newest;
   ClientId last_id = 0;
   std::atomic<int> connections{0};
+  std::deque<std::weak_ptr<Connection>> accepted;  // oldest first; some have ended
   int port = 0;
   bool stopping = false;
   std::atomic<double> send_ms{0.0};
@@ -172,6 +174,7 @@ class Client : public std::enable_shared_from_this<Client> {
   double allowance_;  // messages that may still be read at once
   Clock::time_point refilled_ = Clock::now();
   std::deque<std::string> texts_;
+  std::size_t waiting_bytes_ = 0;  // of texts_
   std::shared_ptr<const Frame> frame_, sending_;
   long long sent_ = 0, unacknowledged_ = 0;  // numbers of frames
   bool writing_ = false, open_ = false, ended_ = false;
@@ -188,9 +191,16 @@ class Connection : public std::enable_shared_from_this<Connection> {
     ++server_->connections;
   }
   ~Connection() { --server_->connections; }
-  void read();
+  void start();
+  // Closes a connection that has not shown the token; returns whether it did.
+  bool close_stranger() {
+    if (known_) return false;
+    stream_.close();
+    return true;
+  }
 
  private:
+  void read();
   using Request = http::request<http::empty_body>;
   void handle(const Request& request);
   void answer(const Request& request, Download file);
@@ -204,6 +214,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<http::response<http::string_body>> response_;
   int requests_ = 0;
+  bool known_ = false;  // has shown the token
 };
 
 Client::Client(std::shared_ptr<WebServer::Impl> server, tcp::socket&& socket)
@@ -230,6 +241,7 @@ void Client::start(const http::request<http::empty_body>& request) {
   socket_.auto_fragment(false);
   socket_.async_accept(request, [self = shared_from_this()](error_code error) {
     if (error) return;
+    if (static_cast<int>(self->server_->clients.size()) >= self->server_->options.limits.clients) return self->end();
     self->open_ = true;
     self->id_ = ++self->server_->last_id;
     self->server_->open(self->id_, self);
@@ -262,7 +274,9 @@ void Client::read() {
 }
 
 void Client::send(std::string text) {
-  if (texts_.size() >= server_->options.limits.unread) return stop();
+  const ServerLimits& limits = server_->options.limits;
+  if (texts_.size() >= limits.unread || waiting_bytes_ + text.size() > limits.unread_bytes) return stop();
+  waiting_bytes_ += text.size();
   texts_.push_back(std::move(text));
   write();
 }
@@ -276,6 +290,7 @@ void Client::write() {
     socket_.text(true);
     socket_.async_write(asio::buffer(texts_.front()), [self = shared_from_this()](error_code error, std::size_t) {
       self->writing_ = false;
+      self->waiting_bytes_ -= self->texts_.front().size();
       self->texts_.pop_front();
       if (error) return self->end();
       self->write();
@@ -310,6 +325,13 @@ void Client::end() {
   error_code ignored;
   beast::get_lowest_layer(socket_).socket().close(ignored);
   if (id_ != 0) server_->close(id_);
+}
+
+void Connection::start() {
+  auto& accepted = server_->accepted;
+  while (!accepted.empty() && accepted.front().expired()) accepted.pop_front();
+  accepted.push_back(weak_from_this());
+  read();
 }
 
 void Connection::read() {
@@ -351,6 +373,7 @@ void Connection::handle(const Request& request) {
   }
   if (!same_secret(query_value(target, "token"), server_->options.token))
     return refuse(403, "the token is missing or wrong: open the address that octrad printed");
+  known_ = true;
   if (path == "/check") return answer(request, {204, "text/plain", "", ""});
   if (path == "/stream") {
     if (!websocket::is_upgrade(request)) return refuse(426, "a WebSocket is expected here");
@@ -430,8 +453,15 @@ void WebServer::Impl::accept() {
       });
       return;
     }
-    if (self->connections < self->options.limits.connections)
-      std::make_shared<Connection>(self, std::move(socket))->read();
+    // Whoever has the token is not locked out by those who have not.
+    const bool full = self->connections >= self->options.limits.connections;
+    bool closed = false;
+    for (auto it = self->accepted.begin(); full && !closed && it != self->accepted.end();) {
+      const std::shared_ptr<Connection> connection = it->lock();
+      closed = connection && connection->close_stranger();
+      it = closed || !connection ? self->accepted.erase(it) : it + 1;
+    }
+    if (!full || closed) std::make_shared<Connection>(self, std::move(socket))->start();
     self->accept();
   });
 }

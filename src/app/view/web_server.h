@@ -19,12 +19,13 @@ struct Frame {
 };
 
 struct ServerLimits {
-  int clients = 8;                   // that watch or control
-  int connections = 64;              // of any kind
-  std::size_t message = 65536;       // bytes that a client may send at once
-  double messages_a_second = 500.0;  // of a client, on average; it is read more slowly above
-  std::size_t unread = 256;          // texts that wait for a client before it is dropped
-  double request_seconds = 15.0;     // for a request to arrive, an answer to be taken
+  int clients = 8;                      // that watch or control
+  int connections = 64;                 // of any kind
+  std::size_t message = 65536;          // bytes that a client may send at once
+  double messages_a_second = 500.0;     // of a client, on average; it is read more slowly above
+  std::size_t unread = 256;             // texts that wait for a client before it is dropped
+  std::size_t unread_bytes = 16 << 20;  // and their bytes
+  double request_seconds = 15.0;        // for a request to arrive, an answer to be taken
 };
 
 struct ServerOptions {

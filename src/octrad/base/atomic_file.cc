@@ -64,6 +64,23 @@ struct Slot {
 };
 Slot g_slots[16];
 
+// The slot that holds `name` from now on; -1 where there is none free.
+int take_slot(const std::string& name) {
+  for (int i = 0; i < static_cast<int>(std::size(g_slots)) && name.size() < PATH_MAX; ++i) {
+    if (g_slots[i].taken.exchange(true)) continue;
+    std::memcpy(g_slots[i].name, name.c_str(), name.size() + 1);
+    g_slots[i].filled.store(true);
+    return i;
+  }
+  return -1;
+}
+
+void free_slot(int& slot) {
+  if (slot < 0) return;
+  g_slots[slot].filled.store(false);
+  g_slots[std::exchange(slot, -1)].taken.store(false);
+}
+
 // A new file of that name, never one that is there or that a link points to. Sets `opened` to the name where it worked.
 int open_new(const std::string& name, std::string& opened) {
   const int descriptor = open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
@@ -104,19 +121,12 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::name_temporary(const std::string& name) {
   temporary_ = name;
-  for (int i = 0; i < static_cast<int>(std::size(g_slots)) && slot_ < 0 && name.size() < PATH_MAX; ++i) {
-    if (g_slots[i].taken.exchange(true)) continue;
-    std::memcpy(g_slots[i].name, name.c_str(), name.size() + 1);
-    g_slots[i].filled.store(true);
-    slot_ = i;
-  }
+  slot_ = take_slot(name);
 }
 
 void AtomicFile::forget_temporary() {
   temporary_.clear();
-  if (slot_ < 0) return;
-  g_slots[slot_].filled.store(false);
-  g_slots[std::exchange(slot_, -1)].taken.store(false);
+  free_slot(slot_);
 }
 
 void remove_temporary_files() {
@@ -194,8 +204,14 @@ bool WriterLock::take(const std::string& file) {
     struct stat mine {
     }, there{};
     if (fstat(descriptor_, &mine) == 0 && stat(lock_.c_str(), &there) == 0 && mine.st_ino == there.st_ino &&
-        mine.st_dev == there.st_dev)
+        mine.st_dev == there.st_dev) {
+      if (mine.st_size > 0) {  // a lock is empty: this is a file of somebody's own
+        close(std::exchange(descriptor_, -1));
+        throw IoError(fmt::format("cannot write {}: {} is in the way, which is no lock of octrad's", file, lock_));
+      }
+      slot_ = take_slot(lock_);
       return true;
+    }
     if (tries == 100) return true;  // a file system whose numbers of files change: what is locked is the best there is
     close(std::exchange(descriptor_, -1));
   }
@@ -204,6 +220,7 @@ bool WriterLock::take(const std::string& file) {
 WriterLock::~WriterLock() {
   if (descriptor_ < 0) return;
   unlink(lock_.c_str());
+  free_slot(slot_);
   close(descriptor_);
 }
 

@@ -36,11 +36,12 @@ class AtomicFile {
   bool direct_ = false;
 };
 
-// For a signal handler that ends the process: removes the new files that have a name already.
+// For a signal handler that ends the process: removes the new files that have a name already, and locks.
 void remove_temporary_files();
 
 // Keeps other processes from writing the same result: holds an exclusive lock (flock) on `file`.lock, which is removed
-// at the end (kill -9 leaves it, without the lock). Throws IoError at once when another process holds it. Where there
+// at the end (kill -9 leaves it, without the lock). Throws IoError at once when another process holds it, or when that
+// name is a file with something in it. Where there
 // can be no lock (a file system without locks, a name that is too long) there is a warning, and no lock.
 class WriterLock {
  public:
@@ -56,6 +57,7 @@ class WriterLock {
   bool take(const std::string& file);
 
   std::string lock_;
+  int slot_ = -1;  // of the list that remove_temporary_files() reads
   int descriptor_ = -1;
 };
 

@@ -28,6 +28,9 @@ OCTRAD_HD inline float float_of(std::uint32_t bits) {
 #endif
 }
 
+// A number in [0, 1) of the upper 24 bits.
+OCTRAD_HD inline float unit_float(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
+
 // How many bits are set.
 OCTRAD_HD inline std::uint32_t count_bits(std::uint32_t bits) {
 #if defined(__CUDA_ARCH__)

@@ -39,7 +39,7 @@ double Progress::remaining(double fraction) const {
   return (watch_.seconds() - first_seconds_) * (1.0 - fraction) / done;
 }
 
-void Progress::update(double fraction, const std::string& text, bool force) {
+void Progress::update(double fraction, const std::string& text, bool force, double left) {
   if (log_level() < LogLevel::normal) return;
   std::string line;
   {
@@ -53,7 +53,7 @@ void Progress::update(double fraction, const std::string& text, bool force) {
     next_ = now + interval_;
     line = label_;
     if (fraction >= 0.0) line += fmt::format(" {:3.0f} %", 100.0 * fraction);
-    const double left = remaining(fraction);
+    if (left < 0.0) left = remaining(fraction);
     if (left >= 0.0) line += "  ETA " + format_duration(left);  // first: what does not fit is cut at the end
     line += "  " + text;
     if (left < 0.0 || !log_is_terminal()) line += "  " + format_duration(now);
@@ -68,6 +68,7 @@ struct JsonLines::Impl {
   std::string file;
   int descriptor = -1;
   off_t end = -1;         // of its last whole line; -1: a pipe or device
+  bool empties = false;   // before its first line
   bool whole = true;      // it ends with a whole line
   long long dropped = 0;  // lines
   int error = 0;          // of the last of them
@@ -89,13 +90,13 @@ struct JsonLines::Impl {
 JsonLines::JsonLines(const std::string& file, bool append) : impl_(std::make_unique<Impl>()) {
   impl_->file = file;
   // Non-blocking only while it is opened: a pipe that nobody reads is an error.
-  impl_->descriptor = open(
-      file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (append ? 0 : O_TRUNC), 0666);
+  impl_->descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY, 0666);
   if (impl_->descriptor < 0)
     throw IoError(fmt::format("cannot write {}: {}", file,
                               errno == ENXIO ? "it is a pipe that nobody reads" : std::strerror(errno)));
   fcntl(impl_->descriptor, F_SETFL, fcntl(impl_->descriptor, F_GETFL) & ~O_NONBLOCK);
   impl_->end = lseek(impl_->descriptor, 0, SEEK_END);
+  impl_->empties = !append;
 }
 
 JsonLines::~JsonLines() {
@@ -105,6 +106,7 @@ JsonLines::~JsonLines() {
 void JsonLines::write(const nlohmann::json& object) {
   const std::string line = json_text(object) + "\n";
   const std::lock_guard lock(impl_->mutex);
+  if (std::exchange(impl_->empties, false) && ftruncate(impl_->descriptor, 0) == 0) impl_->end = 0;
   // In a pipe, what there is of a line that broke off ends with a line end; in a file it is cut off.
   if ((impl_->whole || impl_->put("\n")) && impl_->put(line)) {
     impl_->whole = true;

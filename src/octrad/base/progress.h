@@ -20,9 +20,9 @@ class Progress {
   // Whether it is time for the next line; cheap, so that callers can skip composing it.
   bool due() const;
   // Shows "label 12 %  ETA 3m 05s  text" (with the time so far where there are no 80 columns to keep to) if due (or
-  // `force`). `fraction` done in [0, 1], negative if unknown. The ETA is extrapolated from the first update, so resumed
-  // work is estimated right. Thread-safe.
-  void update(double fraction, const std::string& text, bool force = false);
+  // `force`). `fraction` done in [0, 1], negative if unknown. The ETA is `left`, seconds; where that is negative it is
+  // extrapolated from the first update, so resumed work is estimated right. Thread-safe.
+  void update(double fraction, const std::string& text, bool force = false, double left = -1.0);
   // Removes the terminal line.
   void finish();
   double seconds() const { return watch_.seconds(); }
@@ -42,7 +42,8 @@ class Progress {
 // for its log: a line that cannot be written is dropped, with one warning; later lines are tried again. Thread-safe.
 class JsonLines {
  public:
-  // Truncates `file`, or appends to it. Throws IoError.
+  // Appends to `file`, or empties it before the first line: what was there is lost only once there is something to
+  // say. Throws IoError.
   explicit JsonLines(const std::string& file, bool append = false);
   ~JsonLines();
   void write(const nlohmann::json& object);

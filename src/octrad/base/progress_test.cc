@@ -90,10 +90,12 @@ TEST(Progress, EstimatesFromWhereItStarted) {
   EXPECT_GT(left, 0.02);
   EXPECT_LT(left, 2.0);
   progress.update(0.75, "forced", true);
+  progress.update(0.8, "known", true, 3660.0);
   progress.finish();
   const std::string text = testing::internal::GetCapturedStderr();
   EXPECT_NE(text.find("test"), std::string::npos) << text;
   EXPECT_NE(text.find("forced"), std::string::npos) << text;
+  EXPECT_NE(text.find("ETA 1h 01m  known"), std::string::npos) << text;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "octrad/base/bits.h"
 #include "octrad/base/owen_math.h"
 #include "octrad/base/vec.h"
 
@@ -58,10 +59,10 @@ class Rng {
   // Uniform bits; each call is the next dimension.
   OCTRAD_HD std::uint32_t bits() { return static_cast<std::uint32_t>(next() >> 32); }
   // Uniform in [0, 1).
-  OCTRAD_HD float uniform() { return static_cast<float>(bits() >> 8) * 0x1p-24f; }
+  OCTRAD_HD float uniform() { return unit_float(bits()); }
   OCTRAD_HD Vec2f uniform2() {
     const std::uint64_t z = next();
-    return {static_cast<float>(z >> 40) * 0x1p-24f, static_cast<float>((z >> 8) & 0xffffff) * 0x1p-24f};
+    return {unit_float(static_cast<std::uint32_t>(z >> 32)), unit_float(static_cast<std::uint32_t>(z))};
   }
   // Uniform integer in [0, n), n > 0.
   OCTRAD_HD std::uint32_t below(std::uint32_t n) {
@@ -85,9 +86,9 @@ class Rng {
   OCTRAD_HD Vec2f stratified2() {
     if (sample_ == 0) return uniform2();
     const BitPair b = stratified_bits2();
-    return {static_cast<float>(b.x >> 8) * 0x1p-24f, static_cast<float>(b.y >> 8) * 0x1p-24f};
+    return {unit_float(b.x), unit_float(b.y)};
   }
-  OCTRAD_HD float stratified() { return static_cast<float>(stratified_bits() >> 8) * 0x1p-24f; }
+  OCTRAD_HD float stratified() { return unit_float(stratified_bits()); }
 
  private:
   static constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15ull;

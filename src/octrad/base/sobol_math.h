@@ -51,12 +51,11 @@ class SobolSet {
   }
   // The point whose coordinates sobol3() gives.
   OCTRAD_HD Sample operator()(const std::uint32_t fraction[3]) const {
-    return {{uniform(fraction[0] ^ shift_[0]), uniform(fraction[1] ^ shift_[1])}, uniform(fraction[2] ^ shift_[2])};
+    return {{unit_float(fraction[0] ^ shift_[0]), unit_float(fraction[1] ^ shift_[1])},
+            unit_float(fraction[2] ^ shift_[2])};
   }
 
  private:
-  OCTRAD_HD static float uniform(std::uint32_t fraction) { return static_cast<float>(fraction >> 8) * 0x1p-24f; }
-
   std::uint32_t shift_[3];
 };
 

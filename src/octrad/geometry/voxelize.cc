@@ -195,7 +195,8 @@ Grid make_grid(const Domain& domain, int levels) {
 }  // namespace
 
 Domain scene_domain(const Bounds3f& bounds, bool cube) {
-  const Vec3f pad(0.01f);
+  const float largest = max_component(bounds.upper - bounds.lower);
+  const Vec3f pad(cube && largest > 0.0f ? std::min(0.01f, 0.01f * largest) : 0.01f);
   Vec3f lower = bounds.lower - pad, upper = bounds.upper + pad;
   for (int i = 0; i < 3; ++i) {  // a flat scene, so far out that this is less than a float resolves
     if (upper[i] > lower[i]) continue;

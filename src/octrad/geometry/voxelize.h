@@ -13,8 +13,8 @@ struct Domain {
   Vec3f origin, size;
 };
 
-// `bounds` padded by 0.01 world units on every side; with `cube` the cube of the largest side around the same
-// centre.
+// `bounds` padded by 0.01 world units on every side; with `cube` by at most 1 % of the largest side, and then the cube
+// of the largest side around the same centre.
 Domain scene_domain(const Bounds3f& bounds, bool cube);
 
 // Non-empty cells of levels l = 1..levels (2^(l+1) cells an axis), result[l - 1] in Morton order. At the finest level a

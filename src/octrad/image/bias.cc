@@ -64,6 +64,7 @@ BlockScores block_scores(const Image& a, const Image& b, double share, const Ima
   if (size < 2) throw InputError("blocks need two pixels a side or more");
   struct Sums {
     double n = 0.0, d = 0.0, d_squared = 0.0, noise = 0.0;
+    double halves = 0.0, halves_squared = 0.0;  // of the difference of a and b
   };
   const int columns = (a.width + size - 1) / size, rows = (a.height + size - 1) / size;
   const auto block_of = [&](int x, int y) { return static_cast<std::size_t>(y / size * columns + x / size); };
@@ -76,7 +77,19 @@ BlockScores block_scores(const Image& a, const Image& b, double share, const Ima
     s.d += d;
     s.d_squared += d * d;
     s.noise += (la - lb) * (la - lb) * share * (1.0 - share);
+    s.halves += la - lb;
+    s.halves_squared += (la - lb) * (la - lb);
   });
+
+  // Filters that reach over several pixels correlate them: the variance of a block's mean, where that of its pixels
+  // over their number is 1.
+  double correlated = 0.0, counted = 0.0;
+  for (const Sums& s : blocks) {
+    if (s.n < 2.0 || s.halves_squared <= 0.0) continue;
+    correlated += s.halves * s.halves / s.halves_squared;
+    counted += 1.0;
+  }
+  correlated = counted > 0.0 ? std::max(1.0, correlated / counted) : 1.0;
 
   BlockScores scores;
   std::vector<double> z(blocks.size(), std::numeric_limits<double>::quiet_NaN());
@@ -85,7 +98,7 @@ BlockScores block_scores(const Image& a, const Image& b, double share, const Ima
     if (s.n < 2.0) continue;
     const double mean = s.d / s.n;
     const double scatter = std::max(s.d_squared - s.n * mean * mean, 0.0) / (s.n - 1.0);
-    const double error = std::sqrt(std::max(s.noise / s.n, scatter) / s.n);
+    const double error = std::sqrt(correlated * std::max(s.noise / s.n, scatter) / s.n);
     z[k] = std::abs(mean) >= kLargestScore * error ? (mean == 0.0 ? 0.0 : std::copysign(kLargestScore, mean))
                                                    : mean / error;
     ++scores.blocks;

@@ -13,8 +13,9 @@ namespace octrad {
 // Mean over the pixels of the mask and RGB of (I - a)(I - b) / (R^2 + 0.01^2). The noise of a and that of b are
 // independent, so the product has none on average: this estimates mean (I - truth)^2 / (truth^2 + 0.01^2), and may be
 // negative where the error is smaller than what the noise leaves visible. Only R in the denominator still has
-// noise: with a standard deviation s it changes the result by about 2 s^2 / (d R) of itself where the error is d, and
-// where s is as large as R, single dark pixels count for much. Pixels that are not finite: as in compare(). Throws as
+// noise, and the same as the numerator: with a standard deviation s the result is about 1 + 4 s^2 / (d R) + 3 s^2 / R^2
+// times what it estimates where the error is d (more where the picture is too bright, less where it is too dark), and
+// where s is as large as R, single dark pixels count for much. compare()'s relmse divides by R^2 + 0.01 instead. Pixels that are not finite: as in compare(). Throws as
 // compare() does.
 double noise_free_error(const Image& a, const Image& b, double share, const Image& image,
                         std::span<const std::uint8_t> mask = {});
@@ -31,7 +32,8 @@ struct BlockScores {
 };
 // Blocks of `size` x `size` pixels: the mean of d = luminance of I - R over its standard error. Its square is the
 // larger of what the difference of a and b says of the noise of R, and the scatter of d in the block, which has the
-// noise of I too. Scores are limited to +-1000. Throws as compare() does, and InputError unless size >= 2.
+// noise of I too, times what filters that correlate neighbouring pixels add to the variance of a mean, measured from
+// the difference of a and b over all blocks. Scores are limited to +-1000. Throws as compare() does, and InputError unless size >= 2.
 BlockScores block_scores(const Image& a, const Image& b, double share, const Image& image, int size = 8,
                          std::span<const std::uint8_t> mask = {});
 

@@ -3,6 +3,7 @@
 // that is 1/1000 off, tried by hand, fails all 17 cases that it takes part in.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -26,7 +27,8 @@ constexpr std::size_t kPoints = 140;
 // 1e-3: 1.3 %, 6.8e-3}, loss 2.6e-6. On GPUs, which add in another order, it was not measured: those limits are a
 // first guess.
 const testing::Limits kTrainedAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
-const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.03, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
+const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.005, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
+constexpr double kNearestCellShare = 0.03;  // where a point has one cell, each of its roundings is a larger part
 constexpr double kLoss[2] = {1e-5, 1e-3};
 
 class DeviceFieldDefinition : public ::testing::TestWithParam<std::tuple<FieldCase, bool>> {};
@@ -64,8 +66,11 @@ TEST_P(DeviceFieldDefinition, GivesAnswersAndGradients) {
     EXPECT_EQ(report.non_finite, 0);
     device->download_to(*field);
     const FieldReference::Numbers got = testing::first_moments(*field), expected = reference.gradient(batch);
+    testing::Limits limits = kGradients[cuda];
+    if (config.octree_interpolation == OctreeInterpolation::nearest)
+      limits.share = std::max(limits.share, kNearestCellShare);
     for (int part = 0; part < FieldReference::kParts; ++part)
-      expect_within(kGradients[cuda], got[part], expected[part], FieldReference::kNames[part]);
+      expect_within(limits, got[part], expected[part], FieldReference::kNames[part]);
 
     // Which entries were touched, and how often, is the same as on the CPU.
     EXPECT_EQ(report.touched, cpu->train(batch.points, batch.targets, batch.epsilon, 1.0).touched);

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
@@ -37,13 +38,21 @@ void write_film_state(const std::string& file, const FilmState& state, const Fil
 }
 
 FilmState read_film_state(const std::string& file, const FilmIdentity& identity) {
-  const TensorReader in(file);
+  const std::string no_state =
+      "not the state of a picture that this program can continue; delete the file to start anew";
+  std::optional<TensorReader> opened;
+  try {
+    opened.emplace(file);
+  } catch (const InputError&) {
+    throw InputError(fmt::format("{}: {}", file, no_state));
+  }
+  const TensorReader& in = *opened;
   const auto text = [&](const std::string& key) {
     const auto found = in.metadata().find(key);
     return found == in.metadata().end() ? std::string() : found->second;
   };
   if (text("format") != kFormat || text("version") != kVersionOfFormat)
-    throw InputError(fmt::format("{}: not the state of a picture that this program can continue", file));
+    throw InputError(fmt::format("{}: {}", file, no_state));
   FilmState state;
   try {
     const auto saved = parse_json(text("identity"), file).get<FilmIdentity>();

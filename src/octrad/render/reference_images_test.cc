@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
 #include "octrad/render/constant_field_test_helper.h"
@@ -127,7 +128,7 @@ struct Case {
 class ReferenceImages : public ::testing::TestWithParam<Case> {};
 
 TEST_P(ReferenceImages, AreMatched) {
-  if (std::getenv("OCTRAD_SANITIZED")) GTEST_SKIP() << "takes minutes under the sanitizers";
+  if (testing::sanitized()) GTEST_SKIP() << "takes minutes under the sanitizers";
   const Case c = GetParam();
   const PreparedScene scene(load_scene("scenes/" + std::string(c.scene) + "/scene.xml"));
   if (std::getenv("OCTRAD_WRITE_IMAGES")) {
@@ -157,7 +158,7 @@ TEST_P(ReferenceImages, AreMatched) {
 // The walls (22 standard deviations in a block and in the picture) or a block of steel (13 in a block of pixels, 0.8 in
 // the picture) that scatter 5 % too much.
 TEST(ReferenceImage, MaterialFivePercentTooBrightIsSeen) {
-  if (std::getenv("OCTRAD_SANITIZED")) GTEST_SKIP() << "takes minutes under the sanitizers";
+  if (testing::sanitized()) GTEST_SKIP() << "takes minutes under the sanitizers";
   const Image stored = stored_picture("cornell-box-direct");
   for (const char* name : {"white", "steel"}) {
     Scene scene = load_scene("scenes/cornell-box/scene.xml");

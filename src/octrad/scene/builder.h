@@ -97,7 +97,7 @@ class SceneBuilder {
   // A shape that has its mesh and material but is not in the scene yet; spheres are described by `sphere`.
   Shape read_shape(Params& params, SphereJob& sphere, bool in_group);
   void read_mesh_source(Params& params, MeshJob& job);
-  void add_sphere(Shape shape, const SphereJob& job, const Transform& placement);
+  void add_sphere(Shape shape, const SphereJob& job, const Transform& placement, bool shape_in_group);
   int shape_material(Params& params, bool emits);
   const Group& group(const Element& element);
   void add_instance(Params& params);

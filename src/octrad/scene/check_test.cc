@@ -133,6 +133,11 @@ TEST_F(CheckTest, Assumptions) {
   const auto depth = [&](const std::string& integrator) {
     return load_scene(write(integrator + "<shape type=\"sphere\"/>"));
   };
+  EXPECT_NE(depth("stray text").assumed.at(0).find("text inside <scene> left out"), std::string::npos);
+  EXPECT_NE(depth("<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>")
+                .assumed.at(0)
+                .find("emitters are shown"),
+            std::string::npos);
   EXPECT_EQ(depth("<integrator type=\"volpath\"><integer name=\"max_depth\" value=\"7\"/></integrator>").max_depth, 7);
   EXPECT_NE(depth("<integrator type=\"volpath\"/>").assumed.at(0).find("\"volpath\" read as path"), std::string::npos);
   EXPECT_EQ(

@@ -142,8 +142,8 @@ class XmlReader {
       if (child.type() == pugi::node_element) {
         read_element(source, child, parent, depth);
       } else if (child.type() == pugi::node_pcdata) {
-        fail(parent.location,
-             "unexpected text inside <" + parent.tag + ">: \"" + std::string(child.value()).substr(0, 40) + "\"");
+        report_.assume(parent.location, "text inside <" + parent.tag + "> left out, as in Mitsuba: \"" +
+                                            std::string(child.value()).substr(0, 40) + "\"");
       }
     }
   }
@@ -173,9 +173,7 @@ class XmlReader {
     if (element->tag == "default") {
       check_attributes(*element, {"name", "value"});
       const std::string& name = element->get("name");
-      if (name.empty() || !std::all_of(name.begin(), name.end(), is_name_character)) {
-        fail(where, "<default> needs a name of letters, digits and underscores, not \"" + name + "\"");
-      }
+      if (name.empty()) fail(where, "<default> has an empty name");
       declared_.emplace(name, where);
       parameters_.emplace(name, element->get("value"));  // an earlier value (command line, first default) stays
     } else if (element->tag == "include") {
@@ -260,12 +258,23 @@ class XmlReader {
     if (text.find('$') == std::string::npos) return text;
     std::string result;
     for (std::size_t i = 0; i < text.size();) {
+      if (text[i] == '\\' && i + 1 < text.size() && text[i + 1] == '$') {
+        result += '$';
+        i += 2;
+        continue;
+      }
       if (text[i] != '$') {
         result += text[i++];
         continue;
       }
+      // The longest parameter that follows, as in Mitsuba; where there is none, what looks like its name.
       std::size_t end = i + 1;
-      while (end < text.size() && is_name_character(text[end])) ++end;
+      for (const auto& [key, value] : parameters_) {
+        if (text.compare(i + 1, key.size(), key) == 0) end = std::max(end, i + 1 + key.size());
+      }
+      if (end == i + 1) {
+        while (end < text.size() && is_name_character(text[end])) ++end;
+      }
       const std::string name = text.substr(i + 1, end - i - 1);
       const auto found = parameters_.find(name);
       i = end;
@@ -317,8 +326,7 @@ class XmlReader {
 
   void collect_ids(const Element& element) {
     const std::string* id = element.find("id");
-    if (id && element.tag != "ref") {
-      if (id->empty()) fail(element.location, "<" + element.tag + "> has an empty id");
+    if (id && !id->empty() && element.tag != "ref") {
       const auto [at, inserted] = description_.ids.emplace(*id, &element);
       if (!inserted)
         report_.refuse(element.location, "the id \"" + *id + "\" is taken already, at " + at->second->location.text());

@@ -80,7 +80,11 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
 
 void SceneBuilder::check_complete() const {
   const Location& where = description_.root->location;
-  if (scene_.cameras.empty()) fail(where, "the scene has no sensor; add <sensor type=\"perspective\">");
+  const auto& children = description_.root->children;
+  const bool named = std::any_of(children.begin(), children.end(), [](const auto& c) { return c->tag == "sensor"; });
+  if (scene_.cameras.empty())
+    fail(where, named ? "the scene has no sensor that can be used"
+                      : "the scene has no sensor; add <sensor type=\"perspective\">");
   if (scene_.shapes.empty()) fail(where, "the scene has no shape");
 }
 
@@ -122,8 +126,11 @@ void SceneBuilder::add_object(const Element& element) {
       fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
   } else if (element.old && element.find("name") && element.find("value")) {
     report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
-  } else if (element.tag == "medium") {
-    report().refuse(element.location, std::string("<medium>") + kNoMedia);
+  } else if (element.tag == "boolean" && (element.get("name") == "embree_use_robust_intersections" ||
+                                          element.get("name") == "allow_thread_reordering")) {
+    // Of Mitsuba's ray tracers.
+  } else if (element.tag == "medium" || element.tag == "phase" || element.tag == "volume") {
+    report().refuse(element.location, "<" + element.tag + ">" + kNoMedia);
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
@@ -176,7 +183,7 @@ void SceneBuilder::add_integrator(const Element& element) {
   }
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");
   if (params.get_bool("hide_emitters", false)) {
-    scene_.warnings.push_back(element.location.text() + ": hide_emitters is not supported; emitters are shown");
+    report().assume(element.location, "hide_emitters is not supported: emitters are shown");
   }
   params.ignore_rest();  // the integrator is chosen on the command line
 }

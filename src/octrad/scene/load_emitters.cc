@@ -89,13 +89,13 @@ void SceneBuilder::add_delta_light(Params& params) {
     projectors_.push_back({scene_.delta_lights.size(), degrees, axis});
   } else if (light.kind == Kind::spot) {
     const float cutoff = params.float_in("cutoff_angle", 20.0f, 1e-3f, 180.0f);
-    const float beam = params.float_in("beam_width", cutoff * 0.75f, 0.0f, 180.0f);
-    if (!(beam < cutoff)) fail(params.where("beam_width"), "the beam_width of a spot must be below its cutoff_angle");
+    // A beam as wide as the cutoff, or wider, has a sharp edge there.
+    const float beam = std::min(params.float_in("beam_width", cutoff * 0.75f, 0.0f, 180.0f), cutoff);
     const float radians = kPi / 180.0f;
     light.cutoff = cutoff * radians;
     light.cos_cutoff = std::cos(light.cutoff);
     light.cos_beam = std::cos(beam * radians);
-    light.inverse_transition = 1.0f / (light.cutoff - beam * radians);
+    light.inverse_transition = beam < cutoff ? 1.0f / (light.cutoff - beam * radians) : 0.0f;
     light.tan_x = light.tan_y = std::tan(light.cutoff);
     const int factor = this->texture(params, "texture", TextureRole::radiance);
     if (factor >= 0) {
@@ -166,6 +166,7 @@ void SceneBuilder::add_environment(Params& params) {
     }
   }
   params.ignore({"sampling_weight"});
+  if (params.type() == "envmap") params.ignore({"mis_compensation"});  // of how directions are drawn
   params.finish();
 }
 

@@ -98,6 +98,8 @@ Material SceneBuilder::read_bsdf(const Element& element) {
   Material m;
   if (params.type() == "twosided") {
     const auto parts = nested_bsdfs(params, 2);
+    if (params.get_bool("allow_transmission", false))
+      report().assume(params.where("allow_transmission"), "allow_transmission of twosided is not used");
     m = flatten(*parts[0]);
     if (transmits(m))
       fail(
@@ -211,7 +213,13 @@ void SceneBuilder::read_plastic(Params& params, Material& m) {
 void SceneBuilder::read_roughplastic(Params& params, Material& m) {
   read_plastic(params, m);
   microfacets(params, m);
-  m.alpha_u = m.alpha_v = constant_texture(Vec3f(params.float_in("alpha", 0.1f, 0.0f, 10.0f)));
+  float alpha = params.float_in("alpha", 0.1f, 0.0f, 10.0f);
+  if (params.given("alpha_u") && params.given("alpha_v") && !params.given("alpha")) {
+    alpha = params.float_in("alpha_u", 0.1f, 0.0f, 10.0f);
+    if (params.float_in("alpha_v", 0.1f, 0.0f, 10.0f) != alpha)
+      fail(params.where("alpha_v"), "roughplastic is isotropic: alpha_u and alpha_v must be the same");
+  }
+  m.alpha_u = m.alpha_v = constant_texture(Vec3f(alpha));
 }
 
 void SceneBuilder::read_conductor(Params& params, Material& m) {
@@ -379,7 +387,7 @@ void SceneBuilder::conductor_index(Params& params, Material& m) {
 Vec3f SceneBuilder::constant_color(Params& params, const std::string& name, Vec3f fallback) {
   const Element* parameter = params.find(name);
   if (!parameter) return fallback;
-  const auto value = constant_value(*parameter, TextureRole::index);
+  const auto value = constant_value(follow_reference(description_, *parameter), TextureRole::index);
   if (!value)
     fail(parameter->location,
          "parameter \"" + name + "\" of " + params.what() + " must be a constant: <rgb>, <float> or <spectrum>");

@@ -33,9 +33,9 @@ std::vector<std::string> rfilter_types() { return kFilters; }
 
 void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis& fov_axis) {
   const std::string focal_length = params.get_string("focal_length", "");
+  degrees = params.get_float("fov", 0.0f);
   if (params.given("fov")) {
     if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
-    degrees = params.get_float("fov", 0.0f);
     if (!(degrees > 0.0f && degrees < 180.0f)) fail(params.where("fov"), "fov must be above 0 and below 180 degrees");
     const std::vector<std::string> names = {"x", "y", "diagonal", "smaller", "larger"};
     const std::string axis = params.choice("fov_axis", "x", names);
@@ -75,8 +75,9 @@ void SceneBuilder::add_sensor(const Element& element) {
   if (!(camera.far_clip > camera.near_clip)) fail(params.where("far_clip"), "far_clip must be greater than near_clip");
   if (lens) {
     camera.aperture_radius = params.get_float("aperture_radius", 0.0f);
-    if (!(camera.aperture_radius > 0.0f))
-      fail(params.where("aperture_radius"), "a thinlens sensor needs an aperture_radius above 0");
+    if (!params.given("aperture_radius") || !(camera.aperture_radius >= 0.0f))
+      fail(params.where("aperture_radius"), "a thinlens sensor needs an aperture_radius, not below 0");
+    camera.aperture_radius = std::max(camera.aperture_radius, 1e-7f);  // 0 is a pinhole, as in Mitsuba
     camera.focus_distance = params.get_float("focus_distance", camera.far_clip);
     if (!(camera.focus_distance > 0.0f)) fail(params.where("focus_distance"), "focus_distance must be above 0");
   } else if (!orthographic) {

@@ -18,6 +18,9 @@ constexpr std::uint64_t kTriangleBytes = 200;  // and there, of the round shapes
 const std::vector<std::string> kShapes = {"obj",    "ply",      "serialized", "rectangle", "cube", "disk",
                                           "sphere", "cylinder", "shapegroup", "instance",  "merge"};
 
+// Of Mitsuba's derivatives: pictures do not depend on it.
+const std::string kSilhouette = "silhouette_sampling_weight";
+
 constexpr double kLeastVolume = 1e-18;  // of Transform::is_singular()
 
 Placement make_placement(const Transform& t) {
@@ -58,7 +61,7 @@ void SceneBuilder::add_shape(const Element& element) {
   Shape shape = read_shape(params, sphere, false);
   if (shape.emitter >= 0)
     scene_.area_lights[static_cast<std::size_t>(shape.emitter)].shape = static_cast<int>(scene_.shapes.size());
-  if (shape.kind == Shape::Kind::sphere) add_sphere(std::move(shape), sphere, Transform());
+  if (shape.kind == Shape::Kind::sphere) add_sphere(std::move(shape), sphere, Transform(), false);
   else scene_.shapes.push_back(std::move(shape));
 }
 
@@ -95,6 +98,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   if (to_world.is_singular(kLeastVolume))
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
   const bool flip_normals = params.get_bool("flip_normals", false);
+  params.ignore({kSilhouette});
   in_shape_ = false;
   check_attribute_use(params.element(), type != "sphere");
   if (type == "sphere") {
@@ -168,6 +172,7 @@ const SceneBuilder::Group& SceneBuilder::group(const Element& element) {
       else group.meshes.push_back(std::move(shape));
     });
   }
+  params.ignore({kSilhouette, "to_world"});  // of the group: Mitsuba does not apply it either
   params.finish();
   return group;
 }
@@ -180,6 +185,7 @@ void SceneBuilder::add_instance(Params& params) {
   const Transform to_world = params.get_transform("to_world");
   const Location where = params.where("to_world");
   if (to_world.is_singular(kLeastVolume)) fail(where, "to_world of an instance is singular: it flattens the shapes");
+  params.ignore({kSilhouette});
   params.finish();
   shape_meter_.add((members.meshes.size() + members.spheres.size()) * kShapeBytes);
   const int placement = static_cast<int>(scene_.placements.size());
@@ -194,7 +200,7 @@ void SceneBuilder::add_instance(Params& params) {
   for (const auto& [shape, sphere] : members.spheres) {
     SphereJob placed = sphere;
     placed.where = where;
-    add_sphere(shape, placed, to_world);
+    add_sphere(shape, placed, to_world, true);
   }
 }
 
@@ -247,17 +253,23 @@ int SceneBuilder::shape_material(Params& params, bool emits) {
   return black_material_;
 }
 
-void SceneBuilder::add_sphere(Shape shape, const SphereJob& job, const Transform& placement) {
+void SceneBuilder::add_sphere(Shape shape, const SphereJob& job, const Transform& placement, bool shape_in_group) {
   Sphere sphere;
   const Transform to_world = placement * job.to_world;
   const Vec3d axes[3] = {to_world.column(0), to_world.column(1), to_world.column(2)};
   const double scale = length(axes[0]);
+  bool alike = true, orthogonal = true;
   for (int i = 0; i < 3; ++i) {
-    if (std::fabs(length(axes[i]) - scale) > 1e-3 * scale ||
-        std::fabs(dot(axes[i], axes[(i + 1) % 3])) > 1e-3 * scale * scale) {
-      fail(job.where, "to_world of a sphere must rotate, move and scale all axes alike; use a mesh for an ellipsoid");
-    }
+    const Vec3d next = axes[(i + 1) % 3];
+    alike = alike && std::fabs(length(axes[i]) - scale) <= 1e-3 * scale;
+    orthogonal = orthogonal && std::fabs(dot(axes[i], next)) <= 1e-3 * length(axes[i]) * length(next);
   }
+  // Mitsuba's sphere takes the first axis's scale for all; an instance of one becomes an ellipsoid there.
+  if (!orthogonal || (!alike && shape_in_group))
+    fail(job.where, "to_world of a sphere must rotate, move and scale all axes alike; use a mesh for an ellipsoid");
+  if (!alike)
+    report().assume(job.where,
+                    "a sphere whose to_world scales its axes differently has the first one's scale, as in Mitsuba");
   sphere.center = Vec3f(to_world.point(job.center));
   sphere.radius = static_cast<float>(scale * static_cast<double>(job.radius));
   if (!within(sphere.center - Vec3f(sphere.radius), kLargestCoordinate) ||
@@ -266,7 +278,7 @@ void SceneBuilder::add_sphere(Shape shape, const SphereJob& job, const Transform
   sphere.flip_normals = job.flip_normals;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column)
-      sphere.to_local[row * 3 + column] = static_cast<float>(axes[row][column] / scale);
+      sphere.to_local[row * 3 + column] = static_cast<float>(axes[row][column] / (alike ? scale : length(axes[row])));
   }
   shape.geometry = static_cast<int>(scene_.spheres.size());
   scene_.spheres.push_back(sphere);

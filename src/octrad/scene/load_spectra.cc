@@ -90,6 +90,7 @@ Vec3f SceneBuilder::spectrum_value(const Element& element, TextureRole role) {
   Vec3f value(0.0f);
   if (type == "uniform") {
     value = Vec3f(params.get_float("value", 1.0f));
+    params.ignore({"wavelength_min", "wavelength_max"});
   } else if (type == "d65") {  // the white of linear sRGB
     const Element* color = params.find("color");
     value = (color ? parse_rgb(*color) : Vec3f(1.0f)) * params.get_float("scale", 1.0f);

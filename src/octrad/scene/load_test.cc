@@ -142,7 +142,12 @@ TEST_F(LoadTest, Parameters) {
             std::string::npos);
   EXPECT_NE(warned.warnings[2].find("-D spp=3 changes nothing: the scene file uses it for its"), std::string::npos);
   EXPECT_EQ(warned.max_depth, 2);
-  refuses(R"(<default name="a b" value="1"/>)", "2:1", {"letters, digits and underscores"});
+  refuses(R"(<default name="" value="1"/>)", "2:1", {"an empty name"});
+  // The longest name that fits, whatever comes after it; an escaped dollar sign.
+  EXPECT_EQ(color(R"(<default name="a" value="0"/><default name="a-b" value="0.5"/>
+    <bsdf type="diffuse"><rgb name="reflectance" value="$a-b 0 $a.25"/></bsdf>)"),
+            Vec3f(0.5f, 0.0f, 0.25f));
+  refuses(R"(<shape type="obj"><string name="filename" value="\$a.obj"/></shape>)", "2:19", {"\"$a.obj\""});
   refuses(R"(<default name="a"/>)", "2:1", {"needs the attribute \"value\""});
 }
 
@@ -239,6 +244,14 @@ TEST_F(LoadTest, Transforms) {
         "<" + name + R"( origin="1 2 3" target="0 0 1" up="0 1 0"/>)",
         {{0.10557282f, 2, 3.4472136f}, {0.70185757f, 2.745356f, 2.4037151f}, {0.6666666f, 1.3333333f, 2.3333333f}});
   }
+  // Without `up`, Mitsuba's choice (its matrix for this file, version 3.9.1).
+  for (const std::string up : {"", R"( up="0 0 0")"}) {
+    expect_points(R"(<lookat origin="0 0 0" target="1 2 2")" + up + "/>", {{0.13333333f, -0.73333333f, 0.66666667f},
+                                                                           {0.93333333f, -0.13333333f, -0.33333333f},
+                                                                           {0.33333333f, 0.66666667f, 0.66666667f}});
+  }
+  expect_points(R"(<translate value="2"/>)", {{3, 2, 2}, {2, 3, 2}, {2, 2, 3}});
+  expect_points(R"(<matrix value="1 0 0 0 0 1 0 0 0 0 1 0 1e-9 0 0 0.999999"/>)", {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}});
   // A rotation whatever the length of its axis, and a remark.
   const std::vector<Vec3f> p = transformed(R"(<rotate value="1 2 3" angle="40"/>)");
   EXPECT_NEAR(length(p[0]), 1.0f, 1e-6f);
@@ -255,7 +268,7 @@ TEST_F(LoadTest, Transforms) {
   refuses(shape(R"(<rotate x="1"/>)"), "3:1", {"angle"});
   refuses(shape(R"(<scale x="2" value="3"/>)"), "3:1", {"both \"value\" and"});
   refuses(shape(R"(<scale z="q"/>)"), "3:1", {"\"q\" is not a finite number"});
-  refuses(shape(R"(<translate value="1 2"/>)"), "3:1", {"is not three finite numbers"});
+  refuses(shape(R"(<translate value="1 2"/>)"), "3:1", {"is not one or three finite numbers"});
   refuses(shape(R"(<translate w="1"/>)"), "3:1", {"has no attribute \"w\""});
   refuses(shape(R"(<matrix value="1 2 3 4 5 6 7 8 9 10 11 12"/>)"), "3:1", {"needs 16 (or 9)", "not 12"});
   refuses(shape(R"(<matrix value="1 0 0 0 0 1 0 0 0 0 nan 0 0 0 0 1"/>)"), "3:1", {"needs 16 (or 9) finite numbers"});
@@ -288,7 +301,7 @@ TEST_F(LoadTest, Colors) {
   bad(R"(<rgb name="reflectance" value="0.5 0.5"/>)", {"is not a colour", "supported:"});
   bad(R"(<rgb name="reflectance" value="#12345"/>)", {"is not a colour"});
   bad(R"(<rgb name="reflectance" value="#12345g"/>)", {"#rrggbb"});
-  bad(R"(<rgb name="reflectance" value="0.5,,0.5,0.5"/>)", {"is not a colour"});
+  EXPECT_EQ(diffuse(R"(<rgb name="reflectance" value=", 0.5,,0.25, 0.75,"/>)"), Vec3f(0.5f, 0.25f, 0.75f));
   bad(R"(<rgb name="reflectance" value="nan"/>)", {"is not a colour"});
   bad(R"(<rgb name="reflectance" r="0.5"/>)", {"has no attribute \"r\""});
   bad(R"(<rgb name="reflectance"/>)", {"needs the attribute \"value\""});
@@ -548,9 +561,6 @@ TEST_F(LoadTest, Emitters) {
   for (const char* sky : {"sky", "sun", "sunsky"})
     refuses("<emitter type=\"" + std::string(sky) + "\"/>", "2:1", {"is not supported: bake it", "envmap"});
   refuses(R"(<emitter type="directionalarea"/>)", "2:1", {"\"directionalarea\" is not supported", "directional"});
-  refuses(
-      R"(<emitter type="spot"><float name="cutoff_angle" value="10"/><float name="beam_width" value="10"/></emitter>)",
-      "2:61", {"below its cutoff_angle"});
   refuses(R"(<emitter type="directional"><vector name="direction" x="0" y="0" z="0"/></emitter>)", "2:29",
           {"must not be zero"});
   refuses(R"(<emitter type="point"><rgb name="intensity" value="-1"/></emitter>)", "2:23", {"radiance must be"});
@@ -596,8 +606,8 @@ TEST_F(LoadTest, Shapes) {
   refuses(R"(<shape type="sphere"><float name="radius" value="0"/></shape>)", "2:22", {"above 0"});
   refuses(R"(<shape type="sphere"><string name="radius" value="3"/></shape>)", "2:22",
           {"must be <float> or <integer>, not <string>"});
-  refuses(R"(<shape type="sphere"><transform name="to_world"><scale x="2"/></transform></shape>)", "2:22",
-          {"scale all axes alike"});
+  refuses(R"(<shape type="sphere"><transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform></shape>)",
+          "2:22", {"scale all axes alike"});
   refuses(R"(<shape type="sphere"><bsdf type="diffuse"/><bsdf type="diffuse"/></shape>)", "2:44", {"at most one bsdf"});
   refuses(R"(<shape type="obj"/>)", "2:1", {"filename"});
   refuses(R"(<shape type="obj"><string name="filename" value="none.obj"/></shape>)", "2:19",
@@ -647,7 +657,8 @@ TEST_F(LoadTest, SensorsAndFilms) {
   refuses(
       R"(<sensor type="thinlense"/>)", "2:1",
       {"sensor \"thinlense\" is not supported (did you mean \"thinlens\"?); supported: perspective, thinlens, orthographic"});
-  refuses(R"(<sensor type="thinlens"/>)", "2:1", {"needs an aperture_radius above 0"});
+  refuses(R"(<sensor type="thinlens"/>)", "2:1", {"needs an aperture_radius"});
+  refuses(R"(<sensor type="thinlens"><float name="aperture_radius" value="-1"/></sensor>)", "2:25", {"not below 0"});
   refuses(R"(<sensor type="orthographic"><float name="fov" value="60"/></sensor>)", "2:29",
           {"unknown parameter \"fov\""});
   refuses(sensor(R"(<float name="fov" value="180"/>)"), "3:1", {"below 180"});
@@ -681,7 +692,6 @@ TEST_F(LoadTest, WholeFiles) {
   EXPECT_NE(error_whole("<bsdf type=\"diffuse\"/>").find("expected <scene>"), std::string::npos);
   EXPECT_NE(error_whole("<scene version=\"3.0.0\">\n<shape type=\"cube\">\n</scene>").find("s.xml:3:"),
             std::string::npos);
-  EXPECT_NE(error_whole("<scene version=\"3.0.0\">hello</scene>").find("unexpected text"), std::string::npos);
   refuses("<shap type=\"cube\"/>", "2:1", {"unknown element <shap>", "did you mean \"shape\""});
   refuses("<medium type=\"homogeneous\"/>", "2:1", {"<medium> is not supported"});
   EXPECT_THROW(load_scene(folder_.file("none.xml")), IoError);

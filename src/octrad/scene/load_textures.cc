@@ -97,7 +97,7 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
     for (const auto& [name, color] : {std::make_pair("color0", &t.color0), std::make_pair("color1", &t.color1)}) {
       const Element* parameter = params.find(name);
       if (!parameter) continue;
-      const auto value = constant_value(*parameter, role);
+      const auto value = constant_value(follow_reference(description_, *parameter), role);
       if (!value)
         fail(parameter->location, std::string("parameter \"") + name +
                                       "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>");

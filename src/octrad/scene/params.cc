@@ -113,8 +113,14 @@ Vec3d triple(const Element& element, const std::string& attribute) {
   return {(*numbers)[0], (*numbers)[1], (*numbers)[2]};
 }
 
+// A unit vector at a right angle to `n`: the one that Mitsuba takes where <lookat> has no up vector (Duff et al. 2017).
+Vec3d any_normal(Vec3d n) {
+  const double sign = std::copysign(1.0, n.z), a = -1.0 / (sign + n.z);
+  return {1.0 + sign * n.x * n.x * a, sign * n.x * n.y * a, -sign * n.x};
+}
+
 Transform parse_operation(const Element& e, std::vector<std::string>& warnings) {
-  if (e.tag == "translate") return Transform::translate(parse_vector(e, Vec3d(0.0), false));
+  if (e.tag == "translate") return Transform::translate(parse_vector(e, Vec3d(0.0), true));
   if (e.tag == "scale") return Transform::scale(parse_vector(e, Vec3d(1.0), true));
   if (e.tag == "rotate") {
     const Vec3d axis = parse_vector(e, Vec3d(0.0), false, {"angle"});
@@ -141,18 +147,20 @@ Transform parse_operation(const Element& e, std::vector<std::string>& warnings) 
       for (int column = 0; column < n; ++column)
         t(row, column) = (*numbers)[static_cast<std::size_t>(row * n + column)];
     }
+    // Rounded by whoever wrote it.
+    const double last[4] = {0.0, 0.0, 0.0, 1.0};
+    bool rounded = true;
+    for (int column = 0; column < 4; ++column) rounded = rounded && std::fabs(t(3, column) - last[column]) < 1e-5;
+    for (int column = 0; rounded && column < 4; ++column) t(3, column) = last[column];
     if (!t.is_affine()) fail(e.location, "<matrix>: the last row must be 0 0 0 1");
     return t;
   }
   if (e.tag == "lookat" || e.tag == "lookAt" || e.tag == "look_at") {
     check_attributes(e, {"origin", "target", "up"});
     const Vec3d origin = triple(e, "origin"), target = triple(e, "target");
-    Vec3d up{0, 1, 0};
-    if (e.find("up")) {
-      up = triple(e, "up");
-    } else if (std::fabs(dot(normalize(target - origin), up)) > 0.999) {
-      up = {1, 0, 0};
-    }
+    Vec3d up(0.0);
+    if (!e.get("up").empty()) up = triple(e, "up");
+    if (!(length(up) > 0.0) && length(target - origin) > 0.0) up = any_normal(normalize(target - origin));
     const auto t = Transform::look_at(origin, target, up);
     if (!t)
       fail(e.location,
@@ -172,14 +180,12 @@ std::optional<std::vector<double>> parse_numbers(const std::string& text) {
   const char* const end = p + text.size();
   bool separated = true;
   while (true) {
-    bool comma = false;
-    while (p < end && (is_space(*p) || (*p == ',' && !comma))) {
-      comma |= *p == ',';
+    while (p < end && (is_space(*p) || *p == ',')) {  // any number of them, as in Mitsuba
       separated = true;
       ++p;
     }
-    if (p == end) return comma ? std::nullopt : std::make_optional(numbers);
-    if (!separated || (comma && numbers.empty())) return std::nullopt;
+    if (p == end) return numbers;
+    if (!separated) return std::nullopt;
     double value = 0.0;
     const char* next = read_number(p, end, value);
     if (!next) return std::nullopt;
@@ -399,7 +405,7 @@ std::string Params::choice(const std::string& name, const std::string& fallback,
 Vec3d Params::get_point(const std::string& name, Vec3d fallback) {
   return read<Vec3d>(name, fallback, [&] {
     const Element* e = take(name, {"point", "vector"});
-    return e ? parse_vector(*e, Vec3d(0.0), false, {"name"}) : fallback;
+    return e ? parse_vector(*e, Vec3d(0.0), true, {"name"}) : fallback;
   });
 }
 

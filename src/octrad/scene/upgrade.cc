@@ -368,6 +368,15 @@ void upgrade_bumpmap(Element& e) {
   }
 }
 
+// Mitsuba 0.6 found the texture of a normal map by its tag.
+void upgrade_normalmap(Element& e) {
+  for (auto& c : e.children) {
+    if (c->tag != "texture" || !c->get("name").empty()) continue;
+    set(*c, "name", "normalmap");
+    return;
+  }
+}
+
 void upgrade_object(Element& e, SceneReport& report) {
   for (const auto& c : e.children) {
     for (auto& [attribute, value] : c->attributes) {
@@ -409,6 +418,7 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"roughdielectric", upgrade_conductor},
       {"roughplastic", upgrade_conductor},
       {"bumpmap", [](Element& b, SceneReport&) { upgrade_bumpmap(b); }},
+      {"normalmap", [](Element& n, SceneReport&) { upgrade_normalmap(n); }},
   };
   if (const auto rule = rules.find(type); rule != rules.end()) rule->second(e, report);
 }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/files_test_helper.h"
 #include "octrad/train/box_test_helper.h"
@@ -51,6 +52,7 @@ TEST(Domain, ARoomKeepsItsBox) {
 
 // What was measured in them stays as it was.
 TEST(Domain, SharedRoomsKeepTheirBoxes) {
+  if (testing::sanitized()) GTEST_SKIP() << "takes half a minute under the sanitizers";
   int found = 0;
   for (const char* name : {"bathroom", "cornell-box", "kitchen", "living-room", "veach-ajar"}) {
     const std::filesystem::path file = shared_folder() / "scenes" / name / "scene.xml";

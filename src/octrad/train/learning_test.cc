@@ -5,10 +5,10 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/load.h"
 #include "octrad/train/trainer.h"
@@ -76,8 +76,7 @@ double learned_error(const PreparedScene& scene, const Config& config) {
 }
 
 TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
-  if (std::getenv("OCTRAD_SANITIZED"))
-    GTEST_SKIP() << "takes minutes under the sanitizers; the parts are tested there one by one";
+  if (testing::sanitized()) GTEST_SKIP() << "takes minutes under the sanitizers; the parts are tested there one by one";
   const PreparedScene scene(checkered_room());
   Config config = preset("cpu");
   config.train_steps = 1000;
@@ -106,7 +105,7 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
 
 // Cones see the checkerboard that a grid at the floor has to learn from directions.
 TEST(Learning, ConesShowWhatAGridAloneDoesNot) {
-  if (std::getenv("OCTRAD_SANITIZED")) GTEST_SKIP() << "takes minutes under the sanitizers";
+  if (testing::sanitized()) GTEST_SKIP() << "takes minutes under the sanitizers";
   const PreparedScene scene(checkered_room());
   Config config = preset("cpu");
   config.train_steps = 1000;

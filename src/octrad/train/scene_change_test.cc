@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/scene/sample_scenes.h"
@@ -87,12 +88,43 @@ TEST(Trainer, AllOfTheEmissionTimesAFactorIsRadianceTimesIt) {
   EXPECT_TRUE(trainer.done());
 }
 
+void set_all_lights(PreparedScene& scene, Trainer& trainer, Vec3f factor) {
+  SceneChange change;
+  for (int i = 0; i < scene.light_count(); ++i) change += scene.set_light_factor(i, factor);
+  trainer.scene_changed(change);
+}
+
+TEST(Trainer, LampsComeBackFromTheDarkInAnotherColour) {
+  PreparedScene scene(testing::closed_room());
+  Trainer trainer(scene, small_run(2), {});
+  while (!trainer.done()) trainer.step();
+  const float scale = trainer.field().target_scale();
+  set_all_lights(scene, trainer, Vec3f(0.0f));
+  EXPECT_TRUE(trainer.is_dark());
+  EXPECT_LT(trainer.field().target_scale(), 1e-10f * scale);
+  trainer.scene_changed(scene.set_light_factor(0, {1.0f, 0.5f, 0.25f}));
+  EXPECT_FALSE(trainer.is_dark());
+  EXPECT_EQ(trainer.field().target_scale(), scale);
+  EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps);
+}
+
+TEST(Trainer, WhatIsPaintedInTheDarkIsLearntInTheLight) {
+  PreparedScene scene(testing::closed_room());
+  Trainer trainer(scene, small_run(2), {});
+  while (!trainer.done()) trainer.step();
+  set_all_lights(scene, trainer, Vec3f(0.0f));
+  trainer.scene_changed(scene.set_material_edit(scene.scene().shapes[4].material, {Vec3f(0.1f, 0.9f, 0.1f), {}}));
+  EXPECT_EQ(trainer.change_steps_left(), 0);
+  set_all_lights(scene, trainer, Vec3f(1.0f));
+  EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps);
+}
+
 // Mean relative difference from what the right-hand side gives at points of the scene.
 double residual(Trainer& trainer, const PreparedScene& scene) {
   BatchSource batch(scene, trainer.config(), {});
   ScheduleState s = schedule(trainer.config(), 0, 0.0);
   s.points = 1000;
-  s.directions = 64;
+  s.directions = testing::sanitized() ? 4 : 64;
   const RadianceField& field = trainer.field();  // brought up to date here, and not by the threads that ask it
   batch.draw(1ull << 40, s, [&](std::span<const SurfacePoint> p, std::span<Vec3f> out) { field.radiance(p, out); });
   const std::vector<Vec3f> predicted = ask(trainer, batch.points());
@@ -105,11 +137,12 @@ double residual(Trainer& trainer, const PreparedScene& scene) {
 // A lamp of two in another colour, and a wall that is painted: learnt in the steps that were promised, the same bits at
 // any thread count.
 TEST(Trainer, ChangesAreLearnt) {
+  const int steps = testing::sanitized() ? 10 : 150;  // too few to learn anything
   std::vector<Vec3f> radiance[2];
   for (const int threads : {1, 3}) {
     set_thread_count(threads);
     PreparedScene scene(testing::closed_room());
-    Config config = small_run(150);
+    Config config = small_run(steps);
     Trainer trainer(scene, config, {});
     while (!trainer.done()) trainer.step();
     const double learnt = residual(trainer, scene);
@@ -119,12 +152,14 @@ TEST(Trainer, ChangesAreLearnt) {
     EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps);
     EXPECT_FALSE(trainer.done());
     const double surprised = residual(trainer, scene);
-    for (int i = 0; i < 150; ++i) trainer.step();
-    EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps - 150);
-    EXPECT_NEAR(trainer.progress().rate_scale, 50.0 / (50.0 + 149.0), 1e-6);
+    for (int i = 0; i < steps; ++i) trainer.step();
+    EXPECT_EQ(trainer.change_steps_left(), Trainer::kChangeSteps - steps);
+    EXPECT_NEAR(trainer.progress().rate_scale, 50.0 / (50.0 + steps - 1.0), 1e-6);
     const double relearnt = residual(trainer, scene);
-    EXPECT_GT(surprised, 1.5 * learnt);
-    EXPECT_LT(relearnt, 0.7 * surprised) << learnt;
+    if (!testing::sanitized()) {
+      EXPECT_GT(surprised, 1.5 * learnt);
+      EXPECT_LT(relearnt, 0.7 * surprised) << learnt;
+    }
     radiance[threads / 2] = ask(trainer, surface_probes(scene, 200, 1, config));
   }
   set_thread_count(0);
@@ -137,7 +172,8 @@ TEST_P(TrainerOnDevices, ChangesAreLearnt) {
   PreparedScene scene(testing::closed_room());
   TrainOptions options;
   options.stream = stream.get();
-  Trainer trainer(scene, small_run(64), options);
+  const int steps = testing::sanitized() ? 8 : 100;
+  Trainer trainer(scene, small_run(std::min(steps, 64)), options);
   while (!trainer.done()) trainer.step();
   const std::vector<SurfacePoint> probes = surface_probes(scene, 200, 1, trainer.config());
   const std::vector<Vec3f> before = ask(trainer, probes);
@@ -146,9 +182,12 @@ TEST_P(TrainerOnDevices, ChangesAreLearnt) {
   for (std::size_t i = 0; i < probes.size(); ++i) ASSERT_EQ(twice[i], before[i] * 2.0f);
   trainer.scene_changed(scene.set_light_factor(0, {8.0f, 2.0f, 0.5f}));
   const double surprised = residual(trainer, scene);
-  for (int i = 0; i < 100; ++i) trainer.step();
+  for (int i = 0; i < steps; ++i) trainer.step();
   trainer.aside([] {});
-  EXPECT_LT(residual(trainer, scene), 0.7 * surprised);
+  const double relearnt = residual(trainer, scene);
+  if (!testing::sanitized()) {
+    EXPECT_LT(relearnt, 0.7 * surprised);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(All, TrainerOnDevices, ::testing::Bool(), testing::stream_name);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <sstream>
+#include <utility>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -168,6 +169,7 @@ class Trainer::Run {
   void checkpoint(bool optimizer);
   void scene_changed(const SceneChange& change);
   long long change_steps_left() const { return std::max(0LL, change_ends_ - state_.step); }
+  bool is_dark() const { return dark_; }
   TrainResult finish(bool interrupted);
 
  private:
@@ -202,6 +204,7 @@ class Trainer::Run {
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
   std::vector<Vec3f> emission_;                   // factors of the lights that the field stands for
   bool dark_ = false;                             // nothing emits
+  SceneChange dark_change_;                       // what changed since then
   long long change_began_ = 0, change_ends_ = 0;  // steps
 };
 
@@ -367,13 +370,16 @@ std::vector<Vec3f> Trainer::Run::emission() const {
   return factors;
 }
 
-void Trainer::Run::scene_changed(const SceneChange& change) {
+void Trainer::Run::scene_changed(const SceneChange& changed) {
   if (waiting_ > 0) settle();
+  SceneChange change = std::exchange(dark_change_, {});
+  change += changed;
   validation_.reset();
   mape_ = -1.0;
   const std::vector<Vec3f> now = emission();
   dark_ = std::all_of(now.begin(), now.end(), [](Vec3f f) { return f == Vec3f(0.0f); });
   if (dark_) {
+    dark_change_ = change;                                             // learnt when there is light again
     engine_->set_target_scale(static_cast<float>(exposure_ * 1e-20));  // files need a scale above 0
     return;
   }
@@ -387,13 +393,10 @@ void Trainer::Run::scene_changed(const SceneChange& change) {
   bool same = true;
   for (std::size_t i = 0; i < now.size(); ++i)
     same = same && length(emission_[i] * static_cast<float>(factor) - now[i]) <= 1e-5f * length(now[i]);
-  if (same) {
-    exposure_ *= factor;
-    emission_ = now;
-    engine_->set_target_scale(static_cast<float>(exposure_));
-    if (!change.materials) return;
-  }
+  if (same) exposure_ *= factor;
+  engine_->set_target_scale(static_cast<float>(exposure_));
   emission_ = now;
+  if (same && !change.materials) return;
   change_began_ = state_.step;
   change_ends_ = state_.step + kChangeSteps;
   auto points = std::make_unique<ChangedPoints>(scene_, lhs_options(config_), change);
@@ -434,6 +437,7 @@ std::vector<SurfacePoint> Trainer::last_points() { return run_->last_points(); }
 void Trainer::checkpoint(bool optimizer) { run_->checkpoint(optimizer); }
 void Trainer::scene_changed(const SceneChange& change) { run_->scene_changed(change); }
 long long Trainer::change_steps_left() const { return run_->change_steps_left(); }
+bool Trainer::is_dark() const { return run_->is_dark(); }
 TrainResult Trainer::finish(bool interrupted) { return run_->finish(interrupted); }
 
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options) {

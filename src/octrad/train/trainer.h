@@ -96,6 +96,8 @@ class Trainer {
   static constexpr long long kChangeSteps = 1500;
   // Steps that it still takes; 0: all changes are learnt.
   long long change_steps_left() const;
+  // Whether all lights are off: steps do nothing then.
+  bool is_dark() const;
 
   // Saves and ends: the field moves into the result. Throws IoError when the model cannot be written.
   TrainResult finish(bool interrupted);

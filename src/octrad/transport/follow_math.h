@@ -70,7 +70,8 @@ struct Segment {
   float t_max = kRayInfinity;
   int passed = 0;  // surfaces passed before
   // Where lights were sampled at the start of the segment, a near mirror: that point, and the density with which the
-  // direction was drawn there. 0: emission that the segment meets was found by nothing else.
+  // direction was drawn there. 0: emission that the segment meets was found by nothing else. Lights are sampled also
+  // where no direction could be drawn; RayEnd::throughput is 0 then, and nothing is traced.
   Vec3f vertex{0, 0, 0};
   float pdf = 0.0f;
 };
@@ -91,7 +92,7 @@ OCTRAD_HD inline Segment first_segment(Vec3f position, const Vec3f* geometric_no
 OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
   if (point.black || point.bsdf.opacity >= 1.0f) return false;
   const bool passes = rng.uniform() >= point.bsdf.opacity;
-  if (!passes) point.bsdf.opacity = 1.0f;
+  if (!passes) make_opaque(point);
   return passes;
 }
 
@@ -150,12 +151,12 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
     const float u_lobe = rng.stratified();
     const BsdfSample scattered =
         sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.stratified2());
-    if (!scattered.valid) return false;
-    end.throughput *= scattered.weight;
-    if (max_component(end.throughput) <= 0.0f) return false;
-    segment.direction = normalize(end.point.to_world(scattered.wi));
+    const bool delta = scattered.valid ? scattered.delta : is_delta_bsdf(end.point.bsdf);
+    end.throughput = scattered.valid ? end.throughput * scattered.weight : Vec3f(0.0f);
+    if (delta && max_component(end.throughput) <= 0.0f) return false;
+    segment.direction = scattered.valid ? normalize(end.point.to_world(scattered.wi)) : end.point.ns;
     segment.vertex = surface.position;
-    segment.pdf = scattered.delta ? 0.0f : scattered.pdf;
+    segment.pdf = delta ? 0.0f : (scattered.valid ? scattered.pdf : 1.0f);
   } else {
     segment.pdf = 0.0f;  // shadow rays do not pass masks
   }
@@ -183,6 +184,7 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
           end.emitted += throughput * light.contribution;
       }
     }
+    if (max_component(end.throughput) <= 0.0f) return;
     if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)
     hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   }

@@ -131,7 +131,10 @@ export class TrainingPanel {
 
   showScene() {
     const { lights, materials } = this.scene;
-    lights.forEach((light, i) => { this.kept[i] = partsOf(light.factor, this.kept[i] || { stops: 0, tint: [1, 1, 1] }); });
+    // What is still to be sent is newer than what the server says.
+    lights.forEach((light, i) => {
+      if (!this.waiting || !this.waiting.has("light" + i)) this.kept[i] = partsOf(light.factor, this.kept[i] || { stops: 0, tint: [1, 1, 1] });
+    });
     const list = get("lights");
     if (list.children.length !== lights.length) list.replaceChildren(...lights.map((light, i) => this.lightRow(light, i)));
     lights.forEach((light, i) => {
@@ -162,8 +165,8 @@ export class TrainingPanel {
   }
 
   editLight(i, change) {
-    this.kept[i] = { ...this.kept[i], ...change };
-    this.later("light" + i, () => ({ type: "edit", lights: [{ light: i, factor: factorOf(this.kept[i]) }] }));
+    const now = this.kept[i] = { ...this.kept[i], ...change };
+    this.later("light" + i, () => ({ type: "edit", lights: [{ light: i, factor: factorOf(now) }] }));
   }
 
   // All lights, by so many stops from where they were when the slider was taken.
@@ -196,8 +199,8 @@ export class TrainingPanel {
 
   editMaterial(change) {
     const m = this.scene.materials.find(other => other.material === this.material);
-    m.edit = { ...m.edit, ...change };
-    this.later("material" + m.material, () => ({ type: "edit", material: m.material, ...m.edit }));
+    const now = m.edit = { ...m.edit, ...change };
+    this.later("material" + m.material, () => ({ type: "edit", material: m.material, ...now }));
     this.showMaterial();
   }
 

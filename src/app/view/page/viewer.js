@@ -43,6 +43,8 @@ class Viewer {
   // --- the connection
 
   async connect() {
+    const connection = this.connection = (this.connection || 0) + 1;
+    this.newest = 0;  // number of the newest frame of this connection
     get("status").textContent = "connecting";
     try {
       const answer = await fetch(`/check?token=${encodeURIComponent(token)}`);
@@ -54,12 +56,13 @@ class Viewer {
     socket.binaryType = "arraybuffer";
     let opened = false;
     socket.onopen = () => { opened = true; this.retry = 1000; this.say(""); };
-    socket.onmessage = event => typeof event.data === "string" ? this.told(JSON.parse(event.data)) : this.received(event.data);
+    socket.onmessage = event => typeof event.data === "string" ? this.told(JSON.parse(event.data)) : this.received(event.data, connection);
     socket.onclose = () => this.lost(opened ? "The connection ended." : "The program takes no more viewers.");
   }
 
   lost(why) {
     this.hello = this.state = null;
+    for (const resolve of this.asked.values()) resolve(null);
     this.asked.clear();
     this.show();
     get("status").textContent = "not connected";
@@ -73,6 +76,7 @@ class Viewer {
   }
   set(change) { this.send({ type: "set", ...change }); }
 
+  // The answer, or null where the connection ended before it came.
   ask(message) {
     const id = ++this.number;
     this.send({ ...message, id });
@@ -102,7 +106,7 @@ class Viewer {
     }
   }
 
-  async received(buffer) {
+  async received(buffer, connection = this.connection) {
     const size = new DataView(buffer).getUint32(0, true);
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
     let at = 4 + size;
@@ -115,11 +119,14 @@ class Viewer {
     try {
       await Promise.all(parts.map(async ([name, blob]) => { pictures[name] = await createImageBitmap(blob); }));
     } finally {
-      this.send({ type: "ack", frame: header.frame });
+      if (connection === this.connection) this.send({ type: "ack", frame: header.frame });
     }
-    if (this.frame && header.frame < this.frame.frame && this.hello && this.frame.you === this.hello.you) return;
+    if (connection !== this.connection || header.frame < this.newest) {
+      for (const late of Object.values(pictures)) late.close();
+      return;
+    }
+    this.newest = header.frame;
     for (const old of Object.values(this.pictures)) old.close();
-    header.you = this.hello && this.hello.you;
     this.frame = header;
     this.pictures = pictures;
     this.times.push(performance.now());
@@ -142,7 +149,7 @@ class Viewer {
 
   moved() {
     this.unsent = true;
-    this.playing = this.playing && this.playing.own ? this.playing : null;
+    this.playing = null;
   }
 
   tick(time) {
@@ -172,7 +179,7 @@ class Viewer {
   }
 
   // World units a second.
-  pace() { return 0.25 * this.hello.radius * 2 ** this.speed; }
+  pace() { return this.hello ? 0.25 * this.hello.radius * 2 ** this.speed : 0; }
 
   look(right, upwards) {
     const { forward, vertical } = axes(this.camera);
@@ -218,12 +225,12 @@ class Viewer {
 
   async findPivot() {
     const found = await this.ask({ type: "pick", x: 0.5, y: 0.5 });
-    if (found.hit) this.pivot = found.position;
+    if (found && found.hit) this.pivot = found.position;
   }
 
   async lookAt(at) {
     const found = await this.ask({ type: "pick", ...at });
-    if (!found.hit) return;
+    if (!found || !found.hit) return;
     this.pivot = found.position;
     this.camera.target = found.position;
     this.moved();
@@ -272,12 +279,13 @@ class Viewer {
       painter.drawImage(picture, p.x * scale, p.y * scale, p.w * scale, p.h * scale);
       painter.restore();
     };
-    const mode = !b ? "a" : !this.controls && this.state && this.state.errors ? "errors" : this.mode;  // who watches sees the errors, too
+    const asked = !b ? "a" : !this.controls && this.state && this.state.errors ? "errors" : this.mode;  // who watches sees the errors, too
+    const mode = asked === "errors" && !errors ? "a" : asked;
     if (mode === "split") {
       put(a, 0, this.split);
       put(b, this.split, 1);
     } else {
-      put(mode === "b" ? b : mode === "errors" && errors ? errors : a, 0, 1);
+      put(mode === "b" ? b : mode === "errors" ? errors : a, 0, 1);
     }
     const divider = get("divider");
     divider.hidden = mode !== "split";
@@ -285,7 +293,7 @@ class Viewer {
     const name = side => this.frame[side] ? `${this.frame[side].integrator}${this.frame[side].samples > 0 ? `, ${this.frame[side].samples} spp` : ""}` : "";
     get("label-a").hidden = !b || mode === "b" || mode === "errors";
     get("label-b").hidden = !b || mode === "a";
-    get("label-a").textContent = `A ${name("a")}`;
+    get("label-a").textContent = `A ${name("a")}${asked !== mode ? ": A and B differ in size, so there are no errors" : ""}`;
     get("label-b").textContent = mode === "errors" ? `|A - B| / (B + 0.01), white: ${short(this.state ? this.state.most_error : 0.5)}` : `B ${name("b")}`;
   }
 
@@ -483,6 +491,7 @@ class Viewer {
 
   async inspect(at) {
     const found = await this.ask({ type: "pick", side: this.mode === "b" || (this.mode === "split" && this.state.b && at.x > this.split) ? "b" : "a", ...at });
+    if (!found) return;
     this.inspected = found;
     const color = rgb => {
       const swatch = element("span", { class: "swatch" });
@@ -517,8 +526,9 @@ class Viewer {
   }
 
   async white(at) {
-    const { pixels } = await this.ask({ type: "pick", ...at });
-    const rgb = pixels.a ? pixels.a.radiance : [0, 0, 0];
+    const found = await this.ask({ type: "pick", ...at });
+    if (!found) return;
+    const { pixels } = found, rgb = pixels.a ? pixels.a.radiance : [0, 0, 0];
     if (Math.min(...rgb) <= 0) return this.say("That pixel has no colour that could be white.", true);
     const luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
     this.set({ white: rgb.map(v => clamp(luminance / v, 0.01, 100)) });
@@ -541,6 +551,7 @@ class Viewer {
     const words = ["octrad", "render", command.scene, "--integrator", integrator];
     if (asks) words.push("--model", this.hello.models[model].file);
     if (asks && command.force) words.push("--force");
+    if (command.permissive) words.push("--permissive");
     if (!asks && command.max_depth !== undefined) words.push("--max-depth", String(command.max_depth));
     for (const d of [...command.definitions, ...(asks ? command.model_definitions : [])]) words.push("-D", d);
     if (command.seed !== undefined) words.push("--seed", String(command.seed));
