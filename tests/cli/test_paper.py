@@ -189,6 +189,9 @@ class Paper(Case):
             self.assertEqual(len(commands), len(set(commands)), log)
 
     def test_bad_matrices(self):
+        self.fails(3, "missing.xml does not exist", *self.arguments(self.matrix(), scenes=["missing.xml"]))
+        self.fails(2, "unknown method", *self.arguments(self.matrix(methods=["octatree"])))
+        self.assertFalse(os.path.exists(self.report), "a mistake leaves no folder")
         for changes, text in (({"methods": ["octatree"]}, 'methods: unknown method "octatree" (did you mean "octaoctree"?)'),
                               ({"methodes": []}, 'unknown key "methodes" (did you mean "methods"?)'),
                               ({"keys": {"octree.level": 5}}, 'did you mean "octree.levels"?'),
@@ -211,7 +214,6 @@ class Paper(Case):
         self.fails(2, "nested more than 100 deep", *self.arguments(self.write("broken.json", '{"seeds": ' + "[" * 100000 + "]" * 100000 + "}")))
         self.fails(2, "broken.json: expected an object", *self.arguments(self.write("broken.json", "[]")))
         self.fails(3, "lost.json is no file and no matrix", *self.arguments("lost.json"))
-        self.fails(3, "missing.xml does not exist", *self.arguments(self.matrix(), scenes=["missing.xml"]))
         self.fails(2, "scene a:", *self.arguments(self.matrix(), scenes=[self.write("a.xml", "<scene")]))
         self.fails(1, "--budget", *self.arguments(self.matrix()), "--budget", "0")
 

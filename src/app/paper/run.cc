@@ -65,6 +65,7 @@ class Run {
 
  private:
   void open_folder();
+  void read_matrices();
   void open_scenes();
   void choose_scale();
   Plan plan_at(double factor);
@@ -95,7 +96,8 @@ class Run {
   Store store_;
   std::vector<Matrix> matrices_;
   std::vector<PaperScene> scenes_;
-  std::vector<std::vector<std::size_t>> scenes_of_;  // by matrix
+  std::vector<std::vector<SceneInput>> inputs_;      // scenes as they were asked for, by matrix
+  std::vector<std::vector<std::size_t>> scenes_of_;  // the same, as places in scenes_
   Plan plan_;
   Rates rates_;
   std::vector<Job> jobs_;
@@ -132,6 +134,7 @@ std::string Run::link_to(const std::string& name, const std::string& target) {
 }
 
 void Run::open_folder() {
+  store_.open();
   if (!o_.references.empty()) {
     std::error_code error;
     fs::create_directories(o_.references, error);
@@ -144,7 +147,8 @@ void Run::open_folder() {
   if (!o_.oidn_library.empty()) linked_library_ = link_to("oidn-library", o_.oidn_library);
 }
 
-void Run::open_scenes() {
+// Before anything is written: a mistake in what is asked for leaves no folder.
+void Run::read_matrices() {
   const SceneChoice choice = choose_scenes(o_.scenes);
   for (const std::string& name : o_.matrices) {
     matrices_.push_back(read_matrix(name));
@@ -152,8 +156,14 @@ void Run::open_scenes() {
       if (matrices_[i].name == matrices_.back().name)
         throw InputError(fmt::format("two matrices are named {}", matrices_[i].name));
     }
+    inputs_.push_back(choice.of(matrices_.back()));
+  }
+}
+
+void Run::open_scenes() {
+  for (const std::vector<SceneInput>& inputs : inputs_) {
     scenes_of_.emplace_back();
-    for (const SceneInput& input : choice.of(matrices_.back())) {
+    for (const SceneInput& input : inputs) {
       auto it = std::find_if(scenes_.begin(), scenes_.end(), [&](const PaperScene& s) { return s.name == input.name; });
       if (it == scenes_.end()) {
         const fs::path file = input.file;
@@ -668,6 +678,7 @@ void Run::describe_plan(PaperSummary& summary) const {
 }
 
 PaperSummary Run::go() {
+  read_matrices();
   open_folder();
   open_scenes();
   write_cameras();

@@ -16,6 +16,9 @@ namespace fs = std::filesystem;
 
 Store::Store(std::string folder) : folder_(std::move(folder)) {
   while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
+}
+
+void Store::open() const {
   make_folder("");
   require_writable(path("results.json"));
 }

@@ -19,8 +19,9 @@ struct Interrupted {};  // this process was asked to end
 
 class Store {
  public:
-  // Makes the folder where it is missing. Throws IoError.
   explicit Store(std::string folder);
+  // Makes the folder where it is missing. Throws IoError where nothing can be written there.
+  void open() const;
 
   const std::string& folder() const { return folder_; }
   std::string path(const std::string& name) const { return folder_ + "/" + name; }

@@ -314,7 +314,7 @@ void Client::write() {
 void Client::stop() {
   if (ended_ || !open_) return;
   open_ = false;
-  if (writing_) return end();  // one write at a time: the socket closes without a goodbye
+  if (writing_) return end();  // one write at a time: the socket closes without a close frame
   writing_ = true;
   socket_.async_close(websocket::close_code::going_away, [self = shared_from_this()](error_code) { self->end(); });
 }

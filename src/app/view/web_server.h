@@ -76,7 +76,7 @@ class WebServer {
   // Each client gets the newest frame once it has acknowledged its last one; those between are dropped for it.
   void publish(std::shared_ptr<const Frame> frame);
   void acknowledge(ClientId client, long long frame);
-  // Says goodbye to the clients and ends; the destructor does it too.
+  // Closes the connections of the clients and ends; the destructor does it too.
   void stop();
 
   struct Impl;

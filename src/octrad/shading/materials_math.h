@@ -64,7 +64,7 @@ OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const Surfac
     p.bsdf.shadowed = record->bump_shadows;
     p.bsdf.base_normal = p.to_local(turned || (record->bump_mirrored && dot(wo, n) < 0.0f) ? -n : n);
   }
-  p.black = p.bsdf.opacity >= 1.0f && is_black_side(p);
+  p.black = !two_sided && side <= 0.0f && !p.bsdf.both_sides;
   return p;
 }
 

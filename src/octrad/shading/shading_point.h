@@ -13,20 +13,9 @@ struct ShadingPoint {
   Vec3f wo;        // world
   Bsdf bsdf;
   bool front = true;   // seen from the side of the geometric normal
-  bool black = false;  // back side of a one-sided opaque surface: scatters nothing
+  bool black = false;  // back side of a one-sided surface: scatters nothing, but for what its opacity lets through
   OCTRAD_HD Vec3f to_local(Vec3f v) const { return {dot(v, s), dot(v, t), dot(v, ns)}; }
   OCTRAD_HD Vec3f to_world(Vec3f v) const { return s * v.x + t * v.y + ns * v.z; }
 };
-
-// Whether an opaque point is seen on the back side of a one-sided surface.
-OCTRAD_HD inline bool is_black_side(const ShadingPoint& point) {
-  return !point.bsdf.two_sided && !point.bsdf.both_sides && dot(point.wo, point.ns) <= 0.0f;
-}
-
-// A point of a mask that does not let the ray pass.
-OCTRAD_HD inline void make_opaque(ShadingPoint& point) {
-  point.bsdf.opacity = 1.0f;
-  point.black = is_black_side(point);
-}
 
 }  // namespace octrad

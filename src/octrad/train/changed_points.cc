@@ -21,7 +21,7 @@ bool ChangedPoints::look_at(const SurfaceInteraction& surface, Vec3f side, Rng& 
   const Vec2f u = rng.uniform2();
   const auto shade = [&](Vec3f wo) {
     point = context_.shade(surface, wo);
-    make_opaque(point);
+    point.bsdf.opacity = 1.0f;
     return !point.black && point.bsdf.type != BsdfType::null && !is_followed(point.bsdf, options_.follow_below);
   };
   if (!shade(cosine_direction(side, u))) return false;

@@ -59,7 +59,7 @@ OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline ShadingPoint shade_far_end(const World& world, const FarEnd& end) {
   ShadingPoint point = world.shade(world.interact(end.hit, end.origin, end.direction), -end.direction);
-  make_opaque(point);
+  point.bsdf.opacity = 1.0f;
   point.bsdf.lobe = end.lobe;
   return point;
 }

@@ -90,9 +90,9 @@ OCTRAD_HD inline Segment first_segment(Vec3f position, const Vec3f* geometric_no
 // Whether the ray that `point` was seen along passes through it, a mask: straight on, with the opacity as the
 // probability of not doing so; the weight is 1 then, and otherwise the point is opaque.
 OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
-  if (point.black || point.bsdf.opacity >= 1.0f) return false;
+  if (point.bsdf.opacity >= 1.0f) return false;
   const bool passes = rng.uniform() >= point.bsdf.opacity;
-  if (!passes) make_opaque(point);
+  if (!passes) point.bsdf.opacity = 1.0f;
   return passes;
 }
 

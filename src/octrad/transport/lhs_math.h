@@ -159,7 +159,7 @@ OCTRAD_HD inline LhsNext lhs_shade(const World& world, const LhsOptions& options
     }
     point = world.shade(surface, wo);
     if (look != end) {
-      make_opaque(point);
+      point.bsdf.opacity = 1.0f;
       if (point.black || point.bsdf.type == BsdfType::null) return LhsNext::missing;
       if (draw.kind == LhsKind::area && passed(point)) return LhsNext::missing;
       if (look == glossy || !options.uniform_glossy ||

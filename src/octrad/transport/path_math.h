@@ -86,7 +86,7 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
     first.depth = path.passed + distance;
     first.roughness = roughness_bsdf<World::kModels>(bsdf);
   }
-  if (last || point.black) return false;
+  if (last || (point.black && bsdf.opacity >= 1.0f)) return false;
 
   if (!is_delta_bsdf(bsdf) && world.has_lights()) {
     if (!environment) numbers = draw_light_numbers(rng);
