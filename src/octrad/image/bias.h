@@ -15,8 +15,8 @@ namespace octrad {
 // negative where the error is smaller than what the noise leaves visible. Only R in the denominator still has
 // noise, and the same as the numerator: with a standard deviation s the result is about 1 + 4 s^2 / (d R) + 3 s^2 / R^2
 // times what it estimates where the error is d (more where the picture is too bright, less where it is too dark), and
-// where s is as large as R, single dark pixels count for much. compare()'s relmse divides by R^2 + 0.01 instead. Pixels that are not finite: as in compare(). Throws as
-// compare() does.
+// where s is as large as R, single dark pixels count for much. compare()'s relmse divides by R^2 + 0.01 instead.
+// Pixels that are not finite: as in compare(). Throws as compare() does.
 double noise_free_error(const Image& a, const Image& b, double share, const Image& image,
                         std::span<const std::uint8_t> mask = {});
 
