@@ -260,10 +260,8 @@ void LiveTraining::apply_edits() {
     }
   };
   trainer_.aside([&] {
-    for (const auto& [light, factor] : lights)
-      attempt([this, light, factor] { return scene_.set_light_factor(light, factor); });
-    for (const auto& [material, edit] : materials)
-      attempt([this, material, edit] { return scene_.set_material_edit(material, edit); });
+    for (const auto& edit : lights) attempt([&] { return scene_.set_light_factor(edit.first, edit.second); });
+    for (const auto& edit : materials) attempt([&] { return scene_.set_material_edit(edit.first, edit.second); });
   });
   if (!trouble_.empty()) {  // says what holds, where something was refused
     const std::lock_guard lock(mutex_);
