@@ -136,7 +136,7 @@ struct WebServer::Impl : std::enable_shared_from_this<WebServer::Impl> {
   std::shared_ptr<const Frame> newest;
   ClientId last_id = 0;
   std::atomic<int> connections{0};
-  std::deque<std::weak_ptr<Connection>> accepted;  // oldest first; some have ended
+  std::deque<std::weak_ptr<Connection>> accepted;  // oldest first; some may have ended
   int port = 0;
   bool stopping = false;
   std::atomic<double> send_ms{0.0};
@@ -328,9 +328,8 @@ void Client::end() {
 }
 
 void Connection::start() {
-  auto& accepted = server_->accepted;
-  while (!accepted.empty() && accepted.front().expired()) accepted.pop_front();
-  accepted.push_back(weak_from_this());
+  std::erase_if(server_->accepted, [](const auto& connection) { return connection.expired(); });
+  server_->accepted.push_back(weak_from_this());
   read();
 }
 
