@@ -1,5 +1,6 @@
 // What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. Its
-// keys: device/tuning_keys.h. No result depends on any of it but for the order of sums.
+// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums and, with `lhs_rounds` on GPUs,
+// which products and sums are fused.
 #pragma once
 
 namespace octrad {

@@ -160,6 +160,20 @@ TEST_P(DeviceFields, AnswerAsTheDefinition) {
   }
 }
 
+// What is asked while a field trains is more than what it learns from in a step: no memory of the latter is written to.
+TEST_P(DeviceFields, MoreIsAskedThanLearntFrom) {
+  const auto field = trained_field(config(), 5);
+  DeviceFieldOptions options;
+  options.max_points = 1000;
+  const auto points = random_points(700, 5);
+  const std::vector<float> expected = ask(*stream_, *make_device_field(*stream_, *field, config(), options), points);
+  options.max_train_points = 64;
+  const auto device = make_device_field(*stream_, *field, config(), options);
+  EXPECT_EQ(ask(*stream_, *device, points), expected);
+  train(*device, 0, 2, 64);
+  EXPECT_NE(ask(*stream_, *device, points), expected);
+}
+
 TEST_P(DeviceFields, QueuesMayBeShort) {
   const auto field = trained_field(config(), 5);
   DeviceFieldOptions options;
@@ -213,7 +227,9 @@ TEST_P(DeviceFields, ShowTheirFeatures) {
     for (std::size_t f = 0; f < count; ++f) turned[i * count + f] = got[f * points.size() + i];
   }
   // Of nr measured {1.1e-6, 1e-5: 2.2 %, 2.8e-5}: positions are floats, and its finest cell is 1/256 wide.
-  expect_within({5e-6, 1e-5, 0.06, 2e-4}, turned, expected, "features");
+  // The octree is looked up where the predicted disparity says, which on GPUs is of other sums.
+  expect_within(cuda() && name() == "octaoctree" ? kAnswers[1] : testing::Limits{5e-6, 1e-5, 0.06, 2e-4}, turned,
+                expected, "features");
   expect_within(kAnswers[cuda()], disparity.download(), distance, "disparity");
 }
 

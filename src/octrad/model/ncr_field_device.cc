@@ -414,9 +414,9 @@ class DeviceNcrField : public DeviceFieldBase {
     cone_grid_.lookup(stream_, read(cone_table_), footprints(cones, cone_slice), cone_inputs, 0);
     if (training) cone_.forward_keep(stream_, cone_inputs, cone_linear, cones);
     else cone_.forward(stream_, cone_inputs, cone_linear, cones, cone_slice);
-    launch(stream_, n,
-           MergeInputs{
-               {}, items, each_, rules_.activation, linear, cone_linear, merge_inputs, {slope_.data(), train_rows_}});
+    // There is memory for the slopes of a training chunk, and queries may be more.
+    const FloatRows slope = training ? FloatRows{slope_.data(), train_rows_} : FloatRows{};
+    launch(stream_, n, MergeInputs{{}, items, each_, rules_.activation, linear, cone_linear, merge_inputs, slope});
     if (training) merge_.forward_keep(stream_, merge_inputs, merge_linear, n);
     else merge_.forward(stream_, merge_inputs, merge_linear, n, items.slice);
     launch(stream_, n, Merged{{}, items, merge_linear, linear});
