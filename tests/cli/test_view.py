@@ -64,6 +64,17 @@ class View(Case):
 
 
 class Server(View):
+    def test_ends_in_order_on_a_stream(self):
+        """What the scene has on a device goes before the device's stream does."""
+        process = start("view", self.scene, "--model", self.model, "--json", "--device", "host", "--width", "32", "--height", "24")
+        self.addCleanup(self.finish, process)
+        viewer = self.viewer(json.loads(process.stdout.readline())["url"])
+        viewer.frame(lambda header: not header["moving"])
+        viewer.close()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+        self.assertEqual((process.returncode, err.decode().count("error")), (130, 0), err.decode())
+
     def test_who_is_served(self):
         url = self.serve("--token", "secret_token-1", "--port", "0")
         self.assertTrue(url.endswith("/#token=secret_token-1"), url)

@@ -150,13 +150,14 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
     if (!name.empty() && find_integrator(name).info->needs_model && o.models.empty())
       throw UsageError(fmt::format("integrator {} needs --model FILE.octrad", name));
   }
+  std::unique_ptr<Stream> stream;  // outlives the scene's copy on it
   PreparedScene prepared(
       open_scene(o.scene, only_definitions(o.definitions).scene_definitions(), common.permissive, {{"-o", o.output}}));
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream(only_definitions(o.definitions).tuning());
+  stream = device.make_stream(only_definitions(o.definitions).tuning());
   studio.stream = stream.get();
   studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;

@@ -101,9 +101,11 @@ class CudaStream : public Stream {
     synchronize();
   }
   void copy(void* to, const void* from, std::size_t bytes) override {
+    use_device();
     check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream_), "copying on the device");
   }
   void fill(void* memory, int byte, std::size_t bytes) override {
+    use_device();
     check_cuda(cudaMemsetAsync(memory, byte, bytes, stream_), "filling memory");
   }
   void synchronize() override {

@@ -130,7 +130,8 @@ CheckResult check_hash_grid_lookup(Stream& stream, HashGrid& grid, Vec3f origin,
           }
         }
       },
-      5e-7 * static_cast<double>(view.level[view.levels - 1].scale));  // positions are rounded: a share of a cell
+      // Positions are rounded, on a GPU by its reciprocal too: a share of a cell, on three axes with slopes of up to 2.
+      2.5e-6 * static_cast<double>(view.level[view.levels - 1].scale));
 }
 
 CheckResult check_prefiltered_lookup(Stream& stream, HashGrid& grid, std::span<const Vec3f> p, bool halves,

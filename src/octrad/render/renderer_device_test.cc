@@ -106,7 +106,16 @@ double difference(const Image& a, const Image& b, const char* channel) {
   return sum / (scale + 1e-9);
 }
 
-class RenderOnStream : public testing::StreamTest {};
+class RenderOnStream : public testing::StreamTest {
+ protected:
+  // On a GPU a ray that passes an edge within a rounding may end on the other side of it.
+  void expect_queries(long long got, long long expected, const std::string& what) const {
+    const double share = stream->on_device() ? 1e-3 : 0.0;
+    EXPECT_NEAR(static_cast<double>(got), static_cast<double>(expected),
+                share * static_cast<double>(expected) + (stream->on_device() ? 1.0 : 0.0))
+        << what;
+  }
+};
 
 // Every alternative of DeviceTuning gives the same sums.
 TEST_P(RenderOnStream, TuningChangesNoPicture) {
@@ -226,7 +235,7 @@ TEST_P(RenderOnStream, PicturesOfAllIntegratorsAreThoseOfTheCpu) {
           EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 2e-2 : 5e-3)
               << field << " " << name << " " << get(box.config, "render.delta") << " " << channel;
         }
-        EXPECT_EQ(device.counts.queries, cpu.counts.queries) << name << " " << get(box.config, "render.delta");
+        expect_queries(device.counts.queries, cpu.counts.queries, name + " " + get(box.config, "render.delta"));
         EXPECT_NEAR(static_cast<double>(device.counts.rays), static_cast<double>(cpu.counts.rays),
                     1e-3 * static_cast<double>(cpu.counts.rays));
       }
@@ -247,7 +256,7 @@ TEST_P(RenderOnStream, ViewsAreThoseOfTheCpu) {
       const RenderResult cpu = box.picture(view, 2, nullptr, crop), device = render(*renderer, {2});
       ASSERT_EQ(device.image.width, cpu.image.width);
       EXPECT_EQ(device.spp, cpu.spp) << view;
-      EXPECT_EQ(device.counts.queries, cpu.counts.queries) << view;
+      expect_queries(device.counts.queries, cpu.counts.queries, view);
       for (const char* channel : {"R", "G", "B", "roughness.Y"}) {
         EXPECT_LT(difference(device.image, cpu.image, channel), stream->on_device() ? 3e-2 : 1e-2)
             << view << " " << channel;

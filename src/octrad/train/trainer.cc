@@ -359,7 +359,8 @@ void Trainer::Run::aside(const std::function<void()>& work) {
   if (waiting_ > 0) settle();
   const double seconds = clock_.seconds();
   work();
-  engine_->field().take_empty_lookups();  // of the work
+  // Of the work. On a stream, steps have a count of their own, and asking for the field would bring all of it back.
+  if (options_.stream == nullptr) engine_->field().take_empty_lookups();
   clock_.back_to(seconds);
 }
 
