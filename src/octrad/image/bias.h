@@ -33,7 +33,8 @@ struct BlockScores {
 // Blocks of `size` x `size` pixels: the mean of d = luminance of I - R over its standard error. Its square is the
 // larger of what the difference of a and b says of the noise of R, and the scatter of d in the block, which has the
 // noise of I too, times what filters that correlate neighbouring pixels add to the variance of a mean, measured from
-// the difference of a and b over all blocks. Scores are limited to +-1000. Throws as compare() does, and InputError unless size >= 2.
+// the difference of a and b over all blocks. Scores are limited to +-1000. Throws as compare() does, and InputError
+// unless size >= 2.
 BlockScores block_scores(const Image& a, const Image& b, double share, const Image& image, int size = 8,
                          std::span<const std::uint8_t> mask = {});
 
