@@ -261,12 +261,6 @@ Vec3f parse_vector(const std::string& text, const std::string& option) {
 // What -D names that is no part of a configuration: how device code runs.
 constexpr std::string_view kTuning = "device.";
 
-ConfigOptions only_definitions(const std::vector<std::string>& definitions) {
-  ConfigOptions options;
-  options.definitions = definitions;
-  return options;
-}
-
 void ConfigOptions::add_to(CLI::App& verb) {
   verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
   verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")

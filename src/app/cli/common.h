@@ -130,7 +130,7 @@ std::string format_table(const std::vector<std::vector<std::string>>& rows);
 std::vector<double> parse_numbers(const std::string& text, std::size_t count, const std::string& option);
 Vec3f parse_vector(const std::string& text, const std::string& option);
 
-// --preset, --config and -D of verbs that have a configuration.
+// --preset, --config and -D of verbs that have a configuration; others fill `definitions` alone.
 struct ConfigOptions {
   std::string preset;
   std::string file;
@@ -148,9 +148,6 @@ struct ConfigOptions {
   // key.
   std::map<std::string, std::string> scene_definitions() const;
 };
-
-// Of verbs that take -D and no preset.
-ConfigOptions only_definitions(const std::vector<std::string>& definitions);
 
 // A value of what octrad wrote into a picture: `key` of the JSON object in the attribute `name`. `fallback` where there
 // is none, or one of another type.

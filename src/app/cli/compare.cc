@@ -273,14 +273,13 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     compare_temporal(common, options.reference, options.images);
     return;
   }
-  std::vector<std::string> outputs;
+  std::vector<std::string> taken = inputs_of(options);
   for (const auto& [option, file] : {std::pair<std::string, std::string>{"--csv", options.csv},
                                      {"--latex", options.latex},
                                      {"--html", options.html}}) {
     if (!file.empty()) require_writable(file);
-    refuse_input_as_output(option, file, inputs_of(options));
-    refuse_input_as_output(option, file, outputs);
-    outputs.push_back(file);
+    refuse_input_as_output(option, file, taken);
+    taken.push_back(file);
   }
   const Image file = read_image(options.reference);
   // Another picture, both as linear and as shown values, and the planes of SSIM and FLIP; the page holds bytes of each.

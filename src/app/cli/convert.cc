@@ -15,17 +15,15 @@ namespace {
 
 struct ConvertOptions {
   std::string scene, output;
-  std::vector<std::string> definitions;
+  ConfigOptions definitions;
 };
 
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
-  ConfigOptions definitions;
-  definitions.definitions = o.definitions;
-  if (!definitions.config_definitions().empty())
+  if (!o.definitions.config_definitions().empty())
     throw UsageError("-D sets a parameter of the scene file here, and those have no dot in their names");
   LoadOptions options;
-  options.definitions = definitions.scene_definitions();
+  options.definitions = o.definitions.scene_definitions();
   options.permissive = common.permissive;
   Scene scene;
   const SceneFiles files = scene_as_xml(o.scene, o.output, options, scene);
@@ -62,7 +60,7 @@ void add_convert(Program& program) {
                             "octrad convert old.xml -o scene.xml");
   verb->add_option("scene", o->scene, "scene file, of any version that can be read")->required()->type_name("SCENE");
   verb->add_option("-o,--output", o->output, "the file that is written")->required()->type_name("FILE");
-  verb->add_option("-D", o->definitions, "set a parameter of the scene file")
+  verb->add_option("-D", o->definitions.definitions, "set a parameter of the scene file")
       ->type_name("NAME=VALUE")
       ->expected(1)
       ->allow_extra_args(false)

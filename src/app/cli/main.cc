@@ -99,8 +99,9 @@ int run(int argc, char** argv) {
     log_error(explain(program.app, error));
     return static_cast<int>(ExitCode::usage);
   }
-  refuse_empty_values(*program.app.get_subcommands().front());
-  const std::string verb = program.app.get_subcommands().front()->get_name();
+  const CLI::App& chosen = *program.app.get_subcommands().front();
+  refuse_empty_values(chosen);
+  const std::string verb = chosen.get_name();
   program.common.support = {"octrad " + verb, program.devices[verb] == Devices::cuda};
   program.common.apply();
   program.run();

@@ -233,7 +233,7 @@ void add_render(Program& program) {
   verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on; default: 5")
       ->check(whole_in_range(1, 1 << 20))
       ->type_name("D");
-  verb->add_option("-D", o->definitions,
+  verb->add_option("-D", o->definitions.definitions,
                    "set a parameter of the scene file, or a key render.*, such as render.delta=cache")
       ->type_name("KEY=VALUE")
       ->expected(1)

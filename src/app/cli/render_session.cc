@@ -111,20 +111,19 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       integrator(*find_integrator(o.integrator).info),
       model(open_model(o)),
       device(model ? common.choose_device(model->info.config.field) : common.choose_device()),
-      stream(device.make_stream(only_definitions(o.definitions).tuning())),
+      stream(device.make_stream(o.definitions.tuning())),
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
-      prepared(open_scene(o.scene, only_definitions(o.definitions).scene_definitions(), common.permissive,
+      prepared(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),
       log(common.open_log()),
       tev(open_tev(o.tev)),
       progress_(o.integrator) {
-  const ConfigOptions definitions = only_definitions(o.definitions);
   if (model) {
     check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
-    config = model_config(model->info, definitions);
-  } else if (!definitions.config_definitions().empty()) {
+    config = model_config(model->info, o.definitions);
+  } else if (!o.definitions.config_definitions().empty()) {
     throw UsageError(fmt::format("-D {}: --integrator {} has no configuration keys",
-                                 definitions.config_definitions().front().first, o.integrator));
+                                 o.definitions.config_definitions().front().first, o.integrator));
   }
   budget = choose_budget(o, integrator);
   settings.film = scene().film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));

@@ -24,7 +24,7 @@ struct RenderVerbOptions {
   int rr_depth = 0;    // 0: 5
   std::string time;
   ViewOptions view;
-  std::vector<std::string> definitions;
+  ConfigOptions definitions;
   int frames = 0;
   bool denoise = false;
   DenoiserOptions denoiser;

@@ -29,7 +29,7 @@ using namespace selftest;
 struct SelftestOptions {
   std::string scene, output, only;
   bool quick = false, no_benchmarks = false, no_checks = false;
-  std::vector<std::string> definitions;
+  ConfigOptions definitions;
 };
 
 bool chosen(const SelftestOptions& o, const char* name) {
@@ -78,9 +78,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
   const Stopwatch watch;
   const DeviceChoice choice = common.choose_device();
-  ConfigOptions definitions;
-  definitions.definitions = o.definitions;
-  std::unique_ptr<Stream> stream = choice.make_stream(definitions.tuning());
+  std::unique_ptr<Stream> stream = choice.make_stream(o.definitions.tuning());
   if (!stream) stream = make_host_stream();
   const std::string on = stream->on_device() ? choice.name : "host";
   const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random_seed() & 0xffffffffu;
@@ -88,7 +86,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   std::vector<PreparedScene> scenes;  // the one given, or built-in ones
   const auto prepare = [&](Scene scene) { scenes.emplace_back(std::move(scene), PreparedScene::CpuTree::bvh8); };
   if (!o.scene.empty()) {
-    prepare(open_scene(o.scene, definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
+    prepare(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
   } else {
     prepare(testing::triangle_soup(seed));
     prepare(testing::every_material());
@@ -212,7 +210,7 @@ void add_selftest(Program& program) {
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");
   const auto* only_checks = verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
   verb->add_flag("--no-checks", o->no_checks, "only the benchmarks")->excludes(const_cast<CLI::Option*>(only_checks));
-  verb->add_option("-D", o->definitions, "set a parameter of the scene file")
+  verb->add_option("-D", o->definitions.definitions, "set a parameter of the scene file")
       ->type_name("KEY=VALUE")
       ->expected(1)
       ->allow_extra_args(false)

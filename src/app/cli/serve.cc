@@ -85,15 +85,19 @@ bool serve(const ServeOptions& options, const CommonOptions& common, viewer::Ses
   return session.run(interrupted);
 }
 
-nlohmann::json viewer_command(const std::string& scene, const std::map<std::string, std::string>& of_scene,
+nlohmann::json viewer_command(const CommonOptions& common, const std::string& scene,
+                              const std::map<std::string, std::string>& of_scene,
                               const std::vector<std::pair<std::string, std::string>>& of_model) {
   const auto listed = [](const auto& definitions) {
     nlohmann::json list = nlohmann::json::array();
     for (const auto& [key, value] : definitions) list.push_back(key + "=" + value);
     return list;
   };
-  return {
-      {"scene", scene}, {"definitions", listed(of_scene)}, {"model_definitions", listed(of_model)}, {"force", false}};
+  return {{"scene", scene},
+          {"definitions", listed(of_scene)},
+          {"model_definitions", listed(of_model)},
+          {"force", false},
+          {"permissive", common.permissive}};
 }
 
 viewer::ViewState first_state(const View& view, bool chosen) {

@@ -28,7 +28,8 @@ bool serve(const ServeOptions& options, const CommonOptions& common, viewer::Ses
            const std::function<bool()>& interrupted);
 
 // What the page needs for a command line of octrad render (docs/viewer.md, "hello").
-nlohmann::json viewer_command(const std::string& scene, const std::map<std::string, std::string>& of_scene,
+nlohmann::json viewer_command(const CommonOptions& common, const std::string& scene,
+                              const std::map<std::string, std::string>& of_scene,
                               const std::vector<std::pair<std::string, std::string>>& of_model);
 
 // What the viewer shows first: pose and size of a view, smaller where it was not asked for in so many pixels

@@ -124,9 +124,8 @@ bool train_viewed(const CommonOptions& common, const TrainVerbOptions& o, Prepar
   viewer::ViewState first = first_state(view, false);
   first.a.integrator = "lhs";
   viewer::LiveTraining live(scene, trainer, {});
-  nlohmann::json command = viewer_command(o.scene, o.config.scene_definitions(), {});
-  command["permissive"] = common.permissive;
-  viewer::Session session(std::move(studio), std::move(first), std::move(command), &live);
+  viewer::Session session(std::move(studio), std::move(first),
+                          viewer_command(common, o.scene, o.config.scene_definitions(), {}), &live);
   return serve(o.serve, common, session, interrupted);
 }
 

@@ -29,7 +29,8 @@ using viewer::LiveTraining, viewer::Session, viewer::Studio, viewer::ViewerModel
 
 struct ViewVerbOptions {
   std::string scene, integrator, compare, reference;
-  std::vector<std::string> models, definitions;
+  std::vector<std::string> models;
+  ConfigOptions definitions;
   bool force = false;
   int max_depth = -2;  // -2: the scene's
   ViewOptions view;
@@ -43,14 +44,13 @@ std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scen
   for (const std::string& file : o.models) {
     Model model = load_model(file, o.train && models.empty());
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
-    ViewerModel made{file, model.info, model_config(model.info, only_definitions(o.definitions))};
+    ViewerModel made{file, model.info, model_config(model.info, o.definitions)};
     made.own = std::move(model.field);
     made.field = made.own.get();
     models.push_back(std::move(made));
   }
-  if (models.empty() && !only_definitions(o.definitions).config_definitions().empty())
-    throw UsageError(
-        fmt::format("-D {}: is for a --model", only_definitions(o.definitions).config_definitions().front().first));
+  if (models.empty() && !o.definitions.config_definitions().empty())
+    throw UsageError(fmt::format("-D {}: is for a --model", o.definitions.config_definitions().front().first));
   return models;
 }
 
@@ -78,10 +78,9 @@ std::shared_ptr<const viewer::Picture> open_reference(const std::string& file) {
 
 // What the page adds a camera, a size and an integrator to.
 nlohmann::json command_of(const CommonOptions& common, const ViewVerbOptions& o) {
-  const ConfigOptions definitions = only_definitions(o.definitions);
-  nlohmann::json command = viewer_command(o.scene, definitions.scene_definitions(), definitions.config_definitions());
+  nlohmann::json command =
+      viewer_command(common, o.scene, o.definitions.scene_definitions(), o.definitions.config_definitions());
   command["force"] = o.force;
-  command["permissive"] = common.permissive;
   if (o.max_depth >= -1) command["max_depth"] = o.max_depth;
   if (common.has_seed()) command["seed"] = common.seed;
   return command;
@@ -151,13 +150,12 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
       throw UsageError(fmt::format("integrator {} needs --model FILE.octrad", name));
   }
   std::unique_ptr<Stream> stream;  // outlives the scene's copy on it
-  PreparedScene prepared(
-      open_scene(o.scene, only_definitions(o.definitions).scene_definitions(), common.permissive, {{"-o", o.output}}));
+  PreparedScene prepared(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
-  stream = device.make_stream(only_definitions(o.definitions).tuning());
+  stream = device.make_stream(o.definitions.tuning());
   studio.stream = stream.get();
   studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
@@ -207,7 +205,7 @@ void add_view(Program& program) {
                    "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
       ->check(whole_in_range(-1, 1 << 20))
       ->type_name("D");
-  verb->add_option("-D", o->definitions,
+  verb->add_option("-D", o->definitions.definitions,
                    "set a parameter of the scene file, or a key render.* of the models, such as render.delta=cache")
       ->type_name("KEY=VALUE")
       ->expected(1)

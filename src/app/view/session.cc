@@ -224,10 +224,7 @@ void Session::handle(ClientId client, const nlohmann::json& message) {
     picks_.emplace_back(client, message);
     wake_.notify_all();
   } else if (type == "path") {
-    {
-      const std::lock_guard lock(mutex_);
-      if (client != controller_) throw InputError("another viewer has the controls");
-    }
+    require_control(client);
     server_->send(client, json_text(path(message)));
   } else if (type == "train" || type == "edit") {
     train(client, message);
@@ -272,12 +269,14 @@ void Session::set(ClientId client, const nlohmann::json& message) {
   if (!only_camera) tell_state();
 }
 
+void Session::require_control(ClientId client) const {
+  const std::lock_guard lock(mutex_);
+  if (client != controller_) throw InputError("another viewer has the controls");
+}
+
 void Session::train(ClientId client, const nlohmann::json& message) {
   if (live_ == nullptr) throw InputError("nothing is trained here: octrad train --view, or octrad view --train, does");
-  {
-    const std::lock_guard lock(mutex_);
-    if (client != controller_) throw InputError("another viewer has the controls");
-  }
+  require_control(client);
   if (message["type"] == "train") return live_->command(message);
   live_->edit(message);
   server_->broadcast(json_text(live_->scene()));
