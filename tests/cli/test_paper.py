@@ -95,7 +95,11 @@ class Paper(Case):
         self.assertTrue(any(row.startswith("| Neural Radiosity |") for row in rows))
 
         # A switch without keys is the method as it is, whatever its name.
-        self.ok(*self.arguments(self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])))
+        switches = self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])
+        self.ok(*self.arguments(self.matrix()), switches)
+        for name, title in (("tiny", "method"), ("other", "switch")):
+            with open(os.path.join(self.report, "tables", name + "-seconds.md"), encoding="utf-8") as file:
+                self.assertEqual(file.read().splitlines()[2].split("|")[1].strip(), title)
         self.assertEqual(len(glob.glob(os.path.join(self.report, "models", "a", "octaoctree-*"))), 4)
 
         # Again: nothing is done twice, but for the report. A further seed shares references.

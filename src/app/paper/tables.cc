@@ -283,10 +283,11 @@ bool Table::best(std::size_t row, std::size_t column) const {
 
 std::vector<Table> make_tables(const Plan& plan, const json& results) {
   std::vector<Table> tables;
-  const auto add = [&](Table&& t) {
-    if (!t.rows.empty()) tables.push_back(std::move(t));
-  };
   for (const Matrix& m : plan.matrices) {
+    const auto add = [&](Table&& t) {
+      if (m.switches.size() > 1) t.row_title = "switch";
+      if (!t.rows.empty()) tables.push_back(std::move(t));
+    };
     const std::vector<std::string> scenes = scenes_of(results, m.name);
     for (const Equal e : m.equal) {
       add(summary(m, results, equal_name(e), scenes));
@@ -295,9 +296,6 @@ std::vector<Table> make_tables(const Plan& plan, const json& results) {
         if (e != m.equal.front()) continue;
         add(by_roughness(m, results, equal_name(e), scene));
         add(stages(m, results, equal_name(e), scene));
-      }
-      for (Table& t : tables) {
-        if (m.switches.size() > 1) t.row_title = "switch";
       }
     }
   }
