@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "octrad/base/prefetch.h"
+
 namespace octrad {
 namespace {
 
@@ -61,10 +63,10 @@ std::unique_ptr<CompactTexture> CompactTexture::make(const Texture& t) {
 
 void CompactTexture::prefetch(const TextureView& view, Vec2f uv) {
   const TexelCell c = texel_cell(view, uv);
-  __builtin_prefetch(&texel_indices(view, c.x0, c.y0));
-  __builtin_prefetch(&texel_indices(view, c.x1, c.y0));
-  __builtin_prefetch(&texel_indices(view, c.x0, c.y1));
-  __builtin_prefetch(&texel_indices(view, c.x1, c.y1));
+  prefetch_line(&texel_indices(view, c.x0, c.y0));
+  prefetch_line(&texel_indices(view, c.x1, c.y0));
+  prefetch_line(&texel_indices(view, c.x0, c.y1));
+  prefetch_line(&texel_indices(view, c.x1, c.y1));
 }
 
 }  // namespace octrad

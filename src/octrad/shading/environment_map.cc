@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/prefetch.h"
 #include "octrad/base/threads.h"
 
 namespace octrad {
@@ -95,7 +96,7 @@ void EnvironmentMap::prefetch_table(Vec2f u) const {
   if (view_.height < 2) return;
   const int y = pick_alias(rows_.data(), view_.height - 1, u.y);
   const int x = std::min(static_cast<int>(u.x * static_cast<float>(view_.width)), view_.width - 1);
-  __builtin_prefetch(cells_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) + x);
+  prefetch_line(cells_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) + x);
 }
 
 void EnvironmentMap::prefetch_pixels(Vec2f u) const {
@@ -103,8 +104,10 @@ void EnvironmentMap::prefetch_pixels(Vec2f u) const {
   const std::size_t y = static_cast<std::size_t>(pick_alias(rows_.data(), view_.height - 1, u.y)),
                     w = static_cast<std::size_t>(view_.width);
   const std::size_t x = static_cast<std::size_t>(pick_alias(cells_.data() + y * w, view_.width, u.x));
-  __builtin_prefetch(view_.pixels + y * w + x);
-  __builtin_prefetch(view_.pixels + (y + 1) * w + x);
+  for (const std::size_t row : {y * w, (y + 1) * w}) {  // two pixels each, which may lie in two lines
+    prefetch_line(view_.pixels + row + x);
+    prefetch_line(&view_.pixels[row + (x + 1 == w ? 0 : x + 1)].z);
+  }
 }
 
 }  // namespace octrad

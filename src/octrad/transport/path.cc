@@ -4,6 +4,8 @@
 #include <array>
 #include <memory>
 
+#include "octrad/base/prefetch.h"
+
 namespace octrad {
 namespace {
 
@@ -82,7 +84,7 @@ class Group {
     const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
     if (shape.kind != Shape::Kind::mesh) return;
     const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
-    __builtin_prefetch(mesh.triangles.data() + hit.primitive);
+    prefetch_line(mesh.triangles.data() + hit.primitive);
   }
 
   void prefetch_vertices(const Hit& hit) const {
@@ -92,9 +94,9 @@ class Group {
     const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
     const Vec3i t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
     for (const int vertex : {t.x, t.y, t.z}) {
-      __builtin_prefetch(mesh.positions.data() + vertex);
-      if (!mesh.normals.empty()) __builtin_prefetch(mesh.normals.data() + vertex);
-      if (!mesh.uvs.empty()) __builtin_prefetch(mesh.uvs.data() + vertex);
+      prefetch_line(mesh.positions.data() + vertex);
+      if (!mesh.normals.empty()) prefetch_line(mesh.normals.data() + vertex);
+      if (!mesh.uvs.empty()) prefetch_line(mesh.uvs.data() + vertex);
     }
   }
 
