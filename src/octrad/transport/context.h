@@ -2,6 +2,7 @@
 // transport/*_math.h.
 #pragma once
 
+#include "octrad/geometry/shape_view.h"
 #include "octrad/geometry/tracer.h"
 #include "octrad/scene/scene.h"
 #include "octrad/shading/lights.h"
@@ -24,17 +25,21 @@ struct TransportContext {
     return tracer.occluded(origin, direction, t_min, t_max);
   }
   SurfaceInteraction interact(const Hit& hit, Vec3f origin, Vec3f direction) const {
-    return octrad::interact(scene, hit, origin, direction);
+    return octrad::interact(shape_view(scene, static_cast<std::size_t>(hit.shape)), hit, origin, direction);
   }
   ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
-    return octrad::shade(materials, surface, wo);
+    return octrad::shade<kModels>(materials.view(), surface, wo);
   }
-  LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const { return lights.sample(x, u_pick, u); }
-  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return lights.emitted(surface, wo); }
-  float light_pdf(Vec3f x, const SurfaceInteraction& surface) const { return lights.pdf(x, surface); }
-  Vec3f environment(Vec3f direction) const { return lights.environment(direction); }
-  float environment_pdf(Vec3f direction) const { return lights.environment_pdf(direction); }
-  Vec3f environment(Vec3f direction, float& pdf) const { return lights.environment(direction, pdf); }
+  LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const {
+    return octrad::sample_light(lights.view(), x, u_pick, u);
+  }
+  Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const { return light_emitted(lights.view(), surface, wo); }
+  float light_pdf(Vec3f x, const SurfaceInteraction& surface) const {
+    return octrad::light_pdf(lights.view(), x, surface);
+  }
+  Vec3f environment(Vec3f direction) const { return light_environment(lights.view(), direction); }
+  float environment_pdf(Vec3f direction) const { return light_environment_pdf(lights.view(), direction); }
+  Vec3f environment(Vec3f direction, float& pdf) const { return light_environment(lights.view(), direction, pdf); }
   bool has_environment() const { return lights.has_environment(); }
   bool has_lights() const { return !lights.empty(); }
 };

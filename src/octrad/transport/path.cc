@@ -37,7 +37,9 @@ class Group {
         counters_(counters),
         environment_(context.lights.has_environment()) {}
 
-  void run(std::span<PathSample> paths) {
+  // Flat: all that it calls and whose body is known becomes part of it. By themselves compilers leave small functions
+  // of the definitions apart, and the linker may then take a copy that another part of the program compiled for size.
+  [[gnu::flatten]] void run(std::span<PathSample> paths) {
     for (std::size_t i = 0; i < paths.size(); ++i) {
       Walker& w = walkers_[i];
       std::construct_at(&w);
@@ -112,7 +114,7 @@ class Group {
       if (environment_) w.out->radiance += path_escape(context_, w.path);
       return;
     }
-    std::construct_at(&w.surface, interact(context_.scene, w.hit, w.path.origin, w.path.direction));
+    std::construct_at(&w.surface, context_.interact(w.hit, w.path.origin, w.path.direction));
     context_.materials.prefetch(w.surface.material, w.surface.uv);
   }
 
