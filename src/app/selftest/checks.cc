@@ -87,8 +87,10 @@ CheckResult check_clusters(const Context& c) {
 }
 
 CheckResult check_rhs(const Context& c) {
-  constexpr RhsCase kCases[] = {
-      {16, false, false, false, true, true}, {5, true, true, true, true, false, 0.3f}, {4, false, false, false, false}};
+  constexpr RhsCase kCases[] = {{16, false, false, false, true, true},
+                                {5, true, true, true, true, false, 0.3f},
+                                {4, false, false, false, false},
+                                {8, false, false, false, true, false, 0.3f, false, 3}};
   return check_right_hand_sides(c.stream, c.open, kCases, c.items(1 << 13, 1 << 8), c.seed);
 }
 

@@ -12,6 +12,7 @@ struct DeviceTuning {
   int cast_refill = 8;    // lanes that are done before new rays are taken
   bool cast_dynamic = false;  // warps take rays from what is left of all, else each has its share
   int block = 0;              // threads of a block of element-wise kernels, at most what they are compiled for; 0: that
+  int chain_rounds = 0;       // of training rays over mirrors and glass; what is left each thread follows alone
   // Left-hand-side points (transport/lhs_device.h, train/engine_device.cc).
   int lhs_rounds = -1;        // rays traced for all points together; -1: chosen by the configuration
   int points_ahead = 262144;  // drawn at a time, for several steps

@@ -21,6 +21,7 @@ constexpr TuningKey kKeys[] = {
     {"cast_share", "rays for each lane of a warp before there are more warps"},
     {"cast_refill", "lanes that are done before new rays are taken"},
     {"cast_dynamic", "warps take rays from what is left of all instead of a share"},
+    {"chain_rounds", "rounds of rays for right-hand-side chains over mirrors and glass; 0: each by a thread alone"},
     {"block", "threads of a block, at most what kernels are compiled for; 0: that"},
     {"lhs_rounds", "rounds of rays for all left-hand-side points together; -1: by the configuration"},
     {"points_ahead", "left-hand-side points drawn at a time"},
@@ -35,14 +36,14 @@ constexpr TuningKey kKeys[] = {
 };
 constexpr int kMost = 1 << 24;
 constexpr Entry kEntries[] = {
-    {&DeviceTuning::cast_warps, nullptr, 1, kMost},     {&DeviceTuning::cast_share, nullptr, 1, 4096},
-    {&DeviceTuning::cast_refill, nullptr, 1, 32},       {nullptr, &DeviceTuning::cast_dynamic, 0, 1},
-    {&DeviceTuning::block, nullptr, 0, 1024},           {&DeviceTuning::lhs_rounds, nullptr, -1, 255},
-    {&DeviceTuning::points_ahead, nullptr, 1, kMost},   {nullptr, &DeviceTuning::draw_ahead, 0, 1},
-    {&DeviceTuning::query_chunk, nullptr, 32, kMost},   {&DeviceTuning::train_chunk, nullptr, 32, kMost},
-    {&DeviceTuning::frame_samples, nullptr, 32, kMost}, {nullptr, &DeviceTuning::pixel_tiles, 0, 1},
-    {nullptr, &DeviceTuning::direct_film, 0, 1},        {nullptr, &DeviceTuning::sort_queries, 0, 1},
-    {nullptr, &DeviceTuning::scan_touched, 0, 1},
+    {&DeviceTuning::cast_warps, nullptr, 1, kMost},   {&DeviceTuning::cast_share, nullptr, 1, 4096},
+    {&DeviceTuning::cast_refill, nullptr, 1, 32},     {nullptr, &DeviceTuning::cast_dynamic, 0, 1},
+    {&DeviceTuning::chain_rounds, nullptr, 0, 64},    {&DeviceTuning::block, nullptr, 0, 1024},
+    {&DeviceTuning::lhs_rounds, nullptr, -1, 255},    {&DeviceTuning::points_ahead, nullptr, 1, kMost},
+    {nullptr, &DeviceTuning::draw_ahead, 0, 1},       {&DeviceTuning::query_chunk, nullptr, 32, kMost},
+    {&DeviceTuning::train_chunk, nullptr, 32, kMost}, {&DeviceTuning::frame_samples, nullptr, 32, kMost},
+    {nullptr, &DeviceTuning::pixel_tiles, 0, 1},      {nullptr, &DeviceTuning::direct_film, 0, 1},
+    {nullptr, &DeviceTuning::sort_queries, 0, 1},     {nullptr, &DeviceTuning::scan_touched, 0, 1},
 };
 static_assert(std::size(kKeys) == std::size(kEntries));
 

@@ -93,7 +93,7 @@ class DeviceEngine : public TrainEngine {
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options), -1, ahead_.get()),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
-        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config)),
+        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), options.tuning.chain_rounds),
         rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
@@ -320,7 +320,8 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
                                                  const DeviceEngineOptions& options) {
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
   const std::size_t slots = most_slots(config), points = most_points(config);
-  parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config)) + slots * sizeof(Vec3f)});
+  parts.push_back({"rays and queries of a step",
+                   DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points",
                    DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1) +
                        DeviceLobes::bytes(points, query_rays(config, true), false) + points * sizeof(Vec3f) +

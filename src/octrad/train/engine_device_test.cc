@@ -176,6 +176,7 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
                                      {"draw_ahead", "1"},
                                      {"lhs_rounds", "1"},
                                      {"cast_dynamic", "1"},
+                                     {"chain_rounds", "2"},
                                      {"cast_warps", "1"},
                                      {"cast_refill", "32"},
                                      {"block", "64"}}) {

@@ -166,6 +166,21 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   return true;
 }
 
+// The light that a near mirror, passed by the ray that goes on with Segment::pdf, gets straight from an emitter.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline EmitterSample light_at_mirror(const World& world, const ShadingPoint& point, Rng& rng) {
+  const Vec3f wo = point.to_local(point.wo);
+  const Vec2f u = rng.stratified2();
+  return sample_emitter(world, point, wo, SobolSet::Sample{u, rng.stratified()});
+}
+
+// Whether there is a new segment to trace after follow_hit() was true.
+OCTRAD_HD inline bool goes_on(const Segment& segment, const RayEnd& end, int max_chain) {
+  if (max_component(end.throughput) <= 0.0f) return false;
+  return segment.passed <= max_chain;  // what is left of a longer chain is lost (method section 7)
+}
+
 // The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
@@ -175,17 +190,14 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
     const Vec3f throughput = end.throughput;  // up to the surface
     if (!follow_hit(world, position, hit, rng, follow_below, segment, end, first)) return;
     if (segment.pdf > 0.0f) {
-      const Vec3f wo = end.point.to_local(end.point.wo);
-      const Vec2f u = rng.stratified2();
-      const EmitterSample light = sample_emitter(world, end.point, wo, SobolSet::Sample{u, rng.stratified()});
+      const EmitterSample light = light_at_mirror(world, end.point, rng);
       if (light.valid) {
         ++end.rays;
         if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
           end.emitted += throughput * light.contribution;
       }
     }
-    if (max_component(end.throughput) <= 0.0f) return;
-    if (segment.passed > max_chain) return;  // what is left of a longer chain is lost (method section 7)
+    if (!goes_on(segment, end, max_chain)) return;
     hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   }
 }

@@ -6,6 +6,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
+#include "octrad/transport/chain_rounds.h"
 
 namespace octrad {
 namespace rhs_kernels {
@@ -26,6 +27,7 @@ struct Memory {
   RayPlanes shadow_rays;  // by place in the shadow queue
   std::uint32_t* shadow_owners;
   std::uint32_t* chains;  // places in the ray queue
+  ChainStates chain_states;
   SurfacePointArray queries;
   FloatPlanes normals;  // geometric, of the queries; only for traced disparity
   LobeStarts lobes;     // of the queries
@@ -118,40 +120,108 @@ OCTRAD_HD inline void finish(const Memory& memory, const DeviceRhsOptions& optio
   if (options.emission_inside) memory.slots.set3(10, slot, end.own_emitted);
 }
 
-// What the bounce's ray hit; `kChain`: follows it through masks and over mirrors and glass to the end, otherwise rays
-// that go on are left to that.
-template <bool kChain, typename World>
+// The ray at a place of the queue, and its random numbers.
+struct Bounce {
+  std::uint32_t slot, point;
+  Segment segment;
+  Rng rng;
+  RayEnd end;
+  OCTRAD_HD Bounce(const Memory& memory, const DeviceRhsPoints& points, const DeviceRhsOptions& options,
+                   std::uint32_t q)
+      : slot(memory.owners[q]),
+        point(slot / static_cast<std::uint32_t>(options.directions)),
+        rng(rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, rhs_key(points.keys, point),
+                                slot - point * static_cast<std::uint32_t>(options.directions))) {
+    const RayQuery ray = memory.rays.load(q);
+    segment = first_segment(ray.origin, nullptr, ray.direction, ray.t_max);
+  }
+};
+
+// What the bounces' rays hit; those that go on are left to the following kernels.
+template <typename World>
 struct Arrive : Kernel {
-  static constexpr unsigned kMinBlocks = kChain ? 2 : 0;  // few rays have a chain: registers for all of it
   World world;
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
+  OCTRAD_HD void operator()(std::uint32_t q) const {
+    if (q >= *memory.ray_count) return;
+    Bounce ray(memory, points, options, q);
+    const Vec3f position = points.points[ray.point].surface.position;
+    const Hit hit = memory.hits[q];
+    if (follow_hit(world, position, hit, ray.rng, options.follow_below, ray.segment, ray.end, nullptr)) {
+      memory.chains[atomic_append(memory.chain_count)] = q;
+      return;
+    }
+    finish<World::kModels>(memory, options, ray.slot, q, ray.end, ray.segment, hit, ray.rng);
+  }
+};
+
+// One surface of each chain that the round begins with: through a mask, over a mirror or glass.
+template <typename World>
+struct Advance : Kernel {
+  World world;
+  Memory memory;
+  DeviceRhsPoints points;
+  DeviceRhsOptions options;
+  ChainRound round;
   OCTRAD_HD void operator()(std::uint32_t k) const {
-    if (k >= (kChain ? *memory.chain_count : *memory.ray_count)) return;
-    const std::uint32_t q = kChain ? memory.chains[k] : k;
-    const std::uint32_t slot = memory.owners[q];
-    const auto directions = static_cast<std::uint32_t>(options.directions);
-    const std::uint32_t i = slot / directions;
-    Rng rng = rhs_chain_generator(options.seed, points.stream ? *points.stream : 0, rhs_key(points.keys, i),
-                                  slot - i * directions);
-    const RayQuery ray = memory.rays.load(q);
-    Segment segment = first_segment(ray.origin, nullptr, ray.direction, ray.t_max);
-    const Vec3f position = points.points[i].surface.position;
-    RayEnd end;
-    Hit hit = memory.hits[q];
-    if constexpr (kChain) {
-      follow_from(world, position, hit, rng, options.follow_below, options.max_chain, segment, end);
-      memory.hits[q] = hit;
-      memory.rays.store(q, {segment.origin, segment.direction, segment.t_max});
-      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
-    } else {
-      if (follow_hit(world, position, hit, rng, options.follow_below, segment, end, nullptr)) {
-        memory.chains[atomic_append(memory.chain_count)] = q;
+    if (k >= *round.count) return;
+    const std::uint32_t q = round.items[k];
+    Bounce ray(memory, points, options, q);
+    Segment& segment = ray.segment;
+    const Vec3f position = points.points[ray.point].surface.position;
+    const Hit hit = memory.hits[q];
+    const bool on = round.first || memory.chain_states.load(q, segment, ray.end, ray.rng);
+    const Vec3f throughput = ray.end.throughput;  // up to the surface
+    if (on && follow_hit(world, position, hit, ray.rng, options.follow_below, segment, ray.end, nullptr)) {
+      const bool again = goes_on(segment, ray.end, options.max_chain);
+      unsigned long long rays = again ? 1 : 0;
+      Vec3f lit(0.0f);
+      if (segment.pdf > 0.0f) {
+        const EmitterSample light = light_at_mirror(world, ray.end.point, ray.rng);
+        if (light.valid) {
+          ++rays;
+          lit = throughput * light.contribution;
+          const std::uint32_t place = atomic_append(round.shadow_count);
+          memory.shadow_rays.store(place, light.ray);
+          memory.shadow_owners[place] = q;
+        }
+      }
+      if (rays > 0) {
+        memory.chain_states.store(q, segment, ray.end, lit, !again, ray.rng);
+        memory.rays.store(q, {segment.origin, segment.direction, again ? segment.t_max : -1.0f});  // meets nothing
+        round.next[atomic_append(round.next_count)] = q;
+        atomic_add(&memory.counts->rays, rays);
         return;
       }
     }
-    finish<World::kModels>(memory, options, slot, q, end, segment, hit, rng);
+    finish<World::kModels>(memory, options, ray.slot, q, ray.end, segment, hit, ray.rng);
+  }
+};
+
+// What is left of chains, each by a thread alone.
+template <typename World>
+struct Rest : Kernel {
+  static constexpr unsigned kMinBlocks = 2;  // few rays have a chain: registers for all of it
+  World world;
+  Memory memory;
+  DeviceRhsPoints points;
+  DeviceRhsOptions options;
+  ChainRound round;
+  OCTRAD_HD void operator()(std::uint32_t k) const {
+    if (k >= *round.count) return;
+    const std::uint32_t q = round.items[k];
+    Bounce ray(memory, points, options, q);
+    const Vec3f position = points.points[ray.point].surface.position;
+    Hit hit = memory.hits[q];
+    if (round.first || memory.chain_states.load(q, ray.segment, ray.end, ray.rng)) {
+      follow_from(world, position, hit, ray.rng, options.follow_below, options.max_chain, ray.segment, ray.end);
+      memory.hits[q] = hit;
+      memory.rays.store(q, {ray.segment.origin, ray.segment.direction, ray.segment.t_max});
+      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(ray.end.rays - 1));
+    }
+    finish<World::kModels>(memory, options, ray.slot, q, ray.end, ray.segment, hit, ray.rng);
   }
 };
 
@@ -229,30 +299,37 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 
 }  // namespace rhs_kernels
 
-DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays)
+DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays,
+                     int chain_rounds)
     : stream_(&stream),
       world_(world),
       capacity_(slots),
       query_rays_(rays),
+      rounds_(chain_rounds),
       counts_(stream, 1, "counts of rays"),
-      sizes_(stream, kSizes, "sizes of ray queues"),
+      sizes_(stream, static_cast<std::size_t>(kSizes + kRoundSizes * rounds_), "sizes of ray queues"),
       owners_(stream, slots, "rays"),
       shadow_owners_(stream, slots, "shadow rays"),
-      chains_(stream, slots, "rays"),
+      chains_{DeviceArray<std::uint32_t>(stream, slots, "rays"),
+              DeviceArray<std::uint32_t>(stream, rounds_ > 0 ? slots : 0, "rays")},
       query_of_(stream, slots, "queries"),
       places_(stream, slots, "queries"),
       hits_(stream, slots, "hits"),
       rays_(stream, kRayNumbers, slots, "rays"),
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, rhs_kernels::kSlotNumbers, slots, "right-hand-side samples"),
+      chain_numbers_(rounds_ > 0 ? PlaneArray(stream, ChainStates::kNumbers, slots, "chains") : PlaneArray()),
       queries_(stream, kSurfacePointNumbers, slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
+      chain_generators_(stream, rounds_ > 0 ? slots : 0, "chains"),
       lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays) {
-  return slots * (5 * sizeof(std::uint32_t) + sizeof(Hit) +
+std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain_rounds) {
+  const std::size_t chain =
+      chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
+  return slots * (chain + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
                   static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers + kSurfacePointNumbers +
                                            (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
@@ -262,10 +339,31 @@ std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays) {
 rhs_kernels::Memory DeviceRhs::memory() const {
   using namespace rhs_kernels;
   std::uint32_t* sizes = sizes_.data();
-  return {counts_.data(),    slots_.planes(),   query_of_.data(),    places_.data(),        rays_.rays(),
-          owners_.data(),    hits_.data(),      shadow_rays_.rays(), shadow_owners_.data(), chains_.data(),
-          queries_.points(), normals_.planes(), lobes_.starts(),     sizes + kShadows,      sizes + kRays,
-          sizes + kChains,   sizes + kQueries};
+  return {counts_.data(),
+          slots_.planes(),
+          query_of_.data(),
+          places_.data(),
+          rays_.rays(),
+          owners_.data(),
+          hits_.data(),
+          shadow_rays_.rays(),
+          shadow_owners_.data(),
+          chains_[0].data(),
+          {chain_numbers_.planes(), chain_generators_.data()},
+          queries_.points(),
+          normals_.planes(),
+          lobes_.starts(),
+          sizes + kShadows,
+          sizes + kRays,
+          sizes + kChains,
+          sizes + kQueries};
+}
+
+ChainRound DeviceRhs::chain_round(int r) const {
+  std::uint32_t* sizes = sizes_.data() + kSizes + kRoundSizes * r;
+  const std::uint32_t* count = r == 0 ? sizes_.data() + kChains : sizes - kRoundSizes + kChainsGoOn;
+  return {chains_[r % 2].data(),   count, chains_[(r + 1) % 2].data(), sizes + kChainsGoOn,
+          sizes + kShadowsOfRound, r == 0};
 }
 
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
@@ -284,9 +382,19 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   stream_->mark("closest-hit rays");
   with_world(world_, [&](const auto& world) {
     using World = std::decay_t<decltype(world)>;
-    launch(*stream_, n, Arrive<false, World>{{}, world, memory, points, options});
+    launch(*stream_, n, Arrive<World>{{}, world, memory, points, options});
     stream_->mark("hits");
-    launch(*stream_, n, Arrive<true, World>{{}, world, memory, points, options});
+    for (int r = 0; r < rounds_; ++r) {
+      const ChainRound round = chain_round(r);
+      std::uint32_t* taken = sizes_.data() + kSizes + kRoundSizes * r + kShadowsOfRoundTaken;
+      launch(*stream_, n, Advance<World>{{}, world, memory, points, options, round});
+      cast(*stream_, n,
+           OccludeChains{
+               {}, world.bvh, round.shadow_count, memory.shadow_rays, memory.shadow_owners, memory.chain_states},
+           taken);
+      cast(*stream_, n, ExtendChains{{}, world.bvh, round.next, round.next_count, memory.rays, memory.hits}, taken + 1);
+    }
+    launch(*stream_, n, Rest<World>{{}, world, memory, points, options, chain_round(rounds_)});
   });
   stream_->mark("chains");
   if (!options.ask) return;

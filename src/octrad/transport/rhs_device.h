@@ -12,6 +12,7 @@ namespace octrad {
 namespace rhs_kernels {
 struct Memory;
 }
+struct ChainRound;
 
 struct DeviceRhsOptions : FollowRules {
   DeviceRhsOptions() : FollowRules{.follow_below = kFollowDelta} {}
@@ -37,8 +38,11 @@ struct DeviceRhsPoints {
 // in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 class DeviceRhs {
  public:
-  // For up to `slots` points times directions. `rays`: what is traced from the queries.
-  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays = {});
+  // For up to `slots` points times directions. `rays`: what is traced from the queries. `chain_rounds`: how many
+  // surfaces of chains of mirrors, glass and masks are passed by all chains together, before a thread follows each to
+  // its end.
+  DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays = {},
+            int chain_rounds = 0);
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const {
@@ -53,20 +57,30 @@ class DeviceRhs {
   std::size_t capacity() const { return capacity_; }
   // Since the last call.
   TraceCounts take_counts();
-  static std::size_t bytes(std::size_t slots, const QueryRays& rays);
+  static std::size_t bytes(std::size_t slots, const QueryRays& rays, int chain_rounds = 0);
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kShadowsTaken, kRaysTaken, kSizes };
+  enum {
+    kChainsGoOn,
+    kShadowsOfRound,
+    kShadowsOfRoundTaken,
+    kRaysOfRoundTaken,
+    kRoundSizes
+  };  // behind kSizes, a round
   rhs_kernels::Memory memory() const;
+  ChainRound chain_round(int r) const;
 
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
   QueryRays query_rays_;
+  int rounds_;  // of chains
   DeviceArray<TraceCounts> counts_;
-  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_, places_;
+  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_[2], query_of_, places_;
   DeviceArray<Hit> hits_;
-  PlaneArray rays_, shadow_rays_, slots_, queries_, normals_;
+  PlaneArray rays_, shadow_rays_, slots_, chain_numbers_, queries_, normals_;
+  DeviceArray<Rng> chain_generators_;
   DeviceLobes lobes_;
 };
 

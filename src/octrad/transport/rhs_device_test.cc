@@ -99,7 +99,12 @@ TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
       {{false, false}, {4, false, false, false, true}}};
   for (const auto& [room, c] : cases) {
     const PreparedScene scene(testing::open_room(room), PreparedScene::CpuTree::bvh8);
-    EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&c, 1}, 300, 11))) << c.directions;
+    for (const int rounds : {0, 1, 2, 8}) {  // 8: more than there are surfaces
+      RhsCase rounded = c;
+      rounded.chain_rounds = rounds;
+      EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&rounded, 1}, 300, 11)))
+          << c.directions << " directions, " << rounds << " rounds";
+    }
   }
 }
 
@@ -132,6 +137,10 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   const auto taken = static_cast<double>(stream->allocated_bytes() - before),
              said = static_cast<double>(DeviceRhs::bytes(n, rays));
   EXPECT_NEAR(taken, said, 0.01 * said);
+  const DeviceRhs rounded(*stream, scene.world(*stream), n, rays, 3);
+  const auto more = static_cast<double>(stream->allocated_bytes() - before) - taken,
+             said_more = static_cast<double>(DeviceRhs::bytes(n, rays, 3));
+  EXPECT_NEAR(more, said_more, 0.01 * said_more);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, DeviceBatches, ::testing::Bool(), testing::stream_name);
