@@ -149,9 +149,15 @@ constexpr Check kChecks[] = {
     {"optimiser, network",
      [](const Context& c) { return check_dense_adam(c.stream, c.items(1 << 20, 1 << 15), c.seed); }},
     {"optimiser, table of touched entries",
-     [](const Context& c) { return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), false, c.seed); }},
+     [](const Context& c) {
+       return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), TableMode::touched, c.seed);
+     }},
     {"optimiser, dense table",
-     [](const Context& c) { return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), true, c.seed); }},
+     [](const Context& c) { return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), TableMode::dense, c.seed); }},
+    {"optimiser, dense table, half moments",
+     [](const Context& c) {
+       return check_table_adam(c.stream, c.items(1 << 16, 1 << 10), TableMode::dense_half_moments, c.seed);
+     }},
     {"materials and lights",
      [](const Context& c) { return check_world(c.stream, c.materials, c.items(1 << 18, 1 << 13), c.seed); }},
     {"left-hand-side points", check_lhs},

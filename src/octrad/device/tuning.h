@@ -1,6 +1,6 @@
 // What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. Its
-// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums and, with `lhs_rounds` on GPUs,
-// which products and sums are fused.
+// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums, with `lhs_rounds` on GPUs
+// which products and sums are fused, and with `half_moments` how the optimiser rounds.
 #pragma once
 
 namespace octrad {
@@ -21,10 +21,11 @@ struct DeviceTuning {
   int query_chunk = 2097152;    // queries of a training step in flight
   int train_chunk = 65536;      // points whose activations are kept at a time
   int frame_samples = 2097152;  // of a picture's job
-  // Alternatives, each of which gives the same results as the other.
+  // Alternatives, each of which but `half_moments` gives the same results as the other.
   bool pixel_tiles = true;    // neighbours in a picture are neighbours in memory: tiles of 8 x 4, else rows
   bool direct_film = true;    // a frame of one sample a pixel goes to the screen without sums in double
   bool sort_queries = false;  // queries of the field in the order of a 15-bit Morton key
+  bool half_moments = false;  // dense Adam keeps the moments of tables in half the bytes
   bool scan_touched = false;  // the list of touched table entries from a scan over their bits, else as they come
 };
 

@@ -32,6 +32,7 @@ constexpr TuningKey kKeys[] = {
     {"pixel_tiles", "pixels in tiles of 8 x 4 instead of rows"},
     {"direct_film", "a frame of one sample a pixel shown without the film's sums"},
     {"sort_queries", "queries of the field sorted by their place"},
+    {"half_moments", "dense Adam's moments of tables in half the bytes, rounded by chance"},
     {"scan_touched", "touched table entries listed by a scan over their bits"},
 };
 constexpr int kMost = 1 << 24;
@@ -43,7 +44,8 @@ constexpr Entry kEntries[] = {
     {nullptr, &DeviceTuning::draw_ahead, 0, 1},       {&DeviceTuning::query_chunk, nullptr, 32, kMost},
     {&DeviceTuning::train_chunk, nullptr, 32, kMost}, {&DeviceTuning::frame_samples, nullptr, 32, kMost},
     {nullptr, &DeviceTuning::pixel_tiles, 0, 1},      {nullptr, &DeviceTuning::direct_film, 0, 1},
-    {nullptr, &DeviceTuning::sort_queries, 0, 1},     {nullptr, &DeviceTuning::scan_touched, 0, 1},
+    {nullptr, &DeviceTuning::sort_queries, 0, 1},     {nullptr, &DeviceTuning::half_moments, 0, 1},
+    {nullptr, &DeviceTuning::scan_touched, 0, 1},
 };
 static_assert(std::size(kKeys) == std::size(kEntries));
 

@@ -259,6 +259,7 @@ DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const De
   table.touches = options.max_train_points * static_cast<std::size_t>(levels * taps);
   table.slots = train_rows(options) * static_cast<std::size_t>(levels * taps);
   table.scan_touched = options.tuning.scan_touched;
+  table.half_moments = options.tuning.half_moments;
   table.adam = adam_options(config);
   return table;
 }

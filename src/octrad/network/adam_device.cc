@@ -1,12 +1,16 @@
 #include "octrad/network/adam_device.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstring>
 #include <stdexcept>
 
 #include "octrad/base/bits.h"
 #include "octrad/base/error.h"
+#include "octrad/base/rng.h"
 #include "octrad/device/launch.h"
+#include "octrad/network/packed_moments_math.h"
 
 namespace octrad {
 namespace {
@@ -22,6 +26,7 @@ struct Advance : Kernel {
     const AdamCorrection correction = adam_correction(beta1, beta2, static_cast<double>(count));
     step->scaled_rate = static_cast<float>(rate * static_cast<double>(*rate_scale)) * correction.first;
     step->second = correction.second;
+    step->random = mix64(static_cast<std::uint64_t>(count));
   }
 };
 
@@ -54,11 +59,54 @@ struct alignas(C >= 8 ? 16 : C * 2) HalfRow {
   std::uint32_t v[C / 2];
 };
 
+// The moments of entries, as floats or in half the bytes.
 template <int C>
+struct FloatMoments {
+  float* data;  // [entries][2][C]
+
+  OCTRAD_HD void load(std::uint32_t entry, Row<C>& m, Row<C>& v) const {
+    const Row<C>* rows = reinterpret_cast<const Row<C>*>(data) + static_cast<std::uint64_t>(entry) * 2;
+    m = rows[0];
+    v = rows[1];
+  }
+  OCTRAD_HD void store(std::uint32_t entry, const Row<C>& m, const Row<C>& v) const {
+    Row<C>* rows = reinterpret_cast<Row<C>*>(data) + static_cast<std::uint64_t>(entry) * 2;
+    rows[0] = m;
+    rows[1] = v;
+  }
+};
+template <int C>
+struct alignas(C >= 4 ? 16 : 8) WordRow {
+  std::uint32_t v[C];
+};
+template <int C>
+struct PackedMoments {
+  std::uint32_t* data;   // [entries][C]
+  const AdamStep* step;  // whose random bits round
+
+  OCTRAD_HD void load(std::uint32_t entry, Row<C>& m, Row<C>& v) const {
+    const WordRow<C> words = reinterpret_cast<const WordRow<C>*>(data)[entry];
+    OCTRAD_UNROLL
+    for (int c = 0; c < C; ++c) unpack_moments(words.v[c], m.v[c], v.v[c]);
+  }
+  OCTRAD_HD void store(std::uint32_t entry, const Row<C>& m, const Row<C>& v) const {
+    WordRow<C> words;
+    const std::uint64_t first = static_cast<std::uint64_t>(entry) * C;
+    std::uint64_t four = 0;
+    OCTRAD_UNROLL
+    for (unsigned c = 0; c < C; ++c) {
+      if (c % 4 == 0) four = four_roundings(step->random, first + c);
+      words.v[c] = pack_moments(m.v[c], v.v[c], rounding_of(four, first + c));
+    }
+    reinterpret_cast<WordRow<C>*>(data)[entry] = words;
+  }
+};
+
+template <int C, typename Moments = FloatMoments<C>>
 struct TableArrays {
   float* values;
-  Half* halves;    // null: look-ups read the values
-  float* moments;  // [entries][2][C]
+  Half* halves;  // null: look-ups read the values
+  Moments moments;
   float* gradient;
   AdamConstants constants;
   unsigned long long* non_finite;
@@ -66,8 +114,8 @@ struct TableArrays {
   // `touched`: the entry may have a gradient. One without, and without any moments, does not move.
   OCTRAD_HD void update(std::uint32_t entry, float scaled_rate, float second, bool touched = true) const {
     Row<C>& gradient_row = reinterpret_cast<Row<C>*>(gradient)[entry];
-    Row<C>* moment_rows = reinterpret_cast<Row<C>*>(moments) + static_cast<std::uint64_t>(entry) * 2;
-    Row<C> m = moment_rows[0], v = moment_rows[1], g{};
+    Row<C> m, v, g{};
+    moments.load(entry, m, v);
     if (touched) {
       g = gradient_row;
     } else {
@@ -88,8 +136,7 @@ struct TableArrays {
     }
     if (dropped > 0) atomic_add(non_finite, static_cast<unsigned long long>(dropped));
     reinterpret_cast<Row<C>*>(values)[entry] = p;
-    moment_rows[0] = m;
-    moment_rows[1] = v;
+    moments.store(entry, m, v);
     if (touched) gradient_row = Row<C>{};
     if (halves != nullptr) {
       HalfRow<C> h;
@@ -136,9 +183,9 @@ struct ListTouched : Kernel {
   }
 };
 
-template <int C>
+template <int C, typename Moments>
 struct EveryStep : Kernel {
-  TableArrays<C> arrays;
+  TableArrays<C, Moments> arrays;
   const AdamStep* step;
   const std::uint32_t* touched;  // bits
 
@@ -210,6 +257,36 @@ void with_width(int features, F&& f) {
 
 constexpr std::size_t kUploadPart = std::size_t{1} << 24;  // floats uploaded at a time, to be rounded on the device
 
+// From moments [entries][2][features].
+void upload_packed(Stream& stream, std::span<const float> moments, std::size_t features, std::uint32_t* to) {
+  const std::size_t most = kUploadPart / features * features;
+  std::vector<std::uint32_t> words;
+  for (std::size_t begin = 0; begin < moments.size() / 2; begin += words.size()) {
+    words.resize(std::min(most, moments.size() / 2 - begin));
+    for (std::size_t i = 0; i < words.size(); ++i) {
+      const float* row = moments.data() + (begin + i) / features * 2 * features + i % features;
+      words[i] = pack_moments(row[0], row[features], 0x8000u);  // to nearest
+    }
+    stream.upload(to + begin, words.data(), words.size() * sizeof(std::uint32_t));
+  }
+}
+
+// Words come into the upper half of what they become: a row is written where all words have been read, or over its own.
+void download_packed(const DeviceArray<std::uint32_t>& from, std::span<float> moments, std::size_t features) {
+  float* words = moments.data() + from.size();
+  from.download(std::span<std::uint32_t>(reinterpret_cast<std::uint32_t*>(words), from.size()));
+  for (std::size_t first = 0; first < from.size(); first += features) {
+    std::array<std::uint32_t, 8> row;
+    std::memcpy(row.data(), words + first, features * sizeof(std::uint32_t));
+    for (std::size_t c = 0; c < features; ++c)
+      unpack_moments(row[c], moments[2 * first + c], moments[2 * first + features + c]);
+  }
+}
+
+bool packs_moments(const DeviceTableOptions& options) {
+  return options.training && options.dense && options.half_moments;
+}
+
 std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
   return options.training && !options.dense ? std::min(entries, options.touches) : 0;
 }
@@ -244,7 +321,7 @@ void DeviceDenseAdam::step(Stream& stream, float* parameters, const float* gradi
 void DeviceDenseAdam::upload(DenseAdam& from) {
   m_.upload(from.m());
   v_.upload(from.v());
-  const AdamStep step{from.count(), 0.0f, 0.0f};
+  const AdamStep step{.count = from.count()};
   step_.upload(std::span<const AdamStep>(&step, 1));
 }
 
@@ -262,7 +339,8 @@ std::vector<MemoryPart> DeviceTable::memory(std::size_t entries, int features, c
   if (options.halves) parts.push_back({what + " (halves)", floats / 2});
   if (options.training || !options.halves) parts.push_back({what + " (floats)", floats});
   if (!options.training) return parts;
-  parts.push_back({what + " optimiser state", 2 * floats + entries * sizeof(std::uint16_t)});
+  parts.push_back(
+      {what + " optimiser state", (packs_moments(options) ? 1 : 2) * floats + entries * sizeof(std::uint16_t)});
   parts.push_back({what + " gradient", floats + list_capacity(entries, options) * sizeof(std::uint32_t) + entries / 8});
   // Five words a contribution, and two more for the sort.
   if (options.sorted)
@@ -280,7 +358,8 @@ DeviceTable::DeviceTable(Stream& stream, std::size_t entries, int features, cons
   if (options.halves) halves_ = DeviceArray<Half>(stream, floats, what);
   if (options.training || !options.halves) values_ = DeviceArray<float>(stream, floats, what);
   if (!options.training) return;
-  moments_ = DeviceArray<float>(stream, 2 * floats, what + " optimiser state");
+  if (packs_moments(options)) packed_moments_ = DeviceArray<std::uint32_t>(stream, floats, what + " optimiser state");
+  else moments_ = DeviceArray<float>(stream, 2 * floats, what + " optimiser state");
   counts_ = DeviceArray<std::uint16_t>(stream, entries, what + " optimiser state");
   gradient_ = DeviceArray<float>(stream, floats, what + " gradient");
   gradient_.fill(0);
@@ -328,13 +407,15 @@ void DeviceTable::upload(Stream& stream, std::span<const float> values, SparseAd
   if (!options_.training) return;
   if (adam == nullptr) {
     moments_.fill(0);
+    packed_moments_.fill(0);
     counts_.fill(0);
     step_.fill(0);
     return;
   }
-  moments_.upload(adam->moments());
+  if (packed_moments_.empty()) moments_.upload(adam->moments());
+  else upload_packed(stream, adam->moments(), static_cast<std::size_t>(features_), packed_moments_.data());
   counts_.upload(adam->counts());
-  const AdamStep step{adam->global_count(), 0.0f, 0.0f};
+  const AdamStep step{.count = adam->global_count()};
   step_.upload(std::span<const AdamStep>(&step, 1));
 }
 
@@ -342,7 +423,8 @@ void DeviceTable::download(std::span<float> values, SparseAdam* adam) const {
   if (values_.empty()) throw DeviceError("a table of halves has no floats to give back");
   values_.download(values);
   if (adam == nullptr || !options_.training) return;
-  moments_.download(adam->moments());
+  if (packed_moments_.empty()) moments_.download(adam->moments());
+  else download_packed(packed_moments_, adam->moments(), static_cast<std::size_t>(features_));
   counts_.download(adam->counts());
   adam->global_count() = step_.download()[0].count;
 }
@@ -386,21 +468,29 @@ void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, uns
   launch(stream, 1, Advance{{}, step_.data(), adam.beta1, adam.beta2, rate, rate_scale});
   with_width(features_, [&](auto width) {
     constexpr int C = decltype(width)::value;
-    const TableArrays<C> arrays{values_.data(),
-                                halves_.data(),
-                                moments_.data(),
-                                gradient_.data(),
-                                adam_constants(adam.beta1, adam.beta2, adam.epsilon),
-                                non_finite};
+    const auto arrays = [&](const auto& moments) {
+      return TableArrays<C, std::decay_t<decltype(moments)>>{values_.data(),
+                                                             halves_.data(),
+                                                             moments,
+                                                             gradient_.data(),
+                                                             adam_constants(adam.beta1, adam.beta2, adam.epsilon),
+                                                             non_finite};
+    };
+    const FloatMoments<C> floats{moments_.data()};
     if (options_.dense) {
-      launch(stream, entries_, EveryStep<C>{{}, arrays, step_.data(), bits_.data()});
+      const auto every = [&](const auto& moments) {
+        using Moments = std::decay_t<decltype(moments)>;
+        launch(stream, entries_, EveryStep<C, Moments>{{}, arrays(moments), step_.data(), bits_.data()});
+      };
+      if (packed_moments_.empty()) every(floats);
+      else every(PackedMoments<C>{packed_moments_.data(), step_.data()});
       bits_.fill(0);
     } else {
       if (options_.scan_touched)
         launch(stream, bits_.size(), ListTouched{{}, bits_.data(), list_.data(), list_count_.data()});
       launch(stream, capacity_,
              TouchedStep<C>{{},
-                            arrays,
+                            arrays(floats),
                             {bits_.data(), list_.data(), list_count_.data()},
                             counts_.data(),
                             corrections_.data(),

@@ -22,6 +22,7 @@ struct AdamStep {
   std::int64_t count = 0;    // steps done
   float scaled_rate = 0.0f;  // rate of this step times correction.first
   float second = 0.0f;
+  std::uint64_t random = 0;  // bits of this step
 };
 
 class DeviceDenseAdam {
@@ -46,6 +47,7 @@ struct DeviceTableOptions {
   bool halves = true;  // look-ups read halves
   bool training = false;
   bool dense = false;         // Adam over every entry
+  bool half_moments = false;  // with `dense`: both moments in 32 bits (packed_moments_math.h), of a step's own rounding
   bool sorted = false;        // contributions summed in a fixed order
   bool scan_touched = false;  // contributions only set bits, from which step() makes the list, in order
   std::size_t touches = 0;    // most entries that a step can touch (at most all)
@@ -94,6 +96,7 @@ class DeviceTable {
   std::uint32_t last_correction_ = 0;
   DeviceArray<Half> halves_;
   DeviceArray<float> values_, moments_, gradient_;
+  DeviceArray<std::uint32_t> packed_moments_;  // instead of moments_
   DeviceArray<std::uint16_t> counts_;
   DeviceArray<std::uint32_t> bits_, list_, list_count_;
   DeviceArray<AdamCorrection> corrections_;

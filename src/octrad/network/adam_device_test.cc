@@ -15,8 +15,8 @@ class DeviceAdam : public testing::StreamTest {};
 TEST_P(DeviceAdam, StepsAreThoseOfTheCpu) {
   EXPECT_TRUE(testing::passed(check_adam_update(*stream, 5000, 1)));
   EXPECT_TRUE(testing::passed(check_dense_adam(*stream, 5000, 2)));
-  for (const bool dense : {false, true})
-    EXPECT_TRUE(testing::passed(check_table_adam(*stream, 300, dense, 3))) << "dense: " << dense;
+  for (const TableMode mode : {TableMode::touched, TableMode::dense, TableMode::dense_half_moments})
+    EXPECT_TRUE(testing::passed(check_table_adam(*stream, 300, mode, 3))) << static_cast<int>(mode);
 }
 
 TEST_P(DeviceAdam, MemoryIsWhatWasEstimated) {
@@ -29,7 +29,7 @@ TEST_P(DeviceAdam, MemoryIsWhatWasEstimated) {
       };
       DeviceTableOptions options;
       options.training = training;
-      options.sorted = sorted && training;
+      options.sorted = options.dense = options.half_moments = sorted && training;
       options.slots = options.touches = 50'000;
       const std::size_t before = stream->allocated_bytes();
       const DeviceTable table(*stream, 100'000, 4, options, "test");

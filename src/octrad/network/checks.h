@@ -30,7 +30,8 @@ CheckResult check_adam_update(Stream& stream, std::size_t n, std::uint64_t seed)
 // Steps of a network's optimiser from a state that the CPU has made, some gradients of which are not usable; n > 18.
 CheckResult check_dense_adam(Stream& stream, std::size_t n, std::uint64_t seed);
 // Steps over a table of features, some contributions to which are not usable, summed as they come and in the CPU's
-// order. `dense`: of every entry, else of those touched. Eight contributions a source.
-CheckResult check_table_adam(Stream& stream, std::size_t sources, bool dense, std::uint64_t seed);
+// order. Eight contributions a source.
+enum class TableMode { touched, dense, dense_half_moments };
+CheckResult check_table_adam(Stream& stream, std::size_t sources, TableMode mode, std::uint64_t seed);
 
 }  // namespace octrad

@@ -192,6 +192,25 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
   stream->tuning = {};
 }
 
+// The one key that rounds.
+TEST_P(TrainOnStream, HalfMomentsLearnTheSame) {
+  Config config = short_run("octaoctree", 60);
+  config.train_points = 128;
+  config.train_directions = 2;
+  config.adam_mode = AdamMode::dense;
+  config.adam_beta2 = 0.999;
+  TrainOptions options;
+  options.stream = stream.get();
+  options.deterministic = true;
+  const auto floats = train(box.scene, config, options);
+  stream->tuning.half_moments = true;
+  const auto halves = train(box.scene, config, options);
+  stream->tuning = {};
+  const double difference = mean_difference(*halves.field, *floats.field, probes_);
+  EXPECT_GT(difference, 0.0);
+  EXPECT_LT(difference, 0.05);
+}
+
 TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
   for (const auto& [field, starts_on_cpu] :
        {std::pair{"octaoctree", true}, {"octaoctree", false}, {"ncr", true}, {"ncr", false}}) {
