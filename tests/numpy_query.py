@@ -222,7 +222,10 @@ def cones(tensors, config, points, x, mirror, alpha, position):
 # ---------------------------------------------------------------- model
 
 def columns(config):
-    """Names of a point's numbers; field ncr also takes distance, deviation and share of each cluster of hits."""
+    """Names of a point's numbers; field ncr also takes distance, deviation and share of each cluster of hits, and traced
+    offsets the disparity."""
+    if config["field"] == "octaoctree" and config["lookup"]["offset"] == "traced":
+        return COLUMNS + ["disparity"]
     clusters = range(config["ncr"]["clusters"]) if config["field"] == "ncr" else ()
     return COLUMNS + [name + str(k) for k in clusters for name in "tsn"]
 
@@ -261,6 +264,10 @@ class Model:
                     inputs = np.concatenate([inputs, spherical_harmonics(w)], axis=1)
                 unit = 1 / size.max() if c["disparity"]["unit"] == "extent" else 1.0
                 disparity = squareplus(mlp(t, "disparity.mlp", c["disparity"]["hidden"], inputs)[:, 0]) * unit
+            elif c["lookup"]["offset"] == "traced":
+                disparity = points[:, 13]
+            if not c["lookup"].get("rough_offset", True):
+                disparity = np.where(rough, 0, disparity)
             features = octree_features(t, c, x, w, disparity)
             prefix, hidden, output = "decoder.mlp", c["decoder"]["hidden"], c["decoder"]["output"]
         position = lambda at: contract(2 * (at - origin) / size - 1) if c["decoder"]["position"] == "normalized" else at

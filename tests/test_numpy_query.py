@@ -60,9 +60,11 @@ def sample_points(model, count):
     n[1], wo[1] = (0, 0, -1), (0, 0, -1)
     n[2], wo[2] = (-1, 0, 0), (-1, 0, 0)
     alpha = rng.choice([0.0, 0.02, 0.2, 0.49, 0.5, 1.0], size=(count, 1))
-    clusters = (len(numpy_query.columns(model.config)) - 13) // 3
+    traced = "disparity" in numpy_query.columns(model.config)
+    clusters = 0 if traced else (len(numpy_query.columns(model.config)) - 13) // 3
     hits = rng.random((count, clusters, 3)) * (size.max(), 0.2 * size.max(), 0.3) * (rng.random((count, clusters, 1)) < 0.7)
-    points = np.column_stack([origin + p * size, wo, n, rng.random((count, 3)), alpha, hits.reshape(count, -1)])
+    more = 3 * rng.random((count, 1)) / size.max() if traced else hits.reshape(count, -1)
+    points = np.column_stack([origin + p * size, wo, n, rng.random((count, 3)), alpha, more])
     return points.astype(np.float32)
 
 
@@ -89,6 +91,9 @@ class Query(unittest.TestCase):
 
     def test_cpu_preset(self):
         self.compare("--preset", "cpu")
+
+    def test_predicted_offset(self):
+        self.compare("-D", "lookup.offset=predicted")
 
     def test_paper_preset(self):
         self.compare("--preset", "paper", "-D", "train.quarters=false", "-D", "disparity.log2_table=14")

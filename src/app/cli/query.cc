@@ -1,7 +1,10 @@
 // octrad query: evaluates a model at given surface points.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "app/cli/common.h"
+#include "app/cli/open_scene.h"
 #include "app/cli/query_points.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -13,28 +16,58 @@
 #include "octrad/base/threads.h"
 #include "octrad/model/device_query.h"
 #include "octrad/model/model_file.h"
+#include "octrad/transport/follow_math.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad::cli {
 namespace {
 
 struct QueryOptions {
-  std::string model, points, output;
+  std::string model, points, output, scene;
 };
 
 constexpr std::size_t kBlock =
     1024;  // points: small enough to stay in cache, large enough for whole tiles of the kernels
 
+// Fills in the disparities of points whose look-ups have a traced offset. Says which scene they were traced in; empty:
+// the one that the model names is not there, and they stay 0.
+std::string trace_disparities(const QueryOptions& o, const ModelInfo& info, const OffsetRay& offset,
+                              std::vector<SurfacePoint>& points) {
+  const std::string file = o.scene.empty() ? info.scene_file : o.scene;
+  try {
+    const PreparedScene scene(open_scene(file, {}, false));
+    check_scene(o.model, info, file, scene.fingerprint(), false);
+    const TransportContext context = scene.context();
+    parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        points[i].disparity = traced_disparity(context, offset.rule, points[i], points[i].n);
+    });
+    return file;
+  } catch (const Error& error) {
+    if (!o.scene.empty()) throw;
+    log_warning(fmt::format(
+        "{}: glossy points are looked up with disparities of rays (lookup.offset = traced), which are taken as 0 here: {}; "
+        "--scene says where the scene is",
+        o.model, error.what()));
+    return "";
+  }
+}
+
 void query_verb(const CommonOptions& common, const QueryOptions& o) {
   if (o.output.empty() && common.json) throw UsageError("--json needs -o: standard output cannot hold both");
   if (!o.output.empty()) require_writable(o.output);
-  refuse_input_as_output("-o", o.output, {o.model, o.points});
+  refuse_input_as_output("-o", o.output, {o.model, o.points, o.scene});
   const Model model = load_model(o.model);
   const DeviceChoice device = common.choose_device(model.info.config.field);
   const std::unique_ptr<Stream> stream = device.make_stream();
-  const std::vector<SurfacePoint> points = read_points(o.points, query_rays(model.info.config));
+  const OffsetRay offset = query_rays(model.info.config).offset;
+  QueryPoints asked = read_points(o.points, query_rays(model.info.config));
+  std::vector<SurfacePoint>& points = asked.points;
+  const auto has_offset = [&](const SurfacePoint& p) { return offset.traced && offset.rule.has_offset(p.alpha); };
+  std::string scene;
+  if (!asked.has_disparity && std::any_of(points.begin(), points.end(), has_offset))
+    scene = trace_disparities(o, model.info, offset, points);
   RadianceField& field = *model.field;
-  if (model.info.config.lookup_offset == LookupOffset::traced && model.field->uses_disparity())
-    log_warning("the model was trained with lookup.offset = traced; without a scene the disparity is taken as 0");
 
   const Stopwatch watch;
   const auto features = static_cast<std::size_t>(field.feature_count());
@@ -87,6 +120,7 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
                            {"output", o.output},
                            {"seconds", seconds},
                            {"device", device.name}};
+  if (!scene.empty()) report["scene"] = scene;
   if (stream) report["device_peak_bytes"] = stream->peak_bytes();
   if (common.json) print_json(report);
   else
@@ -105,6 +139,10 @@ void add_query(Program& program) {
                    "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha; field ncr: more")
       ->required()
       ->type_name("IN.csv");
+  verb->add_option("--scene", o->scene,
+                   "scene that disparities of glossy points are traced in (lookup.offset = traced); default: the file "
+                   "that the model was trained with. Not needed with a column disparity")
+      ->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output, "CSV with disparity, features and radiance; default: standard output")
       ->type_name("OUT.csv");
   verb->callback([&program, o] { program.run = [&program, o] { query_verb(program.common, *o); }; });

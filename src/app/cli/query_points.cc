@@ -45,14 +45,16 @@ std::vector<std::string> columns_for(const QueryRays& rays) {
 
 }  // namespace
 
-std::vector<SurfacePoint> read_points(const std::string& file, const QueryRays& rays) {
+QueryPoints read_points(const std::string& file, const QueryRays& rays) {
   return parse_points(file, read_file(file), rays);
 }
 
-std::vector<SurfacePoint> parse_points(const std::string& file, const std::string& text, const QueryRays& rays) {
-  const std::vector<std::string> names = columns_for(rays);
-  std::vector<SurfacePoint> points;
-  std::vector<std::size_t> column(names.size());
+QueryPoints parse_points(const std::string& file, const std::string& text, const QueryRays& rays) {
+  std::vector<std::string> names = columns_for(rays);
+  const std::size_t required = names.size();
+  QueryPoints result;
+  std::vector<SurfacePoint>& points = result.points;
+  std::vector<std::size_t> column(required);
   std::size_t begin = 0, columns = 0;
   int line_number = 0;
   const auto refuse = [&](const std::string& why) {
@@ -76,6 +78,12 @@ std::vector<SurfacePoint> parse_points(const std::string& file, const std::strin
                                                    "share n of each cluster), which a file of points cannot trace"));
         column[i] = static_cast<std::size_t>(found - cells.begin());
       }
+      const auto found = std::find(cells.begin(), cells.end(), "disparity");
+      result.has_disparity = rays.offset.traced && found != cells.end();
+      if (result.has_disparity) {
+        names.push_back(*found);
+        column.push_back(static_cast<std::size_t>(found - cells.begin()));
+      }
       continue;
     }
     if (cells.size() != columns) refuse(fmt::format("{} cells where the header has {}", cells.size(), columns));
@@ -93,7 +101,9 @@ std::vector<SurfacePoint> parse_points(const std::string& file, const std::strin
     p.n = {v[6], v[7], v[8]};
     p.albedo = {v[9], v[10], v[11]};
     p.alpha = v[12];
-    for (std::size_t i = kColumns.size(); i < v.size(); i += 3) {
+    if (result.has_disparity) p.disparity = v[required];
+    if (p.disparity < 0.0f) refuse("column disparity: expected a number of at least 0");
+    for (std::size_t i = kColumns.size(); i < required; i += 3) {
       if (v[i] < 0.0f || v[i + 1] < 0.0f || v[i + 2] < 0.0f || v[i + 2] > 1.0f)
         refuse(fmt::format("columns {},{},{}: expected a distance and a deviation of at least 0 and a share in 0 ... 1",
                            names[i], names[i + 1], names[i + 2]));
@@ -110,7 +120,7 @@ std::vector<SurfacePoint> parse_points(const std::string& file, const std::strin
     points.push_back(p);
   }
   if (columns == 0) throw InputError(file + ": is empty; the first line names the columns");
-  return points;
+  return result;
 }
 
 }  // namespace octrad::cli

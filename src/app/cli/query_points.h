@@ -8,10 +8,16 @@
 
 namespace octrad::cli {
 
+struct QueryPoints {
+  std::vector<SurfacePoint> points;
+  bool has_disparity = false;  // the file has the column
+};
+
 // Surface points of a CSV file: a header with the columns' names in any order (others are ignored), a point a line. For
-// a field that wants `rays` traced, what they met is given in more columns. Throws InputError as FILE:LINE, IoError.
-std::vector<SurfacePoint> read_points(const std::string& file, const QueryRays& rays);
+// a field that wants `rays` traced, what those of the BSDF met is given in more columns; that of the offset may be, as
+// "disparity". Throws InputError as FILE:LINE, IoError.
+QueryPoints read_points(const std::string& file, const QueryRays& rays);
 // The same of a file's content.
-std::vector<SurfacePoint> parse_points(const std::string& file, const std::string& text, const QueryRays& rays);
+QueryPoints parse_points(const std::string& file, const std::string& text, const QueryRays& rays);
 
 }  // namespace octrad::cli

@@ -33,11 +33,14 @@ inline constexpr float kFollowDelta = 1e-30f;
 enum class LookupDirection { mirror, outgoing };  // direction of queries on glossy surfaces
 enum class RoughDirection { normal, mirror };     // direction of queries on rough surfaces
 
-// Direction with which a field is looked up at a point.
+// Direction with which a field is looked up at a point, and whether its look-up has an offset (method section 4).
 struct LookupRule {
   LookupDirection glossy = LookupDirection::mirror;
   RoughDirection rough = RoughDirection::normal;
   float rough_threshold = 0.5f;
+  bool rough_offset = true;  // false: the disparity of rough points is 0
+
+  OCTRAD_HD bool has_offset(float alpha) const { return rough_offset || alpha < rough_threshold; }
 };
 
 OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoint& point) {
@@ -59,7 +62,9 @@ struct QueryRays {
   int clusters = kHitClusters, iterations = 0;  // of k-means over their distances
 
   OCTRAD_HD int lobe_rays(float alpha) const { return alpha < lobe_below ? lobe : 0; }
-  OCTRAD_HD int count(float alpha) const { return static_cast<int>(offset.traced) + lobe_rays(alpha); }
+  OCTRAD_HD int count(float alpha) const {
+    return static_cast<int>(offset.traced && offset.rule.has_offset(alpha)) + lobe_rays(alpha);
+  }
 };
 
 // How rays go on over surfaces, and what a field is asked where they end: alike for pictures and right-hand sides.

@@ -114,7 +114,7 @@ struct GridScatter : Kernel {
   Sink sink;
 
   OCTRAD_HD void operator()(std::uint32_t l, std::uint32_t i) const {
-    if (!queries.slice.holds(i)) return;
+    if (!queries.teaches_grid(i)) return;
     float up[F];
     OCTRAD_UNROLL
     for (int c = 0; c < F; ++c) up[c] = upstream[(l * F + static_cast<std::uint32_t>(c)) * upstream_stride + i];

@@ -32,9 +32,14 @@ struct DeviceQueries {
   QueueSlice slice;
   std::uint32_t n = 0;                  // items of a launch
   unsigned long long* empty = nullptr;  // octree look-ups count those of a level without an occupied cell; may be null
+  const float* alpha = nullptr;         // not null: hash grids get gradients only from queries with alpha < alpha_below
+  float alpha_below = 0.0f;
 
   OCTRAD_HD Vec3f position(std::size_t i) const { return {x[i], x[x_stride + i], x[2 * x_stride + i]}; }
   OCTRAD_HD Vec3f direction(std::size_t i) const { return {w[i], w[w_stride + i], w[2 * w_stride + i]}; }
+  OCTRAD_HD bool teaches_grid(std::uint32_t i) const {
+    return slice.holds(i) && (alpha == nullptr || alpha[i] < alpha_below);
+  }
 };
 
 // Taps of one (query, level): slot s of (level, query i) is (level n + i) taps + s.

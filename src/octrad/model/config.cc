@@ -153,6 +153,8 @@ const std::vector<Key>& keys() {
              "direction of the query where alpha is at least lookup.rough_threshold"),
       number("lookup.rough_threshold", &C::lookup_rough_threshold, {0, 2},
              "roughness from which a surface counts as rough; 1: diffuse ones alone"),
+      flag("lookup.rough_offset", &C::lookup_rough_offset,
+           "rough surfaces have a disparity too; otherwise it is 0 there"),
 
       number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
       number("disparity.features", &C::disparity_features, kFeatureCounts, "features per level: 2, 4 or 8"),
@@ -441,6 +443,8 @@ Config preset(const std::string& name) {
   c.octree_box = OctreeBox::axis;
   c.octree_bounds = "scene";
   c.lookup_rough_threshold = 0.5;
+  c.lookup_rough_offset = true;
+  c.lookup_offset = LookupOffset::predicted;
   c.octree_occupancy = OctreeOccupancy::sampled;
   c.disparity_direction = false;
   c.disparity_unit = DisparityUnit::world;
@@ -502,7 +506,8 @@ FollowRules rhs_rules(const Config& config) {
 }
 
 LookupRule lookup_rule(const Config& config) {
-  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold)};
+  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold),
+          config.lookup_rough_offset};
 }
 
 std::optional<Bounds3f> octree_box(const Config& config) { return parse_box(config.octree_bounds); }

@@ -28,9 +28,10 @@ struct Config {
   OctreeInterpolation octree_interpolation = OctreeInterpolation::trilinear;
   OctaInterpolation octa_interpolation = OctaInterpolation::barycentric;
   LookupDirection lookup_direction = LookupDirection::mirror;
-  LookupOffset lookup_offset = LookupOffset::predicted;
+  LookupOffset lookup_offset = LookupOffset::traced;
   RoughDirection lookup_rough_direction = RoughDirection::normal;
   double lookup_rough_threshold = 1.0;  // diffuse surfaces alone
+  bool lookup_rough_offset = false;
 
   // Disparity predictor (method section 5).
   int disparity_levels = 6;
@@ -131,7 +132,7 @@ struct Config {
   bool operator==(const Config&) const = default;
 };
 
-// lookup.direction, .rough_direction and .rough_threshold.
+// lookup.direction, .rough_direction, .rough_threshold and .rough_offset.
 LookupRule lookup_rule(const Config& config);
 
 // The box that octree.bounds gives in numbers; none: it is chosen from the scene (train/domain.h).

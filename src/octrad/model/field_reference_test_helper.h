@@ -107,6 +107,7 @@ class FieldReference {
     traced_ = octaoctree_ != nullptr && is("lookup.offset", "traced");
     mirror_ = nr_ != nullptr || is("lookup.direction", "mirror");
     rough_normal_ = octaoctree_ != nullptr && is("lookup.rough_direction", "normal");
+    rough_offset_ = is("lookup.rough_offset", "true");
     harmonics_ = is("disparity.direction", "true");
     unit_ = is("disparity.unit", "extent") ? 1.0 / static_cast<double>(max_component(size_)) : 1.0;
     normalized_ = is("decoder.position", "normalized");
@@ -229,7 +230,8 @@ class FieldReference {
                        by_disparity += dweight * parameters[kOctree][entry * width + c] * u;
                      }
                    });
-      if (predicted_) rows[i].d_disparity_linear = by_disparity * squareplus(query.disparity_linear).derivative * unit_;
+      if (predicted_ && has_offset(point))
+        rows[i].d_disparity_linear = by_disparity * squareplus(query.disparity_linear).derivative * unit_;
       largest = std::max(largest, std::abs(rows[i].d_disparity_linear));
     }
     if (!predicted_) return g;
@@ -273,6 +275,7 @@ class FieldReference {
     if (rough_normal_ && point.alpha >= rough_threshold_) return Vec3d(point.n);
     return Vec3d(mirror_ ? reflect(point.wo, point.n) : point.wo);
   }
+  bool has_offset(const SurfacePoint& point) const { return rough_offset_ || point.alpha < rough_threshold_; }
   Vec3d factor(const SurfacePoint& point) const {
     return demodulate_ && (split_coats_ || point.alpha >= rough_threshold_) ? Vec3d(point.albedo) * scale_
                                                                             : Vec3d(scale_);
@@ -339,6 +342,7 @@ class FieldReference {
       } else if (traced_) {
         q.disparity = static_cast<double>(point.disparity);
       }
+      if (!has_offset(point)) q.disparity = 0.0;
       const auto width = static_cast<std::size_t>(octree_.features);
       q.features.assign(static_cast<std::size_t>(octree_.levels) * width, 0.0);
       visit_octree(x, w, q.disparity + disparity_shift, [&](int level, std::size_t entry, double weight, double) {
@@ -382,8 +386,8 @@ class FieldReference {
   OctaOctreeView octree_;
   HashGridView grid_;
   Vec3f origin_, size_;
-  bool predicted_ = false, traced_ = false, mirror_ = false, rough_normal_ = false, harmonics_ = false,
-       normalized_ = false, demodulate_ = false, split_coats_ = false;
+  bool predicted_ = false, traced_ = false, mirror_ = false, rough_normal_ = false, rough_offset_ = false,
+       harmonics_ = false, normalized_ = false, demodulate_ = false, split_coats_ = false;
   double unit_ = 1.0;
   float rough_threshold_ = 0.5f;
   LossNormalizer normalizer_ = LossNormalizer::prediction;

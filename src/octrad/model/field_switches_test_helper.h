@@ -38,7 +38,10 @@ inline std::vector<FieldCase> field_cases() {
   };
   add("octaoctree", {{},
                      {{"lookup.offset", "none"}},
+                     {{"lookup.offset", "predicted"}},
                      {{"lookup.offset", "traced"}},
+                     {{"lookup.offset", "predicted"}, {"lookup.rough_offset", "true"}},
+                     {{"lookup.offset", "traced"}, {"lookup.rough_offset", "true"}},
                      {{"lookup.direction", "outgoing"}},
                      {{"lookup.rough_direction", "mirror"}},
                      {{"octree.interpolation", "nearest"}},

@@ -38,8 +38,9 @@ ModelInfo info_of(const TensorReader& in) {
   try {
     const nlohmann::json config = parse_json(text("config"), in.file());
     apply(info.config, config, in.file());
-    // Models of version 0.1.0 know no lobes.
+    // What models of version 0.1.0 do not know.
     if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
+    if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();

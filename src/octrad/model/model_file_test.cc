@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <list>
+#include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
 #include "octrad/model/field_test_helper.h"
@@ -54,6 +55,44 @@ TEST(ModelFile, RefusesBrokenFiles) {
     }
     std::filesystem::remove(copy);
   }
+  std::filesystem::remove(file);
+}
+
+// Models of version 0.1.0 say nothing of what was not there.
+TEST(ModelFile, OlderModelsKeepTheirMeaning) {
+  const std::filesystem::path folder = std::filesystem::temp_directory_path();
+  const std::string file = (folder / ("octrad_" + std::to_string(::getpid()) + "_older.octrad")).string();
+  ModelInfo info;
+  info.config.octree_levels = 3;
+  info.config.disparity_log2_table = 10;
+  info.config.target_scale = 1.0;
+  const auto field = make_field(info.config, testing::shell(3));
+  save_model(file, *field, info, false);
+  EXPECT_EQ(load_model(file).info.config, info.config);
+  {
+    const TensorReader in(file);
+    TensorWriter out;
+    std::list<std::vector<char>> tensors;  // until they are written
+    for (const auto& [key, value] : in.metadata()) {
+      std::string text = value;
+      if (key == "config") {
+        nlohmann::json config = nlohmann::json::parse(value);
+        EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
+        text = config.dump();
+      }
+      out.metadata(key, text);
+    }
+    for (const std::string& name : in.names()) {
+      const auto t = in.get(name);
+      in.read(t, tensors.emplace_back(t.bytes).data());
+      out.add(name, t.type, t.shape, tensors.back().data());
+    }
+    out.write(file + ".older");
+  }
+  info.config.lookup_coats = Coats::joined;
+  info.config.lookup_rough_offset = true;
+  EXPECT_EQ(load_model(file + ".older").info.config, info.config);
+  std::filesystem::remove(file + ".older");
   std::filesystem::remove(file);
 }
 

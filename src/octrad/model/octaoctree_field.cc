@@ -85,6 +85,9 @@ MlpShape disparity_shape(const Config& config) {
 struct OctaOctreeField::Encoded {
   int stride = 0;
   std::vector<Vec3f> x, p, w;
+  std::vector<int> shifted;  // points that have an offset; disparity_* and grid_taps are of these
+  int shifted_stride = 0;
+  std::vector<Vec3f> shifted_p;
   std::vector<float> disparity, disparity_inputs, disparity_linear, inputs, linear;
   std::vector<float> d_linear, d_inputs, d_disparity_linear, d_disparity_inputs;
   OctaOctree::Record record;
@@ -118,6 +121,33 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
   initialize_hash_grid(grid_, seed, 3);
 }
 
+// Fills e.disparity of the points e.shifted, for which alone the predictor is asked.
+void OctaOctreeField::predict_disparity(Encoded& e, bool record) const {
+  const int n = static_cast<int>(e.shifted.size()), stride = e.shifted_stride = padded(n);
+  if (n == 0) return;
+  const int grid_rows = grid_.feature_count(), rows = disparity_.shape().inputs;
+  const auto s = static_cast<std::size_t>(stride);
+  e.shifted_p.resize(s);
+  for (int j = 0; j < n; ++j) e.shifted_p[j] = e.p[e.shifted[j]];
+  e.disparity_inputs.resize(static_cast<std::size_t>(rows) * s);
+  e.disparity_linear.resize(s);
+  if (record) {
+    e.grid_taps.clear();
+    grid_.lookup_record(e.shifted_p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
+  } else {
+    grid_.lookup(e.shifted_p.data(), n, e.disparity_inputs.data(), stride);
+  }
+  if (config_.disparity_direction) {
+    for (int j = 0; j < n; ++j)
+      spherical_harmonics(e.w[e.shifted[j]], row(e.disparity_inputs, grid_rows, stride) + j, stride);
+  }
+  for (int r = 0; r < rows; ++r)
+    std::fill(row(e.disparity_inputs, r, stride) + n, row(e.disparity_inputs, r, stride) + stride, 0.0f);
+  if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
+  else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
+  for (int j = 0; j < n; ++j) e.disparity[e.shifted[j]] = squareplus(e.disparity_linear[j]).value * disparity_unit_;
+}
+
 // Fills e.inputs (features first, then the point's own inputs) for up to kQueryChunk points.
 void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   const int n = static_cast<int>(points.size());
@@ -132,26 +162,14 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
     e.w[i] = lookup_direction(rule_, points[i]);
     e.p[i] = (points[i].x - origin_) / size_;
   }
-  if (offset_ == LookupOffset::predicted) {
-    const int grid_rows = grid_.feature_count();
-    e.disparity_inputs.resize(static_cast<std::size_t>(disparity_.shape().inputs) * s);
-    e.disparity_linear.resize(s);
-    if (record) {
-      e.grid_taps.clear();
-      grid_.lookup_record(e.p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
-    } else {
-      grid_.lookup(e.p.data(), n, e.disparity_inputs.data(), stride);
-    }
-    if (config_.disparity_direction) {
-      for (int i = 0; i < n; ++i) spherical_harmonics(e.w[i], row(e.disparity_inputs, grid_rows, stride) + i, stride);
-    }
-    for (int r = 0; r < disparity_.shape().inputs; ++r)
-      std::fill(row(e.disparity_inputs, r, stride) + n, row(e.disparity_inputs, r, stride) + stride, 0.0f);
-    if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
-    else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
-    for (int i = 0; i < n; ++i) e.disparity[i] = squareplus(e.disparity_linear[i]).value * disparity_unit_;
-  } else if (offset_ == LookupOffset::traced) {
-    for (int i = 0; i < n; ++i) e.disparity[i] = points[i].disparity;
+  e.shifted.clear();
+  if (offset_ != LookupOffset::none) {
+    for (int i = 0; i < n; ++i)
+      if (rule_.has_offset(points[i].alpha)) e.shifted.push_back(i);
+  }
+  if (offset_ == LookupOffset::predicted) predict_disparity(e, record);
+  if (offset_ == LookupOffset::traced) {
+    for (const int i : e.shifted) e.disparity[i] = points[i].disparity;
   }
   const int features = octree_.feature_count();
   e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * s);
@@ -215,19 +233,22 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
         gradients.octree.push_back({e.record.taps[t].entry, source, e.record.taps[t].weight});
     }
   }
-  if (offset_ != LookupOffset::predicted) return loss;
+  if (offset_ != LookupOffset::predicted || e.shifted.empty()) return loss;
 
-  e.d_disparity_linear.assign(s, 0.0f);
+  e.d_disparity_linear.assign(static_cast<std::size_t>(e.shifted_stride), 0.0f);
   for (int f = 0; f < features; ++f) {
     const float* upstream = row(e.d_inputs, f, stride);
     const float* derivative = row(e.record.derivative, f, stride);
-    for (int i = 0; i < n; ++i) e.d_disparity_linear[i] += upstream[i] * derivative[i];
+    for (std::size_t j = 0; j < e.shifted.size(); ++j)
+      e.d_disparity_linear[j] += upstream[e.shifted[j]] * derivative[e.shifted[j]];
   }
-  for (int i = 0; i < n; ++i) e.d_disparity_linear[i] *= squareplus(e.disparity_linear[i]).derivative * disparity_unit_;
+  for (std::size_t j = 0; j < e.shifted.size(); ++j)
+    e.d_disparity_linear[j] *= squareplus(e.disparity_linear[j]).derivative * disparity_unit_;
   e.d_disparity_inputs.resize(e.disparity_inputs.size());
   disparity_.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept, gradients.disparity,
                       e.d_disparity_inputs.data());
-  add_grid_taps(grid_, e.grid_taps, e.d_disparity_inputs, stride, points.size(), first, grid_upstream_, gradients.grid);
+  add_grid_taps(grid_, e.grid_taps, e.d_disparity_inputs, e.shifted_stride, e.shifted.size(), first, grid_upstream_,
+                gradients.grid);
   return loss;
 }
 

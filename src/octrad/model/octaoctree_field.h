@@ -57,6 +57,7 @@ class OctaOctreeField : public RadianceField {
   struct Gradients;  // gradients of a group of queries in one step
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
+  void predict_disparity(Encoded& e, bool record) const;
   double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first,
                   std::size_t batch, double epsilon, Encoded& e, Gradients& gradients);
 

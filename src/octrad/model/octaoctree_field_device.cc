@@ -24,25 +24,33 @@ struct Harmonics : Kernel {
   }
 };
 
+constexpr int kAlphaPlane = 12, kDisparityPlane = 13;  // of points
+
 struct ToDisparity : Kernel {
   const float* linear;
+  SurfacePointArray points;
+  LookupRule rule;
   QueueSlice slice;
   float unit;
   float* disparity;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (slice.holds(i)) disparity[i] = squareplus(linear[i]).value * unit;
+    if (!slice.holds(i)) return;
+    disparity[i] = rule.has_offset(points.get(kAlphaPlane, i)) ? squareplus(linear[i]).value * unit : 0.0f;
   }
 };
 
 struct TracedDisparity : Kernel {
-  const float* traced;
+  SurfacePointArray points;
+  LookupRule rule;
   QueueSlice slice;
   const std::uint32_t* valid;  // training
   float* disparity;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (slice.holds(i)) disparity[i] = valid != nullptr && valid[i] == 0 ? 0.0f : traced[i];
+    if (!slice.holds(i)) return;
+    const bool none = (valid != nullptr && valid[i] == 0) || !rule.has_offset(points.get(kAlphaPlane, i));
+    disparity[i] = none ? 0.0f : points.get(kDisparityPlane, i);
   }
 };
 
@@ -52,6 +60,8 @@ struct DisparityGradient : Kernel {
   std::size_t stride;
   int levels;
   const float* linear;
+  SurfacePointArray points;
+  LookupRule rule;
   float unit;
   float* d_linear;
   unsigned long long* non_finite;
@@ -59,7 +69,7 @@ struct DisparityGradient : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const {
     float sum = 0.0f;
     for (int l = 0; l < levels; ++l) sum += parts[static_cast<std::size_t>(l) * stride + i];
-    sum *= squareplus(linear[i]).derivative * unit;
+    sum *= rule.has_offset(points.get(kAlphaPlane, i)) ? squareplus(linear[i]).derivative * unit : 0.0f;
     if (!std::isfinite(sum)) {
       sum = 0.0f;
       atomic_add(non_finite, 1ull);
@@ -148,14 +158,12 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
       const FloatRows linear{disparity_linear_.data(), rows_};
       if (chunk.training) disparity_.forward_keep(stream_, inputs, linear, chunk.n);
       else disparity_.forward(stream_, inputs, linear, chunk.n, chunk.slice);
-      launch(stream_, chunk.n, ToDisparity{{}, disparity_linear_.data(), chunk.slice, unit_, distance_.data()});
+      launch(stream_, chunk.n,
+             ToDisparity{{}, disparity_linear_.data(), chunk.points, rule_, chunk.slice, unit_, distance_.data()});
     } else if (offset_ == LookupOffset::traced) {
       launch(stream_, chunk.n,
-             TracedDisparity{{},
-                             chunk.points.data + 13 * chunk.points.stride,
-                             chunk.slice,
-                             chunk.training ? valid_.data() : nullptr,
-                             distance_.data()});
+             TracedDisparity{
+                 {}, chunk.points, rule_, chunk.slice, chunk.training ? valid_.data() : nullptr, distance_.data()});
     }
     if (!chunk.training) stream_.mark("disparity");
     DeviceQueries q = with_disparity(chunk);
@@ -179,6 +187,8 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                              train_rows_,
                              octree_.view().levels,
                              disparity_linear_.data(),
+                             chunk.points,
+                             rule_,
                              unit_,
                              d_disparity_linear_.data(),
                              &counters_.data()->non_finite});
@@ -186,11 +196,14 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     disparity_.backward(stream_, {disparity_inputs_.data(), rows_}, {d_disparity_linear_.data(), train_rows_},
                         disparity_scale_.data(), {d_disparity_inputs_.data(), train_rows_}, grid_.feature_count(),
                         chunk.n, !first);
+    DeviceQueries shifted = queries(chunk);
+    if (!rule_.rough_offset) {  // rough points touch nothing of the predictor
+      shifted.alpha = chunk.points.data + kAlphaPlane * chunk.points.stride;
+      shifted.alpha_below = rule_.rough_threshold;
+    }
     scatter(
         grid_table_,
-        [&](const auto& sink) {
-          grid_.scatter(stream_, queries(chunk), d_disparity_inputs_.data(), train_rows_, sink);
-        },
+        [&](const auto& sink) { grid_.scatter(stream_, shifted, d_disparity_inputs_.data(), train_rows_, sink); },
         kHashGridTaps, chunk.n, grid_.levels(), d_disparity_inputs_.data(), train_rows_);
   }
 

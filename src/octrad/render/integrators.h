@@ -31,11 +31,14 @@ FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions:
 
 // views.cc, views_device.cc: what a field holds at the first hit.
 enum class FieldView {
-  disparity,  // predicted
+  disparity,  // of look-ups: predicted or traced
   traced,     // 1 / distance along the look-up direction
   features,   // of a level: the first three principal components over the picture
   occupancy,  // of a level: cells that hold surfaces, coloured by a hash of their index
 };
+// What is traced from the points that a view shows: nothing from the BSDF, which radiance alone hangs on; for `traced`
+// from rough points too, whatever lookup.rough_offset is.
+QueryRays view_rays(const Config& config, FieldView view);
 std::unique_ptr<Integrator> make_view_integrator(const IntegratorInput& input, FieldView view);
 std::unique_ptr<DeviceIntegrator> make_device_view_integrator(const IntegratorInput& input, Stream& stream,
                                                               const DeviceWorld& world, DeviceField* field,

@@ -70,9 +70,7 @@ class ViewIntegrator : public Integrator {
         view_(view),
         level_(input.choice.level),
         width_(static_cast<std::size_t>(field_.feature_count() / std::max(1, field_.levels()))),
-        rays_(query_rays(input.config)) {
-    if (view == FieldView::traced) rays_.offset = {true, lookup_rule(input.config)};
-    rays_.lobe = 0;  // nothing that is shown depends on it
+        rays_(view_rays(input.config, view)) {
     options_.max_chain = input.config.train_max_chain;
   }
 
@@ -152,6 +150,16 @@ void FeaturePicture::paint(Image& image) const {
   for (std::size_t p = 0; p < seen_.size(); ++p) {
     if (seen_[p]) image.set_rgb(static_cast<int>(p % width), static_cast<int>(p / width), colors[next++]);
   }
+}
+
+QueryRays view_rays(const Config& config, FieldView view) {
+  QueryRays rays;
+  rays.offset = query_rays(config).offset;
+  if (view == FieldView::traced) {
+    rays.offset = {true, lookup_rule(config)};
+    rays.offset.rule.rough_offset = true;
+  }
+  return rays;
 }
 
 std::unique_ptr<Integrator> make_view_integrator(const IntegratorInput& input, FieldView view) {

@@ -12,14 +12,6 @@ namespace {
 
 constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
 
-// No view asks for radiance, the only thing that hangs on rays of the BSDF.
-QueryRays traced(const IntegratorInput& input, FieldView view) {
-  QueryRays rays;
-  rays.offset =
-      view == FieldView::traced ? OffsetRay{true, lookup_rule(input.config)} : query_rays(input.config).offset;
-  return rays;
-}
-
 std::size_t level_width(const IntegratorInput& input) {
   return static_cast<std::size_t>(input.field->feature_count() / std::max(1, input.field->levels()));
 }
@@ -34,7 +26,7 @@ class ViewIntegrator : public DeviceIntegrator {
         view_(view),
         level_(input.choice.level),
         width_(level_width(input)),
-        gbuffer_(stream, world, capacity, false, traced(input, view)),
+        gbuffer_(stream, world, capacity, false, view_rays(input.config, view)),
         answers_(stream, capacity, "colours of a view"),
         disparity_(stream, view == FieldView::disparity ? capacity : 0, "disparities"),
         features_(stream, view == FieldView::features ? capacity * static_cast<std::size_t>(field_.feature_count()) : 0,
@@ -147,7 +139,7 @@ std::size_t device_view_integrator_bytes(const IntegratorInput& input, std::size
   std::size_t floats = 0;
   if (view == FieldView::features) floats = static_cast<std::size_t>(input.field->feature_count());
   if (view == FieldView::disparity) floats = 1;
-  return DeviceGBuffer::bytes(capacity, false, traced(input, view)) +
+  return DeviceGBuffer::bytes(capacity, false, view_rays(input.config, view)) +
          capacity * (sizeof(Vec3f) + floats * sizeof(float));
 }
 

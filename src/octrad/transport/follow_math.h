@@ -221,6 +221,7 @@ OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline float traced_disparity(const World& world, const LookupRule& rule, const SurfacePoint& point,
                                         Vec3f geometric_normal) {
+  if (!rule.has_offset(point.alpha)) return 0.0f;
   const Vec3f direction = lookup_direction(rule, point);
   const Hit hit = world.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
   return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;

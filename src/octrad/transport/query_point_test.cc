@@ -91,6 +91,20 @@ TEST(QueryPoint, TheOffsetsRayFollowsTheLookup) {
   EXPECT_LT(dot(p.wo, reflect(p.wo, p.n)), 0.1f);  // which is elsewhere
 }
 
+TEST(QueryPoint, RoughPointsWithoutAnOffsetCostNoRay) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  const ShadingPoint metal = floor_point(context, 2.1f), diffuse = floor_point(context, 4.1f);
+  QueryRays rays;
+  rays.offset.traced = true;
+  rays.offset.rule.rough_offset = false;
+  const SurfacePoint glossy = traced(context, metal, rays), rough = traced(context, diffuse, rays);
+  EXPECT_GT(glossy.disparity, 0.0f);
+  EXPECT_EQ(rays.count(glossy.alpha), 1);
+  EXPECT_EQ(rough.disparity, 0.0f);
+  EXPECT_EQ(rays.count(rough.alpha), 0);
+}
+
 TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {
   const PreparedScene scene = open_scene();
   const TransportContext context = scene.context();
