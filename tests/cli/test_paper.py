@@ -97,8 +97,9 @@ class Paper(Case):
         # A switch without keys is the method as it is, whatever its name.
         switches = self.matrix(name="other", methods=["octaoctree", "path"], learned=False, path_spp=1, switches=[{"name": "full"}, {"name": "flat", "keys": {"lookup.offset": "none"}}])
         self.ok(*self.arguments(self.matrix()), switches)
-        for name, kind, title in (("tiny", "md", "method"), ("other", "md", "switch")):
-            with open(os.path.join(self.report, "tables", f"{name}-seconds.{kind}"), encoding="utf-8") as file:
+        for name, title in (("tiny", "method"), ("other", "switch")):
+            table = os.path.join(self.report, "tables", name + "-seconds")
+            with open(table + ".md", encoding="utf-8") as file:
                 self.assertEqual(file.read().splitlines()[2].split("|")[1].strip(), title)
         self.assertEqual(len(glob.glob(os.path.join(self.report, "models", "a", "octaoctree-*"))), 4)
 

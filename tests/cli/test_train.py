@@ -369,7 +369,8 @@ class Query(Case):
     def setUp(self):
         super().setUp()
         self.model = self.path("m.octrad")
-        self.ok("train", self.write("room.xml", ROOM), "-o", self.model, *SMALL, "--steps", 3)
+        self.scene = self.write("room.xml", ROOM)
+        self.ok("train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
 
     def points(self, *rows, header=HEADER):
         return self.write("in.csv", "\n".join((header, *rows)) + "\n")
@@ -391,6 +392,33 @@ class Query(Case):
         a = self.ok("query", self.model, "--points", self.points("0.1,-1,0.2,0,1,0,0,1,0,0.5,0.6,0.4,1")).out
         shuffled = self.points("keep, 1,0.5,0.6,0.4,0,1,0,0,1,0,0.1,-1,0.2", "", header="note,alpha,ar,ag,ab,nx,ny,nz,wox,woy,woz,x,y,z")
         self.assertEqual(self.ok("query", self.model, "--points", shuffled).out, a)
+
+    def test_traced_offsets(self):
+        """Distances of glossy points come from the model's scene, a given one, or the file of points."""
+        rough, glossy = "0.1,-1,0.2,0,1,0,0,1,0,0.5,0.6,0.4,1", "0.1,-1,0.2,0,1,0,0,1,0,0.5,0.6,0.4,0.2"
+        points = self.points(glossy, rough)
+        answer = self.ok("query", self.model, "--points", points)
+        self.assertEqual(answer.err, "")
+        d = [float(line.split(",")[0]) for line in answer.out.splitlines()[1:]]
+        self.assertAlmostEqual(d[0], 1 / 1.95, 3)  # from the floor to the lamp under the ceiling
+        self.assertEqual(d[1], 0)
+        self.assertEqual(self.ok("query", self.model, "--points", points, "--scene", self.scene).out, answer.out)
+        given = self.points(glossy + ",%.9g" % d[0], rough + ",7", header=self.HEADER + ",disparity")
+        moved = self.path("moved.xml")
+        os.rename(self.scene, moved)
+        self.assertEqual(self.ok("query", self.model, "--points", given).out, answer.out)
+        self.assertEqual(self.ok("query", self.model, "--points", self.points(rough)).err, "", "no scene is needed")
+        points = self.points(glossy, rough)
+        without = self.ok("query", self.model, "--points", points)
+        self.assertIn("--scene says where", without.err)
+        self.assertEqual(without.out.splitlines()[1].split(",")[0], "0")
+        self.assertEqual(without.out.splitlines()[2], answer.out.splitlines()[2])
+        self.assertEqual(self.ok("query", self.model, "--points", points, "--scene", moved).out, answer.out)
+        with open(moved) as file:
+            other = self.write("other.xml", file.read().replace('value="0.5"/>', 'value="0.25"/>'))
+        self.fails(2, "another scene", "query", self.model, "--points", points, "--scene", other)
+        self.fails(3, "none.xml", "query", self.model, "--points", points, "--scene", self.path("none.xml"))
+        self.fails(2, "disparity: expected", "query", self.model, "--points", self.points(glossy + ",-1", header=self.HEADER + ",disparity"))
 
     def test_refusals(self):
         q = ("query", self.model, "--points")

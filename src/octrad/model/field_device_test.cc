@@ -34,6 +34,7 @@ constexpr int kLevels = 3;
 
 Config small_config(const std::string& field) {
   Config config = preset("cpu");
+  config.lookup_offset = LookupOffset::predicted;  // every part learns
   config.field = field;
   config.octree_levels = kLevels;
   config.disparity_log2_table = 10;

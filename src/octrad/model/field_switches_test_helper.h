@@ -38,9 +38,8 @@ inline std::vector<FieldCase> field_cases() {
   };
   add("octaoctree", {{},
                      {{"lookup.offset", "none"}},
-                     {{"lookup.offset", "predicted"}},
                      {{"lookup.offset", "traced"}},
-                     {{"lookup.offset", "predicted"}, {"lookup.rough_offset", "true"}},
+                     {{"lookup.rough_offset", "true"}},
                      {{"lookup.offset", "traced"}, {"lookup.rough_offset", "true"}},
                      {{"lookup.direction", "outgoing"}},
                      {{"lookup.rough_direction", "mirror"}},
@@ -85,13 +84,17 @@ inline std::vector<FieldCase> field_cases() {
 inline Config config_of(const FieldCase& c) {
   Config config = preset("cpu");
   set(config, "field", c.field);
-  const FieldKeys small = {
-      {"octree.levels", "3"},   {"disparity.levels", "3"}, {"disparity.base", "4"},  {"disparity.width", "24"},
-      {"decoder.width", "32"},  {"decoder.hidden", "2"},   {"nr.levels", "3"},       {"nr.base", "4"},
-      {"nr.width", "40"},       {"nr.hidden", "2"},        {"nr.log2_table", "10"},  {"disparity.log2_table", "10"},
-      {"ncr.levels", "3"},      {"ncr.base", "4"},         {"ncr.width", "40"},      {"ncr.hidden", "2"},
-      {"ncr.log2_table", "10"}, {"ncr.cone.levels", "4"},  {"ncr.cone.width", "24"}, {"ncr.cone.log2_table", "10"},
-      {"adam.beta1", "0"}};
+  const FieldKeys small = {{"octree.levels", "3"},   {"disparity.levels", "3"},
+                           {"disparity.base", "4"},  {"disparity.width", "24"},
+                           {"decoder.width", "32"},  {"decoder.hidden", "2"},
+                           {"nr.levels", "3"},       {"nr.base", "4"},
+                           {"nr.width", "40"},       {"nr.hidden", "2"},
+                           {"nr.log2_table", "10"},  {"disparity.log2_table", "10"},
+                           {"ncr.levels", "3"},      {"ncr.base", "4"},
+                           {"ncr.width", "40"},      {"ncr.hidden", "2"},
+                           {"ncr.log2_table", "10"}, {"ncr.cone.levels", "4"},
+                           {"ncr.cone.width", "24"}, {"ncr.cone.log2_table", "10"},
+                           {"adam.beta1", "0"},      {"lookup.offset", "predicted"}};
   for (const FieldKeys& keys : {small, c.keys}) {
     for (const auto& [key, value] : keys) set(config, key, value);
   }

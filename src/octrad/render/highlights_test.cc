@@ -88,6 +88,7 @@ TEST(Highlights, ABounceShowsTheLampThatTheCacheLacks) {
   Floor floor(0.05, 0.05);
   const RenderResult bounced = floor.picture();
   EXPECT_GT(bounced.image.rgb(8, 8).x, 5.0f);
+  floor.config.lookup_offset = LookupOffset::none;
   floor.config.render_highlights = Highlights::cache;
   const RenderResult cached = floor.picture();
   for (int y = 0; y < 16; ++y) {

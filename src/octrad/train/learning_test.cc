@@ -83,6 +83,7 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   config.train_points = 512;
   config.train_directions = 4;
   config.octree_levels = 4;
+  config.lookup_offset = LookupOffset::predicted;
   config.disparity_log2_table = 12;
   config.decoder_width = 64;
   config.decoder_hidden = 2;
@@ -92,6 +93,9 @@ TEST(Learning, ReachesTheStatedErrorAndMissesItWithAnyPartBroken) {
   const double whole = learned_error(scene, config);
   RecordProperty("error", std::to_string(whole));
   EXPECT_LT(whole, kStated);
+  Config traced = config;
+  traced.lookup_offset = LookupOffset::traced;
+  EXPECT_LT(learned_error(scene, traced), whole);
   for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{{"lookup.offset", "none"},
                                                                                    {"octree.interpolation", "nearest"},
                                                                                    {"octa.interpolation", "nearest"},

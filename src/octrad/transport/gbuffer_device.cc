@@ -112,8 +112,9 @@ struct Disparity : Kernel {
   Memory memory;
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *memory.query_count) return;
-    if (q == 0) memory.counts->rays += *memory.query_count;
-    const float disparity = traced_disparity(world, rule, memory.queries.load(q), memory.normals.get3(0, q));
+    const SurfacePoint point = memory.queries.load(q);
+    if (rule.has_offset(point.alpha)) atomic_add(&memory.counts->rays, 1ull);
+    const float disparity = traced_disparity(world, rule, point, memory.normals.get3(0, q));
     memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
   }
 };
