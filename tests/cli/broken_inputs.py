@@ -3,6 +3,7 @@
 A case is (name, files {name: str or bytes}, arguments, exit code, text that the error or warning holds). Files are made in
 a folder of the case's own, in which the program runs.
 """
+import base64
 import json
 import struct
 import zlib
@@ -450,7 +451,21 @@ for name, data, message in (
 case("model-info-deep", {"m.octrad": tensors(model_header(config=DEEP))}, ["info", "m.octrad"], 0, "")
 case("model-a-device", {"p.csv": POINTS}, ["query", "/dev/zero", "--points", "p.csv"], 3, "a device, not a file")
 
-# What is odd and right
+# A few bytes that would take much time or memory: each took more than ten seconds, more than the budget, or the stack
+def repeated(text, count):
+    """`text` with the numbers 0, 1, ... for its {}"""
+    return "".join(text.format(i) for i in range(count))
+
+
+def cost(name, xml, code=0, text="", arguments=(), **files):
+    bad("cost-" + name, xml, text, code, arguments, **files)
+
+
+cost("deep-mixture", scene('<bsdf type="mixturebsdf"><string name="weights" value="' + "0.000001 " * 100000 + '"/>' + '<bsdf type="diffuse"/>' * 100000 + "</bsdf>" + SENSOR + CUBE, "0.6.0"), 2, "at most 8")
+for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
+    bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])
+
+ONE_PIXEL = png(1, 1, b"\0\1")# What is odd and right
 odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))
 odd("camera-on-a-surface", scene(SENSOR + '<shape type="rectangle"><transform name="to_world"><translate z="4"/></transform></shape>' + LIGHT))
 odd("no-light", scene(SENSOR + CUBE))

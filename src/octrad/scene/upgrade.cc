@@ -7,6 +7,7 @@
 
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
+#include "octrad/scene/material_types.h"
 #include "octrad/scene/params.h"
 
 namespace octrad {
@@ -287,13 +288,17 @@ void upgrade_coating(Element& e, SceneReport& report) {
 void upgrade_mixture(Element& e, SceneReport& report) {
   const std::unique_ptr<Element> weights = take(e, "weights");
   const auto numbers = weights ? parse_numbers(weights->get("value")) : std::nullopt;
+  const auto is_part = [](const std::unique_ptr<Element>& c) { return c->tag == "bsdf" || c->tag == "ref"; };
+  const auto count = static_cast<std::size_t>(std::count_if(e.children.begin(), e.children.end(), is_part));
+  // Nothing is moved before all is known to fit: where mistakes are listed, the element is read all the same.
+  if (!numbers || numbers->size() != count || count == 0)
+    return report.refuse(e.location, "bsdf \"mixturebsdf\" needs as many weights as it holds bsdfs");
+  if (count > static_cast<std::size_t>(kMostBlended))  // they are nested in each other below
+    return report.refuse(e.location, "bsdf \"mixturebsdf\" holds " + std::to_string(count) + " bsdfs; at most " +
+                                         std::to_string(kMostBlended) + " are supported");
   std::vector<std::unique_ptr<Element>> parts;
   for (auto& c : e.children) {
-    if (c->tag == "bsdf" || c->tag == "ref") parts.push_back(std::move(c));
-  }
-  if (!numbers || numbers->size() != parts.size() || parts.empty()) {
-    report.refuse(e.location, "bsdf \"mixturebsdf\" needs as many weights as it holds bsdfs");
-    return;
+    if (is_part(c)) parts.push_back(std::move(c));
   }
   double rest = 1.0;
   for (const double w : *numbers) rest -= w;
