@@ -461,6 +461,19 @@ def cost(name, xml, code=0, text="", arguments=(), **files):
     bad("cost-" + name, xml, text, code, arguments, **files)
 
 
+LONG_PATH = "./" * 1900 + "t.xml"  # in each message about what stands in the file
+cost("parameters-at-each-dollar", scene(SENSOR + CUBE + repeated('<default name="a{:05}" value="1"/>', 20000) + '<integrator type="' + "$a00001" * 9000 + '"/>'))
+cost("dollars-in-a-name", scene('<default name="a\\$b" value="1"/>'), 2, "has no $")
+cost("long-name", scene('<default name="' + "a" * 201 + '" value="1"/>'), 2, "at most 200 characters")
+cost("ids-not-there", scene(SENSOR + CUBE + repeated('<bsdf type="diffuse" id="material{:05}"/>', 20000) + repeated('<shape type="cube"><ref id="matexial{:05}"/></shape>', 20000)),
+     2, "things cannot be used", ["--check"])
+cost("aliases-of-nothing", scene(SENSOR + CUBE + repeated('<bsdf type="diffuse" id="material{:05}"/>', 20000) + repeated('<alias id="matexial{:05}" as="x"/>', 20000)), 2, "things cannot be used", ["--check"])
+cost("parameters-not-there", scene(SENSOR + CUBE + repeated('<default name="a{:05}" value="1"/>', 20000) + '<bsdf type="$bbbbb"/>' * 20000), 2, "things cannot be used", ["--check"])
+cost("many-folders", scene(SENSOR + CUBE + '<path value="."/>' * 101), 2, "more than 100 folders")
+cost("defaults-not-used", scene(f'<include filename="{LONG_PATH}"/>' + SENSOR + CUBE), 0, "", t_xml=scene(repeated('<default name="b{}" value="1"/>', 60000)))
+cost("axes-of-length-2", scene(f'<include filename="{LONG_PATH}"/>' + SENSOR), 0, "the axis was normalised",
+     t_xml=scene('<shape type="cube"><transform name="to_world">' + '<rotate x="2" angle="0"/>' * 100000 + "</transform></shape>"))
+cost("old-parameters-not-used", scene(SENSOR + CUBE + repeated('<integer name="' + "x" * 400 + '{}" value="1"/>', 60000), "0.6.0"))
 cost("deep-mixture", scene('<bsdf type="mixturebsdf"><string name="weights" value="' + "0.000001 " * 100000 + '"/>' + '<bsdf type="diffuse"/>' * 100000 + "</bsdf>" + SENSOR + CUBE, "0.6.0"), 2, "at most 8")
 for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
     bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])

@@ -27,6 +27,8 @@ constexpr int kMaxElementDepth = 64;
 constexpr std::size_t kMaxElements = 4'000'000;
 constexpr std::size_t kMaxValueLength = 1 << 16;
 constexpr std::size_t kMaxAttributes = 64;
+constexpr std::size_t kMaxNameLength = 200;   // of parameters: each $ is compared with their beginnings
+constexpr std::size_t kMaxSearchPaths = 100;  // each is asked for each file
 
 // Of the tree that pugixml makes: nodes of 64 bytes, attributes of 40, a copy of the text; and of line_starts.
 std::uint64_t parsing_bytes(const std::string& text) {
@@ -50,7 +52,7 @@ class XmlReader {
   XmlReader(const std::map<std::string, std::string>& definitions, Description& description, SceneReport& report)
       : description_(description),
         report_(report),
-        parameters_(definitions),
+        parameters_(definitions.begin(), definitions.end()),
         definitions_(definitions) {}
 
   void read_main(const std::string& file) {
@@ -174,6 +176,8 @@ class XmlReader {
       check_attributes(*element, {"name", "value"});
       const std::string& name = element->get("name");
       if (name.empty()) fail(where, "<default> has an empty name");
+      if (name.size() > kMaxNameLength || name.find('$') != std::string::npos)
+        fail(where, "the name of a <default> has no $ and at most " + std::to_string(kMaxNameLength) + " characters");
       declared_.emplace(name, where);
       parameters_.emplace(name, element->get("value"));  // an earlier value (command line, first default) stays
     } else if (element->tag == "include") {
@@ -185,6 +189,8 @@ class XmlReader {
           std::filesystem::path(description_.search_paths.front()) / element->get("value");
       std::error_code code;
       if (std::filesystem::is_directory(path, code)) {
+        if (description_.search_paths.size() == kMaxSearchPaths)
+          fail(where, "<path>: more than " + std::to_string(kMaxSearchPaths) + " folders");
         description_.search_paths.push_back(path.string());
       } else {
         report_.refuse(where, "<path>: \"" + path.string() + "\" is not a folder");
@@ -251,6 +257,19 @@ class XmlReader {
     including_.pop_back();
   }
 
+  // Length of the longest parameter with which `text` begins; 0: there is none. Of the names up to `text` in their
+  // order the last is that parameter, or has in common with `text` what the parameter is a beginning of.
+  std::size_t longest_parameter(std::string_view text) const {
+    while (true) {
+      const auto after = parameters_.upper_bound(text);
+      if (after == parameters_.begin()) return 0;
+      const std::string& name = std::prev(after)->first;
+      if (text.starts_with(name)) return name.size();
+      const auto differ = std::mismatch(name.begin(), name.end(), text.begin(), text.end());
+      text = text.substr(0, static_cast<std::size_t>(differ.first - name.begin()));
+    }
+  }
+
   // Replaces $name by the parameter's value. Values are not substituted again.
   std::string substitute(const pugi::xml_attribute& attribute, const Element& element, const Element& parent,
                          const pugi::xml_node& node, const Location& where) {
@@ -268,10 +287,7 @@ class XmlReader {
         continue;
       }
       // The longest parameter that follows, as in Mitsuba; where there is none, what looks like its name.
-      std::size_t end = i + 1;
-      for (const auto& [key, value] : parameters_) {
-        if (text.compare(i + 1, key.size(), key) == 0) end = std::max(end, i + 1 + key.size());
-      }
+      std::size_t end = i + 1 + longest_parameter(std::string_view(text).substr(i + 1));
       if (end == i + 1) {
         while (end < text.size() && is_name_character(text[end])) ++end;
       }
@@ -287,11 +303,9 @@ class XmlReader {
         continue;
       }
       if (name.empty() || found == parameters_.end()) {
-        std::vector<std::string> known;
-        for (const auto& [key, value] : parameters_) known.push_back(key);
-        fail(where, "undefined parameter $" + name + did_you_mean(name, known) + "; define it with <default name=\"" +
-                        (name.empty() ? "..." : name) + "\" value=\"...\"/> before its use or with -D " +
-                        (name.empty() ? "..." : name) + "=value");
+        fail(where, "undefined parameter $" + name + did_you_mean(name, keys_near(parameters_, name)) +
+                        "; define it with <default name=\"" + (name.empty() ? "..." : name) +
+                        "\" value=\"...\"/> before its use or with -D " + (name.empty() ? "..." : name) + "=value");
       }
       (has_effect(element, parent, node) ? used_ : used_without_effect_).insert(name);
       result += found->second;
@@ -319,6 +333,7 @@ class XmlReader {
                        (known.empty() ? "; it has none at all" : "; it has: " + join(known)));
     }
     for (const auto& [name, where] : declared_) {
+      if (description_.warnings.size() >= kMostIssues) break;
       if (!used_.count(name) && !used_without_effect_.count(name) && !definitions_.count(name))
         description_.warnings.push_back(where.text() + ": the parameter \"" + name + "\" is not used");
     }
@@ -338,10 +353,9 @@ class XmlReader {
     for (const auto& alias : aliases_) {
       const auto target = description_.ids.find(alias->get("id"));
       if (target == description_.ids.end()) {
-        std::vector<std::string> known;
-        for (const auto& [id, element] : description_.ids) known.push_back(id);
-        report_.refuse(alias->location, "<alias>: nothing has the id \"" + alias->get("id") + "\"" +
-                                            did_you_mean(alias->get("id"), known));
+        const std::string& id = alias->get("id");
+        report_.refuse(alias->location, "<alias>: nothing has the id \"" + id + "\"" +
+                                            did_you_mean(id, keys_near(description_.ids, id)));
         continue;
       }
       if (!description_.ids.emplace(alias->get("as"), target->second).second) {
@@ -353,7 +367,7 @@ class XmlReader {
   Description& description_;
   SceneReport& report_;
   bool old_ = false;  // the file that is read has a version below 2
-  std::map<std::string, std::string> parameters_;
+  std::map<std::string, std::string, std::less<>> parameters_;
   const std::map<std::string, std::string>& definitions_;
   std::map<std::string, Location> declared_;
   std::set<std::string> used_, used_without_effect_;

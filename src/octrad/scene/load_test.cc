@@ -147,6 +147,12 @@ TEST_F(LoadTest, Parameters) {
   EXPECT_EQ(color(R"(<default name="a" value="0"/><default name="a-b" value="0.5"/>
     <bsdf type="diffuse"><rgb name="reflectance" value="$a-b 0 $a.25"/></bsdf>)"),
             Vec3f(0.5f, 0.0f, 0.25f));
+  // Of names that go on differently from what is there, the one that both begin with.
+  EXPECT_EQ(
+      color(
+          R"(<default name="c" value="0."/><default name="cc" value="0."/><default name="ccb" value="9"/><default name="cc31" value="9"/>
+    <bsdf type="diffuse"><rgb name="reflectance" value="$cc5 $cc32 $c25"/></bsdf>)"),
+      Vec3f(0.5f, 0.32f, 0.25f));
   refuses(R"(<shape type="obj"><string name="filename" value="\$a.obj"/></shape>)", "2:19", {"\"$a.obj\""});
   refuses(R"(<default name="a"/>)", "2:1", {"needs the attribute \"value\""});
 }

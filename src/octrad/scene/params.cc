@@ -128,7 +128,7 @@ Transform parse_operation(const Element& e, std::vector<std::string>& warnings) 
     if (!angle || angle->size() != 1)
       fail(e.location, "<rotate>: angle=\"" + e.get("angle") + "\" is not a finite number (degrees)");
     if (!(length(axis) > 0.0)) fail(e.location, "<rotate>: the axis is zero; give x, y, z");
-    if (std::fabs(length(axis) - 1.0) > 1e-4) {
+    if (std::fabs(length(axis) - 1.0) > 1e-4 && warnings.size() < kMostIssues) {
       warnings.push_back(e.location.text() +
                          ": <rotate>: the axis was normalised (Mitsuba 3.9 does not: its result is not a rotation)");
     }
@@ -237,9 +237,8 @@ const Element& follow_reference(const Description& description, const Element& e
   if (!id) fail(element.location, "<ref> needs the attribute \"id\"");
   const auto target = description.ids.find(*id);
   if (target == description.ids.end()) {
-    std::vector<std::string> known;
-    for (const auto& [key, value] : description.ids) known.push_back(key);
-    fail(element.location, "<ref>: nothing has the id \"" + *id + "\"" + did_you_mean(*id, known));
+    fail(element.location,
+         "<ref>: nothing has the id \"" + *id + "\"" + did_you_mean(*id, keys_near(description.ids, *id)));
   }
   return *target->second;
 }

@@ -1,11 +1,6 @@
 #include "octrad/scene/report.h"
 
 namespace octrad {
-namespace {
-
-constexpr std::size_t kMostIssues = 1000;  // more say nothing new, and a file can hold millions
-
-}  // namespace
 
 void SceneReport::refuse(const Location& where, const std::string& what) {
   if (!collect_) fail(where, what);
@@ -23,8 +18,12 @@ void SceneReport::collect(const Location& where, const Error& error) {
 }
 
 void SceneReport::assume(const Location& where, const std::string& what) {
-  const auto [at, inserted] = index_.emplace(what, assumed_.size());
-  if (inserted) assumed_.push_back({what, where, 0});
+  auto at = index_.find(what);
+  if (at == index_.end()) {
+    if (assumed_.size() >= kMostIssues) return;
+    at = index_.emplace(what, assumed_.size()).first;
+    assumed_.push_back({what, where, 0});
+  }
   ++assumed_[at->second].count;
 }
 

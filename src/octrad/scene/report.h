@@ -9,6 +9,9 @@
 
 namespace octrad {
 
+// Mistakes, assumptions and warnings that are kept of each kind: more say nothing new, and a file can hold millions.
+inline constexpr std::size_t kMostIssues = 1000;
+
 // Something in a scene file that cannot be used.
 struct SceneIssue {
   std::string where;  // "file:line:column"
