@@ -474,6 +474,9 @@ cost("defaults-not-used", scene(f'<include filename="{LONG_PATH}"/>' + SENSOR + 
 cost("axes-of-length-2", scene(f'<include filename="{LONG_PATH}"/>' + SENSOR), 0, "the axis was normalised",
      t_xml=scene('<shape type="cube"><transform name="to_world">' + '<rotate x="2" angle="0"/>' * 100000 + "</transform></shape>"))
 cost("old-parameters-not-used", scene(SENSOR + CUBE + repeated('<integer name="' + "x" * 400 + '{}" value="1"/>', 60000), "0.6.0"))
+cost("long-spectrum-used-often", scene('<spectrum id="s" type="irregular">' + "".join(f'<string name="{name}" value="{repeated("{} ", 60000)}"/>' for name in ("wavelengths", "values")) + "</spectrum>"
+     + '<bsdf type="diffuse"><ref name="reflectance" id="s"/></bsdf>' * 5000 + SENSOR + CUBE), 0, "was clamped")
+cost("spectrum-file-used-often", scene('<bsdf type="diffuse"><spectrum name="reflectance" filename="a.spd"/></bsdf>' * 5000 + SENSOR + CUBE), a_spd=repeated("{} 0.5\n", 100000))
 cost("deep-mixture", scene('<bsdf type="mixturebsdf"><string name="weights" value="' + "0.000001 " * 100000 + '"/>' + '<bsdf type="diffuse"/>' * 100000 + "</bsdf>" + SENSOR + CUBE, "0.6.0"), 2, "at most 8")
 for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
     bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])

@@ -169,6 +169,9 @@ class SceneBuilder {
   std::map<std::pair<const Element*, bool>, int> textures_;  // by element, and whether it is reduced to a scalar
   std::map<int, std::size_t> bitmap_of_;                     // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
+  // Colours of spectra, which may be long and be referred to often: by element, and by file.
+  std::map<std::pair<const Element*, SpectrumUse>, Vec3f> spectra_;
+  std::map<std::pair<std::string, SpectrumUse>, Vec3f> spectrum_files_;
   std::map<const Element*, unsigned> texture_kinds_;
   std::vector<AttributeUse> attribute_uses_;  // of the shape that is being added
   bool in_shape_ = false;

@@ -78,7 +78,10 @@ Vec3f SceneBuilder::spectrum_value(const Element& element, TextureRole role) {
     check_attributes(element, {"name", "value", "filename"});
     if (const std::string* file = element.find("filename")) {
       if (element.find("value")) fail(element.location, "<spectrum> takes either a value or a filename");
-      return rgb_of(read_spectrum(description_.resolve(*file, element.location)), role, element.location);
+      const std::pair key{description_.resolve(*file, element.location), use_of(role)};
+      const auto known = spectrum_files_.find(key);
+      if (known != spectrum_files_.end()) return known->second;
+      return spectrum_files_[key] = rgb_of(read_spectrum(key.first), role, element.location);
     }
     const std::string& text = element.get("value");
     if (text.find(':') != std::string::npos)
@@ -127,7 +130,9 @@ std::optional<Vec3f> SceneBuilder::constant_value(const Element& element, Textur
   } else if (element.tag == "float" || element.tag == "integer") {
     value = one_number(element);
   } else if (is_spectrum(element)) {
-    value = spectrum_value(element, role);
+    const std::pair key{&element, use_of(role)};
+    const auto known = spectra_.find(key);
+    value = known != spectra_.end() ? known->second : spectra_[key] = spectrum_value(element, role);
   }
   if (!value) return std::nullopt;
   const Range range = range_of(role);
