@@ -481,7 +481,31 @@ cost("deep-mixture", scene('<bsdf type="mixturebsdf"><string name="weights" valu
 for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
     bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])
 
-ONE_PIXEL = png(1, 1, b"\0\1")# What is odd and right
+ONE_PIXEL = png(1, 1, b"\0\1")
+def cost_gltf(name, change, code=0, text="", arguments=(), **files):
+    gltf("cost-" + name, change, text, code, **files)
+    case_name, inputs, said, code, text = CASES.pop()
+    case(case_name, inputs, [*said, *arguments], code, text)
+
+
+ZEROS = {"componentType": 5126, "type": "VEC3", "count": 2000000}  # no bytes of the file
+cost_gltf("vertices-used-often", lambda g: (g.add("accessors", ZEROS), put("meshes", 0, "primitives", value=[
+    {"attributes": {"POSITION": 1}, "indices": g.accessor("SCALAR", [0, 1, 2], 5123)}] * 3000)(g), None)[-1], 2, "used too often")
+cost_gltf("targets-used-often", lambda g: (g.add("accessors", ZEROS), g.json["meshes"][0].update(weights=[1] * 3000), put("meshes", 0, "primitives", value=[
+    {"attributes": {"POSITION": 1}, "indices": g.accessor("SCALAR", [0, 1, 2], 5123), "targets": [{"POSITION": 1}] * 3000}])(g), None)[-1], 2, "used too often")
+cost_gltf("lights", lambda g: (g.json.update(extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}] * 20000}}),
+                               [g.node(extensions={"KHR_lights_punctual": {"light": i}}) for i in range(20000)], None)[-1])
+cost_gltf("extensions", lambda g: g.json.update(extensionsRequired=["KHR_materials_ior"] * 200000, extensionsUsed=[f"E{i}" for i in range(200000)]))
+cost_gltf("skins", lambda g: (g.json.update(skins=[{"joints": list(range(5000)) * 4}]), g.json["meshes"][0]["primitives"][0]["attributes"].update(
+    JOINTS_0=g.accessor("VEC4", [0] * 12, 5121), WEIGHTS_0=g.accessor("VEC4", [1] * 12)), [g.node(mesh=0, skin=0) for i in range(5000)], None)[-1])
+cost_gltf("broken-materials", lambda g: (g.json.update(materials=[{"alphaMode": "x"}] * 20000), put("meshes", 0, "primitives", value=[
+    {"attributes": {"POSITION": 0}, "material": i} for i in range(20000)])(g), None)[-1], 2, "things cannot be used", ["--check"])
+LONG_URI = "data:image/png;base64," + base64.b64encode(ONE_PIXEL[:33] + chunk(b"junk", bytes(1000000)) + ONE_PIXEL[33:]).decode()
+cost_gltf("picture-of-many-materials", lambda g: (textured({"uri": LONG_URI})(g), g.json.update(materials=[
+    {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [i / 1000, 1, 1, 1]}} for i in range(200)]), put("meshes", 0, "primitives", value=[
+        {**g.json["meshes"][0]["primitives"][0], "material": i} for i in range(200)])(g), None)[-1])
+
+# What is odd and right
 odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))
 odd("camera-on-a-surface", scene(SENSOR + '<shape type="rectangle"><transform name="to_world"><translate z="4"/></transform></shape>' + LIGHT))
 odd("no-light", scene(SENSOR + CUBE))

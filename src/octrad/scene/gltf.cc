@@ -95,7 +95,7 @@ class GltfReader {
     place_nodes();
     for (const auto& [index, places] : placed_) {
       const GltfObject mesh = file_->item("meshes", index);
-      add_mesh(mesh, places, {mesh, {}});
+      add_mesh(mesh, places, {mesh});
     }
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
     if (!has_camera_) add_default_camera();
@@ -111,15 +111,15 @@ class GltfReader {
 
   void check_extensions() {
     const GltfObject file = file_->root();
-    const std::vector<std::string> required = file.texts("extensionsRequired");
-    for (const std::string& name : required) {
+    const std::vector<std::string> listed = file.texts("extensionsRequired");
+    const std::set<std::string> required(listed.begin(), listed.end());
+    for (const std::string& name : listed) {
       if (kExtensions.count(name) == 0)
         report_.refuse(file.location(),
                        "the file requires the extension " + name + ", which is not supported" + extension_advice(name));
     }
     for (const std::string& name : file.texts("extensionsUsed")) {
-      if (kExtensions.count(name) == 0 && !name.starts_with("KHR_materials_") &&
-          std::find(required.begin(), required.end(), name) == required.end())
+      if (kExtensions.count(name) == 0 && !name.starts_with("KHR_materials_") && required.count(name) == 0)
         report_.assume(file.location(), "the extension " + name + " is left out");
     }
   }
@@ -198,25 +198,34 @@ class GltfReader {
   void add_posed(const GltfObject& node, const Transform& to_world) {
     const GltfObject mesh = file_->item("meshes", node.index("mesh", "meshes"));
     report_.attempt(node.location(), [&] {
-      GltfPose pose{node.has("weights") ? node : mesh, {}};
+      GltfPose pose{node.has("weights") ? node : mesh};
       const int skin_index = node.index("skin", "skins");
       if (skin_index < 0) return add_mesh(mesh, {to_world}, pose);
-      const GltfObject skin = file_->item("skins", skin_index);
-      const int accessor = skin.index("inverseBindMatrices", "accessors");
-      const GltfValues bound = accessor >= 0 ? file_->values(accessor, {16}) : GltfValues();
-      for (const std::uint64_t joint : skin.sizes("joints")) {
-        const std::size_t k = pose.joints.size();
-        Transform inverse;
-        for (std::size_t i = 0; i < 16 && k < bound.count; ++i)
-          inverse.m[4 * (i % 4) + i / 4] = static_cast<double>(bound.values[16 * k + i]);
-        const auto found = world_.find(static_cast<int>(std::min<std::uint64_t>(joint, file_->count("nodes"))));
-        if (found == world_.end() || (accessor >= 0 && k >= bound.count) || !inverse.is_affine())
-          skin.fail("joint " + std::to_string(k) + " is not in the scene, or has no inverse bind matrix");
-        pose.joints.push_back(found->second * inverse);
-      }
-      if (pose.joints.empty()) skin.fail("has no joints");
+      const auto [skin, inserted] = skins_.try_emplace(skin_index);
+      if (inserted) skin->second = read_skin(file_->item("skins", skin_index));  // where it fails it stays empty
+      if (skin->second.joints.empty()) file_->item("skins", skin_index).fail("has no joints that can be used");
+      pose.skin = &skin->second;
       add_mesh(mesh, {Transform()}, pose);
     });
+  }
+
+  GltfSkin read_skin(const GltfObject& skin) {
+    GltfSkin result;
+    const int accessor = skin.index("inverseBindMatrices", "accessors");
+    const GltfValues bound = accessor >= 0 ? file_->values(accessor, {16}) : GltfValues();
+    for (const std::uint64_t joint : skin.sizes("joints")) {
+      const std::size_t k = result.joints.size();
+      Transform inverse;
+      for (std::size_t i = 0; i < 16 && k < bound.count; ++i)
+        inverse.m[4 * (i % 4) + i / 4] = static_cast<double>(bound.values[16 * k + i]);
+      const auto found = world_.find(static_cast<int>(std::min<std::uint64_t>(joint, file_->count("nodes"))));
+      if (found == world_.end() || (accessor >= 0 && k >= bound.count) || !inverse.is_affine())
+        skin.fail("joint " + std::to_string(k) + " is not in the scene, or has no inverse bind matrix");
+      meter_.add(2 * (sizeof(Transform) + sizeof(GltfNormalMatrix)));
+      result.joints.push_back(found->second * inverse);
+      result.normals.push_back(result.joints.back().normal_matrix());
+    }
+    return result;
   }
 
   void place(int mesh, const Transform& to_world, const GltfObject& node) {
@@ -328,6 +337,7 @@ class GltfReader {
 
   Element& add_shape(Element& parent, const GltfObject& primitive, const std::string& mesh,
                      const GltfSurface& surface) {
+    meter_.add(kPlacedBytes);
     const Location where = primitive.location();
     const std::string bsdf = materials_.bsdf(surface);
     Element& shape = add_element(parent, where, "shape", {{"type", "ply"}});
@@ -367,6 +377,7 @@ class GltfReader {
   void add_sensor(const Location& where, const Transform& to_world, const std::string& type, double degrees,
                   double aspect, double near_clip, double far_clip) {
     has_camera_ = true;
+    meter_.add(kPlacedBytes);
     Element& sensor = add_element(root(), where, "sensor", {{"type", type}});
     const auto number = [&](Element& parent, const char* tag, const char* name, const std::string& value) {
       add_element(parent, where, tag, {{"name", name}, {"value", value}});
@@ -385,10 +396,10 @@ class GltfReader {
   }
 
   void add_light(const GltfObject& reference, const Transform& to_world) {
-    const std::vector<GltfObject> lights = file_->root().extension("KHR_lights_punctual").objects("lights");
     const std::uint64_t index = reference.size("light", 0);
-    if (index >= lights.size()) reference.fail("light " + std::to_string(index) + " does not exist");
-    const GltfObject light = lights[index];
+    const GltfObject light = file_->root().extension("KHR_lights_punctual").object_at("lights", index);
+    if (!light.exists()) reference.fail("light " + std::to_string(index) + " does not exist");
+    meter_.add(kPlacedBytes);
     const std::string type = light.text("type", "");
     const Location where = light.location();
     if (type != "point" && type != "spot" && type != "directional")
@@ -445,6 +456,7 @@ class GltfReader {
   std::map<int, std::vector<Transform>> placed_;  // where each mesh stands
   std::map<int, Transform> world_;                // of every node
   std::vector<std::pair<int, Transform>> posed_;  // nodes whose mesh has a skin or weights of its own
+  std::map<int, GltfSkin> skins_;                 // that were used
   std::size_t placed_count_ = 0;
   MemoryMeter meter_{"the tree of the scene file"};
   bool has_camera_ = false, has_light_ = false;

@@ -20,6 +20,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
+constexpr std::size_t kMaxUri = 1 << 14;  // of a file: no name is that long, and many may refer to it
+constexpr std::uint64_t kNumbersRead = 1 << 28, kNumbersReadPerByte = 64;  // from accessors, in all
 constexpr std::uint64_t kMaxZeros = 1 << 24;  // elements of an accessor without data, which the file need not hold
 
 enum Component { kByte = 5120, kUnsignedByte, kShort, kUnsignedShort, kUnsignedInt = 5125, kFloat };
@@ -107,6 +109,14 @@ std::vector<GltfObject> GltfObject::objects(const std::string& key) const {
   return result;
 }
 
+GltfObject GltfObject::object_at(const std::string& key, std::uint64_t at) const {
+  const nlohmann::json* found = member(key);
+  if (found && !found->is_array()) wrong(key, "a list of objects");
+  const nlohmann::json* object = found && at < found->size() ? &(*found)[at] : nullptr;
+  if (object && !object->is_object()) wrong(key, "a list of objects");
+  return {file_, object, (path_.empty() ? key : path_ + "." + key) + "[" + std::to_string(at) + "]"};
+}
+
 std::vector<std::string> GltfObject::keys() const {
   std::vector<std::string> result;
   if (object_) {
@@ -181,10 +191,14 @@ std::vector<std::string> GltfObject::texts(const std::string& key) const {
 }
 
 std::string GltfObject::text(const std::string& key, const std::string& fallback) const {
+  return has(key) ? long_text(key) : fallback;
+}
+
+const std::string& GltfObject::long_text(const std::string& key) const {
+  static const std::string none;
   const nlohmann::json* found = member(key);
-  if (!found) return fallback;
-  if (!found->is_string()) wrong(key, "a text");
-  return found->get<std::string>();
+  if (found && !found->is_string()) wrong(key, "a text");
+  return found ? found->get_ref<const std::string&>() : none;
 }
 
 bool GltfObject::flag(const std::string& key) const {
@@ -259,6 +273,8 @@ GltfObject GltfFile::item(const std::string& list, int index) const {
 }
 
 std::string GltfFile::resolve(const std::string& uri, const GltfObject& user) const {
+  const std::string shown = "\"" + uri.substr(0, 200) + "\"";
+  if (uri.size() > kMaxUri) user.fail("the uri " + shown + "... is longer than " + std::to_string(kMaxUri) + " bytes");
   std::string file;
   for (std::size_t i = 0; i < uri.size(); ++i) {
     const int high = uri[i] == '%' && i + 2 < uri.size() ? hex_digit(uri[i + 1]) : -1;
@@ -270,7 +286,6 @@ std::string GltfFile::resolve(const std::string& uri, const GltfObject& user) co
       file += uri[i];
     }
   }
-  const std::string shown = "\"" + uri.substr(0, 200) + "\"";
   const std::filesystem::path path(file);
   const std::size_t colon = file.find(':');
   if (file.find('\0') != std::string::npos || path.is_absolute() ||
@@ -313,7 +328,7 @@ void GltfFile::load_buffers() {
   for (std::size_t i = 0; i < count("buffers"); ++i) {
     const GltfObject buffer = item("buffers", static_cast<int>(i));
     const std::uint64_t length = buffer.size("byteLength", 0);
-    const std::string uri = buffer.text("uri", "");
+    const std::string& uri = buffer.long_text("uri");
     if (length == 0) buffer.fail("needs a byteLength above 0");
     std::string content;
     if (!uri.empty()) {
@@ -330,6 +345,7 @@ void GltfFile::load_buffers() {
       buffer.fail("byteLength is " + std::to_string(length) + ", but there are " + std::to_string(content.size()) +
                   " bytes");
     content.resize(length);
+    buffer_bytes_ += length;
     buffers_.push_back(std::move(content));
   }
 }
@@ -388,6 +404,7 @@ GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   const std::size_t bytes = component_size(kind), size = bytes * n;
   Elements source;
   if (buffer_view >= 0) source = elements(buffer_view, a.size("byteOffset", 0), count, size, false, a);
+  count_read(count * n, a);
   ask_memory(count * n * sizeof(float), name_);
   result.count = count;
   result.values.assign(count * n, 0.0f);
@@ -418,6 +435,16 @@ GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   return result;
 }
 
+// A few words say once more that an accessor is used, and reading it takes time: all of it must go with the file's
+// size.
+void GltfFile::count_read(std::uint64_t numbers, const GltfObject& accessor) const {
+  const std::uint64_t most = kNumbersRead + kNumbersReadPerByte * buffer_bytes_;
+  numbers_read_ += numbers;
+  if (numbers_read_ > most)
+    accessor.fail("the accessors are used too often: more than " + std::to_string(most) +
+                  " numbers would be read from buffers of " + std::to_string(buffer_bytes_) + " bytes");
+}
+
 std::vector<std::uint32_t> GltfFile::indices(int accessor) const {
   const GltfObject a = item("accessors", accessor);
   const int kind = a.integer("componentType", 0, kByte, kFloat);
@@ -429,6 +456,7 @@ std::vector<std::uint32_t> GltfFile::indices(int accessor) const {
   if (a.object("sparse").exists()) a.fail("sparse indices are not supported");
   if (count == 0 || count > kMostMeshElements * 3) a.fail("needs a count above 0");
   const Elements source = elements(buffer_view, a.size("byteOffset", 0), count, component_size(kind), false, a);
+  count_read(count, a);
   ask_memory(count * sizeof(std::uint32_t), name_);
   std::vector<std::uint32_t> result(count);
   for (std::size_t i = 0; i < count; ++i) result[i] = whole(source.first + i * source.stride, kind);

@@ -30,6 +30,8 @@ class GltfObject {
   GltfObject object(const std::string& key) const;
   GltfObject extension(const std::string& name) const { return object("extensions").object(name); }
   std::vector<GltfObject> objects(const std::string& key) const;
+  // The object at `at` of a list; one that does not exist where the list is shorter.
+  GltfObject object_at(const std::string& key, std::uint64_t at) const;
   std::vector<std::string> keys() const;
   double number(const std::string& key, double fallback, double lower = -1e30, double upper = 1e30) const;
   int integer(const std::string& key, int fallback, int lower, int upper) const;
@@ -40,6 +42,8 @@ class GltfObject {
   std::vector<std::uint64_t> sizes(const std::string& key) const;
   std::vector<std::string> texts(const std::string& key) const;
   std::string text(const std::string& key, const std::string& fallback) const;
+  // The text as the file keeps it, which may be long; empty where absent.
+  const std::string& long_text(const std::string& key) const;
   bool flag(const std::string& key) const;
   // Index of an item of the file's list; -1 where absent.
   int index(const std::string& key, const std::string& list) const;
@@ -97,6 +101,7 @@ class GltfFile {
   };
   void read_binary(const std::string& bytes);
   void load_buffers();
+  void count_read(std::uint64_t numbers, const GltfObject& accessor) const;
   // `count` elements of `size` bytes from `offset` in a view, all inside.
   Elements elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size, bool packed,
                     const GltfObject& user) const;
@@ -106,6 +111,8 @@ class GltfFile {
   nlohmann::json json_;
   std::string binary_;  // the chunk of a .glb
   std::vector<std::string> buffers_;
+  std::uint64_t buffer_bytes_ = 0;
+  mutable std::uint64_t numbers_read_ = 0;  // by values() and indices()
 };
 
 }  // namespace octrad

@@ -110,9 +110,11 @@ std::string GltfMaterials::bsdf(const GltfSurface& s) {
   id += std::string(s.uvs ? "" : "-plain") + (s.colors ? "-colors" : "") + (s.mirrored ? "-mirrored" : "");
   at->second = id;
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
+  const auto before = static_cast<std::ptrdiff_t>(all.size());
   if (report_.attempt(m.location(), [&] { add_bsdf(id, m, s); })) return id;
   // What is there of it goes; what looks like nothing else takes its place.
-  std::erase_if(all, [&](const std::unique_ptr<Element>& e) { return e->get("id") == id; });
+  all.erase(std::remove_if(all.begin() + before, all.end(), [&](const auto& e) { return e->get("id") == id; }),
+            all.end());
   Element& stand_in = add_element(*description_.root, m.location(), "bsdf", {{"type", "diffuse"}, {"id", id}});
   add_element(stand_in, m.location(), "rgb", {{"name", "reflectance"}, {"value", "1, 0, 1"}});
   description_.ids[id] = &stand_in;
@@ -313,11 +315,11 @@ bool GltfMaterials::add_texture(Element& parent, const std::string& name, const 
 // The name of a file, or of a picture that is made of one. `encoded`: its values are what the file says, to be decoded.
 std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe, bool& encoded) {
   using What = Recipe::What;
-  const std::string uri = image.text("uri", "");
+  const std::string* uri = &image.long_text("uri");  // of the file that `bytes` below keeps
   const int view = image.index("bufferView", "bufferViews");
-  if (uri.empty() == (view < 0)) image.fail("needs a uri or a bufferView, and not both");
-  const bool outside = !uri.empty() && !GltfFile::is_data(uri);
-  const std::string file = outside ? file_->resolve(uri, image) : "";
+  if (uri->empty() == (view < 0)) image.fail("needs a uri or a bufferView, and not both");
+  const bool outside = !uri->empty() && !GltfFile::is_data(*uri);
+  const std::string file = outside ? file_->resolve(*uri, image) : "";
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
   encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
   if (encoded && outside) return file;
@@ -334,7 +336,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   BuiltPicture& built = description_.built->pictures[at->second];
   // The file is kept as long as something reads from it.
   const auto bytes = [uri, view, outside, file, image, keep = file_] {
-    return outside ? read_file(file) : uri.empty() ? std::string(keep->view(view)) : GltfFile::decode(uri, image);
+    return outside ? read_file(file) : uri->empty() ? std::string(keep->view(view)) : GltfFile::decode(*uri, image);
   };
   const std::string place = image.location().text();
   if (encoded) {

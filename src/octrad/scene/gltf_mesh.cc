@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <optional>
 
 #include "octrad/base/memory_limit.h"
@@ -36,11 +35,9 @@ void add_targets(const GltfFile& file, const GltfObject& primitive, const GltfOb
 }
 
 // Linear blend skinning: the weighted mean of where each of four joints has the vertex.
-void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfValues& weights,
-              const std::vector<Transform>& transforms, RawMesh& mesh) {
+void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfValues& weights, const GltfSkin& skin,
+              RawMesh& mesh) {
   if (joints.count == 0 || weights.count == 0) primitive.fail("has a skin, but no JOINTS_0 and WEIGHTS_0");
-  std::vector<std::array<double, 9>> normals;
-  for (const Transform& t : transforms) normals.push_back(t.normal_matrix());
   for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
     Vec3d position(0.0), normal(0.0);
     double sum = 0.0;
@@ -49,12 +46,12 @@ void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfV
       const auto w = static_cast<double>(weights.values[k]);
       if (!(w > 0.0)) continue;
       const float joint = joints.values[k];
-      if (!(joint >= 0.0f && joint < static_cast<float>(transforms.size())))
+      if (!(joint >= 0.0f && joint < static_cast<float>(skin.joints.size())))
         primitive.fail("vertex " + std::to_string(i) + " has a joint that the skin has not");
       const auto j = static_cast<std::size_t>(joint);
       sum += w;
-      position += transforms[j].point(p) * w;
-      const std::array<double, 9>& m = normals[j];
+      position += skin.joints[j].point(p) * w;
+      const GltfNormalMatrix& m = skin.normals[j];
       normal += Vec3d(m[0] * n.x + m[1] * n.y + m[2] * n.z, m[3] * n.x + m[4] * n.y + m[5] * n.z,
                       m[6] * n.x + m[7] * n.y + m[8] * n.z) *
                 w;
@@ -122,8 +119,7 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
   if (count == 0) primitive.fail("has no POSITION");
   mesh.normals = vectors(read("NORMAL", {3}, count));
   add_targets(file, primitive, pose.weights, mesh);
-  if (!pose.joints.empty())
-    set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), pose.joints, mesh);
+  if (pose.skin) set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), *pose.skin, mesh);
   const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
   for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
   if (color) {

@@ -1,6 +1,7 @@
 // Turns a glTF file into elements; see gltf.h. Internal to gltf*.cc.
 #pragma once
 
+#include <array>
 #include <compare>
 #include <map>
 #include <memory>
@@ -24,11 +25,17 @@ Element& add_element(Element& parent, const Location& where, const std::string& 
 void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
 std::string three_numbers(Vec3d v);
 
-// How a mesh stands: the object that may have `weights` of its morph targets, and of a skin, for each joint, what takes
-// vertices as they were bound to where the joint has them.
+// For each joint what takes vertices, and normals, as they were bound to where the joint has them.
+using GltfNormalMatrix = std::array<double, 9>;
+struct GltfSkin {
+  std::vector<Transform> joints;
+  std::vector<GltfNormalMatrix> normals;
+};
+
+// How a mesh stands: the object that may have `weights` of its morph targets, and its skin; null: none.
 struct GltfPose {
   GltfObject weights;
-  std::vector<Transform> joints;
+  const GltfSkin* skin = nullptr;
 };
 
 // A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, as "vertex_color", the colours
