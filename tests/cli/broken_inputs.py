@@ -482,6 +482,10 @@ for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
     bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])
 
 ONE_PIXEL = png(1, 1, b"\0\1")
+TEXTS = b"".join(chunk(b"zTXt", b"k%d\0\0" % i + zlib.compress(bytes(7900000), 9)) for i in range(60))
+case("cost-png-texts", {"a.png": ONE_PIXEL[:33] + TEXTS + ONE_PIXEL[33:]}, ["info", "a.png"], 0, "")
+
+
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):
     gltf("cost-" + name, change, text, code, **files)
     case_name, inputs, said, code, text = CASES.pop()

@@ -44,6 +44,7 @@ class PngReader {
     if (info_ == nullptr) throw MemoryError("not enough memory to read a PNG file");
     png_set_read_fn(png_, &source_, on_read);
     png_set_user_limits(png_, 0x7fffffff, 0x7fffffff);  // check_size() knows the limits
+    png_set_chunk_cache_max(png_, 1);  // texts and the like, which may be large once they are inflated, are left out
   }
   ~PngReader() { png_destroy_read_struct(&png_, &info_, nullptr); }
   PngReader(const PngReader&) = delete;
