@@ -486,6 +486,16 @@ TEXTS = b"".join(chunk(b"zTXt", b"k%d\0\0" % i + zlib.compress(bytes(7900000), 9
 case("cost-png-texts", {"a.png": ONE_PIXEL[:33] + TEXTS + ONE_PIXEL[33:]}, ["info", "a.png"], 0, "")
 
 
+def many_scans(side, count):
+    """A grey JPEG, progressive with arithmetic coding: of each coefficient bit by bit, all of them 0."""
+    data = b"\xff\xd8\xff\xdb" + struct.pack(">H", 67) + b"\0" + bytes([16] * 64) + b"\xff\xca" + struct.pack(">HBHHB", 11, 8, side, side, 1) + b"\1\x11\0" + b"\xff\xda\0\x08\1\1\0\0\0\0"
+    for k, low in [(k, low) for k in range(1, 64) for low in range(13, -1, -1)][:count]:
+        data += b"\xff\xda\0\x08\1\1\0" + bytes([k, k, ((low + 1) << 4 if low < 13 else 0) | low]) + b"\xa5\xe3"
+    return data + b"\xff\xd9"
+
+
+case("cost-jpeg-scans", {"a.jpg": many_scans(5500, 490)}, ["info", "a.jpg"], 2, "more than 283 scans")
+case("cost-jpeg-small-scans", {"a.jpg": many_scans(16, 490)}, ["info", "a.jpg"], 0, "")
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):
     gltf("cost-" + name, change, text, code, **files)
     case_name, inputs, said, code, text = CASES.pop()

@@ -1,5 +1,6 @@
 // JPEG through libjpeg (libjpeg-turbo). Its errors are jumps (setjmp): between a jump and its target only plain C data
 // may live, which is why every call of the library stands in a function whose objects belong to its caller.
+#include <algorithm>
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
@@ -13,7 +14,9 @@
 namespace octrad {
 namespace {
 
-constexpr int kMostScans = 500;  // of a progressive picture: each costs as much time as a whole one
+// Of a progressive picture: each scan takes as much time as a whole one, and a few bytes.
+constexpr int kMostScans = 500;
+constexpr double kMostScanned = 0x1p33;  // pixels, once for each scan
 
 struct Errors {
   jpeg_error_mgr base;  // first: the library knows this part
@@ -39,9 +42,12 @@ void on_message(j_common_ptr jpeg, int level) {
 }
 
 void on_progress(j_common_ptr jpeg) {
-  if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number <= kMostScans) return;
+  const auto* picture = reinterpret_cast<j_decompress_ptr>(jpeg);
+  const int most = static_cast<int>(
+      std::min<double>(kMostScans, kMostScanned / (static_cast<double>(picture->image_width) * picture->image_height)));
+  if (picture->input_scan_number <= std::max(most, 1)) return;
   auto* errors = reinterpret_cast<Errors*>(jpeg->err);
-  std::snprintf(errors->text, sizeof(errors->text), "more than %d scans", kMostScans);
+  std::snprintf(errors->text, sizeof(errors->text), "more than %d scans", most);
   std::longjmp(errors->jump, 1);
 }
 
