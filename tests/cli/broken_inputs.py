@@ -496,6 +496,19 @@ def many_scans(side, count):
 
 case("cost-jpeg-scans", {"a.jpg": many_scans(5500, 490)}, ["info", "a.jpg"], 2, "more than 283 scans")
 case("cost-jpeg-small-scans", {"a.jpg": many_scans(16, 490)}, ["info", "a.jpg"], 0, "")
+EXR_START = b"\x76\x2f\x31\x01\2\0\0\0"
+
+
+def exr_attribute(name, kind, value):
+    return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<I", len(value)) + value
+
+
+for name, attributes in (("channels", exr_attribute("channels", "chlist", b"".join(b"%d\0" % i + struct.pack("<6i", 2, 0, 1, 1, 0, 0)[:16] for i in range(200000)) + b"\0")),
+                         ("attributes", b"".join(exr_attribute(str(i), "string", b"x") for i in range(400000))),
+                         ("texts", exr_attribute("s", "stringvector", bytes(4 * 4000000)))):
+    case(f"cost-exr-{name}", {"a.exr": EXR_START + attributes + b"\0"}, ["info", "a.exr"], 4, "its header")
+
+
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):
     gltf("cost-" + name, change, text, code, **files)
     case_name, inputs, said, code, text = CASES.pop()

@@ -29,6 +29,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/lower_case.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/io_internal.h"
 
@@ -164,9 +165,10 @@ void check_headers(const std::string& file, const std::string& bytes) {
     return std::string_view(bytes).substr(begin, end - begin);
   };
   const bool multipart = bytes.size() >= 8 && (bytes[5] & 0x10) != 0;
-  for (;;) {  // headers; a file of several parts has an empty one at the end
+  std::uint64_t kept = 0;  // by the library, about: names of 256 bytes, in its lists of attributes and of channels
+  for (;;) {               // headers; a file of several parts has an empty one at the end
     if (at >= bytes.size()) broken();
-    if (bytes[at] == '\0') return;
+    if (bytes[at] == '\0') break;
     while (at < bytes.size() && bytes[at] != '\0') {
       text();  // name
       const std::string_view type = text();
@@ -175,10 +177,12 @@ void check_headers(const std::string& file, const std::string& bytes) {
       at += 4;
       if (size > bytes.size() - at || !fills_its_size(type, std::string_view(bytes).substr(at, size))) broken();
       at += size;
+      kept += 700 + size * (type == "chlist" ? 150 : type == "stringvector" ? 24 : 2);
     }
-    if (!multipart) return;
+    if (!multipart) break;
     ++at;
   }
+  ask_memory(kept, file + ": its header");
 }
 
 // A part of a file, and its channels by their names there and in the picture.
