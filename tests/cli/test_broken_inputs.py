@@ -104,6 +104,17 @@ class BrokenModels(Case):
                           ("\x1b[31m,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,1", r"\x1b[31m")):
             self.write("p.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n" + row + "\n")
             self.fails(2, text, "query", self.path("m.octrad"), "--points", points)
+        self.write("p.csv", "," * 10000000)  # a column each
+        self.fails(4, "p.csv needs", "query", self.path("m.octrad"), "--points", points, "--max-memory", "200M")
+        # A file with holes states more than there is disk.
+        kept = {"dtype": "I32", "shape": [10 ** 9, 3], "data_offsets": [0, 12 * 10 ** 9]}
+        fixed = {name: {"dtype": "F32", "shape": [3], "data_offsets": [12 * 10 ** 9 + 12 * i, 12 * 10 ** 9 + 12 * i + 12]} for i, name in enumerate(("octree.origin", "octree.size"))}
+        text = json.dumps({"__metadata__": metadata, "octree.level1.cells": kept, **fixed}).encode()
+        with open(broken, "wb") as out:
+            out.write(len(text).to_bytes(8, "little") + text)
+            out.seek(12 * 10 ** 9, os.SEEK_CUR)
+            out.write(tensors["octree.origin"][2] + tensors["octree.size"][2])
+        self.fails(4, "broken.octrad needs 11.2 GiB", "query", broken, "--points", self.write("p.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0,-1,0,0,1,0,0,1,0,0.5,0.5,0.5,1\n"), "--max-memory", "200M")
 
 
 if __name__ == "__main__":

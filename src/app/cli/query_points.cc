@@ -66,6 +66,9 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
     begin = end + 1;
     ++line_number;
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    constexpr std::size_t kLongLine = 1 << 16;
+    if (line.size() > kLongLine)
+      ask_memory(static_cast<std::uint64_t>(std::count(line.begin(), line.end(), ',')) * 3 * sizeof(std::string), file);
     const std::vector<std::string> cells = split_line(line);
     if (columns == 0) {
       columns = cells.size();

@@ -82,6 +82,7 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   for (int l = 1; l <= levels; ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".cells";
     const auto t = in.get(name, DType::i32, {-1, 3});
+    ask_memory(t.bytes, in.file());  // files may have holes: what they hold may be more than their disk
     std::vector<Vec3i> cells(static_cast<std::size_t>(t.shape[0]));
     in.read(t, cells.data());
     const int resolution = spatial_resolution(l);
@@ -101,6 +102,7 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
   if (!in.has(kFarEndRays)) return;
   const auto rays = in.get(kFarEndRays, DType::f32, {-1, 9});
   const auto hits = in.get(kFarEndHits, DType::i32, {rays.shape[0], 3});
+  ask_memory(rays.bytes + hits.bytes, in.file());
   state.far_end_rays.resize(static_cast<std::size_t>(rays.shape[0]));
   state.far_end_hits.resize(state.far_end_rays.size());
   in.read(rays, state.far_end_rays.data());

@@ -8,6 +8,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/version.h"
 #include "octrad/model/safetensors.h"
 
@@ -78,6 +79,7 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
   if (state.samples < 1 || state.largest_pass < 1 || !(state.seconds >= 0.0))
     throw InputError(fmt::format("{}: broken: {} samples in passes of {}", file, state.samples, state.largest_pass));
   const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
+  ask_memory(sums.bytes, file);
   state.sums.resize(static_cast<std::size_t>(sums.count));
   in.read(sums, state.sums.data());
   in.require_unchanged();
