@@ -486,6 +486,15 @@ TEXTS = b"".join(chunk(b"zTXt", b"k%d\0\0" % i + zlib.compress(bytes(7900000), 9
 case("cost-png-texts", {"a.png": ONE_PIXEL[:33] + TEXTS + ONE_PIXEL[33:]}, ["info", "a.png"], 0, "")
 
 
+def flat_hdr(side, value):
+    """A square of one colour, in runs."""
+    runs = bytes([255, value]) * (side // 127) + bytes([128 + side % 127, value])
+    return b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (side, side) + (b"\2\2" + struct.pack(">H", side) + runs * 4) * side
+
+
+case("cost-merge", {"a.hdr": flat_hdr(2300, 100), "b.hdr": flat_hdr(2300, 90)}, ["merge", "a.hdr:1", "b.hdr:2", "-o", "o.exr"], 4, "o.exr: merging")
+
+
 def many_scans(side, count):
     """A grey JPEG, progressive with arithmetic coding: of each coefficient bit by bit, all of them 0."""
     data = b"\xff\xd8\xff\xdb" + struct.pack(">H", 67) + b"\0" + bytes([16] * 64) + b"\xff\xca" + struct.pack(">HBHHB", 11, 8, side, side, 1) + b"\1\x11\0" + b"\xff\xda\0\x08\1\1\0\0\0\0"

@@ -10,6 +10,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
@@ -17,6 +18,9 @@
 
 namespace octrad::cli {
 namespace {
+
+// Of a picture, whose metadata may say anything: they are added up.
+constexpr long long kMostSamples = 1'000'000'000'000;
 
 struct MergeOptions {
   ExrOptions exr;
@@ -48,7 +52,7 @@ Part read_part(const std::string& word) {
   if (is_display_referred(part.image))
     throw InputError(part.file + ": holds what a screen shows; merge needs linear radiance (EXR, HDR, PFM)");
   if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);
-  if (part.spp <= 0)
+  if (part.spp <= 0 || part.spp > kMostSamples)
     throw InputError(fmt::format("{0} does not say how many samples a pixel it has: write {0}:SPP", part.file));
   part.seed = metadata_value<long long>(part.image, "octrad.render", "seed", -1);
   return part;
@@ -128,6 +132,8 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   if (!o.aux.empty() || !same_layers) {
     for (Part& part : parts) part.image = extract_rgb(part.image);
   }
+  // The mean and that of a half, each with its sums.
+  ask_memory(parts.front().image.data.size() * 2 * (sizeof(float) + sizeof(double)), o.output + ": merging");
   const std::size_t half = parts.size() / 2, n = parts.size();
   const long long spp = total_spp(parts, 0, n);
   Image out = weighted_mean(parts, 0, n);
