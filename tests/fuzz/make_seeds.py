@@ -89,7 +89,70 @@ put("scene", "world", '<scene version="3.0.0"><sensor type="thinlens"><float nam
     '<rfilter type="lanczos"/></film></sensor><sensor type="orthographic"/><shape type="disk"/><shape type="cylinder"/><shape type="shapegroup" id="g"><shape type="cube"/><shape type="sphere"/></shape>'
     '<shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/></transform></shape><emitter type="point"/><emitter type="spot"><float name="cutoff_angle" value="30"/></emitter>'
     '<emitter type="directional"/><emitter type="projector"><texture name="irradiance" type="bitmap"><string name="filename" value="t.png"/></texture></emitter></scene>')
+# Every type of each kind of object, with what it takes.
+TEXTURE = '<texture name="{}" type="bitmap"><string name="filename" value="t.png"/><string name="filter_type" value="nearest"/><string name="wrap_mode" value="{}"/><boolean name="raw" value="true"/>' \
+          '<transform name="to_uv"><scale x="2" y="2"/><translate x="0.5"/></transform></texture>'
+BSDFS = {
+    "diffuse": TEXTURE.format("reflectance", "mirror"), "roughdiffuse": '<float name="alpha" value="0.3"/><boolean name="use_fast_approx" value="true"/>',
+    "plastic": '<rgb name="diffuse_reflectance" value="#ff8000"/><boolean name="nonlinear" value="true"/><float name="int_ior" value="1.9"/>',
+    "roughplastic": '<string name="distribution" value="ggx"/><float name="alpha" value="0.2"/>', "conductor": '<string name="material" value="Au"/>',
+    "roughconductor": '<spectrum name="eta" value="400:1.5, 700:2"/><rgb name="k" value="3 2 1"/><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.3"/>',
+    "dielectric": '<string name="int_ior" value="water"/>', "thindielectric": '<float name="specular_reflectance" value="0.5"/>', "roughdielectric": TEXTURE.format("alpha", "clamp"), "null": "",
+    "blendbsdf": '<float name="weight" value="0.3"/><bsdf type="diffuse"/><bsdf type="conductor"/>',
+    "principled": '<rgb name="base_color" value="1 0.5 0"/>' + "".join(f'<float name="{name}" value="0.5"/>' for name in (
+        "roughness", "anisotropic", "metallic", "spec_trans", "spec_tint", "sheen", "sheen_tint", "flatness", "clearcoat", "clearcoat_gloss", "specular", "main_specular_sampling_rate")),
+    "principledthin": '<float name="diff_trans" value="1"/><float name="eta" value="1.4"/><float name="spec_trans" value="0.5"/>',
+    "normalmap": TEXTURE.format("normalmap", "repeat") + '<bsdf type="roughplastic"/>', "bumpmap": TEXTURE.format("a", "repeat") + '<float name="scale" value="2"/><bsdf type="diffuse"/>',
+    "mask": '<float name="opacity" value="0.3"/><bsdf type="diffuse"/>', "twosided": '<bsdf type="diffuse"/><bsdf type="plastic"/>'}
+EYE = '<transform name="to_world"><lookat origin="0 0 4" target="0 0 0" up="0 1 0"/></transform>'
+for number, (kind, inside) in enumerate(BSDFS.items()):
+    put("scene", "bsdf-" + kind, f'<scene version="{("2.1.0", "3.5.0")[number % 2]}"><sensor type="perspective">{EYE}</sensor><shape type="cube"><bsdf type="{kind}">{inside}</bsdf></shape></scene>')
+FILTERS = {"box": "", "tent": '<float name="radius" value="1.5"/>', "gaussian": '<float name="stddev" value="0.4"/>', "mitchell": '<float name="B" value="0.3"/>', "catmullrom": "", "lanczos": '<integer name="lobes" value="2"/>'}
+SENSORS = {"perspective": '<string name="focal_length" value="50mm"/><float name="principal_point_offset_y" value="0.1"/>',
+           "thinlens": '<float name="aperture_radius" value="0.1"/><float name="fov" value="30"/><string name="fov_axis" value="larger"/>', "orthographic": '<float name="near_clip" value="0.1"/>'}
+for number, (kind, inside) in enumerate(FILTERS.items()):
+    put("scene", "filter-" + kind, f'<scene version="3.0.0"><sensor type="{list(SENSORS)[number % 3]}">{EYE}{list(SENSORS.values())[number % 3]}<sampler type="independent"/>'
+        f'<film type="hdrfilm"><integer name="width" value="8"/><integer name="crop_offset_x" value="2"/><integer name="crop_width" value="4"/><rfilter type="{kind}">{inside}</rfilter></film></sensor>'
+        '<integrator type="aov"><string name="aovs" value="d:depth"/><integrator type="path"><integer name="max_depth" value="5"/></integrator></integrator><shape type="sphere"/></scene>')
+put("scene", "spectra", f'<scene version="3.0.0"><default name="x" value="0.5"/><sensor type="perspective">{EYE}</sensor>' + "".join(
+    f'<shape type="{shape}"><emitter type="area"><spectrum name="radiance" type="{kind}">{inside}</spectrum></emitter></shape>' for shape, kind, inside in (
+        ("cube", "uniform", '<float name="value" value="$x"/>'), ("sphere", "d65", '<float name="scale" value="2"/>'), ("disk", "srgb", '<rgb name="color" value="1 0 0"/>'),
+        ("cylinder", "rawconstant", '<vector name="value" value="1 2 3"/>'), ("rectangle", "regular", '<string name="range" value="400, 700"/><string name="values" value="1 2 3"/>'),
+        ("cube", "irregular", '<string name="wavelengths" value="400 500"/><string name="values" value="1 2"/>'), ("cube", "blackbody", '<float name="temperature" value="3000"/>')))
+    + '<shape type="merge"><shape type="cube"><bsdf type="diffuse"><spectrum name="reflectance" filename="t.spd"/></bsdf></shape></shape></scene>')
+put("scene", "attributes", f'<scene version="3.0.0"><sensor type="perspective">{EYE}</sensor><shape type="ply"><string name="filename" value="t.ply"/><boolean name="face_normals" value="true"/><bsdf type="diffuse">'
+    '<texture name="reflectance" type="mesh_attribute"><string name="name" value="vertex_color"/><float name="scale" value="0.5"/></texture></bsdf></shape><shape type="ply"><string name="filename" value="t.ply"/>'
+    '<bsdf type="principled"><texture name="roughness" type="mesh_attribute"><string name="name" value="face_color"/></texture></bsdf></shape></scene>')
+put("scene", "parts", f'<scene version="3.0.0"><include filename="t.xml"/><path value="."/><bsdf type="diffuse" id="a"/><alias id="a" as="b"/><texture type="checkerboard" id="t"><rgb name="color0" value="1 0 0"/></texture>'
+    f'<sensor type="perspective">{EYE}<float name="principal_point_offset_x" value="0.1"/></sensor><shape type="cube"><ref id="b"/></shape><shape type="obj"><string name="filename" value="t.obj"/><bsdf type="diffuse">'
+    '<ref id="t" name="reflectance"/></bsdf><transform name="to_world"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"/><rotate x="1" angle="30"/><scale x="2"/></transform></shape></scene>')
+OLD_BSDFS = ("phong", "ward", "coating", "roughcoating", "difftrans", "mixturebsdf", "bumpmap", "mask", "blendbsdf", "conductor", "roughconductor")
+for version, bsdfs in (("0.5.0", OLD_BSDFS[:5]), ("0.6.0", OLD_BSDFS[5:])):
+    put("old_scene", version, f'<scene version="{version}"><sensor type="thinlens"><film type="ldrfilm"><float name="gamma" value="2.2"/></film></sensor><emitter type="sunsky"/><emitter type="envmap"><float name="gamma" value="1"/></emitter>'
+        + "".join(f'<shape type="cube"><bsdf type="{kind}"><srgb name="diffuseReflectance" value="#808080"/><float name="exponent" value="20"/><texture type="scale"><float name="scale" value="0.5"/><texture type="bitmap">'
+                  '<string name="filename" value="t.png"/><string name="wrapModeU" value="zero"/><string name="filterType" value="ewa"/></texture></texture><bsdf type="diffuse"/><string name="weights" value="1"/>'
+                  '<string name="distribution" value="phong"/><float name="extEta" value="1.3"/></bsdf></shape>' for kind in bsdfs) + "</scene>")
+put("spectrum", "pairs", "# nm value\n400 0.5\n500.5\t1e-3\r\n700 2\n")
+for name in ("main", "flicker"):
+    with open(os.path.join(here, "..", "..", "configs", "paper", name + ".json"), "rb") as matrix:
+        put("matrix", name, matrix.read())
+put("matrix", "all", '{"title": "a", "about": "b", "scenes": ["c"], "views": {"c": [0, {"name": "v", "origin": [0, 0, 1], "target": [0, 0, 0]}], "*": [1]}, "methods": ["nr", "path"], "switches": [{"name": "s", "keys": '
+    '{"octree.levels": 3}}], "seeds": [1, 2], "equal": ["seconds", "bytes"], "preset": "cpu", "keys": {"adam.rate": 0.01}, "time": "5min", "steps": 9, "spp": {"nr": 2}, "width": 64, "reference_spp": 4, "learned": true, '
+    '"path_spp": [1, 4], "temporal_frames": 4, "temporal_spp": 2, "paths": {"c": {"keys": []}}}')
+put("message", "all", '{"type": "set", "camera": {"origin": [0,1,4], "target": [0,1,0], "fov": 40}, "input": 7, "width": 64, "height": 32, "a": {"integrator": "lhs", "model": 1}, "b": {"integrator": "stored"}, "errors": true, '
+    '"most_error": 0.5, "full": true, "layer": "normal", "exposure": -1.5, "curve": "filmic", "white": [1, 0.9, 1.1]}')
+put("message", "no-b", '{"type": "set", "b": null, "layer": ""}')
 put("png", "grey", png(2, 2, b"\0\x40\x80\0\x80\x40"))
+put("png", "all-chunks", b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 3, 3, 4, 3, 0, 0, 1)) + chunk(b"PLTE", bytes(range(12))) + chunk(b"tRNS", b"\0\x80") + chunk(b"sRGB", b"\0")
+    + chunk(b"cHRM", bytes(32)) + chunk(b"iCCP", b"p\0\0" + zlib.compress(bytes(140))) + chunk(b"sBIT", b"\4\4\4") + chunk(b"bKGD", b"\1") + chunk(b"hIST", bytes(8)) + chunk(b"pHYs", bytes(9)) + chunk(b"tIME", bytes(7))
+    + chunk(b"tEXt", b"a\0b") + chunk(b"zTXt", b"a\0\0" + zlib.compress(b"b")) + chunk(b"iTXt", b"a\0\0\0\0\0b") + chunk(b"eXIf", b"II*\0" + bytes(8)) + chunk(b"IDAT", zlib.compress(b"\0\x10" * 5 + b"\0\x12\x10")[:9])
+    + chunk(b"IDAT", zlib.compress(b"\0\x10" * 5 + b"\0\x12\x10")[9:]) + chunk(b"IEND", b""))
+for color, depth in ((0, 2), (0, 16), (4, 16), (6, 16), (3, 2), (2, 8)):
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[color]
+    palette = chunk(b"PLTE", bytes(range(12))) if color == 3 else chunk(b"tRNS", bytes(2 * channels)) if color < 4 else b""
+    for filtered in range(5):
+        put("png", f"filter{filtered}-{depth}-{color}", b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 3, 2, depth, color, 0, 0, 0)) + palette
+            + chunk(b"IDAT", zlib.compress((bytes([filtered]) + bytes(range(1, (3 * depth * channels + 7) // 8 + 1))) * 2)) + chunk(b"IEND", b""))
 put("png", "rgba", png(1, 2, b"\0\1\2\3\4\1\5\6\7\x08", 6))
 for depth, color, interlace, rows in ((1, 3, 0, b"\0\x40\0\x80"), (16, 2, 0, b"\0" + bytes(12) + b"\2" + bytes(12)), (8, 0, 1, b"\0\1\0\2\0\3\4"), (8, 4, 0, b"\0\1\2\3\4\4\1\2\3\4")):
     palette = chunk(b"PLTE", b"\1\2\3\4\5\6") + chunk(b"tRNS", b"\7") if color == 3 else b""
@@ -105,11 +168,99 @@ put("camera", "two", '[{"origin": [0,1,4], "target": [0,1,0], "up": [0,1,0], "fo
     ' {"to_world": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]}]')
 put("path", "timed", '{"keys": [{"origin": [0,0,4], "target": [0,0,0], "time": 0}, {"origin": [1,0,4], "target": [0,0,0], "time": 1.5}], "fps": 12}')
 put("path", "frames", '{"keys": [{"origin": [0,0,4], "target": [0,0,0]}, {"origin": [1,0,4], "target": [0,0,0]}, {"origin": [1,1,4], "target": [0,0,0]}], "frames": 5}')
+
+
+def jpeg(side, sampling, scans, frame=0xc0, restart=0, adobe=None, components=None):
+    """Tables of one code each (0: a difference of 0; the end of a block), so that bits 0 are blocks of grey."""
+    components = components or len(sampling)
+    data = b"\xff\xd8" + (b"\xff\xee\0\x0eAdobe\0\x64\0\0\0\0" + bytes([adobe]) if adobe is not None else b"")
+    data += b"\xff\xdb" + struct.pack(">H", 67) + b"\0" + bytes([16] * 64) + bytes([255, frame]) + struct.pack(">HBHHB", 8 + 3 * components, 8, side, side, components)
+    data += b"".join(bytes([c + 1, s, 0]) for c, s in enumerate(sampling))
+    if frame < 0xc9:
+        for table in (0, 0x10):
+            data += b"\xff\xc4" + struct.pack(">H", 20) + bytes([table, 1]) + bytes(15) + b"\0"
+    data += b"\xff\xdd\0\4" + struct.pack(">H", restart) if restart else b""
+    for of, first, last, bits, coded in scans:
+        data += b"\xff\xda" + struct.pack(">HB", 6 + 2 * len(of), len(of)) + b"".join(bytes([c + 1, 0]) for c in of) + bytes([first, last, bits]) + coded
+    return data + b"\xff\xd9"
+
+
+GREY = ((0,), 0, 63, 0, b"\x3f")
+put("jpeg", "grey", jpeg(8, [0x11], [GREY]))
+put("jpeg", "restart", jpeg(16, [0x11], [((0,), 0, 63, 0, b"\x3f\xff\xd0\x3f\xff\xd1\x3f\xff\xd2\x3f")], restart=1))
+for name, sampling in (("420", [0x22, 0x11, 0x11]), ("422", [0x21, 0x11, 0x11]), ("440", [0x12, 0x11, 0x11]), ("411", [0x41, 0x11, 0x11])):
+    put("jpeg", name, jpeg(16, sampling, [((0, 1, 2), 0, 63, 0, bytes(5))]))
+put("jpeg", "rgb", jpeg(8, [0x11] * 3, [((0, 1, 2), 0, 63, 0, b"\3")], adobe=0))
+for adobe in (None, 0, 2):
+    put("jpeg", f"inks-{adobe}", jpeg(8, [0x11] * 4, [((0, 1, 2, 3), 0, 63, 0, b"\0")], adobe=adobe))
+put("jpeg", "scans", jpeg(8, [0x11] * 3, [((c,), 0, 63, 0, b"\x3f") for c in range(3)]))
+for frame, dc, ac in ((0xc2, b"\x7f", b"\x7f"), (0xca, b"", b"\xa5\xe3")):
+    put("jpeg", f"progressive-{frame:x}", jpeg(8, [0x11], [((0,), 0, 0, 1, dc), ((0,), 1, 5, 2, ac), ((0,), 6, 63, 2, ac), ((0,), 1, 63, 0x21, ac), ((0,), 0, 0, 0x10, dc), ((0,), 1, 63, 0x10, ac)], frame))
+put("jpeg", "arithmetic", jpeg(8, [0x11], [((0,), 0, 63, 0, b"")], 0xc9))
+
+
+def exr_attribute(name, kind, value):
+    return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<I", len(value)) + value
+
+
+def exr_header(width, height, channels, compression=0, more=b"", sampling=1, order=0):
+    """channels: name -> 0 (whole numbers), 1 (half), 2 (float)"""
+    listed = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", kind, 0, sampling, sampling) for name, kind in sorted(channels.items())) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    return (exr_attribute("channels", "chlist", listed) + exr_attribute("compression", "compression", bytes([compression])) + exr_attribute("dataWindow", "box2i", window)
+            + exr_attribute("displayWindow", "box2i", window) + exr_attribute("lineOrder", "lineOrder", bytes([order])) + exr_attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+            + exr_attribute("screenWindowCenter", "v2f", bytes(8)) + exr_attribute("screenWindowWidth", "float", struct.pack("<f", 1)) + more + b"\0")
+
+
+def exr(headers, chunks, flags=0):
+    """chunks: for each header those of its part, in order."""
+    data = b"\x76\x2f\x31\1" + struct.pack("<I", 2 | flags) + b"".join(headers) + (b"\0" if flags & 0x1000 else b"")
+    offset = len(data) + 8 * sum(len(part) for part in chunks)
+    for part in chunks:
+        for block in part:
+            data += struct.pack("<Q", offset)
+            offset += len(block)
+    return data + b"".join(block for part in chunks for block in part)
+
+
+def lines(*blocks, part=b""):
+    return [part + struct.pack("<ii", y, len(block)) + block for y, block in enumerate(blocks)]
+
+
+ROW = struct.pack("<2f", 1, 2)
+put("exr", "float", exr([exr_header(2, 2, {"Y": 2})], [lines(ROW, ROW)]))
+put("exr", "half", exr([exr_header(2, 1, {"R": 1, "G": 1, "B": 1})], [lines(bytes(12))]))
+put("exr", "whole", exr([exr_header(2, 1, {"Y": 0})], [lines(bytes(8))]))
+put("exr", "downwards", exr([exr_header(2, 2, {"Y": 2}, order=1)], [lines(ROW, ROW)]))
+put("exr", "chroma", exr([exr_header(2, 2, {"Y": 1, "RY": 1, "BY": 1}, sampling=2)], [lines(bytes(6), b"")]))
+put("exr", "layers", exr([exr_header(1, 1, {"ViewLayer.Combined.R": 2, "ViewLayer.Combined.G": 2, "ViewLayer.Combined.B": 2, "Z": 1, "id": 0})], [lines(bytes(18))]))
+KINDS = b"".join(exr_attribute(kind, kind, bytes(size)) for kind, size in (("box2f", 16), ("chromaticities", 32), ("double", 8), ("envmap", 1), ("int", 4), ("m33f", 36), ("m44f", 64), ("rational", 8), ("timecode", 8),
+                                                                         ("v2i", 8), ("v3f", 12), ("m33d", 72), ("m44d", 128), ("v2d", 16), ("v3d", 24), ("v3i", 12), ("deepImageState", 1)))
+KINDS += exr_attribute("keycode", "keycode", struct.pack("<7i", 1, 1, 1, 0, 0, 4, 64)) + exr_attribute("words", "stringvector", struct.pack("<I", 1) + b"a" + struct.pack("<I", 0)) + exr_attribute("preview", "preview", struct.pack("<II", 1, 1) + bytes(4)) + exr_attribute("floats", "floatvector", bytes(8))
+put("exr", "attributes", exr([exr_header(1, 1, {"Y": 2}, more=KINDS + exr_attribute("owner", "string", b"me"))], [lines(bytes(4))]))
+# Of 4 x 2 pixels: one level, mipmaps, ripmaps; column and level of each tile, and its bytes.
+TILES = ([(0, 0, 0, 16), (1, 0, 0, 16)], [(0, 0, 0, 16), (1, 0, 0, 16), (0, 1, 1, 8), (0, 2, 2, 4)],
+         [(0, 0, 0, 16), (1, 0, 0, 16), (0, 1, 0, 16), (0, 2, 0, 8), (0, 0, 1, 8), (1, 0, 1, 8), (0, 1, 1, 8), (0, 2, 1, 4)])
+for mode, tiles in enumerate(TILES):
+    put("exr", f"tiles-{mode}", exr([exr_header(4, 2, {"Y": 2}, more=exr_attribute("tiles", "tiledesc", struct.pack("<IIB", 2, 2, mode)))],
+                                    [[struct.pack("<5i", x, 0, across, down, size) + bytes(size) for x, across, down, size in tiles]], 0x200))
+PARTS = [exr_attribute("name", "string", name) + exr_attribute("type", "string", kind) + exr_attribute("chunkCount", "int", struct.pack("<i", count)) + more for name, kind, count, more in (
+    (b"a", b"scanlineimage", 2, b""), (b"b", b"tiledimage", 1, exr_attribute("tiles", "tiledesc", struct.pack("<IIB", 2, 2, 0))), (b"c", b"scanlineimage", 2, exr_attribute("view", "string", b"left")))]
+put("exr", "parts", exr([exr_header(2, 2, {"R": 2, "G": 2, "B": 2}, more=PARTS[0]), exr_header(2, 2, {"Z": 2}, more=PARTS[1]), exr_header(2, 2, {"X": 1}, more=PARTS[2])],
+                        [lines(bytes(24), bytes(24), part=struct.pack("<i", 0)), [struct.pack("<6i", 1, 0, 0, 0, 0, 16) + bytes(16)], lines(bytes(4), bytes(4), part=struct.pack("<i", 2))], 0x1000))
+put("exr", "deep", exr([exr_header(1, 1, {"Y": 2}, more=exr_attribute("type", "string", b"deepscanline") + exr_attribute("name", "string", b"a") + exr_attribute("version", "int", b"\1\0\0\0")
+                                   + exr_attribute("chunkCount", "int", b"\1\0\0\0"))], [[struct.pack("<iQQQ", 0, 4, 4, 4) + bytes(8)]], 0x800))
 # What the program writes.
 put(".", "room.xml", ROOM)
 for ending, target in (("exr", "exr"), ("jpg", "jpeg"), ("hdr", "hdr"), ("png", "png")):
     os.makedirs(os.path.join(folder, target), exist_ok=True)
     run("render", "room.xml", "-o", f"{target}/render.{ending}", "--spp", "1", "--width", "4", "--height", "4")
+for compression in ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab"):
+    for numbers in ("float", "half"):
+        run("render", "room.xml", "-o", f"exr/{compression}-{numbers}.exr", "--spp", "1", "--width", "9", "--height", "7", "--exr-compression", compression, "--exr-type", numbers)
+os.makedirs(os.path.join(folder, "state"), exist_ok=True)
+run("render", "room.xml", "-o", "r.exr", "--spp", "1", "--width", "2", "--height", "2", "--resume")
+os.rename(os.path.join(folder, "r.exr.state"), os.path.join(folder, "state", "room"))
 TINY = "-D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.hidden=1 -D train.poses=2 -D ncr.rays.train=4 -D octree.levels=1 -D octree.features=2 " \
        "-D disparity.log2_table=10 -D disparity.levels=1 -D disparity.features=2 -D disparity.width=16 -D disparity.hidden=1 -D nr.levels=1 -D nr.features=2 -D nr.log2_table=10 " \
        "-D nr.width=16 -D nr.hidden=1 -D ncr.levels=1 -D ncr.features=2 -D ncr.log2_table=10 -D ncr.cone.levels=1 -D ncr.cone.log2_table=10 -D ncr.cone.features=2 -D ncr.width=16 " \
@@ -117,7 +268,8 @@ TINY = "-D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.
 os.makedirs(os.path.join(folder, "model"), exist_ok=True)
 for field in ("octaoctree", "nr", "ncr"):
     run("train", "room.xml", "-o", f"model/{field}.octrad", "--field", field, "--steps", "2", "--overwrite", *TINY.split())
-os.remove(os.path.join(folder, "room.xml"))
+for name in ("room.xml", "r.exr"):
+    os.remove(os.path.join(folder, name))
 
 WORDS = {
     "scene": "<scene <sensor <film <rfilter <shape <bsdf <emitter <texture <transform <lookat <matrix <scale <rotate <translate <rgb <float <integer <boolean <string <point <ref <default "
@@ -142,6 +294,10 @@ WORDS = {
     "tga": ["TRUEVISION-XFILE."],
     "old_scene": "<scene <bsdf <spectrum <srgb <blackbody <texture <lookAt version=\\\"0.6.0\\\" mixturebsdf weights phong ward coating roughcoating difftrans irawan 400:1 toWorld uscale filterType intent= $ />".split(),
     "path": "keys frames duration fps time origin target 1e9 1e30".split(),
+    "spectrum": "# 400 1e-3 nan".split(),
+    "matrix": "title about scenes views methods switches seeds equal preset keys time steps spp width reference_spp learned path_spp temporal_frames temporal_spp paths name * octaoctree nr ncr path seconds bytes cpu".split(),
+    "message": "type set camera input width height a b errors most_error full layer exposure curve white integrator model lhs path stored filmic log1p origin target null true".split(),
+    "state": "__metadata__ film.sums F64 dtype shape data_offsets octrad-film identity state samples largest_pass seconds rays queries non_finite".split(),
     "points": "nan inf 1e39 -1 , \\x0a".split(),
 }
 for target, words in WORDS.items():

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "app/cli/query_points.h"
+#include "app/paper/matrix.h"
+#include "app/view/protocol.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
@@ -16,10 +18,12 @@
 #include "octrad/image/io.h"
 #include "octrad/model/config.h"
 #include "octrad/model/model_file.h"
+#include "octrad/render/film_state.h"
 #include "octrad/scene/camera.h"
 #include "octrad/scene/camera_path.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mesh.h"
+#include "octrad/scene/spectrum.h"
 
 namespace octrad::fuzz {
 namespace {
@@ -78,6 +82,30 @@ void read_points(const std::string& bytes) {
   cli::parse_points("in.csv", bytes, rays);
 }
 
+void read_spectrum_file(const std::string& bytes) {
+  const Spectrum spectrum = read_spectrum(write_input(bytes, "in.spd"));
+  for (const SpectrumUse use : {SpectrumUse::reflectance, SpectrumUse::emission, SpectrumUse::index})
+    spectrum_rgb(spectrum, use);
+}
+
+// What a viewer sends, after a first message that every state comes from.
+void read_message(const std::string& bytes) {
+  viewer::Catalogue catalogue;
+  catalogue.plain = {"path", "ambient"};
+  catalogue.models = {{"a.octrad", {"lhs", "rhs"}}, {"b.octrad", {"lhs"}}};
+  catalogue.layers = {"normal", "albedo"};
+  catalogue.stored = true;
+  viewer::ViewState state;
+  viewer::set_pose(state, {{"origin", {0, 0, 4}}, {"target", {0, 0, 0}}});
+  state.width = state.height = 16;
+  state.a.integrator = "path";
+  const nlohmann::json message = parse_json(bytes, "message");
+  if (!message.is_object()) return;
+  state = viewer::apply_set(state, message, catalogue);
+  viewer::apply_set(state, viewer::to_json(state), catalogue);
+  viewer::pose_json(state.camera);
+}
+
 template <void (*read)(const std::string&)>
 void guarded(const std::string& bytes) {
   try {
@@ -109,6 +137,12 @@ constexpr Target kTargets[] = {
     {"camera", guarded<read_camera>},
     {"path", guarded<read_path>},
     {"points", guarded<read_points>},
+    {"spectrum", guarded<read_spectrum_file>},
+    {"matrix", guarded<[](const std::string& bytes) { paper::parse_matrix(bytes, "in.json"); }>},
+    {"message", guarded<read_message>},
+    {"state", guarded<[](const std::string& bytes) {
+       read_film_state(write_input(bytes, "in.state"), {{"scene", "0"}});
+     }>},
 };
 
 }  // namespace
@@ -134,6 +168,13 @@ void prepare() {
     fs::remove_all(folder, ignored);
   });
   std::ofstream("t.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  std::ofstream("t.ply")
+      << "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+         "property float r\nproperty float g\nproperty float b\nelement face 1\n"
+         "property list uchar int vertex_indices\nproperty float r\nproperty float g\nproperty float b\n"
+         "end_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0 1\n3 0 1 2 0.1 0.2 0.3\n";
+  std::ofstream("t.spd") << "400 0.5\n700 0.25\n";
+  std::ofstream("t.xml") << "<scene version=\"2.0.0\"><bsdf type=\"plastic\" id=\"included\"/></scene>\n";
   Image8 picture(2, 2, 3);
   picture.data[0] = 200;
   write_image("t.png", picture);

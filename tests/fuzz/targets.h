@@ -16,7 +16,8 @@ std::span<const Target> targets();
 // Throws std::runtime_error with the list of names.
 const Target& find_target(const std::string& name);
 
-// Goes into a new temporary folder that holds what seeds refer to: a mesh, a texture. Limits memory.
+// Goes into a new temporary folder that holds what seeds refer to: meshes, a texture, a spectrum, a part of a scene.
+// Limits memory.
 void prepare();
 
 }  // namespace octrad::fuzz
