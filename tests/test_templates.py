@@ -79,7 +79,7 @@ class Templates(unittest.TestCase):
         cls.folder = pathlib.Path(tempfile.mkdtemp())
         cls.addClassCleanup(shutil.rmtree, cls.folder)
         tree = cls.folder / "tree"
-        for name in ("cmake", "src", "templates", "tests"):
+        for name in ("cmake", "configs", "src", "templates", "tests"):
             shutil.copytree(ROOT / name, tree / name)
         shutil.copy(ROOT / "CMakeLists.txt", tree)
         for test in tree.rglob("*_test.cc"):
