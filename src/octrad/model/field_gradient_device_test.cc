@@ -29,6 +29,7 @@ constexpr std::size_t kPoints = 140;
 const testing::Limits kTrainedAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
 const testing::Limits kGradients[2] = {{5e-5, 1e-3, 0.005, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
 constexpr double kNearestCellShare = 0.03;  // where a point has one cell, each of its roundings is a larger part
+constexpr double kGlossyOnlyShare = 0.02;   // where only glossy points teach the predictor's grid, the same
 constexpr double kLoss[2] = {1e-5, 1e-3};
 
 class DeviceFieldDefinition : public ::testing::TestWithParam<std::tuple<FieldCase, bool>> {};
@@ -69,8 +70,12 @@ TEST_P(DeviceFieldDefinition, GivesAnswersAndGradients) {
     testing::Limits limits = kGradients[cuda];
     if (config.octree_interpolation == OctreeInterpolation::nearest)
       limits.share = std::max(limits.share, kNearestCellShare);
-    for (int part = 0; part < FieldReference::kParts; ++part)
-      expect_within(limits, got[part], expected[part], FieldReference::kNames[part]);
+    for (int part = 0; part < FieldReference::kParts; ++part) {
+      testing::Limits of_part = limits;
+      if (part == FieldReference::kGrid && config.field == "octaoctree" && !config.lookup_rough_offset)
+        of_part.share = std::max(of_part.share, kGlossyOnlyShare);
+      expect_within(of_part, got[part], expected[part], FieldReference::kNames[part]);
+    }
 
     // Which entries were touched, and how often, is the same as on the CPU.
     EXPECT_EQ(report.touched, cpu->train(batch.points, batch.targets, batch.epsilon, 1.0).touched);
