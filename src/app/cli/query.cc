@@ -60,13 +60,13 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   const Model model = load_model(o.model);
   const DeviceChoice device = common.choose_device(model.info.config.field);
   const std::unique_ptr<Stream> stream = device.make_stream();
-  const OffsetRay offset = query_rays(model.info.config).offset;
-  QueryPoints asked = read_points(o.points, query_rays(model.info.config));
+  const QueryRays rays = query_rays(model.info.config);
+  QueryPoints asked = read_points(o.points, rays);
   std::vector<SurfacePoint>& points = asked.points;
-  const auto has_offset = [&](const SurfacePoint& p) { return offset.traced && offset.rule.has_offset(p.alpha); };
+  const auto has_offset = [&](const SurfacePoint& p) { return rays.offset.rule.has_offset(p.alpha); };
   std::string scene;
-  if (!asked.has_disparity && std::any_of(points.begin(), points.end(), has_offset))
-    scene = trace_disparities(o, model.info, offset, points);
+  if (rays.offset.traced && !asked.has_disparity && std::any_of(points.begin(), points.end(), has_offset))
+    scene = trace_disparities(o, model.info, rays.offset, points);
   RadianceField& field = *model.field;
 
   const Stopwatch watch;

@@ -93,7 +93,7 @@ struct HitClusterArray {
 };
 
 // Many points as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.
-inline constexpr int kSurfacePointNumbers = 14;
+inline constexpr int kSurfacePointNumbers = 14, kAlphaNumber = 12, kDisparityNumber = 13;
 
 struct SurfacePointArray {
   float* data = nullptr;  // [kSurfacePointNumbers][stride]
@@ -106,6 +106,9 @@ struct SurfacePointArray {
   }
 
   OCTRAD_HD float get(int number, std::size_t i) const { return data[static_cast<std::size_t>(number) * stride + i]; }
+  OCTRAD_HD void set(int number, std::size_t i, float value) const {
+    data[static_cast<std::size_t>(number) * stride + i] = value;
+  }
   OCTRAD_HD Vec3f get3(int number, std::size_t i) const {
     return {get(number, i), get(number + 1, i), get(number + 2, i)};
   }
@@ -115,8 +118,8 @@ struct SurfacePointArray {
     p.n = get3(3, i);
     p.wo = get3(6, i);
     p.albedo = get3(9, i);
-    p.alpha = get(12, i);
-    p.disparity = get(13, i);
+    p.alpha = get(kAlphaNumber, i);
+    p.disparity = get(kDisparityNumber, i);
     return p;
   }
   OCTRAD_HD void store(std::size_t i, const SurfacePoint& p) const {

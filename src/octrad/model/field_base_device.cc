@@ -114,7 +114,7 @@ struct Radiance : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
-    const float alpha = points.get(12, i);
+    const float alpha = points.get(kAlphaNumber, i);
     const DecoderRules here = rules_at(rules, glossy, alpha);
     const Vec3f f = decoder_factor(here, points.get3(9, i), alpha, scalars[0]);
     Vec3f radiance;
@@ -166,7 +166,7 @@ struct Loss : Kernel {
     PointLoss loss{};
     loss.dropped = 3;
     if (valid[i] != 0) {
-      const float alpha = points.get(12, i);
+      const float alpha = points.get(kAlphaNumber, i);
       const DecoderRules here = rules_at(rules, glossy, alpha);
       const Vec3f of_point(linear.data[i], linear.data[linear.stride + i], linear.data[2 * linear.stride + i]);
       loss = decoder_point_loss(here, decoder_factor(here, points.get3(9, i), alpha, scalars[0]), of_point, targets[i],

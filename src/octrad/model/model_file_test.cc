@@ -14,6 +14,14 @@
 namespace octrad {
 namespace {
 
+using Tensors = std::list<std::vector<char>>;  // their bytes, until they are written
+
+void copy_tensor(const TensorReader& in, const std::string& name, Tensors& tensors, TensorWriter& out) {
+  const auto t = in.get(name);
+  in.read(t, tensors.emplace_back(t.bytes).data());
+  out.add(name, t.type, t.shape, tensors.back().data());
+}
+
 TEST(ModelFile, RefusesBrokenFiles) {
   const std::filesystem::path folder = std::filesystem::temp_directory_path();
   const std::string name_of_run = "octrad_" + std::to_string(::getpid());
@@ -36,13 +44,12 @@ TEST(ModelFile, RefusesBrokenFiles) {
   for (const std::string broken :
        {"octree.level2.cells", "decoder.mlp.1.weight", "octree.origin", "disparity.grid.table"}) {
     TensorWriter out;
-    std::list<std::vector<char>> tensors;  // until they are written
+    Tensors tensors;
     for (const auto& [key, value] : in.metadata()) out.metadata(key, value);
     const std::vector<std::int32_t> outside(static_cast<std::size_t>(in.get("octree.level2.cells").count), 1000);
     for (const std::string& name : in.names()) {
       const auto t = in.get(name);
-      in.read(t, tensors.emplace_back(t.bytes).data());
-      if (name != broken) out.add(name, t.type, t.shape, tensors.back().data());
+      if (name != broken) copy_tensor(in, name, tensors, out);
       else if (name == "octree.level2.cells") out.add(name, t.type, t.shape, outside.data());
     }
     const std::string copy = (folder / (name_of_run + "_copy.octrad")).string();
@@ -72,7 +79,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   {
     const TensorReader in(file);
     TensorWriter out;
-    std::list<std::vector<char>> tensors;  // until they are written
+    Tensors tensors;
     for (const auto& [key, value] : in.metadata()) {
       std::string text = value;
       if (key == "config") {
@@ -82,11 +89,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       }
       out.metadata(key, text);
     }
-    for (const std::string& name : in.names()) {
-      const auto t = in.get(name);
-      in.read(t, tensors.emplace_back(t.bytes).data());
-      out.add(name, t.type, t.shape, tensors.back().data());
-    }
+    for (const std::string& name : in.names()) copy_tensor(in, name, tensors, out);
     out.write(file + ".older");
   }
   info.config.lookup_coats = Coats::joined;

@@ -21,7 +21,7 @@ struct ListGlossy : Kernel {
   std::uint32_t* list;
   std::uint32_t* count;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (slice.holds(i) && points.get(12, i) < rough_threshold) list[atomic_append(count)] = i;
+    if (slice.holds(i) && points.get(kAlphaNumber, i) < rough_threshold) list[atomic_append(count)] = i;
   }
 };
 
@@ -43,7 +43,7 @@ struct Items {
   OCTRAD_HD bool holds(std::uint32_t g) const { return slice.holds(g); }
   OCTRAD_HD std::uint32_t point(std::uint32_t g) const { return list != nullptr ? list[g] : g; }
   OCTRAD_HD bool glossy(std::uint32_t i) const {
-    return (valid == nullptr || valid[i] != 0) && points.get(12, i) < rough_threshold;
+    return (valid == nullptr || valid[i] != 0) && points.get(kAlphaNumber, i) < rough_threshold;
   }
 };
 
@@ -129,7 +129,7 @@ struct MergeInputs : Kernel {
         numbers[3 + c] = sum[c];
         numbers[7 + c] = albedo[c];
       }
-      numbers[6] = items.points.get(12, i);
+      numbers[6] = items.points.get(kAlphaNumber, i);
       if (slope.data != nullptr) set_three(slope, g, derivative);
     }
     OCTRAD_UNROLL

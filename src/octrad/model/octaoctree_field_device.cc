@@ -24,8 +24,6 @@ struct Harmonics : Kernel {
   }
 };
 
-constexpr int kAlphaPlane = 12, kDisparityPlane = 13;  // of points
-
 struct ToDisparity : Kernel {
   const float* linear;
   SurfacePointArray points;
@@ -36,7 +34,7 @@ struct ToDisparity : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
-    disparity[i] = rule.has_offset(points.get(kAlphaPlane, i)) ? squareplus(linear[i]).value * unit : 0.0f;
+    disparity[i] = rule.has_offset(points.get(kAlphaNumber, i)) ? squareplus(linear[i]).value * unit : 0.0f;
   }
 };
 
@@ -49,8 +47,8 @@ struct TracedDisparity : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
-    const bool none = (valid != nullptr && valid[i] == 0) || !rule.has_offset(points.get(kAlphaPlane, i));
-    disparity[i] = none ? 0.0f : points.get(kDisparityPlane, i);
+    const bool none = (valid != nullptr && valid[i] == 0) || !rule.has_offset(points.get(kAlphaNumber, i));
+    disparity[i] = none ? 0.0f : points.get(kDisparityNumber, i);
   }
 };
 
@@ -69,7 +67,7 @@ struct DisparityGradient : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const {
     float sum = 0.0f;
     for (int l = 0; l < levels; ++l) sum += parts[static_cast<std::size_t>(l) * stride + i];
-    sum *= rule.has_offset(points.get(kAlphaPlane, i)) ? squareplus(linear[i]).derivative * unit : 0.0f;
+    sum *= rule.has_offset(points.get(kAlphaNumber, i)) ? squareplus(linear[i]).derivative * unit : 0.0f;
     if (!std::isfinite(sum)) {
       sum = 0.0f;
       atomic_add(non_finite, 1ull);
@@ -198,7 +196,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                         chunk.n, !first);
     DeviceQueries shifted = queries(chunk);
     if (!rule_.rough_offset) {  // rough points touch nothing of the predictor
-      shifted.alpha = chunk.points.data + kAlphaPlane * chunk.points.stride;
+      shifted.alpha = chunk.points.data + kAlphaNumber * chunk.points.stride;
       shifted.alpha_below = rule_.rough_threshold;
     }
     scatter(

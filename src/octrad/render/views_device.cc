@@ -10,8 +10,6 @@
 namespace octrad {
 namespace {
 
-constexpr int kDisparityNumber = kSurfacePointNumbers - 1;  // of SurfacePointArray
-
 std::size_t level_width(const IntegratorInput& input) {
   return static_cast<std::size_t>(input.field->feature_count() / std::max(1, input.field->levels()));
 }

@@ -5,6 +5,7 @@
 
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
+#include "octrad/transport/trace_offsets.h"
 
 namespace octrad {
 namespace gbuffer_kernels {
@@ -106,19 +107,6 @@ struct Arrive : Kernel {
   }
 };
 
-struct Disparity : Kernel {
-  DeviceWorld world;
-  LookupRule rule;
-  Memory memory;
-  OCTRAD_HD void operator()(std::uint32_t q) const {
-    if (q >= *memory.query_count) return;
-    const SurfacePoint point = memory.queries.load(q);
-    if (rule.has_offset(point.alpha)) atomic_add(&memory.counts->rays, 1ull);
-    const float disparity = traced_disparity(world, rule, point, memory.normals.get3(0, q));
-    memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
-  }
-};
-
 // A sample has one query, two queries one after the other, or one bounce point.
 struct Add : Kernel {
   SamplePlanes samples;
@@ -198,7 +186,14 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
   });
   if (query_rays_.offset.traced)
-    launch(*stream_, queries_of(n), Disparity{{}, world_, query_rays_.offset.rule, memory});
+    launch(*stream_, queries_of(n),
+           TraceOffsets{{},
+                        world_,
+                        query_rays_.offset.rule,
+                        queries_.points(),
+                        normals_.planes(),
+                        query_count(),
+                        &counts_.data()->rays});
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
   stream_->mark("first hits");
 }

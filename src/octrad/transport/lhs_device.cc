@@ -165,7 +165,7 @@ struct Disparity : Kernel {
   SurfacePointArray surface_points;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const float disparity = traced_disparity(world, rule, surface_points.load(i), points[i].surface.geometric_normal);
-    surface_points.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * surface_points.stride + i] = disparity;
+    surface_points.set(kDisparityNumber, i, disparity);
   }
 };
 

@@ -33,7 +33,7 @@ struct Choose : Kernel {
   std::uint32_t* size;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (count != nullptr && i >= *count) return;
-    if (rays.lobe_rays(points.get(12, i)) > 0) {
+    if (rays.lobe_rays(points.get(kAlphaNumber, i)) > 0) {
       list[atomic_append(size)] = i;
       return;
     }

@@ -7,6 +7,7 @@
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
 #include "octrad/transport/chain_rounds.h"
+#include "octrad/transport/trace_offsets.h"
 
 namespace octrad {
 namespace rhs_kernels {
@@ -225,19 +226,6 @@ struct Rest : Kernel {
   }
 };
 
-struct Disparity : Kernel {
-  DeviceWorld world;
-  LookupRule rule;
-  Memory memory;
-  OCTRAD_HD void operator()(std::uint32_t q) const {
-    if (q >= *memory.query_count) return;
-    const SurfacePoint point = memory.queries.load(q);
-    if (rule.has_offset(point.alpha)) atomic_add(&memory.counts->rays, 1ull);
-    const float disparity = traced_disparity(world, rule, point, memory.normals.get3(0, q));
-    memory.queries.data[static_cast<std::size_t>(kSurfacePointNumbers - 1) * memory.queries.stride + q] = disparity;
-  }
-};
-
 struct Reduce : Kernel {
   DeviceWorld world;
   Memory memory;
@@ -397,7 +385,15 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   });
   stream_->mark("chains");
   if (!options.ask) return;
-  if (query_rays_.offset.traced) launch(*stream_, n, Disparity{{}, world_, query_rays_.offset.rule, memory});
+  if (query_rays_.offset.traced)
+    launch(*stream_, n,
+           TraceOffsets{{},
+                        world_,
+                        query_rays_.offset.rule,
+                        queries_.points(),
+                        normals_.planes(),
+                        query_count(),
+                        &counts_.data()->rays});
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
   stream_->mark("rays of queries");
 }
