@@ -322,7 +322,7 @@ def main():
                 print(why, file=sys.stderr)
                 return 5
             print(why + " The kernels run on the host instead, and nothing here is a GPU's figure.")
-            steps = [gpu_plans.Step("selftest on the host", ["selftest", scenes["cornell-box"], "--no-benchmarks", "--device", "cpu", "--json", "-q"], 120)]
+            steps = [gpu_plans.Step("selftest on the host", ["selftest", scenes["cornell-box"], "--no-benchmarks", "--seed", "1", "--device", "cpu", "--json", "-q"], 120)]
         date = time.strftime("%Y-%m-%d", time.gmtime())
         name = info["devices"][0]["name"] if cuda and info.get("devices") else None
         output = args.output

@@ -41,6 +41,9 @@ function(octrad_module name)
     add_executable(test_${name} ${tests})
     # Tests call optimised libraries; their own code is not worth the compiler's time.
     octrad_flags(test_${name} -Wno-conversion -O1 ${OCTRAD_SANITIZE_TESTS})
+    if(OCTRAD_SANITIZE_TESTS AND name MATCHES "^(base|image|scene)$")  # many short tests: compiled for longer than run
+      octrad_flags(test_${name} -O0)
+    endif()
     octrad_join_sources(test_${name} ${tests})
     target_link_libraries(test_${name} PRIVATE octrad_${name} GTest::gtest GTest::gtest_main)
     list(LENGTH tests count)

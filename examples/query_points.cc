@@ -1,5 +1,6 @@
-// Asks a trained radiance cache what light leaves surface points towards the camera: those that a row of camera rays
-// hits.
+// Asks a trained radiance cache what light leaves surface points towards the camera: those that the rays through a row
+// of pixels meet first. The integrator `lhs` asks as pictures do: it follows mirrors and rays through masks, asks for
+// the lobes of coated surfaces one by one, traces the distances that look-ups take, and adds emission.
 //   query_points MODEL.octrad SCENE.xml
 #include <octrad/octrad.h>
 
@@ -16,23 +17,25 @@ int main(int argc, char** argv) {
     const octrad::PreparedScene scene(octrad::load_scene(argv[2]));
     octrad::check_scene(argv[1], model.info, argv[2], scene.scene().fingerprint, /*force=*/false);
 
-    const octrad::TransportContext context = scene.context();
-    std::vector<octrad::SurfacePoint> points;
-    constexpr int kRays = 9;
-    for (int i = 0; i < kRays; ++i) {
-      const octrad::Ray ray =
-          scene.scene().cameras.front().generate({static_cast<float>(i) + 0.5f, 0.5f * kRays}, kRays, kRays);
-      const octrad::Hit hit = context.intersect(ray.origin, ray.direction, 0.0f, ray.t_max);
-      if (!hit.valid()) continue;
-      const octrad::SurfaceInteraction surface = context.interact(hit, ray.origin, ray.direction);
-      points.push_back(octrad::surface_point(context.shade(surface, -ray.direction)));
-    }
+    // The first sample of each pixel in the middle of a picture of 9 x 9; other rays do as well.
+    constexpr int kPixels = 9;
+    const octrad::CameraView camera = scene.scene().cameras.front().view(kPixels, kPixels);
+    std::vector<octrad::CameraSample> rays;
+    for (int x = 0; x < kPixels; ++x)
+      rays.push_back(octrad::camera_sample(camera, /*seed=*/0, x, kPixels / 2, /*i=*/0));
 
-    std::vector<octrad::Vec3f> radiance(points.size());
-    model.field->radiance(points, radiance);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const octrad::Vec3f x = points[i].x, l = radiance[i];
-      std::printf("at %.3f %.3f %.3f: %.4f %.4f %.4f\n", x.x, x.y, x.z, l.x, l.y, l.z);
+    const octrad::IntegratorChoice lhs = octrad::find_integrator("lhs");
+    const auto integrator =
+        lhs.info->make({.scene = scene, .choice = lhs, .field = model.field.get(), .config = model.info.config});
+    std::vector<octrad::PixelSample> seen(rays.size());
+    integrator->sample(rays, seen);
+
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const octrad::Ray& ray = rays[i].ray;
+      const octrad::Vec3f x = ray.origin + ray.direction * seen[i].depth, l = seen[i].radiance;
+      if (seen[i].depth > 0.0f) std::printf("at %.3f %.3f %.3f: ", x.x, x.y, x.z);
+      else std::printf("no point: ");
+      std::printf("%.6g %.6g %.6g\n", l.x, l.y, l.z);
     }
   } catch (const octrad::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -17,8 +17,9 @@ esac
 started=$SECONDS
 step() { printf '\n== %s\n' "$*"; }
 show() { printf '+ %s\n' "$*" >&2; "$@"; }  # its output may go to a file
-# field FILE NAME: a number of a flat JSON object.
-field() { sed -n "s/.*\"$2\": *\(-\{0,1\}[0-9.][0-9.e+-]*\).*/\1/p" "$1" | head -n 1; }
+# field FILE NAME: a number of what --json printed: of a rendering, or of a comparison's picture. What lies deeper, as the
+# rows by roughness, is indented further and not taken.
+field() { sed -n "s/^ \{2,6\}\"$2\": *\(-\{0,1\}[0-9.][0-9.e+-]*\).*/\1/p" "$1" | head -n 1; }
 
 step "Installing what is missing and building"
 scripts/install_deps.sh

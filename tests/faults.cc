@@ -5,7 +5,7 @@
 //                 FOLDER and the COUNT - 1 after it (0: all) fail. CALL: open (a new file for writing), tmpfile (the
 //                 same, of those without a name), write, short (write takes half of it, and does not fail), fsync,
 //                 close, link, rename, flock, read, shortread, map (memory for tables, whatever FOLDER). ERROR: the
-//                 number of errno.
+//                 number of errno. hang (a read that never ends) needs none.
 // OCTRAD_CLOCK    seconds by which the time of day jumps forth and back, call by call. The steady clock goes on.
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -129,12 +129,14 @@ ssize_t write(int descriptor, const void* data, size_t bytes) {
 }
 
 ssize_t pread(int descriptor, void* data, size_t bytes, off_t offset) {
+  while (fails(descriptor, "hang")) pause();
   if (fails(descriptor, "read")) return -1;
   if (bytes > 1 && fails(descriptor, "shortread")) bytes /= 2;
   return next<ssize_t(int, void*, size_t, off_t)>("pread")(descriptor, data, bytes, offset);
 }
 
 ssize_t read(int descriptor, void* data, size_t bytes) {
+  while (fails(descriptor, "hang")) pause();
   if (fails(descriptor, "read")) return -1;
   if (bytes > 1 && fails(descriptor, "shortread")) bytes /= 2;
   return next<ssize_t(int, void*, size_t)>("read")(descriptor, data, bytes);

@@ -278,7 +278,8 @@ class Model:
             merged = mlp(t, "ncr.merge.mlp", c["ncr"]["merge"]["hidden"], np.concatenate([radiance, glossy, alpha[:, None], albedo], axis=1))
             radiance = np.where(rough[:, None], radiance, softplus(merged))
         radiance = radiance * c["target"]["scale"]
-        if c["target"]["demodulate"] == "albedo":
+        # Emission inside the response does not scale with albedo, and is of no lobe: both keys count for nothing then.
+        if c["target"]["emission"] == "outside" and c["target"]["demodulate"] == "albedo":
             lobes = c["lookup"].get("coats") == "split"
             radiance = np.where(lobes | rough[:, None], radiance * albedo, radiance)
         return disparity, features, radiance

@@ -12,13 +12,40 @@ import shlex
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 import unittest
 import zlib
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests" / "cli"))
+from exr import read_exr  # noqa: E402
+
 BUILD = pathlib.Path(os.environ.get("OCTRAD_BUILD", ROOT / "build-test"))
 BOX = ROOT / "scenes" / "cornell-box" / "scene.xml"
+
+# Nine things side by side, a pixel each of a picture of 9 x 9; from the last ray the environment is seen.
+ROW = """<scene version="3.0.0">
+  <sensor type="perspective">
+    <float name="fov" value="53.1301"/>
+    <transform name="to_world"><lookat origin="0, 0, 9" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="9"/><integer name="height" value="9"/><rfilter type="box"/></film>
+  </sensor>
+  <emitter type="constant"><rgb name="radiance" value="0.2, 0.3, 0.4"/></emitter>
+  <shape type="rectangle">
+    <transform name="to_world"><rotate x="1" angle="180"/><scale value="30"/><translate x="0" y="0" z="12"/></transform>
+    <bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.7, 0.4, 0.2"/></bsdf></bsdf>
+  </shape>
+%s
+</scene>
+"""
+DIFFUSE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.2, 0.5, 0.7"/></bsdf>'
+THINGS = [
+    '<bsdf type="conductor"/>', '<bsdf type="roughconductor"><float name="alpha" value="0.02"/></bsdf>',
+    '<bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf>', '<bsdf type="plastic"/>',
+    '<bsdf type="roughplastic"><float name="alpha" value="0.15"/></bsdf>',
+    DIFFUSE + '<emitter type="area"><rgb name="radiance" value="5, 4, 3"/></emitter>',
+    '<bsdf type="mask"><float name="opacity" value="0.3"/>%s</bsdf>' % DIFFUSE, DIFFUSE]
 
 # A project that uses octrad by add_subdirectory, and what must still be its own.
 PARENT = """cmake_minimum_required(VERSION 3.25)
@@ -87,11 +114,36 @@ class Install(unittest.TestCase):
         lines = run(self.bin / "query_points", model, BOX).splitlines()
         self.assertGreater(len(lines), 4)
         for line in lines:
-            numbers = [float(x) for x in re.match(r"at (\S+) (\S+) (\S+): (\S+) (\S+) (\S+)$", line).groups()]
-            self.assertTrue(all(0.0 <= x < 1000.0 for x in numbers[3:]), line)
+            numbers = [float(x) for x in re.match(r"at \S+ \S+ \S+: (\S+) (\S+) (\S+)$", line).groups()]
+            self.assertTrue(all(0.0 <= x < 1000.0 for x in numbers), line)
         # The installed program reads what the library wrote.
         info = json.loads(run(self.prefix / "bin" / "octrad", "info", model, "--json"))
         self.assertIn("octaoctree", json.dumps(info))
+
+    def test_query_points_has_the_values_of_pictures(self):
+        """Of mirrors, near mirrors, coats, lamps, masks and the sky, whatever the model was trained with."""
+        octrad, scene, model, picture = self.prefix / "bin" / "octrad", self.folder / "row.xml", self.folder / "row.octrad", self.folder / "row.exr"
+        scene.write_text(ROW % "\n".join('<shape type="rectangle"><transform name="to_world"><scale value="0.5"/><translate x="%d" y="0" z="0"/></transform>%s</shape>'
+                                         % (x - 4, thing) for x, thing in enumerate(THINGS)))
+        small = ["--steps", "20", "-D", "train.points=256", "-D", "train.directions=2", "-D", "octree.levels=3", "-D", "decoder.width=16"]
+        for keys in ([], ["render.highlights=bounce"], ["render.highlights=cache", "render.delta=cache"], ["target.emission=inside"],
+                     ["field=ncr", "ncr.log2_table=10", "ncr.cone.log2_table=10"]):
+            with self.subTest(keys):
+                run(octrad, "train", scene, "-o", model, "-q", "--overwrite", *small, *[word for key in keys for word in ("-D", key)])
+                run(octrad, "render", scene, "--model", model, "--integrator", "lhs", "--spp", "1", "-o", picture, "-q")
+                width, height, channels, _ = read_exr(picture)
+                self.assertEqual((width, height), (9, 9))
+                pixels = {name: struct.unpack("<81f", channels[name])[4 * 9:5 * 9] for name in ("R", "G", "B", "depth.Z")}
+                lines = run(self.bin / "query_points", model, scene).splitlines()
+                self.assertEqual(len(lines), 9)
+                for x, line in enumerate(lines):
+                    point, values = line.split(": ")
+                    self.assertEqual(point == "no point", pixels["depth.Z"][x] == 0, line)
+                    for c, value in zip("RGB", values.split()):
+                        self.assertAlmostEqual(float(value), pixels[c][x], delta=1e-5 * abs(pixels[c][x]), msg=line)
+                if "target.emission=inside" not in keys:  # which takes more steps to learn
+                    self.assertGreater(float(lines[5].split(": ")[1].split()[0]), 2, "the lamp shines")
+                self.assertTrue(lines[8].startswith("no point: 0.2 0.3 0.4"), lines[8])
 
     def test_errors_arrive_as_exceptions(self):
         run(self.bin / "query_points", self.folder / "absent.octrad", BOX, expect=3)

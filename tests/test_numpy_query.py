@@ -105,6 +105,14 @@ class Query(unittest.TestCase):
     def test_outgoing_without_offset(self):
         self.compare("-D", "lookup.direction=outgoing", "-D", "lookup.offset=none", "-D", "octree.features=8", "-D", "target.demodulate=none")
 
+    def test_emission_inside(self):
+        """Not demodulated and not by lobes, whatever the keys say, which stay as they were given."""
+        keys = ["-D", "target.emission=inside", "-D", "target.demodulate=albedo"]
+        self.compare(*keys)
+        self.compare(*keys, "-D", "lookup.coats=joined")
+        self.compare(*keys, "--field", "nr", "-D", "nr.width=32", "-D", "nr.log2_table=14")
+        self.compare(*keys, "--field", "ncr", "-D", "ncr.log2_table=14", "-D", "ncr.cone.log2_table=14")
+
     def test_neural_radiosity(self):
         self.compare("--field", "nr", "-D", "nr.width=32", "-D", "nr.log2_table=14", "-D", "nr.scale=1.7")
 

@@ -412,12 +412,12 @@ for name, text, message in (
 LOOK = '"origin": [0, 0, 3], "target": [0, 0, 0]'
 for name, text, message in (
         ("empty", "", "not valid JSON"), ("deep", DEEP, "nested more than 100"), ("no-list", "[]", "expected a camera"), ("number", "1", "expected a camera"), ("nothing", "{}", 'needs "origin"'),
-        ("width", f'{{{LOOK}, "width": 1.5}}', "must be a whole number"), ("width-0", f'{{{LOOK}, "width": 0}}', "between"), ("fov", f'{{{LOOK}, "fov": 180}}', "between"), ("key", f'{{{LOOK}, "fow": 1}}', 'did you mean "fov"'),
+        ("width", f'{{{LOOK}, "width": 1.5}}', "must be a whole number"), ("width-0", f'{{{LOOK}, "width": 0}}', "from 1 to 131072"), ("fov", f'{{{LOOK}, "fov": 180}}', "between"), ("key", f'{{{LOOK}, "fow": 1}}', 'did you mean "fov"'),
         ("far", '{"origin": [1e19, 0, 0], "target": [0, 0, 0]}', "too far away"), ("words", '{"origin": ["a", 0, 0], "target": [0, 0, 0]}', "3 finite numbers"), ("shear", '{"to_world": [1,1,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}', "must not scale or shear"),
         ("same", '{"origin": [0, 0, 0], "target": [0, 0, 0]}', "define no view"), ("two", f"[{{{LOOK}}}, {{{LOOK}}}]", "holds 2 cameras"), ("1e999", f'{{{LOOK}, "fov": 1e999}}', "too large")):
     case(f"camera-{name}", {"s.xml": ROOM, "c.json": text}, ["render", "s.xml", "-o", "a.exr", "--spp", "1", "--camera", "c.json"], 2, message)
 for name, text, message in (
-        ("one-key", f'{{"keys": [{{{LOOK}}}], "frames": 2}}', "two cameras or more"), ("frames-0", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 0}}', "between"), ("frames-half", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 2.5}}', "whole number"),
+        ("one-key", f'{{"keys": [{{{LOOK}}}], "frames": 2}}', "two cameras or more"), ("frames-0", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 0}}', "from 1 to"), ("frames-half", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "frames": 2.5}}', "whole number"),
         ("frames-huge", f'{{"keys": [{{{LOOK}}}, {{{LOOK}}}], "duration": 1e9, "fps": 1e5}}', "more than 1000000 frames"), ("backwards", f'{{"keys": [{{{LOOK}, "time": 2}}, {{{LOOK}, "time": 1}}]}}', "later than"), ("deep", f'{{"keys": {DEEP}}}', "nested more than 100")):
     case(f"path-{name}", {"s.xml": ROOM, "p.json": text}, ["render", "s.xml", "-o", "a####.exr", "--spp", "1", "--path", "p.json"], 2, message)
 
@@ -439,7 +439,8 @@ for name, data, message in (
         ("deep-object", tensors('{"a":' * 100000), ""), ("no-model", tensors({}), "not an octrad model"), ("another-format", tensors(model_header(format="x")), "not an octrad model"),
         ("another-version", tensors(model_header(version="9")), "format version 9"), ("deep-config", tensors(model_header(config=DEEP)), "nested more than 100"), ("config-1e999", tensors(model_header(config='{"adam.rate": 1e999}')), "too large"),
         ("deep-scene", tensors(model_header(scene=DEEP)), "nested more than 100"), ("no-state", tensors(model_header(state="{}")), "broken model header"), ("no-domain", tensors(model_header(config='{"target.scale": 1}')), "octree.origin"),
-        ("negative-step", tensors(model_header(state='{"step": -1, "seconds": 1.0, "lhs_samples": 1, "rhs_queries": 1}')), "must not be negative"),
+        ("negative-step", tensors(model_header(state='{"step": -1, "seconds": 1.0, "lhs_samples": 1, "rhs_queries": 1}')), "step must be a whole number"),
+        ("huge-samples", tensors(model_header(state='{"step": 1, "seconds": 1.0, "lhs_samples": 1e300, "rhs_queries": 1}')), "lhs_samples must be a whole number"),
         ("negative-seconds", tensors(model_header(state='{"step": 1, "seconds": -1e9, "lhs_samples": 1, "rhs_queries": 1}')), "must not be negative"), ("scale-0", tensors(model_header(config='{"target.scale": 0}')), "target.scale"),
         ("field-unknown", tensors(model_header(config='{"field": "x"}')), "field"), ("tables-missing", tensors({**model_header(config='{"field": "nr", "nr.log2_table": 24, "nr.levels": 16, "nr.features": 8, "target.scale": 1}'),
          "octree.origin": {"dtype": "F32", "shape": [3], "data_offsets": [0, 12]}, "octree.size": {"dtype": "F32", "shape": [3], "data_offsets": [12, 24]}}, struct.pack("<6f", 0, 0, 0, 1, 1, 1)), "needs tables of"),

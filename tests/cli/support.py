@@ -3,10 +3,12 @@ import fcntl
 import json
 import os
 import pty
+import resource
 import shutil
 import signal
 import struct
 import subprocess
+import sys
 import tempfile
 import termios
 import time
@@ -31,6 +33,36 @@ def run(*arguments, timeout=120, cwd=None, stdout=subprocess.PIPE):
     if done.stdout is None:
         done.stdout = b""
     return Result(done)
+
+
+# The peak of a child begins at what its parent holds, which is more than small runs take: a bare interpreter starts the
+# program, ends it when it hangs, and writes what it took. SIGPIPE and SIGXFSZ are as the interpreter found them.
+MEASURE = """import os, signal, sys
+report, seconds, *command = sys.argv[1:]
+os.set_inheritable(int(report), False)
+child = os.posix_spawnp(command[0], command, os.environ, setsigdef=[signal.SIGPIPE, signal.SIGXFSZ])
+signal.signal(signal.SIGALRM, lambda *_: os.kill(child, signal.SIGKILL))
+signal.alarm(int(seconds))
+_, status, usage = os.wait4(child, 0)
+os.write(int(report), b"%d %d %f" % (os.waitstatus_to_exitcode(status), 1024 * usage.ru_maxrss, usage.ru_utime + usage.ru_stime))"""
+
+
+def measured(*arguments, hangs_after=120, **keywords):
+    """Runs the program: its exit code (negative: a signal), the peak of its resident memory in bytes, its processor seconds."""
+    reading, writing = os.pipe()
+    try:
+        subprocess.run([sys.executable, "-I", "-S", "-c", MEASURE, str(writing), str(hangs_after), PROGRAM, *map(str, arguments)], pass_fds=(writing,), check=True, **keywords)
+    finally:
+        os.close(writing)
+        with os.fdopen(reading, "rb") as report:
+            text = report.read()
+    code, peak, seconds = text.split()
+    return int(code), int(peak), float(seconds)
+
+
+def children_seconds():
+    """Processor seconds of all that was started and has ended."""
+    return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
 
 
 def write_hdr(path, width, height, pixel):
@@ -154,8 +186,8 @@ def start(*arguments, program=None):
                             preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
 
 
-def on_terminal(columns, *arguments, timeout=120):
-    """What the program writes to a terminal of that width."""
+def on_terminal(columns, *arguments, timeout=120, enough=None):
+    """What the program writes to a terminal of that width; it is interrupted once that is `enough`."""
     controller, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     process = subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=terminal, env=dict(os.environ, TERM="xterm"))
@@ -169,6 +201,9 @@ def on_terminal(columns, *arguments, timeout=120):
         if not block:
             break
         text += block
+        if enough and enough(text.decode("utf-8", "replace")):
+            process.send_signal(signal.SIGINT)
+            enough = None
     process.communicate(timeout=10)
     os.close(controller)
     return text.decode("utf-8", "replace")

@@ -114,7 +114,7 @@ class CameraPath(Case):
         opposite = {"origin": [0, 0, -0.9], "target": [0, -0.2, 0]}
         for content, message in (({"frames": 3, "keys": KEYS[:1]}, "two cameras or more"), ({"frames": 3}, '"keys"'), ([], '"keys"'),
                                  ({"keys": KEYS}, 'needs "frames", or "duration"'), ({"keys": KEYS, "frames": 2, "duration": 2}, 'needs "frames", or'),
-                                 ({"keys": KEYS, "frames": 0}, '"frames" must be a number between'), ({"keys": KEYS, "frames": 2.5}, "whole"),
+                                 ({"keys": KEYS, "frames": 0}, '"frames" must be a whole number from 1'), ({"keys": KEYS, "frames": 2.5}, "whole"),
                                  ({"keys": KEYS, "frames": 3, "speed": 1}, 'unknown key "speed"'),
                                  ({"keys": [KEYS[0], dict(KEYS[1], time=1)], "frames": 2}, 'key 2: either all keys have a "time" or none'),
                                  ({"keys": [dict(KEYS[0], time=1), dict(KEYS[1], time=1)]}, "key 2: \"time\" must be later"),

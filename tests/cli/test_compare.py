@@ -4,9 +4,11 @@ import json
 import math
 import os
 import struct
+import subprocess
 import unittest
 import zlib
 
+from exr import write_exr
 from support import ROOM, Case, write_hdr, write_pfm
 
 
@@ -173,6 +175,18 @@ class Compare(Case):
         self.assertEqual(self.ok("compare", plain, b, "--aux", a, "--json").json()["images"][0]["by_roughness"][3]["pixels"], bins[3]["pixels"])
         self.fails(2, "--aux FILE", "compare", plain, b, "--by-roughness")
 
+    def test_demo_takes_the_figures_of_all_pixels(self):
+        """scripts/demo.sh reads JSON with sed: the picture's own figures, not those of a roughness."""
+        a, b = self.rooms(1, 2)
+        with open(self.path("e.json"), "w", encoding="utf-8") as out:
+            out.write(self.ok("compare", a, b, "--json").out)
+        with open(os.path.join(os.path.dirname(__file__), "..", "..", "scripts", "demo.sh"), encoding="utf-8") as script:
+            function = next(line for line in script if line.startswith("field()"))
+        entry = self.ok("compare", a, b, "--json").json()["images"][0]
+        for name in ("mape", "mean_ratio", "pixels"):
+            shown = subprocess.run(["bash", "-c", function + 'field "$1" "$2"', "-", self.path("e.json"), name], capture_output=True, text=True, check=True).stdout
+            self.assertEqual(float(shown), entry[name], name)
+
     def test_two_references(self):
         a, b, c = self.rooms(1, 2, 3, spp=64)
         entry = self.ok("compare", a, c, "--reference-b", b, "--errors", self.path("e"), "--zscores", "--json").json()["images"][0]
@@ -266,6 +280,9 @@ class Compare(Case):
         self.fails(2, "same seed", "merge", plain + ":2", plain + ":2", "-o", out)
         self.fails(2, "plain.pfm:SPP", "merge", a, plain, "-o", out)
         self.fails(1, "FILE:SPP", "merge", a, plain + ":0", "-o", out)
+        for count in ("1.5", "1e300", "-1e300", "18446744073709551617", "true"):  # no number of samples
+            write_exr(other, 32, 24, {c: [1.0] * (32 * 24) for c in "RGB"}, {"octrad.render": '{"spp": %s}' % count})
+            self.fails(2, "other.exr:SPP", "merge", a, other, "-o", out)
         self.fails(2, "differ in size", "merge", a, self.small_picture() + ":1", "-o", out)
         for options, what in ((("-D", "wall=0.3"), "their scene"), (("--max-depth", 3), "max_depth"), (("--origin", "0,0,0.5", "--target", "0,0,0"), "their camera")):
             self.ok("render", self.path("room.xml"), "-o", other, "--spp", 1, "--seed", 5, *options)

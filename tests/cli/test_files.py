@@ -8,9 +8,10 @@ import signal
 import subprocess
 import time
 import unittest
+import unittest.mock
 
 from exr import read_exr
-from support import PROGRAM, ROOM, SMALL, Case, Result, read_safetensors, run, start, wait_for, write_pfm
+from support import PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
 
 FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")
 NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
@@ -188,36 +189,37 @@ class Files(Case):
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
     def test_a_checkpoint_that_fails_is_tried_again(self):
         model, log = self.path("m.octrad"), self.path("log.jsonl")
-        command = ("train", self.scene, "-o", model, *SMALL, "--time", "1s", "-D", "checkpoint.every=100ms")
+        command = ("train", self.scene, "-o", model, *SMALL, "--steps", 10, "-D", "checkpoint.every=0.001ms")  # after every step but the last, which ends it
         # The log is in another folder than the faults.
         result = self.faulty([("link", errno.ENOSPC, 2, 2)], *command)
         self.assertEqual(result.code, 0, result.err)
         self.assertEqual(result.err.count("training goes on, and the next checkpoint tries again"), 2, result.err)
-        self.ok("info", model)
-        before = read(model)
+        step = lambda: self.ok("info", model, "--json").json()["metadata"]["step"]
+        self.assertEqual(step(), 10)
         result = self.faulty([("link", errno.ENOSPC, 3, 0)], *command, "--overwrite", "--log-json", log)
         self.assertEqual(result.code, 3, result.err)
-        self.assertRegex(result.err.splitlines()[-1], r"cannot write .*m\.octrad: No space left on device; what is saved is step \d+$")
+        self.assertRegex(result.err.splitlines()[-1], r"cannot write .*m\.octrad: No space left on device; what is saved is step 2$")
         events = [json.loads(line)["event"] for line in read(log).decode().splitlines()]
-        self.assertGreater(events.count("not_saved"), 1)
-        self.assertEqual(events.count("saved"), 2)
-        self.assertNotEqual(read(model), before)
-        self.train("--resume", "--time", "1100ms")
+        self.assertEqual((events.count("saved"), events.count("not_saved")), (2, 7))
+        self.assertEqual(step(), 2)
+        self.train("--resume", "--steps", 12)
+        self.assertEqual(step(), 12)
         result = self.faulty([("link", errno.ENOSPC, 1, 0)], *command, "--overwrite")
         self.assertIn("nothing of this run is saved", result.err)
+        self.assertEqual(step(), 12)
 
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
     def test_the_time_of_day_does_not_matter(self):
         model = self.path("m.octrad")
         for jump in (3600, -7200):
-            begin = time.monotonic()
+            begin, longest = time.monotonic(), 600  # less than the jumps, and more than other work on the machine adds
             result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "train", self.scene, "-o", model, "--overwrite", *SMALL,
                               "--time", "1s", "-D", "checkpoint.every=300ms", "--json")
             self.assertEqual(result.code, 0, result.err)
-            self.assertTrue(0.95 <= result.json()["seconds"] <= 3, result.out)
-            self.assertTrue(0.9 <= time.monotonic() - begin <= 20)
+            self.assertTrue(0.95 <= result.json()["seconds"] <= longest, result.out)
+            self.assertGreaterEqual(time.monotonic() - begin, 0.9)
             result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "render", self.scene, "-o", self.out, "--time", "300ms", "--json")
-            self.assertTrue(0.28 <= result.json()["seconds"] <= 3, result.out)
+            self.assertTrue(0.28 <= result.json()["seconds"] <= longest, result.out)
 
     # ---- two programs, one file
 
@@ -316,9 +318,7 @@ class Files(Case):
         longest = self.path("n" * 251 + ".exr")
         self.assertIn("File name too long", self.render(out=longest).err)  # of the lock: only a warning
         read_exr(longest)
-        begin = time.monotonic()
-        self.fails(3, "File name too long", "render", self.scene, "-o", self.path("n" * 252 + ".exr"), "--spp", 100000000)
-        self.assertLess(time.monotonic() - begin, 5)
+        self.fails(3, "File name too long", "render", self.scene, "-o", self.path("n" * 252 + ".exr"), "--spp", 100000000)  # at once: that many never end
 
     def test_links(self):
         os.mkdir(self.path("folder"))
@@ -455,18 +455,44 @@ class Files(Case):
         _, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 0, err)
 
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_interrupt_while_loading_ends_at_once(self):
+        """While a mesh is read that never comes; the signal does as soon as the program listens to it."""
+        os.mkdir(self.path("far"))
+        self.write("far/mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        scene = self.write("far.xml", '<scene version="3.0.0"><sensor type="perspective"/><shape type="obj"><string name="filename" value="far/mesh.obj"/></shape></scene>')
+        model = self.path("m.octrad")
+
+        def listens(process, sent):
+            with open("/proc/%d/status" % process.pid) as status:
+                caught = next(line for line in status if line.startswith("SigCgt:"))
+            return int(caught.split()[1], 16) >> (sent - 1) & 1
+
+        with unittest.mock.patch.dict(os.environ, LD_PRELOAD=FAULTS, OCTRAD_FAULTS=self.path("far") + ":hang:0:1:0"):
+            for sent in (signal.SIGINT, signal.SIGTERM):
+                for verb in (("render", scene, "-o", self.out), ("train", scene, "-o", model)):
+                    process = start(*verb)
+                    self.assertTrue(wait_for(lambda: listens(process, sent)))
+                    process.send_signal(sent)
+                    _, err = process.communicate(timeout=60)
+                    self.assertEqual(process.returncode, 130, err)
+                    self.assertIn("before there was anything to save", err.decode())
+        self.assertFalse(os.path.exists(self.out) or os.path.exists(model))
+
     def test_large_pictures_stop_soon(self):
         """A pass of these takes many seconds. Before the first one is whole there is nothing to save, and the old picture stays."""
         self.render()
         before = read(self.out)
         log, white = self.path("log.jsonl"), self.write("white.xml", ROOM.replace("$wall, 0.5, 0.4", "1, 1, 1"))
-        process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--log-json", log)
+        earlier = children_seconds()
+        process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--threads", 2, "--log-json", log)
         self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
         time.sleep(0.3)
-        begin = time.monotonic()
+        with open("/proc/%d/stat" % process.pid) as stat:
+            before_signal = sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
-        self.assertLess(time.monotonic() - begin, 2)
+        self.assertLess(children_seconds() - earlier - before_signal, 2, "seconds of a processor after the signal")
         self.assertEqual(process.returncode, 130, err)
         self.assertIn(b"nothing is saved", err)
         self.assertEqual(read(self.out), before)

@@ -49,7 +49,9 @@ class Live(Case):
         return viewer
 
     def status(self, viewer, what=lambda status: True):
-        return viewer.until(lambda m: training(m) and what(m))
+        """The last one that has come, or the first from now on; none comes where nothing changes any more."""
+        known = [m for m in viewer.others if training(m)][-1:]
+        return known[0] if known and what(known[0]) else viewer.until(lambda m: training(m) and what(m))
 
     def picture(self, viewer, side="a"):
         """The picture at rest as {channel: floats}."""

@@ -8,7 +8,7 @@ import shutil
 import signal
 import subprocess
 
-from support import ROOM, Case, start, wait_for
+from support import ROOM, Case, children_seconds, start, wait_for
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -132,14 +132,17 @@ class Paper(Case):
         self.fails(1, "--only nothing: no cell has that in its name", *self.arguments(self.matrix()), "--only", "nothing")
 
     def test_all_methods_within_a_budget(self):
-        """Two of our scenes with all methods. OCTRAD_PAPER_BUDGET=3m: the whole main matrix, within a third more."""
+        """Two of our scenes with all methods. OCTRAD_PAPER_BUDGET=3m: the whole main matrix."""
         scenes = [os.path.join(ROOT, "scenes", name, "scene.xml") for name in ("cornell-box", "glossy-room")]
         budget = os.environ.get("OCTRAD_PAPER_BUDGET", "20s")
         methods = ["octaoctree", "nr", "ncr", "nr-rhs", "ncr-rhs", "octaoctree-rhs", "oidn", "lhs-oidn", "path"]
         full = "OCTRAD_PAPER_BUDGET" in os.environ
         small = self.write("all.json", json.dumps({"methods": methods, "views": {"*": [0]}, "keys": {"octree.levels": 4, "ncr.log2_table": 14, "nr.log2_table": 14}}))
-        out = self.ok("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget, "--json", timeout=600).json()
-        self.assertLess(out["seconds"], 240 if full else 100)  # a busy machine is slower than measured
+        paper = ("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget, "--threads", 2)
+        before = children_seconds()
+        out = self.ok(*paper, "--json", timeout=600).json()
+        # Seconds of two processors: those of a clock are also other work's.
+        self.assertLess(children_seconds() - before, 2 * 4 / 3 * (180 if full else 20))
         self.assertEqual((out["failed"], out["waiting"]), (0, 0))
         results = self.results()
         self.assertEqual(results["budget"], budget)
@@ -149,13 +152,15 @@ class Paper(Case):
             if cell["status"] == "not available":
                 self.assertIn("oidn", cell["method"])
             else:
+                # A little learning is not much better than none (.8), and may be worse (1.2); of black the mean ratio is 0.
                 self.assertLess(cell["mape"], 3, cell["method"])
+                self.assertTrue(0.5 < cell["mean_ratio"] < 2, (cell["method"], cell["mean_ratio"]))
                 self.assertLess(cell["width"], 256)
         with open(os.path.join(self.report, "index.html"), encoding="utf-8") as file:
             self.assertIn("Scaled down", file.read())
         # The scale is kept: nothing is done again.
         before = self.files()
-        self.ok("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget)
+        self.ok(*paper)
         after = self.files()
         self.assertEqual([p for p, t in before.items() if after[p] != t and "oidn-" not in p], [])
 
@@ -204,9 +209,10 @@ class Paper(Case):
                               ({"keys": {"train.steps": 5}}, "train.steps is not for keys"),
                               ({"preset": "tiny"}, "preset: "),
                               ({"seeds": [1, 1]}, "seeds: a seed is there twice"),
-                              ({"seeds": [1e30]}, "seeds: "),
+                              ({"seeds": [1e30]}, "seeds must be a whole number from 0"),
+                              ({"steps": 1.5}, "steps must be a whole number from"),
                               ({"time": "soon"}, "time: "),
-                              ({"width": "wide"}, 'width: "wide" where a whole number'),
+                              ({"width": "wide"}, 'width must be a whole number from'),
                               ({"equal": ["minutes"]}, "equal: "),
                               ({"views": {"a": [7]}}, "sensor 7"),
                               ({"views": {"a": [{"origin": [0, 0, 0]}]}}, "needs a \"name\""),
@@ -221,6 +227,20 @@ class Paper(Case):
         self.fails(3, "lost.json is no file and no matrix", *self.arguments("lost.json"))
         self.fails(2, "scene a:", *self.arguments(self.matrix(), scenes=[self.write("a.xml", "<scene")]))
         self.fails(1, "--budget", *self.arguments(self.matrix()), "--budget", "0")
+
+    def test_look_ups_of_built_in_matrices(self):
+        """They have the presets' sizes and schedules, but the offsets of the paper, in full."""
+        paper = {key["key"]: key["value"] for key in self.ok("info", "--keys", "--json", "--preset", "paper").json()["keys"]}
+        cpu = {key["key"]: key["value"] for key in self.ok("info", "--keys", "--json", "--preset", "cpu").json()["keys"]}
+        offset = [key for key in paper if key.startswith("lookup.") and key.endswith("offset")]
+        self.assertGreaterEqual(len(offset), 2)
+        self.assertTrue(all(paper[key] != cpu[key] for key in offset), "nothing to state")
+        files = glob.glob(os.path.join(ROOT, "configs", "paper", "*.json"))
+        self.assertGreaterEqual(len(files), 7)
+        for path in files:
+            with open(path, encoding="utf-8") as file, self.subTest(os.path.basename(path)):
+                keys = json.load(file)["keys"]
+                self.assertEqual({key: json.dumps(keys[key]).strip('"') for key in offset}, {key: paper[key] for key in offset})
 
     def test_scenes_of_a_folder(self):
         for name in ("room", "hall"):

@@ -4,6 +4,8 @@ import os
 import random
 import resource
 import signal
+import struct
+import time
 import unittest
 
 from exr import read_exr
@@ -87,24 +89,21 @@ class Resume(Case):
                     os.remove(file)
 
     def test_after_kills_at_any_time(self):
-        spp = 3000 * max(1, int(os.environ.get("OCTRAD_KILLS", "4")) // 8)
-        self.render("--spp", spp, out=self.whole)
-        command = ("render", self.scene, "-o", self.out, "--spp", spp, "--resume", "--save-every", "10ms", "-q")
-        chance, kills = random.Random(), 0
+        """Of runs that have no end, some time after they have saved."""
+        chance, saved = random.Random(1), 0
         for _ in range(int(os.environ.get("OCTRAD_KILLS", "4"))):
-            before = os.stat(self.out + ".state").st_ino if os.path.exists(self.out + ".state") else None
-            process = start(*command)
-            saved = lambda: os.path.exists(self.out + ".state") and os.stat(self.out + ".state").st_ino != before
-            self.assertTrue(wait_for(lambda: saved() or process.poll() is not None))
+            process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--save-every", "10ms", "-q")
             try:
-                process.wait(chance.uniform(0, 0.1))
-            except Exception:
-                pass
-            kills += process.poll() is None
-            process.kill()
-            process.communicate(timeout=60)
-        self.assertGreater(kills, 1, "the runs were over before they were killed; make them longer")
-        self.assertGreater(self.render("--spp", spp, "--resume")["resumed_spp"], 0)
+                self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".state") and self.samples_saved() > saved))
+                time.sleep(chance.uniform(0, 0.1))
+                self.assertIsNone(process.poll())
+            finally:
+                process.kill()
+                process.communicate(timeout=60)
+            self.assertGreater(self.samples_saved(), saved)
+            saved = self.samples_saved()
+        self.render("--spp", saved + 3, out=self.whole)
+        self.assertEqual(self.render("--spp", saved + 3, "--resume")["resumed_spp"], saved)
         self.assert_same_bits()
 
     def test_a_disk_that_fills_keeps_the_picture(self):
@@ -130,10 +129,19 @@ class Resume(Case):
         box = self.write("box.xml", ROOM)
         self.fails(2, "filter", "render", box, "-o", self.out, "--resume", "--spp", 8)
         self.fails(2, "has 4 samples a pixel already, more than the 2 asked for", "render", self.scene, "-o", self.out, "--resume", "--spp", 2)
+        with open(self.out + ".state", "rb") as file:
+            sound = file.read()
         for broken in (b"", b"nothing", b"\x08" + bytes(7) + b"{}      "):
             with open(self.out + ".state", "wb") as file:
                 file.write(broken)
             self.assertIn(".state", self.fails(2, "", *r).err)
+        for number in (b"0", b"1.5", b"1e300", b"-4", b"9000000000000"):
+            header = sound[8:8 + struct.unpack("<Q", sound[:8])[0]]
+            wrong = header.replace(b'samples\\":4', b'samples\\":' + number)
+            self.assertNotEqual(wrong, header)
+            with open(self.out + ".state", "wb") as file:
+                file.write(struct.pack("<Q", len(wrong)) + wrong + sound[8 + len(header):])
+            self.fails(2, "samples must be a whole number", *r)
         with open(self.out, "rb") as file:
             self.assertEqual(file.read(), before)
 

@@ -6,7 +6,6 @@ import select
 import signal
 import socket
 import struct
-import subprocess
 import time
 import unittest
 
@@ -202,19 +201,20 @@ class Stream(View):
         self.assertEqual(first.header["camera"], camera)
         other = viewer.frame(lambda h: h["input"] == 41 and not h["moving"])
         self.assertNotEqual(other.pictures["a"], still.pictures["a"])
-        # So does an integrator, a layer, the exposure, and a size.
-        for change, check in (({"a": {"integrator": "path"}}, lambda h: h["a"]["integrator"] == "path" and not h["moving"]),
-                              ({"layer": "normal"}, lambda h: True), ({"layer": "roughness"}, lambda h: True), ({"layer": "albedo"}, lambda h: True),
-                              ({"layer": ""}, lambda h: True), ({"exposure": 2}, lambda h: True), ({"curve": "filmic"}, lambda h: True),
-                              ({"white": [1, 1, 2]}, lambda h: True), ({"width": 32, "height": 16}, lambda h: h["width"] == 32)):
-            before = other.pictures["a"]
-            viewer.send("set", **change)
-            viewer.until(lambda m: isinstance(m, dict) and m["type"] == "state")
-            for _ in range(3):  # one that was under way may come first
-                other = viewer.frame(check)
-                if other.pictures["a"] != before:
-                    break
-            self.assertNotEqual(other.pictures["a"], before, change)
+        # So does an integrator.
+        viewer.send("set", a={"integrator": "path"})
+        paths = viewer.frame(lambda h: h["a"]["integrator"] == "path" and not h["moving"])
+        self.assertNotEqual(paths.pictures["a"], other.pictures["a"])
+        # Paths are refined without end, but not the cache: once it is done each other picture is due to what was changed.
+        viewer.send("set", a={"integrator": "lhs"})
+        before = viewer.frame(lambda h: h["a"]["integrator"] == "lhs" and h["a"]["samples"] >= 256).pictures["a"]
+        for change in ({"layer": "normal"}, {"layer": "roughness"}, {"layer": "albedo"}, {"layer": ""}, {"exposure": 2}, {"curve": "filmic"}, {"white": [1, 1, 2]},
+                       {"width": 32, "height": 16}):
+            with self.subTest(change):
+                viewer.send("set", **change)
+                changed = viewer.until(lambda m: isinstance(m, Frame) and m.header["a"]["samples"] >= 256 and m.pictures["a"] != before)
+                before = changed.pictures["a"]
+        self.assertEqual(jpeg_size(before), (32, 16))
         self.assertEqual(viewer.errors, [])
 
     def test_refining_ends_and_idles(self):
@@ -255,12 +255,12 @@ class Stream(View):
         active.answer("state")
         active.send("take")
         active.until(lambda m: isinstance(m, dict) and m.get("controller") == active.hello["you"])
-        begin = time.monotonic()
+        read = len(stalled.frames)
         for i in range(1, 6):
             active.send("set", camera=dict(active.state["camera"], origin=[0.05 * i, 0, 0.9]), input=i)
             active.frame(lambda h: h["input"] == i)
-        self.assertLess(time.monotonic() - begin, 5)
         self.assertEqual(stalled.frame(lambda h: h["input"] == 5).header["input"], 5)
+        self.assertLessEqual(len(stalled.frames) - read, 2)  # one that it did not acknowledge, and the newest
 
     def test_control(self):
         url = self.serve("--width", "32", "--height", "24")

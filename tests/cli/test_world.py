@@ -1,9 +1,7 @@
 """Sensors, lights without extent, round shapes and instances of scene files, through the verbs."""
-import os
-import subprocess
 import unittest
 
-from support import PROGRAM, Case
+from support import Case, measured
 
 WORLD = """<scene version="3.0.0"><sensor type="thinlens"><float name="aperture_radius" value="0.05"/><float name="focus_distance" value="4"/><transform name="to_world">
 <lookat origin="0, 1, 4" target="0, 0, 0" up="0, 1, 0"/></transform><film type="hdrfilm"><integer name="width" value="20"/><integer name="height" value="12"/>
@@ -14,14 +12,6 @@ WORLD = """<scene version="3.0.0"><sensor type="thinlens"><float name="aperture_
 <shape type="instance"><ref id="g"/></shape><shape type="instance"><ref id="g"/><transform name="to_world"><scale value="0.5"/><translate x="-1"/></transform></shape>
 <shape type="rectangle"><transform name="to_world"><rotate x="1" y="0" z="0" angle="-90"/><scale value="3"/></transform></shape>
 <emitter type="point"><point name="position" x="0" y="3" z="1"/><rgb name="intensity" value="9"/></emitter></scene>"""
-
-
-def peak_memory(*arguments):
-    """Peak of resident memory in bytes."""
-    process = subprocess.Popen([PROGRAM, *arguments, "-q"])
-    _, status, usage = os.wait4(process.pid, 0)
-    assert status == 0, status
-    return usage.ru_maxrss * 1024
 
 
 class World(Case):
@@ -49,16 +39,20 @@ class World(Case):
         faces = [f"3 {i} {i + 1} {i + side}" for y in range(side - 1) for i in range(y * side, y * side + side - 1)]
         self.write("m.ply", f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\nproperty float x\nproperty float y\nproperty float z\nelement face {len(faces)}\n"
                    "property list uchar int vertex_indices\nend_header\n" + "\n".join(rows + faces) + "\n")
-        group = '<shape type="shapegroup" id="g"><shape type="ply"><string name="filename" value="m.ply"/></shape></shape>'
+        mesh = '<shape type="ply"><string name="filename" value="m.ply"/></shape>'
+        group = f'<shape type="shapegroup" id="g">{mesh}</shape>'
 
-        def peak(count):
-            instances = "".join(f'<shape type="instance"><ref id="g"/><transform name="to_world"><translate x="{400 * i}"/></transform></shape>' for i in range(count))
-            file = self.write("s.xml", '<scene version="3.0.0"><sensor type="perspective"/>' + group + instances + '<emitter type="constant"/></scene>')
-            return peak_memory("render", file, "-o", self.path("o.exr"), "--integrator", "path", "--spp", "1", "--width", "16", "--height", "16")
+        def peak(shapes):
+            file = self.write("s.xml", '<scene version="3.0.0"><sensor type="perspective"/>' + shapes + '<emitter type="constant"/></scene>')
+            code, bytes, _ = measured("render", file, "-o", self.path("o.exr"), "--integrator", "path", "--spp", "1", "--width", "16", "--height", "16", "-q")
+            self.assertEqual(code, 0)
+            return bytes
 
-        one, many = peak(1), peak(1000)
-        mesh = len(faces) * 12 + len(rows) * 24
-        self.assertLess(many - one, 3 * mesh, (one, many))
+        instances = [f'<shape type="instance"><ref id="g"/><transform name="to_world"><translate x="{400 * i}"/></transform></shape>' for i in range(1000)]
+        one, many, copies = peak(group + instances[0]), peak(group + "".join(instances)), peak(3 * mesh)
+        limit = 2 * (len(faces) * 12 + len(rows) * 24)
+        self.assertLess(many - one, limit, (one, many))
+        self.assertGreater(copies - one, limit, (one, copies))  # copies are seen
 
 
 if __name__ == "__main__":

@@ -80,6 +80,8 @@ void read_points(const std::string& bytes) {
   QueryRays rays;
   rays.lobe = rays.clusters = 2;
   cli::parse_points("in.csv", bytes, rays);
+  rays.offset.traced = true;
+  cli::parse_points("in.csv", bytes, rays);
 }
 
 void read_spectrum_file(const std::string& bytes) {

@@ -149,6 +149,10 @@ void add_permissive_option(CLI::App& verb, CommonOptions& common) {
                 "scene: replace what is not supported by a stand-in (magenta surfaces) or leave it out, and list it");
 }
 
+CLI::Option* add_force_option(CLI::App& verb, bool& force) {
+  return verb.add_flag("--force", force, "use a model although it was trained on another scene");
+}
+
 void add_log_option(CLI::App& verb, CommonOptions& common) {
   verb.add_option("--log-json", common.log_json, "write progress to FILE, one JSON object a line")
       ->type_name("FILE")
@@ -258,18 +262,30 @@ Vec3f parse_vector(const std::string& text, const std::string& option) {
   return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
 }
 
+namespace {
+
 // What -D names that is no part of a configuration: how device code runs.
 constexpr std::string_view kTuning = "device.";
+
+void add_definitions(CLI::App& verb, std::vector<std::string>& definitions, const std::string& help) {
+  verb.add_option("-D", definitions, help)
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->allow_extra_args(false)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+}  // namespace
+
+void ConfigOptions::add_definitions_to(CLI::App& verb, const std::string& keys) {
+  add_definitions(verb, definitions, "set a parameter of the scene file" + keys);
+}
 
 void ConfigOptions::add_to(CLI::App& verb) {
   verb.add_option("--preset", preset, "paper | default | cpu (the default)")->type_name("NAME");
   verb.add_option("--config", file, "JSON file with configuration keys; octrad info --keys lists them")
       ->type_name("FILE");
-  verb.add_option("-D", definitions, "set a configuration key (octree.levels=6) or a parameter of the scene file")
-      ->type_name("KEY=VALUE")
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  add_definitions(verb, definitions, "set a configuration key (octree.levels=6) or a parameter of the scene file");
 }
 
 Config ConfigOptions::resolve() const {
@@ -293,6 +309,11 @@ std::vector<std::pair<std::string, std::string>> ConfigOptions::config_definitio
     if (is_config_key(parts.first) && !parts.first.starts_with(kTuning)) out.push_back(std::move(parts));
   }
   return out;
+}
+
+void ConfigOptions::refuse_config_definitions(const std::string& why) const {
+  const auto keys = config_definitions();
+  if (!keys.empty()) throw UsageError(fmt::format("-D {}: {}", keys.front().first, why));
 }
 
 DeviceTuning ConfigOptions::tuning() const {

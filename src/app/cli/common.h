@@ -4,12 +4,15 @@
 #include <CLI/CLI.hpp>
 
 #include <cstdint>
+#include <exception>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "octrad/base/json_file.h"
@@ -91,6 +94,9 @@ void add_log_option(CLI::App& verb, CommonOptions& common);
 // Adds --permissive: for verbs that read scenes.
 void add_permissive_option(CLI::App& verb, CommonOptions& common);
 
+// Adds --force: for verbs that use a model with a scene (check_scene).
+CLI::Option* add_force_option(CLI::App& verb, bool& force);
+
 // A check that does not add itself to the help text (the option's own text says what is accepted).
 template <typename Validator>
 CLI::Validator unnamed(Validator validator) {
@@ -137,11 +143,15 @@ struct ConfigOptions {
   std::vector<std::string> definitions;  // "key=value"
 
   void add_to(CLI::App& verb);
+  // -D alone, for parameters of the scene file. `keys`: what else it sets, to follow in the help text.
+  void add_definitions_to(CLI::App& verb, const std::string& keys = "");
   bool given() const { return !preset.empty() || !file.empty() || !definitions.empty(); }
   // Preset, then the file, then the definitions that name configuration keys.
   Config resolve() const;
   // The definitions that name configuration keys, in order (not checked).
   std::vector<std::pair<std::string, std::string>> config_definitions() const;
+  // Throws UsageError where a definition names a configuration key: `why` there is none here.
+  void refuse_config_definitions(const std::string& why) const;
   // Of the definitions named device.KEY. Throws UsageError.
   DeviceTuning tuning() const;
   // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration
@@ -156,9 +166,13 @@ T metadata_value(const Image& image, const std::string& name, const std::string&
   const auto found = image.metadata.find(name);
   if (found == image.metadata.end()) return fallback;
   const nlohmann::json object = parse_json_or_discard(found->second);
+  if (!object.is_object() || !object.contains(key)) return fallback;
   try {
-    return object.is_object() ? object.value(key, fallback) : fallback;
-  } catch (const nlohmann::json::exception&) {
+    if constexpr (std::is_integral_v<T>)
+      return static_cast<T>(
+          whole_number(object.at(key), std::numeric_limits<T>::min(), std::numeric_limits<T>::max(), key));
+    else return object.at(key).template get<T>();
+  } catch (const std::exception&) {
     return fallback;
   }
 }

@@ -20,8 +20,8 @@ struct ConvertOptions {
 
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
-  if (!o.definitions.config_definitions().empty())
-    throw UsageError("-D sets a parameter of the scene file here, and those have no dot in their names");
+  o.definitions.refuse_config_definitions(
+      "sets a parameter of the scene file here, and those have no dot in their names");
   LoadOptions options;
   options.definitions = o.definitions.scene_definitions();
   options.permissive = common.permissive;
@@ -60,11 +60,7 @@ void add_convert(Program& program) {
                             "octrad convert old.xml -o scene.xml");
   verb->add_option("scene", o->scene, "scene file, of any version that can be read")->required()->type_name("SCENE");
   verb->add_option("-o,--output", o->output, "the file that is written")->required()->type_name("FILE");
-  verb->add_option("-D", o->definitions.definitions, "set a parameter of the scene file")
-      ->type_name("NAME=VALUE")
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  o->definitions.add_definitions_to(*verb);
   add_permissive_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { convert_verb(program.common, *o); }; });
 }

@@ -24,6 +24,8 @@ namespace {
 
 struct QueryOptions {
   std::string model, points, output, scene;
+  bool force = false;
+  ConfigOptions definitions;
 };
 
 constexpr std::size_t kBlock =
@@ -31,20 +33,26 @@ constexpr std::size_t kBlock =
 
 // Fills in the disparities of points whose look-ups have a traced offset. Says which scene they were traced in; empty:
 // the one that the model names is not there, and they stay 0.
-std::string trace_disparities(const QueryOptions& o, const ModelInfo& info, const OffsetRay& offset,
-                              std::vector<SurfacePoint>& points) {
+std::string trace_disparities(const CommonOptions& common, const QueryOptions& o, const ModelInfo& info,
+                              const OffsetRay& offset, QueryPoints& asked) {
   const std::string file = o.scene.empty() ? info.scene_file : o.scene;
+  const auto definitions = o.definitions.scene_definitions();
   try {
-    const PreparedScene scene(open_scene(file, {}, false));
-    check_scene(o.model, info, file, scene.fingerprint(), false);
+    refuse_input_as_output("-o", o.output, {file});
+    const PreparedScene scene(open_scene(file, definitions, common.permissive, {{"-o", o.output}}));
+    check_scene(o.model, info, file, scene.fingerprint(), o.force);
     const TransportContext context = scene.context();
-    parallel_blocks(points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        points[i].disparity = traced_disparity(context, offset.rule, points[i], points[i].n);
+    parallel_blocks(asked.points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        SurfacePoint& point = asked.points[i];
+        point.disparity = traced_disparity(context, offset.rule, point, asked.geometric_normals[i]);
+      }
     });
     return file;
+  } catch (const UsageError&) {
+    throw;
   } catch (const Error& error) {
-    if (!o.scene.empty()) throw;
+    if (!o.scene.empty() || !definitions.empty()) throw;
     log_warning(fmt::format(
         "{}: glossy points are looked up with disparities of rays (lookup.offset = traced), which are taken as 0 here: {}; "
         "--scene says where the scene is",
@@ -57,16 +65,17 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   if (o.output.empty() && common.json) throw UsageError("--json needs -o: standard output cannot hold both");
   if (!o.output.empty()) require_writable(o.output);
   refuse_input_as_output("-o", o.output, {o.model, o.points, o.scene});
+  o.definitions.refuse_config_definitions("a query has no configuration keys; the model fixes them");
   const Model model = load_model(o.model);
   const DeviceChoice device = common.choose_device(model.info.config.field);
-  const std::unique_ptr<Stream> stream = device.make_stream();
+  const std::unique_ptr<Stream> stream = device.make_stream(o.definitions.tuning());
   const QueryRays rays = query_rays(model.info.config);
   QueryPoints asked = read_points(o.points, rays);
   std::vector<SurfacePoint>& points = asked.points;
   const auto has_offset = [&](const SurfacePoint& p) { return rays.offset.rule.has_offset(p.alpha); };
   std::string scene;
   if (rays.offset.traced && !asked.has_disparity && std::any_of(points.begin(), points.end(), has_offset))
-    scene = trace_disparities(o, model.info, rays.offset, points);
+    scene = trace_disparities(common, o, model.info, rays.offset, asked);
   RadianceField& field = *model.field;
 
   const Stopwatch watch;
@@ -143,6 +152,9 @@ void add_query(Program& program) {
                    "scene that disparities of glossy points are traced in (lookup.offset = traced); default: the file "
                    "that the model was trained with. Not needed with a column disparity")
       ->type_name("SCENE.xml");
+  add_force_option(*verb, o->force);
+  o->definitions.add_definitions_to(*verb);
+  add_permissive_option(*verb, program.common);
   verb->add_option("-o,--output", o->output, "CSV with disparity, features and radiance; default: standard output")
       ->type_name("OUT.csv");
   verb->callback([&program, o] { program.run = [&program, o] { query_verb(program.common, *o); }; });

@@ -54,9 +54,10 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
   const std::size_t required = names.size();
   QueryPoints result;
   std::vector<SurfacePoint>& points = result.points;
-  std::vector<std::size_t> column(required);
+  std::vector<std::size_t> column;
   std::size_t begin = 0, columns = 0;
   int line_number = 0;
+  bool has_normals = false;
   const auto refuse = [&](const std::string& why) {
     throw InputError(fmt::format("{}:{}: {}", file, line_number, why));
   };
@@ -72,21 +73,30 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
     const std::vector<std::string> cells = split_line(line);
     if (columns == 0) {
       columns = cells.size();
-      for (std::size_t i = 0; i < names.size(); ++i) {
-        const auto found = std::find(cells.begin(), cells.end(), names[i]);
-        if (found == cells.end())
+      const auto find_column = [&](const std::string& name) {
+        const auto found = std::find(cells.begin(), cells.end(), name);
+        if (found != cells.end()) column.push_back(static_cast<std::size_t>(found - cells.begin()));
+        return found != cells.end();
+      };
+      for (std::size_t i = 0; i < required; ++i) {
+        if (!find_column(names[i]))
           refuse(fmt::format("the header lacks the column \"{}\"; expected {}{}", names[i], join(names, ","),
                              i < kColumns.size() ? ""
                                                  : ": this field takes what rays met (distance t, deviation s and "
                                                    "share n of each cluster), which a file of points cannot trace"));
-        column[i] = static_cast<std::size_t>(found - cells.begin());
       }
-      const auto found = std::find(cells.begin(), cells.end(), "disparity");
-      result.has_disparity = rays.offset.traced && found != cells.end();
+      if (!rays.offset.traced) continue;
+      result.has_disparity = find_column("disparity");
       if (result.has_disparity) {
-        names.push_back(*found);
-        column.push_back(static_cast<std::size_t>(found - cells.begin()));
+        names.emplace_back("disparity");
+        continue;
       }
+      for (const char* name : {"ngx", "ngy", "ngz"}) {
+        if (find_column(name)) names.emplace_back(name);
+      }
+      has_normals = names.size() == required + 3;
+      if (!has_normals && names.size() > required)
+        refuse("the header has some of the columns ngx,ngy,ngz; a normal needs all");
       continue;
     }
     if (cells.size() != columns) refuse(fmt::format("{} cells where the header has {}", cells.size(), columns));
@@ -112,7 +122,8 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
                            names[i], names[i + 1], names[i + 2]));
       p.lobe[(i - kColumns.size()) / 3] = {v[i], v[i + 1], v[i + 2]};
     }
-    for (const auto& [name, d] : {std::pair{"wo", p.wo}, std::pair{"n", p.n}}) {
+    const Vec3f geometric = has_normals ? Vec3f{v[required], v[required + 1], v[required + 2]} : p.n;
+    for (const auto& [name, d] : {std::pair{"wo", p.wo}, std::pair{"n", p.n}, std::pair{"ng", geometric}}) {
       if (std::abs(length(d) - 1.0f) > 1e-2f)
         refuse(fmt::format("{} has length {:.3g}: a unit vector is needed", name, length(d)));
     }
@@ -121,6 +132,9 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
       refuse("columns ar,ag,ab,alpha: expected an albedo and a roughness of at least 0");
     ask_to_grow(points, file);
     points.push_back(p);
+    if (!rays.offset.traced || result.has_disparity) continue;
+    ask_to_grow(result.geometric_normals, file);
+    result.geometric_normals.push_back(geometric);
   }
   if (columns == 0) throw InputError(file + ": is empty; the first line names the columns");
   return result;

@@ -11,11 +11,14 @@ namespace octrad::cli {
 struct QueryPoints {
   std::vector<SurfacePoint> points;
   bool has_disparity = false;  // the file has the column
+  // Where disparities are to be traced: of the points' surfaces, or their shading normals where the file has no others.
+  std::vector<Vec3f> geometric_normals;
 };
 
 // Surface points of a CSV file: a header with the columns' names in any order (others are ignored), a point a line. For
 // a field that wants `rays` traced, what those of the BSDF met is given in more columns; that of the offset may be, as
-// "disparity". Throws InputError as FILE:LINE, IoError.
+// "disparity", or the geometric normal that it is traced with, as "ngx,ngy,ngz". Throws InputError as FILE:LINE,
+// IoError.
 QueryPoints read_points(const std::string& file, const QueryRays& rays);
 // The same of a file's content.
 QueryPoints parse_points(const std::string& file, const std::string& text, const QueryRays& rays);

@@ -216,7 +216,7 @@ void add_render(Program& program) {
           "disparity, traced, features1 ..., occupancy1 ...; default: path, with a model lhs")
       ->type_name("NAME");
   CLI::Option* model = verb->add_option("--model", o->model, "trained cache")->type_name("FILE.octrad");
-  verb->add_flag("--force", o->force, "use the model although it was trained on another scene")->needs(model);
+  add_force_option(*verb, o->force)->needs(model);
   verb->add_option("--spp", o->spp, "samples a pixel; default: path 64, rhs and deferred 16, others 4")
       ->check(whole_in_range(1, 1 << 30))
       ->type_name("N");
@@ -233,12 +233,7 @@ void add_render(Program& program) {
   verb->add_option("--rr-depth", o->rr_depth, "path: Russian roulette from this depth on; default: 5")
       ->check(whole_in_range(1, 1 << 20))
       ->type_name("D");
-  verb->add_option("-D", o->definitions.definitions,
-                   "set a parameter of the scene file, or a key render.*, such as render.delta=cache")
-      ->type_name("KEY=VALUE")
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  o->definitions.add_definitions_to(*verb, ", or a key render.*, such as render.delta=cache");
   verb->add_option("--width", o->view.width, "pixels; alone, the height follows the sensor's aspect")
       ->check(whole_in_range(1, 131072))
       ->type_name("W")

@@ -121,9 +121,8 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
   if (model) {
     check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
     config = model_config(model->info, o.definitions);
-  } else if (!o.definitions.config_definitions().empty()) {
-    throw UsageError(fmt::format("-D {}: --integrator {} has no configuration keys",
-                                 o.definitions.config_definitions().front().first, o.integrator));
+  } else {
+    o.definitions.refuse_config_definitions(fmt::format("--integrator {} has no configuration keys", o.integrator));
   }
   budget = choose_budget(o, integrator);
   settings.film = scene().film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));

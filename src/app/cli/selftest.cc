@@ -210,11 +210,7 @@ void add_selftest(Program& program) {
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");
   const auto* only_checks = verb->add_flag("--no-benchmarks", o->no_benchmarks, "only the checks");
   verb->add_flag("--no-checks", o->no_checks, "only the benchmarks")->excludes(const_cast<CLI::Option*>(only_checks));
-  verb->add_option("-D", o->definitions.definitions, "set a parameter of the scene file")
-      ->type_name("KEY=VALUE")
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  o->definitions.add_definitions_to(*verb);
   add_permissive_option(*verb, program.common);
   verb->callback([&program, o] { program.run = [&program, o] { selftest_verb(program.common, *o); }; });
 }

@@ -49,8 +49,7 @@ std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scen
     made.field = made.own.get();
     models.push_back(std::move(made));
   }
-  if (models.empty() && !o.definitions.config_definitions().empty())
-    throw UsageError(fmt::format("-D {}: is for a --model", o.definitions.config_definitions().front().first));
+  if (models.empty()) o.definitions.refuse_config_definitions("is for a --model");
   return models;
 }
 
@@ -192,7 +191,7 @@ void add_view(Program& program) {
                            ->expected(1)
                            ->allow_extra_args(false)
                            ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  verb->add_flag("--force", o->force, "use models although they were trained on another scene")->needs(model);
+  add_force_option(*verb, o->force)->needs(model);
   verb->add_option("--integrator", o->integrator,
                    "what is shown first, as octrad render names it; default: lhs with a model, else path")
       ->type_name("NAME");
@@ -205,12 +204,7 @@ void add_view(Program& program) {
                    "path: longest path as Mitsuba counts, -1 unlimited; default: the scene's")
       ->check(whole_in_range(-1, 1 << 20))
       ->type_name("D");
-  verb->add_option("-D", o->definitions.definitions,
-                   "set a parameter of the scene file, or a key render.* of the models, such as render.delta=cache")
-      ->type_name("KEY=VALUE")
-      ->expected(1)
-      ->allow_extra_args(false)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  o->definitions.add_definitions_to(*verb, ", or a key render.* of the models, such as render.delta=cache");
   verb->add_option(
           "--width", o->view.width,
           "pixels of the picture at rest; alone, the height follows the sensor's aspect; default: the sensor's, at most 1280")

@@ -70,10 +70,7 @@ class Reader {
   }
   template <typename T>
   T whole(const nlohmann::json& v, const std::string& key, long long low, long long high) const {
-    const double value = v.is_number_integer() ? v.get<double>() : -1e300;  // of any size
-    if (value < static_cast<double>(low) || value > static_cast<double>(high))
-      fail(key, fmt::format("{} where a whole number from {} to {} is expected", shown(v), low, high));
-    return static_cast<T>(v.get<long long>());
+    return static_cast<T>(whole_number(v, low, high, place_ + ": " + key));
   }
   template <typename T>
   void number(const char* key, long long low, long long high, T& to) const {

@@ -8,6 +8,7 @@
 #include "app/report/picture_origin.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/json_file.h"
 #include "octrad/scene/camera_json.h"
 
 namespace octrad::viewer {
@@ -71,9 +72,7 @@ double number_in(const nlohmann::json& message, const std::string& key, double l
 }
 
 long long whole_in(const nlohmann::json& message, const std::string& key, long long lower, long long upper) {
-  const double number = number_in(message, key, static_cast<double>(lower), static_cast<double>(upper));
-  if (number != std::floor(number)) throw InputError(fmt::format("\"{}\" must be a whole number", key));
-  return static_cast<long long>(number);
+  return whole_number(value_of(message, key), lower, upper, "\"" + key + "\"");
 }
 
 void check_side(const Side& side, const Catalogue& catalogue, bool second) {

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
@@ -66,6 +68,19 @@ std::string json_text(const nlohmann::json& value, int indent) {
   } catch (const nlohmann::json::type_error&) {  // bytes that are no UTF-8
     return escaped(value).dump(indent);
   }
+}
+
+long long whole_number(const nlohmann::json& value, long long low, long long high, const std::string& what) {
+  constexpr double kExact = 9007199254740992.0;  // 2^53: up to here a double is the number that was written
+  const double number = value.is_number() ? value.get<double>() : 0.5;
+  const bool fits = value.is_number_integer()
+                        ? !value.is_number_unsigned() || value.get<std::uint64_t>() <= std::uint64_t{INT64_MAX}
+                        : std::fabs(number) <= kExact && number == std::floor(number);
+  const long long whole = fits ? value.get<long long>() : 0;
+  if (!fits || whole < low || whole > high)
+    throw InputError(fmt::format("{} must be a whole number from {} to {}, not {}", what, low, high,
+                                 value.is_number() ? value.dump() : value.type_name()));
+  return whole;
 }
 
 nlohmann::json read_json_file(const std::string& file) { return parse_json(read_file(file), file); }

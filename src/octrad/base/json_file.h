@@ -14,6 +14,10 @@ nlohmann::json parse_json_or_discard(const std::string& text);
 // Of a file. Throws IoError when it cannot be read.
 nlohmann::json read_json_file(const std::string& file);
 
+// The whole number from `low` to `high` that `value` is; 4.0 is one, too. Throws InputError, "WHAT must be a whole
+// number from ...", for all else: 1.5, 1e300, texts.
+long long whole_number(const nlohmann::json& value, long long low, long long high, const std::string& what);
+
 // As value.dump(indent), but texts and keys may be any bytes, such as names of files: see escape_bytes().
 std::string json_text(const nlohmann::json& value, int indent = -1);
 

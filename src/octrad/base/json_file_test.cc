@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <climits>
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
@@ -46,6 +47,33 @@ TEST(Json, DepthIsLimited) {
   EXPECT_NE(refusal(nested(1'000'000, "[", "]")), "");
   EXPECT_NE(refusal(nested(200'000, "{\"a\":", "}")), "");
   EXPECT_NE(refusal(std::string(1'000'000, '[')), "");
+}
+
+TEST(Json, WholeNumbers) {
+  const auto whole = [](const std::string& text, long long low = LLONG_MIN, long long high = LLONG_MAX) {
+    return whole_number(parse_json(text, "a.json"), low, high, "a.json: steps");
+  };
+  const auto refusal_of = [&](const std::string& text, long long low = LLONG_MIN, long long high = LLONG_MAX) {
+    try {
+      return "accepted: " + std::to_string(whole(text, low, high));
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(whole("7"), 7);
+  EXPECT_EQ(whole("-7"), -7);
+  EXPECT_EQ(whole("4.0"), 4);
+  EXPECT_EQ(whole("1e6"), 1000000);
+  EXPECT_EQ(whole("9223372036854775807"), LLONG_MAX);
+  EXPECT_EQ(whole("-9223372036854775808"), LLONG_MIN);
+  EXPECT_EQ(whole("0", 0, 0), 0);
+  EXPECT_EQ(refusal_of("1.5", 0, 9), "a.json: steps must be a whole number from 0 to 9, not 1.5");
+  EXPECT_EQ(refusal_of("-1", 0, 9), "a.json: steps must be a whole number from 0 to 9, not -1");
+  EXPECT_EQ(refusal_of("10", 0, 9), "a.json: steps must be a whole number from 0 to 9, not 10");
+  EXPECT_EQ(refusal_of("[1]", 0, 9), "a.json: steps must be a whole number from 0 to 9, not array");
+  for (const char* text :
+       {"1e300", "-1e300", "1e19", "9223372036854775808", "18446744073709551615", "\"3\"", "true", "null", "{}"})
+    EXPECT_NE(refusal_of(text).find("must be a whole number"), std::string::npos) << text;
 }
 
 TEST(Json, MemoryIsAskedFirst) {

@@ -30,6 +30,8 @@ DeviceInfo describe(int index) {
 
 struct CudaGraph : LaunchGraph {
   cudaGraphExec_t executable = nullptr;
+  std::size_t nodes = 0;
+  std::size_t size() const override { return nodes; }
   ~CudaGraph() override {
     if (executable != nullptr) cudaGraphExecDestroy(executable);
   }
@@ -124,7 +126,8 @@ class CudaStream : public Stream {
     cudaGraph_t graph = nullptr;
     check_cuda(cudaStreamEndCapture(stream_, &graph), "recording a graph");
     auto result = std::make_unique<CudaGraph>();
-    const cudaError_t status = cudaGraphInstantiate(&result->executable, graph, 0);
+    cudaError_t status = cudaGraphGetNodes(graph, nullptr, &result->nodes);
+    if (status == cudaSuccess) status = cudaGraphInstantiate(&result->executable, graph, 0);
     cudaGraphDestroy(graph);
     check_cuda(status, "preparing a graph");
     return result;

@@ -29,6 +29,7 @@ void poison([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
 
 struct HostGraph : LaunchGraph {
   std::vector<std::function<void()>> work;
+  std::size_t size() const override { return work.size(); }
 };
 
 struct HostEvent : StreamEvent {

@@ -1,6 +1,6 @@
 // launch(stream, n, functor): functor(i) for i = 0 .. n - 1, in any order, from many threads; launch_levels: the same
-// for each of several levels. For files named *_device.cc: they compile as CUDA where octrad is built with it, and as
-// plain C++ otherwise; both run on the host stream.
+// for each of several levels; launch_parts: several functors of a kind in one launch. For files named *_device.cc: they
+// compile as CUDA where octrad is built with it, and as plain C++ otherwise; both run on the host stream.
 //
 // A functor is a trivially copyable struct with `OCTRAD_HD void operator()(std::uint32_t i) const`; pointers in it
 // point to memory of the stream. Items that write to the same place use atomic_add or atomic_append below.
@@ -105,6 +105,46 @@ void launch_levels(Stream& stream, std::size_t n, int levels, const F& functor) 
               });
 }
 
+// A functor and its number of items.
+template <typename F>
+struct LaunchPart {
+  std::size_t n;
+  F functor;
+};
+// Items of several parts, one part's after the other's.
+template <typename F, std::size_t kParts>
+struct LaunchedParts : Kernel {
+  static constexpr unsigned kBlock = F::kBlock;
+  static constexpr unsigned kMinBlocks = F::kMinBlocks;
+  std::uint32_t n[kParts];
+  F functors[kParts];
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    std::uint32_t part = 0;
+    while (i >= n[part]) i -= n[part++];
+    functors[part](i);
+  }
+};
+
+// Every part's functor(i) for i = 0 .. n - 1, all of them in any order, in one launch for up to eight parts: for small
+// kernels, of which a launch takes longer than the work.
+template <typename F>
+void launch_parts(Stream& stream, const LaunchPart<F>* parts, std::size_t count) {
+  constexpr std::size_t kParts = 8;
+  for (std::size_t first = 0; first < count; first += kParts) {
+    LaunchedParts<F, kParts> some{};
+    std::size_t items = 0;
+    for (std::size_t k = 0; k < kParts && first + k < count; ++k) {
+      const LaunchPart<F>& part = parts[first + k];
+      check_launch_of<F>(part.n);
+      some.n[k] = static_cast<std::uint32_t>(part.n);
+      some.functors[k] = part.functor;
+      items += part.n;
+    }
+    launch(stream, items, some);
+  }
+}
+
 // Adds and returns the old value. Sums of floats depend on the order in which items come.
 template <typename T>
 OCTRAD_HD inline T atomic_add(T* at, T value) {
@@ -172,6 +212,24 @@ OCTRAD_HD inline void relaxed_store(std::uint32_t* at, std::uint32_t value) {
   *at = value;
 #else
   __atomic_store_n(at, value, __ATOMIC_RELAXED);
+#endif
+}
+
+// *at becomes the larger of the two; `at` is the same for all items. Most of them have a smaller value, and only look.
+OCTRAD_HD inline void atomic_max(std::uint32_t* at, std::uint32_t value) {
+#if defined(__CUDA_ARCH__)
+  if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
+#if __CUDA_ARCH__ >= 800
+  // Active lanes of a warp share one atomic operation: at first every lane has a new maximum.
+  const unsigned lanes = __activemask();
+  value = __reduce_max_sync(lanes, value);
+  if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;
+#endif
+  atomicMax(at, value);
+#else
+  std::uint32_t old = __atomic_load_n(at, __ATOMIC_RELAXED);
+  while (value > old && !__atomic_compare_exchange_n(at, &old, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+  }
 #endif
 }
 

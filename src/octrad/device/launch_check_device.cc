@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "octrad/base/random_inputs.h"
 #include "octrad/base/sobol_math.h"
 #include "octrad/device/array.h"
@@ -24,12 +26,13 @@ struct SobolPoints : Kernel {
 
 struct Histogram : Kernel {
   const std::uint32_t* values;
-  std::uint32_t *counts, *flags;
+  std::uint32_t *counts, *flags, *largest;
   float* sum;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     atomic_add(&counts[values[i] & 7u], std::uint32_t{1});
     atomic_add(sum, 1.0f);
     atomic_or(flags, 1u << (values[i] & 7u));
+    atomic_max(largest, values[i]);
   }
 };
 
@@ -62,15 +65,16 @@ CheckResult check_sobol(Stream& stream, std::size_t n) {
 CheckResult check_atomics(Stream& stream, std::size_t n, std::uint64_t seed) {
   const std::vector<std::uint32_t> values = testing::random_words(n, seed);
   const DeviceArray<std::uint32_t> in(stream, std::span<const std::uint32_t>(values), "check");
-  DeviceArray<std::uint32_t> counts(stream, 9, "check");  // and the flags
+  DeviceArray<std::uint32_t> counts(stream, 10, "check");  // and the flags, and the largest value
   DeviceArray<float> sum(stream, 1, "check");
   counts.fill(0);
   sum.fill(0);
-  launch(stream, n, Histogram{{}, in.data(), counts.data(), counts.data() + 8, sum.data()});
-  std::vector<std::uint32_t> expected(9, 0);
+  launch(stream, n, Histogram{{}, in.data(), counts.data(), counts.data() + 8, counts.data() + 9, sum.data()});
+  std::vector<std::uint32_t> expected(10, 0);
   for (const std::uint32_t v : values) {
     ++expected[v & 7u];
     expected[8] |= 1u << (v & 7u);
+    expected[9] = std::max(expected[9], v);
   }
   CheckErrors errors;
   errors.compare_words(counts.download(), expected);

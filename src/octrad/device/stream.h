@@ -36,6 +36,7 @@ DeviceSurvey survey_devices();
 class LaunchGraph {
  public:
   virtual ~LaunchGraph() = default;
+  virtual std::size_t size() const = 0;  // launches, copies and fills; a GPU's sorts and sums are several launches each
 };
 
 // A point in a stream's work.

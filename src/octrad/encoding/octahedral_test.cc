@@ -192,7 +192,7 @@ TEST(Octahedral, NearestVertexIsTheNearest) {
     OctaVertex<double> expected{};
     for (int j = -h; j <= h; ++j) {
       for (int i = -h; i <= h; ++i) {
-        const double distance = std::hypot(u.x * h - i, u.y * h - j);
+        const double distance = length(Vec3d(u.x * h - i, u.y * h - j, 0.0));
         if (distance < best) best = distance, expected = octa_canonical<double>({double(i), double(j)}, h);
       }
     }

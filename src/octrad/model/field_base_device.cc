@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "octrad/base/bits.h"
 #include "octrad/base/error.h"
@@ -125,26 +126,6 @@ struct Radiance : Kernel {
   }
 };
 
-OCTRAD_HD inline void atomic_largest(std::uint32_t* at, std::uint32_t value) {
-#if defined(__CUDA_ARCH__)
-  if (value <= *static_cast<volatile std::uint32_t*>(at)) return;
-#if __CUDA_ARCH__ >= 800
-  // Active lanes of a warp share one atomic operation: at first every lane has a new maximum.
-  const unsigned lanes = __activemask();
-  value = __reduce_max_sync(lanes, value);
-  if ((lanes & ((1u << (threadIdx.x & 31u)) - 1u)) != 0) return;
-#endif
-  atomicMax(at, value);
-#else
-  std::uint32_t old = __atomic_load_n(at, __ATOMIC_RELAXED);
-  while (value > old && !__atomic_compare_exchange_n(at, &old, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
-  }
-#endif
-}
-
-// Grows with |x|.
-OCTRAD_HD inline std::uint32_t magnitude_bits(float x) { return bits_of(x) & 0x7fffffffu; }
-
 struct Loss : Kernel {
   SurfacePointArray points;
   const std::uint32_t* valid;
@@ -182,16 +163,7 @@ struct Loss : Kernel {
     const auto dropped = static_cast<unsigned long long>(loss.dropped);
     row_losses[i] = sum;
     if (dropped > 0) atomic_add(non_finite, dropped);
-    atomic_largest(largest, magnitude_bits(most));
-  }
-};
-
-struct Largest : Kernel {
-  FloatRows values;
-  std::uint32_t* largest;
-
-  OCTRAD_HD void operator()(std::uint32_t row, std::uint32_t i) const {
-    atomic_largest(largest, magnitude_bits(values.data[row * values.stride + i]));
+    atomic_max(largest, magnitude_bits(most));
   }
 };
 
@@ -211,14 +183,16 @@ struct ChooseScale : Kernel {
   }
 };
 
-// After a chunk: its loss. After the last one: the step is counted.
-struct EndChunk : Kernel {
+// After a chunk's loss: the scale of its gradients, and its sum. After the last one: the step is counted.
+struct EndLoss : Kernel {
+  ChooseScale choose;
   float* sum;  // of the chunk's rows; [1] adds up the step's
   bool first, last;
   float norm;
   TrainCounters* counters;
 
   OCTRAD_HD void operator()(std::uint32_t) const {
+    choose(0);
     const float total = (first ? 0.0f : sum[1]) + sum[0];
     sum[1] = total;
     if (!last) return;
@@ -289,19 +263,27 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
   if (options.max_train_points == 0) return;
   const std::size_t n = train_rows_;
   decoder_adam_ = DeviceDenseAdam(stream, decoder_.parameter_count(), adam_options(config), "decoder");
+  learns(decoder_, decoder_adam_);
   x_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
   d_linear_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
   d_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(features_) * n, "training points in flight");
   row_losses_ = DeviceArray<float>(stream, n, "training points in flight");
   loss_sum_ = DeviceArray<float>(stream, 2, "training points in flight");
   valid_ = DeviceArray<std::uint32_t>(stream, n, "training points in flight");
-  largest_ = DeviceArray<std::uint32_t>(stream, 1, "training points in flight");
+  largest_ = DeviceArray<std::uint32_t>(stream, 2, "training points in flight");
   largest_.fill(0);
   scale_ = DeviceArray<float>(stream, 2, "training points in flight");
   counters_ = DeviceArray<TrainCounters>(stream, 1, "training points in flight");
   counters_.fill(0);
   sum_workspace_ = SortWorkspace(stream, n, "training points in flight");
 }
+
+void DeviceFieldBase::learns(DeviceMlp& network, DeviceDenseAdam& adam) {
+  optimizers_.add(adam, network.weights().data(), network.gradient().data(), config_.adam_rate_networks);
+  networks_.push_back(&network);
+}
+
+void DeviceFieldBase::learns(DeviceTable& table, double rate, bool counted) { optimizers_.add(table, rate, counted); }
 
 DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
   DeviceQueries q;
@@ -345,9 +327,11 @@ void DeviceFieldBase::prepare(const Chunk& chunk) {
                  chunk.training ? valid_.data() : nullptr});
 }
 
-void DeviceFieldBase::choose_scale(FloatRows values, int rows, std::uint32_t n, float* scale) {
-  launch_levels(stream_, n, rows, Largest{{}, values, largest_.data()});
-  launch(stream_, 1, ChooseScale{{}, largest_.data(), scale});
+void DeviceFieldBase::choose_scale(float* scale) { launch(stream_, 1, ChooseScale{{}, largest_.data(), scale}); }
+
+void DeviceFieldBase::choose_scales(float* first, float* second) {
+  const LaunchPart<ChooseScale> parts[] = {{1, {{}, largest_.data(), first}}, {1, {{}, largest_.data() + 1, second}}};
+  launch_parts(stream_, parts, std::size(parts));
 }
 
 void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) {
@@ -414,9 +398,9 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
                 row_losses_.data(),
                 largest_.data(),
                 &counters->non_finite});
-    launch(stream_, 1, ChooseScale{{}, largest_.data(), scale_.data()});
     sum(stream_, sum_workspace_, chunk.n, row_losses_.data(), loss_sum_.data());
-    launch(stream_, 1, EndChunk{{}, loss_sum_.data(), first, last, norm, counters});
+    launch(stream_, 1,
+           EndLoss{{}, {{}, largest_.data(), scale_.data()}, loss_sum_.data(), first, last, norm, counters});
     stream_.mark("loss");
     refine_backward(chunk, first);
     decoder_.backward(stream_, inputs, {d_linear_.data(), train_rows_}, scale_.data(), {d_inputs_.data(), train_rows_},
@@ -425,12 +409,12 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
     encode_backward(chunk, first);
     stream_.mark("tables' gradients");
   }
-  decoder_adam_.step(stream_, decoder_.weights().data(), decoder_.gradient().data(), config_.adam_rate_networks,
-                     &constants->rate_scale, &counters->non_finite);
-  decoder_.refresh(stream_);
-  stream_.mark("networks' optimiser");
-  encode_step(constants);
+  optimizers_.advance(stream_, &constants->rate_scale, &counters->touched);
+  optimizers_.step_tables(stream_, &counters->non_finite);
   stream_.mark("tables' optimiser");
+  optimizers_.step_networks(stream_, &counters->non_finite);
+  DeviceMlp::refresh_all(stream_, networks_);
+  stream_.mark("networks' optimiser");
 }
 
 DeviceTrainReport DeviceFieldBase::collect() {

@@ -2,10 +2,13 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "octrad/base/bits.h"
+#include "octrad/base/vec.h"
 #include "octrad/device/array.h"
 #include "octrad/device/rows.h"
 #include "octrad/device/sort.h"
@@ -22,6 +25,12 @@ struct TrainCounters {
   unsigned long long non_finite = 0, touched = 0, steps = 0;
   float losses[DeviceField::kLossHistory] = {};
 };
+
+// Grows with |x|; of a vector: with its largest component.
+OCTRAD_HD inline std::uint32_t magnitude_bits(float x) { return bits_of(x) & 0x7fffffffu; }
+OCTRAD_HD inline std::uint32_t magnitude_bits(Vec3f v) {
+  return magnitude_bits(max_component(Vec3f(std::abs(v.x), std::abs(v.y), std::abs(v.z))));
+}
 
 class DeviceFieldBase : public DeviceField {
  public:
@@ -64,18 +73,22 @@ class DeviceFieldBase : public DeviceField {
   virtual void refine_backward(const Chunk&, bool) {}
   // d_inputs_ holds the gradient at the features.
   virtual void encode_backward(const Chunk& chunk, bool first) = 0;
-  virtual void encode_step(const StepConstants* constants) = 0;
   // For inspect(), after encode().
   virtual void features(const Chunk& chunk, FloatRows out) = 0;
   virtual const float* disparities() const { return nullptr; }
   virtual LookupRule rule() const = 0;
 
   DeviceQueries queries(const Chunk& chunk) const;
+  // In constructors of fields that are trained: what learns beside the decoder. counted: its entries are reported.
+  void learns(DeviceMlp& network, DeviceDenseAdam& adam);
+  void learns(DeviceTable& table, double rate, bool counted);
   // Copies decoder and counters back.
   void upload_decoder(DecoderHead& head);
   void download_decoder(DecoderHead& head);
-  // Loss scale, and its inverse, for gradients `values` [rows][n] (finite) in a backward pass of halves.
-  void choose_scale(FloatRows values, int rows, std::uint32_t n, float* scale);
+  // Loss scale, and its inverse, of gradients (finite) in a backward pass of halves, the kernel before having left the
+  // bits of the largest at largest_; of two kinds of them at largest_ and the next. It is 0 again afterwards.
+  void choose_scale(float* scale);
+  void choose_scales(float* first, float* second);
   // Sums gradients of table rows, in a fixed order where the options say so.
   template <typename Scatter>
   void scatter(DeviceTable& table, const Scatter& scatter, int taps, std::uint32_t n, int levels, const float* upstream,
@@ -106,8 +119,8 @@ class DeviceFieldBase : public DeviceField {
   DeviceArray<float> w_, linear_;
   // Training only.
   DeviceArray<float> x_, d_linear_, d_inputs_, row_losses_, loss_sum_;
-  DeviceArray<std::uint32_t> valid_, largest_;
-  DeviceArray<float> scale_;  // of gradients while they are halves: value and inverse
+  DeviceArray<std::uint32_t> valid_, largest_;  // largest_: magnitude_bits() of gradients, for atomic_max()
+  DeviceArray<float> scale_;                    // of gradients while they are halves: value and inverse
   DeviceArray<TrainCounters> counters_;
   SortWorkspace sum_workspace_;
 
@@ -118,6 +131,8 @@ class DeviceFieldBase : public DeviceField {
   bool sorts(const SurfacePointArray& points) const { return !order_.empty() && points.lobe.data == nullptr; }
   void prepare(const Chunk& chunk);
 
+  DeviceOptimizers optimizers_;
+  std::vector<DeviceMlp*> networks_;
   DeviceArray<float> sorted_points_;  // only where queries are sorted
   DeviceArray<std::uint32_t> keys_, sorted_keys_, places_, order_;
   SortWorkspace sort_workspace_;

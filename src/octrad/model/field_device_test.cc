@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -389,6 +391,42 @@ TEST_P(DeviceFields, WorkCanBeRecorded) {
   recorded->set_target_scale(0.0f);
   stream_->replay(*graph);
   EXPECT_EQ(out.download()[0].x, 0.0f);
+}
+
+// A small launch takes microseconds of a GPU, whatever it does: what a step has of them is a decision, not an accident.
+// Of the host stream, where a sort or a sum is one.
+TEST_P(DeviceFields, LaunchesOfAStepAreCounted) {
+  const auto launches = [&](const Config& c, int rows) {
+    const auto field = make_field(c, shell(kLevels));
+    DeviceFieldOptions options = training_options();
+    options.tuning.train_chunk = rows;
+    const auto device = make_device_field(*stream_, *field, c, options);
+    const auto points = random_points(300, 8);
+    const Batch batch(*stream_, points, targets_of(points));
+    const auto step = [&] { device->train(batch.points(), batch.targets.data(), points.size(), constants_.data()); };
+    step();
+    return stream_->capture(step)->size();
+  };
+  // With Adam over touched entries and over all, and with the points in two parts.
+  using Counts = std::array<std::size_t, 3>;
+  const auto counted = [&](Config c) {
+    const std::size_t touched = launches(c, 512), parts = launches(c, 150);
+    c.adam_mode = AdamMode::dense;
+    return Counts{touched, launches(c, 512), parts};
+  };
+  const std::map<std::string, Counts> expected{
+      {"octaoctree", {25, 27, 45}}, {"traced", {15, 16, 26}}, {"nr", {14, 15, 24}}, {"ncr", {32, 34, 59}}};
+  Config c = config();
+  const Counts found = counted(c);
+  if (!cuda()) {
+    EXPECT_EQ(found, expected.at(name()));
+  }
+  if (name() != "octaoctree") return;
+  c.lookup_offset = LookupOffset::traced;
+  const Counts traced = counted(c);
+  if (!cuda()) {
+    EXPECT_EQ(traced, expected.at("traced"));
+  }
 }
 
 TEST_P(DeviceFields, MemoryIsWhatWasEstimated) {

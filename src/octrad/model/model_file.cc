@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <climits>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -45,20 +46,21 @@ ModelInfo info_of(const TensorReader& in) {
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
     const nlohmann::json state = parse_json(text("state"), in.file());
-    info.state.step = state.at("step").get<long long>();
+    const auto count = [&](const char* key) {
+      return whole_number(state.at(key), 0, LLONG_MAX, in.file() + ": broken model header: " + key);
+    };
+    info.state.step = count("step");
     info.state.seconds = state.at("seconds").get<double>();
-    info.state.lhs_samples = state.at("lhs_samples").get<long long>();
-    info.state.rhs_queries = state.at("rhs_queries").get<long long>();
+    info.state.lhs_samples = count("lhs_samples");
+    info.state.rhs_queries = count("rhs_queries");
     info.state.loss = state.value("loss", -1.0);  // older files have none
   } catch (const nlohmann::json::exception& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   } catch (const UsageError& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   }
-  const TrainingState& state = info.state;
-  if (state.step < 0 || !(state.seconds >= 0.0) || state.lhs_samples < 0 || state.rhs_queries < 0 ||
-      !std::isfinite(state.loss))
-    throw InputError(in.file() + ": broken model header: steps, seconds and samples must not be negative");
+  if (!(info.state.seconds >= 0.0) || !std::isfinite(info.state.loss))
+    throw InputError(in.file() + ": broken model header: seconds must not be negative");
   if (!(info.config.target_scale > 0.0))
     throw InputError(in.file() + ": broken model header: target.scale of a trained model must be above 0");
   info.program = text("program");

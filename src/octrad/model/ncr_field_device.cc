@@ -148,12 +148,15 @@ struct Merged : Kernel {
   }
 };
 
-// The way back, item g being point g.
+// The way back, item g being point g. largest: of the gradients at what a network gives.
 struct ToMerge : Kernel {
   Items items;
   FloatRows d_linear, d_merge_linear;
+  std::uint32_t* largest;
   OCTRAD_HD void operator()(std::uint32_t g) const {
-    set_three(d_merge_linear, g, items.glossy(g) ? three(d_linear, g) : Vec3f(0.0f));
+    const Vec3f d = items.glossy(g) ? three(d_linear, g) : Vec3f(0.0f);
+    set_three(d_merge_linear, g, d);
+    atomic_max(largest, magnitude_bits(d));
   }
 };
 
@@ -163,6 +166,7 @@ struct ToBranches : Kernel {
   Activation activation;
   FloatRows d_merge_inputs, slope, cone_linear;
   FloatRows d_linear, d_cone_linear;
+  std::uint32_t* largest;  // of d_linear and of d_cone_linear
   unsigned long long* non_finite;
 
   // 0 for what is not finite, which is counted.
@@ -180,6 +184,7 @@ struct ToBranches : Kernel {
     unsigned long long dropped = 0;
     const FloatRows d_glossy{d_merge_inputs.data + 3 * d_merge_inputs.stride, d_merge_inputs.stride};
     if (glossy) set_three(d_linear, g, kept(three(d_merge_inputs, g) * three(slope, g), dropped));
+    std::uint32_t most = 0;
     for (std::uint32_t k = 0; k < each; ++k) {
       Vec3f d(0.0f);
       const float share = glossy ? items.points.lobe.get(static_cast<int>(k), g).share : 0.0f;
@@ -190,7 +195,11 @@ struct ToBranches : Kernel {
         d = kept(d, dropped);
       }
       set_three(d_cone_linear, g * each + k, d);
+      const std::uint32_t bits = magnitude_bits(d);
+      most = bits > most ? bits : most;
     }
+    atomic_max(largest, magnitude_bits(three(d_linear, g)));
+    atomic_max(largest + 1, most);
     if (dropped > 0) atomic_add(non_finite, dropped);
   }
 };
@@ -249,6 +258,9 @@ class DeviceNcrField : public DeviceFieldBase {
       d_cone_linear_ = DeviceArray<float>(stream, 3 * n * sizes_.each, glossy);
       d_cone_inputs_ = DeviceArray<float>(stream, sizes_.features * n * sizes_.each, glossy);
       scales_ = DeviceArray<float>(stream, 4, glossy);
+      learns(cone_, cone_adam_);
+      learns(merge_, merge_adam_);
+      for (DeviceTable* table : {&table_, &cone_table_}) learns(*table, config.adam_rate_grids, true);
     }
     upload_from(field);
   }
@@ -343,8 +355,8 @@ class DeviceNcrField : public DeviceFieldBase {
         d_merge_inputs{d_merge_inputs_.data(), train_rows_}, d_cone_linear{d_cone_linear_.data(), cone_rows},
         d_cone_inputs{d_cone_inputs_.data(), cone_rows};
     float *const merge_scale = scales_.data(), *const cone_scale = merge_scale + 2;
-    launch(stream_, chunk.n, ToMerge{{}, items, d_linear, d_merge_linear});
-    choose_scale(d_merge_linear, 3, chunk.n, merge_scale);
+    launch(stream_, chunk.n, ToMerge{{}, items, d_linear, d_merge_linear, largest_.data()});
+    choose_scale(merge_scale);
     merge_.backward(stream_, {merge_inputs_.data(), items_}, d_merge_linear, merge_scale, d_merge_inputs, 6, chunk.n,
                     !first);
     launch(stream_, chunk.n,
@@ -357,8 +369,9 @@ class DeviceNcrField : public DeviceFieldBase {
                       {cone_linear_.data(), cones_},
                       d_linear,
                       d_cone_linear,
+                      largest_.data(),
                       &counters_.data()->non_finite});
-    choose_scale(d_cone_linear, 3, cones, cone_scale);
+    choose_scales(scale_.data(), cone_scale);
     cone_.backward(stream_, {cone_inputs_.data(), cones_}, d_cone_linear, cone_scale, d_cone_inputs,
                    cone_grid_.features(), cones, !first);
     scatter(
@@ -367,18 +380,6 @@ class DeviceNcrField : public DeviceFieldBase {
           cone_grid_.scatter(stream_, footprints(cones, {}), d_cone_inputs.data, cone_rows, sink);
         },
         kPrefilteredTaps, cones, 1, d_cone_inputs.data, cone_rows);
-    choose_scale(d_linear, 3, chunk.n, scale_.data());
-  }
-
-  void encode_step(const StepConstants* constants) override {
-    TrainCounters* counters = counters_.data();
-    for (const auto& [network, adam] : {std::pair{&cone_, &cone_adam_}, std::pair{&merge_, &merge_adam_}}) {
-      adam->step(stream_, network->weights().data(), network->gradient().data(), config_.adam_rate_networks,
-                 &constants->rate_scale, &counters->non_finite);
-      network->refresh(stream_);
-    }
-    for (DeviceTable* table : {&table_, &cone_table_})
-      table->step(stream_, config_.adam_rate_grids, &constants->rate_scale, &counters->non_finite, &counters->touched);
   }
 
  private:

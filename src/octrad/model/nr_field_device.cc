@@ -13,6 +13,7 @@ class DeviceNrField : public DeviceFieldBase {
         grid_(field.grid(), field.origin(), field.size()),
         table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
                table_options(config, options, field.levels(), kHashGridTaps), "hash grid") {
+    if (options.max_train_points > 0) learns(table_, config.adam_rate_grids, true);
     upload_from(field);
   }
 
@@ -37,10 +38,6 @@ class DeviceNrField : public DeviceFieldBase {
     scatter(
         table_, [&](const auto& sink) { grid_.scatter(stream_, queries(chunk), d_inputs_.data(), train_rows_, sink); },
         kHashGridTaps, chunk.n, grid_.levels(), d_inputs_.data(), train_rows_);
-  }
-  void encode_step(const StepConstants* constants) override {
-    table_.step(stream_, config_.adam_rate_grids, &constants->rate_scale, &counters_.data()->non_finite,
-                &counters_.data()->touched);
   }
   void features(const Chunk& chunk, FloatRows out) override {
     grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), out, 0);

@@ -62,6 +62,7 @@ struct DisparityGradient : Kernel {
   LookupRule rule;
   float unit;
   float* d_linear;
+  std::uint32_t* largest;
   unsigned long long* non_finite;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
@@ -73,6 +74,7 @@ struct DisparityGradient : Kernel {
       atomic_add(non_finite, 1ull);
     }
     d_linear[i] = sum;
+    atomic_max(largest, magnitude_bits(sum));
   }
 };
 
@@ -111,6 +113,11 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                                                "training points in flight");
       d_disparity_linear_ = DeviceArray<float>(stream, train_rows_, "training points in flight");
       disparity_scale_ = DeviceArray<float>(stream, 2, "training points in flight");
+      learns(table_, config.adam_rate_features, true);
+      if (offset_ == LookupOffset::predicted) {
+        learns(disparity_, disparity_adam_);
+        learns(grid_table_, config.adam_rate_grids, false);
+      }
     }
     upload_from(field);
   }
@@ -189,8 +196,9 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                              rule_,
                              unit_,
                              d_disparity_linear_.data(),
+                             largest_.data(),
                              &counters_.data()->non_finite});
-    choose_scale({d_disparity_linear_.data(), train_rows_}, 1, chunk.n, disparity_scale_.data());
+    choose_scale(disparity_scale_.data());
     disparity_.backward(stream_, {disparity_inputs_.data(), rows_}, {d_disparity_linear_.data(), train_rows_},
                         disparity_scale_.data(), {d_disparity_inputs_.data(), train_rows_}, grid_.feature_count(),
                         chunk.n, !first);
@@ -203,16 +211,6 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         grid_table_,
         [&](const auto& sink) { grid_.scatter(stream_, shifted, d_disparity_inputs_.data(), train_rows_, sink); },
         kHashGridTaps, chunk.n, grid_.levels(), d_disparity_inputs_.data(), train_rows_);
-  }
-
-  void encode_step(const StepConstants* constants) override {
-    TrainCounters* counters = counters_.data();
-    table_.step(stream_, config_.adam_rate_features, &constants->rate_scale, &counters->non_finite, &counters->touched);
-    if (offset_ != LookupOffset::predicted) return;
-    disparity_adam_.step(stream_, disparity_.weights().data(), disparity_.gradient().data(), config_.adam_rate_networks,
-                         &constants->rate_scale, &counters->non_finite);
-    disparity_.refresh(stream_);
-    grid_table_.step(stream_, config_.adam_rate_grids, &constants->rate_scale, &counters->non_finite, nullptr);
   }
 
   void features(const Chunk& chunk, FloatRows out) override {

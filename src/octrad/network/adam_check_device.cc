@@ -70,6 +70,8 @@ bool step_tables(Stream& stream, std::size_t sources, TableMode mode, bool sorte
   const DeviceArray<float> scale(stream, std::span(&one, 1), "check");
   DeviceArray<unsigned long long> counters(stream, 2, "check");
   counters.fill(0);
+  DeviceOptimizers optimizers;
+  optimizers.add(device, kRate, true);
   SparseAdam::Result expected;
   for (std::uint64_t s = 0; s < kSteps; ++s) {
     // Tap i is of source i / kTaps. Two thirds of the entries are never touched.
@@ -100,7 +102,8 @@ bool step_tables(Stream& stream, std::size_t sources, TableMode mode, bool sorte
     } else {
       launch(stream, taps, Contributions<AddNow>{{}, device_taps.data(), by_source.data(), device.add()});
     }
-    device.step(stream, kRate, scale.data(), counters.data(), counters.data() + 1);
+    optimizers.advance(stream, scale.data(), counters.data() + 1);
+    optimizers.step_tables(stream, counters.data());
     stream.synchronize();
   }
   std::vector<float> found(entries * kWidth);
@@ -169,7 +172,10 @@ CheckResult check_dense_adam(Stream& stream, std::size_t n, std::uint64_t seed) 
     gradient[18] = 1e30f;  // whose square is no number
     expected_dropped += cpu.step(parameters, gradient, 0.5 * kRate);
     const DeviceArray<float> device_gradient(stream, std::span<const float>(gradient), "check");
-    device.step(stream, values.data(), device_gradient.data(), kRate, scale.data(), dropped.data());
+    DeviceOptimizers optimizers;
+    optimizers.add(device, values.data(), device_gradient.data(), kRate);
+    optimizers.advance(stream, scale.data(), nullptr);
+    optimizers.step_networks(stream, dropped.data());
     stream.synchronize();
   }
   DenseAdam state(n, kAdam);

@@ -15,18 +15,29 @@
 namespace octrad {
 namespace {
 
-// Advances to the next step: its correction and rate.
-struct Advance : Kernel {
+// Advances an optimiser to the next step: its correction and rate, and the entries that the step moves.
+struct AdvanceAdam : Kernel {
+  static constexpr unsigned kBlock = 32;
   AdamStep* step;
   double beta1, beta2, rate;
   const float* rate_scale;
+  std::uint32_t* listed;  // entries of the list, which becomes empty; null: all of `entries` move
+  std::uint32_t entries;
+  unsigned long long* touched;  // null: not counted
 
   OCTRAD_HD void operator()(std::uint32_t) const {
     const std::int64_t count = ++step->count;
     const AdamCorrection correction = adam_correction(beta1, beta2, static_cast<double>(count));
+    step->rate = static_cast<float>(rate) * *rate_scale;
     step->scaled_rate = static_cast<float>(rate * static_cast<double>(*rate_scale)) * correction.first;
     step->second = correction.second;
     step->random = mix64(static_cast<std::uint64_t>(count));
+    std::uint32_t moved = entries;
+    if (listed != nullptr) {
+      moved = step->listed = *listed;
+      *listed = 0;
+    }
+    if (touched != nullptr) atomic_add(touched, static_cast<unsigned long long>(moved));
   }
 };
 
@@ -150,23 +161,23 @@ struct TableArrays {
 template <int C>
 struct TouchedStep : Kernel {
   TableArrays<C> arrays;
-  TouchedRows touched;
+  const AdamStep* step;
+  const std::uint32_t* list;
+  std::uint32_t* bits;
   std::uint16_t* counts;
   const AdamCorrection* corrections;
   std::uint32_t last_correction;
-  float rate;
-  const float* rate_scale;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (i >= *touched.count) return;
-    const std::uint32_t entry = touched.list[i];
+    if (i >= step->listed) return;
+    const std::uint32_t entry = list[i];
     const std::uint32_t count = counts[entry];
     const std::uint32_t now = count == 0xffffu ? count : count + 1;
     const AdamCorrection correction = corrections[now < last_correction ? now : last_correction];
-    arrays.update(entry, rate * *rate_scale * correction.first, correction.second);
+    arrays.update(entry, step->rate * correction.first, correction.second);
     // Stores last: no load waits for them.
     counts[entry] = static_cast<std::uint16_t>(now);
-    relaxed_store(&touched.bits[entry >> 5], 0);  // every bit that is set there belongs to an entry of the list
+    relaxed_store(&bits[entry >> 5], 0);  // every bit that is set there belongs to an entry of the list
   }
 };
 
@@ -191,18 +202,6 @@ struct EveryStep : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t entry) const {
     arrays.update(entry, step->scaled_rate, step->second, (touched[entry >> 5] >> (entry & 31u) & 1u) != 0);
-  }
-};
-
-// Adds the number of the step's entries to the total and empties the list.
-struct EndStep : Kernel {
-  std::uint32_t* count;  // null: all of `entries`
-  std::uint32_t entries;
-  unsigned long long* touched;
-
-  OCTRAD_HD void operator()(std::uint32_t) const {
-    if (touched != nullptr) *touched += count != nullptr ? *count : entries;
-    if (count != nullptr) *count = 0;
   }
 };
 
@@ -302,20 +301,6 @@ DeviceDenseAdam::DeviceDenseAdam(Stream& stream, std::size_t parameters, const A
   m_.fill(0);
   v_.fill(0);
   step_.fill(0);
-}
-
-void DeviceDenseAdam::step(Stream& stream, float* parameters, const float* gradients, double rate,
-                           const float* rate_scale, unsigned long long* non_finite) {
-  launch(stream, 1, Advance{{}, step_.data(), options_.beta1, options_.beta2, rate, rate_scale});
-  launch(stream, m_.size(),
-         DenseStep{{},
-                   parameters,
-                   gradients,
-                   m_.data(),
-                   v_.data(),
-                   adam_constants(options_.beta1, options_.beta2, options_.epsilon),
-                   step_.data(),
-                   non_finite});
 }
 
 void DeviceDenseAdam::upload(DenseAdam& from) {
@@ -462,10 +447,8 @@ void DeviceTable::sum_sorted(Stream& stream, int taps, std::uint32_t n, int leve
   });
 }
 
-void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite,
-                       unsigned long long* touched) {
+void DeviceTable::step(Stream& stream, unsigned long long* non_finite) {
   const AdamOptions& adam = options_.adam;
-  launch(stream, 1, Advance{{}, step_.data(), adam.beta1, adam.beta2, rate, rate_scale});
   with_width(features_, [&](auto width) {
     constexpr int C = decltype(width)::value;
     const auto arrays = [&](const auto& moments) {
@@ -486,20 +469,71 @@ void DeviceTable::step(Stream& stream, double rate, const float* rate_scale, uns
       else every(PackedMoments<C>{packed_moments_.data(), step_.data()});
       bits_.fill(0);
     } else {
-      if (options_.scan_touched)
-        launch(stream, bits_.size(), ListTouched{{}, bits_.data(), list_.data(), list_count_.data()});
       launch(stream, capacity_,
              TouchedStep<C>{{},
                             arrays(floats),
-                            {bits_.data(), list_.data(), list_count_.data()},
+                            step_.data(),
+                            list_.data(),
+                            bits_.data(),
                             counts_.data(),
                             corrections_.data(),
-                            last_correction_,
-                            static_cast<float>(rate),
-                            rate_scale});
+                            last_correction_});
     }
   });
-  launch(stream, 1, EndStep{{}, list_count_.data(), static_cast<std::uint32_t>(entries_), touched});
+}
+
+void DeviceOptimizers::add(DeviceDenseAdam& adam, float* parameters, const float* gradients, double rate) {
+  networks_.push_back({&adam, parameters, gradients, rate});
+}
+
+void DeviceOptimizers::add(DeviceTable& table, double rate, bool counted) {
+  tables_.push_back({&table, rate, counted});
+}
+
+void DeviceOptimizers::advance(Stream& stream, const float* rate_scale, unsigned long long* touched) const {
+  std::vector<LaunchPart<AdvanceAdam>> parts;
+  for (const Network& n : networks_) {
+    const AdamOptions& adam = n.adam->options_;
+    parts.push_back({1, {{}, n.adam->step_.data(), adam.beta1, adam.beta2, n.rate, rate_scale, nullptr, 0, nullptr}});
+  }
+  for (const auto& [table, rate, counted] : tables_) {
+    const AdamOptions& adam = table->options_.adam;
+    if (table->options_.scan_touched && !table->options_.dense)
+      launch(stream, table->bits_.size(),
+             ListTouched{{}, table->bits_.data(), table->list_.data(), table->list_count_.data()});
+    parts.push_back({1,
+                     {{},
+                      table->step_.data(),
+                      adam.beta1,
+                      adam.beta2,
+                      rate,
+                      rate_scale,
+                      table->list_count_.data(),
+                      static_cast<std::uint32_t>(table->entries_),
+                      counted ? touched : nullptr}});
+  }
+  launch_parts(stream, parts.data(), parts.size());
+}
+
+void DeviceOptimizers::step_networks(Stream& stream, unsigned long long* non_finite) const {
+  std::vector<LaunchPart<DenseStep>> parts;
+  for (const Network& n : networks_) {
+    const AdamOptions& adam = n.adam->options_;
+    parts.push_back({n.adam->m_.size(),
+                     {{},
+                      n.parameters,
+                      n.gradients,
+                      n.adam->m_.data(),
+                      n.adam->v_.data(),
+                      adam_constants(adam.beta1, adam.beta2, adam.epsilon),
+                      n.adam->step_.data(),
+                      non_finite}});
+  }
+  launch_parts(stream, parts.data(), parts.size());
+}
+
+void DeviceOptimizers::step_tables(Stream& stream, unsigned long long* non_finite) const {
+  for (const Table& t : tables_) t.table->step(stream, non_finite);
 }
 
 }  // namespace octrad

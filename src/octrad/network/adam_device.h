@@ -17,11 +17,13 @@
 
 namespace octrad {
 
-// Bias correction and rate of the current step; in device memory, advanced by a kernel.
+// What the kernels of the current step need; in device memory, advanced by a kernel.
 struct AdamStep {
-  std::int64_t count = 0;    // steps done
-  float scaled_rate = 0.0f;  // rate of this step times correction.first
+  std::int64_t count = 0;  // steps done
+  float rate = 0.0f;       // of this step, and times correction.first
+  float scaled_rate = 0.0f;
   float second = 0.0f;
+  std::uint32_t listed = 0;  // entries of a table that it moves, where they are listed
   std::uint64_t random = 0;  // bits of this step
 };
 
@@ -30,14 +32,11 @@ class DeviceDenseAdam {
   DeviceDenseAdam() = default;
   DeviceDenseAdam(Stream& stream, std::size_t parameters, const AdamOptions& options, const std::string& what);
   static std::uint64_t bytes(std::size_t parameters) { return parameters * 2 * sizeof(float); }
-  // One step at rate * *rate_scale (device memory). Gradients that are not usable count as 0 and are added to
-  // *non_finite.
-  void step(Stream& stream, float* parameters, const float* gradients, double rate, const float* rate_scale,
-            unsigned long long* non_finite);
   void upload(DenseAdam& from);
   void download(DenseAdam& to) const;
 
  private:
+  friend class DeviceOptimizers;
   AdamOptions options_;
   DeviceArray<float> m_, v_;
   DeviceArray<AdamStep> step_;
@@ -82,12 +81,11 @@ class DeviceTable {
   // features + c][i].
   void sum_sorted(Stream& stream, int taps, std::uint32_t n, int levels, const float* upstream,
                   std::size_t upstream_stride);
-  // Applies the gradient and clears it. Adds to the counters, which are in device memory; touched may be null.
-  void step(Stream& stream, double rate, const float* rate_scale, unsigned long long* non_finite,
-            unsigned long long* touched);
 
  private:
+  friend class DeviceOptimizers;
   TouchedRows marked() const;  // what contributions leave behind
+  void step(Stream& stream, unsigned long long* non_finite);
 
   std::size_t entries_;
   int features_;
@@ -104,6 +102,36 @@ class DeviceTable {
   DeviceArray<std::uint32_t> slot_rows_, slot_numbers_, sorted_rows_, sorted_slots_;
   DeviceArray<float> slot_scales_;
   SortWorkspace workspace_;
+};
+
+// All optimisers of a model. They step together, so that what takes a thread or few parameters takes one launch for all
+// of them. What is added stays where it is.
+class DeviceOptimizers {
+ public:
+  void add(DeviceDenseAdam& adam, float* parameters, const float* gradients, double rate);
+  void add(DeviceTable& table, double rate, bool counted);  // counted: its entries are in *touched
+
+  // One step of all, at their rates times *rate_scale: advance(), then the others in any order. The counters are added
+  // to; gradients that are not usable count as 0 and are in *non_finite. A table's gradient is cleared. All pointers
+  // are to device memory.
+  void advance(Stream& stream, const float* rate_scale, unsigned long long* touched) const;
+  void step_networks(Stream& stream, unsigned long long* non_finite) const;
+  void step_tables(Stream& stream, unsigned long long* non_finite) const;
+
+ private:
+  struct Network {
+    DeviceDenseAdam* adam;
+    float* parameters;
+    const float* gradients;
+    double rate;
+  };
+  struct Table {
+    DeviceTable* table;
+    double rate;
+    bool counted;
+  };
+  std::vector<Network> networks_;
+  std::vector<Table> tables_;
 };
 
 }  // namespace octrad

@@ -361,19 +361,22 @@ DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_ro
 }
 
 void DeviceMlp::refresh(Stream& stream) {
-  launch(stream, packed_.size(),
-         Pack{{}, plan_, weights_.data(), packed_.data(), shape_.inputs, shape_.width, shape_.outputs, map_, false});
-  if (packed_reverse_.empty()) return;
-  launch(stream, packed_reverse_.size(),
-         Pack{{},
-              reverse_,
-              weights_.data(),
-              packed_reverse_.data(),
-              shape_.inputs,
-              shape_.width,
-              shape_.outputs,
-              map_,
-              true});
+  DeviceMlp* const one = this;
+  refresh_all(stream, std::span(&one, 1));
+}
+
+void DeviceMlp::refresh_all(Stream& stream, std::span<DeviceMlp* const> networks) {
+  std::vector<LaunchPart<Pack>> parts;
+  for (const DeviceMlp* m : networks) {
+    const MlpShape& s = m->shape_;
+    const auto add = [&](const MlpPlan& plan, const DeviceArray<std::uint32_t>& packed, bool reverse) {
+      parts.push_back({packed.size(),
+                       {{}, plan, m->weights_.data(), packed.data(), s.inputs, s.width, s.outputs, m->map_, reverse}});
+    };
+    add(m->plan_, m->packed_, false);
+    add(m->reverse_, m->packed_reverse_, true);  // none where there is no training
+  }
+  launch_parts(stream, parts.data(), parts.size());
 }
 
 void DeviceMlp::forward(Stream& stream, HalfRows in, FloatRows out, std::uint32_t n, QueueSlice slice) const {

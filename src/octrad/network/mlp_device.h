@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -43,9 +44,10 @@ class DeviceMlp {
 
   const MlpShape& shape() const { return shape_; }
   std::size_t parameter_count() const { return weights_.size(); }
-  // Weights in the order of Mlp::weights(). Call refresh() after they changed.
+  // Weights in the order of Mlp::weights(). Call refresh() after they changed; refresh_all() does it in one launch.
   DeviceArray<float>& weights() { return weights_; }
   void refresh(Stream& stream);
+  static void refresh_all(Stream& stream, std::span<DeviceMlp* const> networks);
 
   // Linear outputs of rows 0 .. n - 1 to out [outputs][stride]. in.stride and n as they are; rows that the queue does
   // not hold may be left out.

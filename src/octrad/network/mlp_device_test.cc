@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "octrad/base/random_inputs.h"
@@ -218,6 +219,33 @@ TEST_P(DeviceNetworks, RowsDoNotDisturbEachOther) {
   EXPECT_EQ(fewer, nothing) << "an empty queue";
   EXPECT_EQ(some[2], before[2]);
   EXPECT_EQ(some[40], nothing[40]);
+}
+
+// More than go into one launch, some of them for queries alone; the launches are few.
+TEST_P(DeviceNetworks, WeightsArePackedTogetherAsOneByOne) {
+  std::vector<std::unique_ptr<RandomMlp>> networks;
+  std::vector<DeviceMlp*> all;
+  std::vector<std::vector<float>> expected;
+  const auto outputs = [&](const Case& c, RandomMlp& net) {
+    const DeviceArray<float> out(*stream, static_cast<std::size_t>(c.shape.outputs) * c.n, "out");
+    net.device.forward(*stream, net.in(), {out.data(), c.n}, static_cast<std::uint32_t>(c.n));
+    return out.download();
+  };
+  for (const Case& c : kCases) {
+    RandomMlp& net = *networks.emplace_back(
+        std::make_unique<RandomMlp>(*stream, c.shape, c.n, networks.size() % 3 == 1 ? 0 : c.n, 3));
+    all.push_back(&net.device);
+    expected.push_back(outputs(c, net));
+    DeviceArray<float>& weights = net.device.weights();
+    const std::vector<float> own = weights.download();
+    weights.fill(0);
+    net.device.refresh(*stream);
+    ASSERT_NE(outputs(c, net), expected.back());
+    weights.upload(own);
+  }
+  DeviceMlp::refresh_all(*stream, all);
+  for (std::size_t k = 0; k < networks.size(); ++k) EXPECT_EQ(outputs(kCases[k], *networks[k]), expected[k]) << k;
+  EXPECT_EQ(stream->capture([&] { DeviceMlp::refresh_all(*stream, std::span(all).first(4)); })->size(), 1u);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, DeviceNetworks, ::testing::Bool(), testing::stream_name);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <climits>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -67,17 +68,19 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
                         file, key, other, value));
     }
     const nlohmann::json numbers = parse_json(text("state"), file);
-    state.samples = numbers.at("samples").get<int>();
-    state.largest_pass = numbers.at("largest_pass").get<int>();
+    const auto count = [&](const char* key, long long low, long long high) {
+      return whole_number(numbers.at(key), low, high, fmt::format("{}: broken: {}", file, key));
+    };
+    state.samples = static_cast<int>(count("samples", 1, INT_MAX));
+    state.largest_pass = static_cast<int>(count("largest_pass", 1, INT_MAX));
     state.seconds = numbers.at("seconds").get<double>();
-    state.counts.rays = numbers.at("rays").get<long long>();
-    state.counts.queries = numbers.at("queries").get<long long>();
-    state.counts.non_finite = numbers.at("non_finite").get<long long>();
+    state.counts.rays = count("rays", 0, LLONG_MAX);
+    state.counts.queries = count("queries", 0, LLONG_MAX);
+    state.counts.non_finite = count("non_finite", 0, LLONG_MAX);
   } catch (const nlohmann::json::exception&) {
     throw InputError(fmt::format("{}: broken: its metadata cannot be read", file));
   }
-  if (state.samples < 1 || state.largest_pass < 1 || !(state.seconds >= 0.0))
-    throw InputError(fmt::format("{}: broken: {} samples in passes of {}", file, state.samples, state.largest_pass));
+  if (!(state.seconds >= 0.0)) throw InputError(fmt::format("{}: broken: {} seconds", file, state.seconds));
   const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
   ask_memory(sums.bytes, file);
   state.sums.resize(static_cast<std::size_t>(sums.count));

@@ -56,9 +56,8 @@ double read_number(const nlohmann::json& object, const std::string& key, double 
 
 int read_integer(const nlohmann::json& object, const std::string& key, int fallback, int lower, int upper,
                  const std::string& where) {
-  const double value = read_number(object, key, fallback, lower, upper, where);
-  if (value != std::floor(value)) throw InputError(where + "\"" + key + "\" must be a whole number");
-  return static_cast<int>(value);
+  if (!object.contains(key)) return fallback;
+  return static_cast<int>(whole_number(object.at(key), lower, upper, where + "\"" + key + "\""));
 }
 
 Camera read_camera(const nlohmann::json& object, const std::string& where) {

@@ -84,6 +84,10 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     // The same paths but where rounding sends a ray another way.
     EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries),
                 1e-3 * static_cast<double>(on_cpu.rhs_queries));
+    // On the host 6e-4 and .003 (ncr) at most, .0001 and .0004 for the others; the order in which threads and lanes add
+    // to a table is theirs.
+    RecordProperty(std::string("loss_difference_") + field, std::to_string(pair.loss_difference));
+    RecordProperty(std::string("difference_") + field, std::to_string(pair.difference));
     EXPECT_LT(pair.loss_difference, 0.05) << field;
     EXPECT_LT(pair.difference, 0.05) << field;
     // And it is something: not what an untrained field says.
@@ -218,6 +222,7 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
     const TrainResult whole = train(box.scene, config, TrainOptions{});
     TrainOptions options;
     options.output = temporary("moves.octrad");
+    options.deterministic = true;  // what is compared is what is passed on, not the order of sums
     options.stream = starts_on_cpu ? nullptr : stream.get();
     int asked = 0;
     options.interrupted = [&] { return ++asked > 20; };
@@ -230,7 +235,10 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
     options.stream = starts_on_cpu ? stream.get() : nullptr;
     const TrainResult result = train(box.scene, model.info.config, options);
     EXPECT_EQ(result.steps, 40);
-    EXPECT_LT(mean_difference(*result.field, *whole.field, probes_), 0.05);
+    const double difference = mean_difference(*result.field, *whole.field, probes_);
+    RecordProperty(std::string("difference_") + field + (starts_on_cpu ? "_from_cpu" : "_to_cpu"),
+                   std::to_string(difference));
+    EXPECT_LT(difference, 0.05) << field;  // on the host 4e-4 at most
     std::filesystem::remove(options.output);
   }
 }

@@ -185,15 +185,8 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
   });
-  if (query_rays_.offset.traced)
-    launch(*stream_, queries_of(n),
-           TraceOffsets{{},
-                        world_,
-                        query_rays_.offset.rule,
-                        queries_.points(),
-                        normals_.planes(),
-                        query_count(),
-                        &counts_.data()->rays});
+  trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(), normals_.planes(),
+                query_count(), &counts_.data()->rays);
   lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
   stream_->mark("first hits");
 }

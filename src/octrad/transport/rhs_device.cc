@@ -385,15 +385,8 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   });
   stream_->mark("chains");
   if (!options.ask) return;
-  if (query_rays_.offset.traced)
-    launch(*stream_, n,
-           TraceOffsets{{},
-                        world_,
-                        query_rays_.offset.rule,
-                        queries_.points(),
-                        normals_.planes(),
-                        query_count(),
-                        &counts_.data()->rays});
+  trace_offsets(*stream_, n, world_, query_rays_.offset, queries_.points(), normals_.planes(), query_count(),
+                &counts_.data()->rays);
   lobes_.trace(queries_.points(), query_count(), n, counts_.data());
   stream_->mark("rays of queries");
 }

@@ -25,4 +25,11 @@ struct TraceOffsets : Kernel {
   }
 };
 
+// Traces those of at most `most` queries, where a look-up takes a traced one.
+inline void trace_offsets(Stream& stream, std::size_t most, const DeviceWorld& world, const OffsetRay& offset,
+                          SurfacePointArray queries, FloatPlanes normals, const std::uint32_t* count,
+                          unsigned long long* rays) {
+  if (offset.traced) launch(stream, most, TraceOffsets{{}, world, offset.rule, queries, normals, count, rays});
+}
+
 }  // namespace octrad
