@@ -1,5 +1,6 @@
 #include "octrad/base/atomic_file.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
@@ -14,7 +15,9 @@
 #include <cstring>
 #include <filesystem>
 #include <iterator>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
@@ -57,6 +60,34 @@ std::string unused_name(const std::string& file) {
   return fmt::format("{}/.octrad-{:08x}{:04x}.tmp", folder_of(file), random_seed() & 0xffffffffu, ++count & 0xffffu);
 }
 
+bool is_unused_name(const std::string& name) {
+  constexpr std::string_view before = ".octrad-", after = ".tmp";
+  return name.size() == before.size() + 12 + after.size() && name.compare(0, before.size(), before) == 0 &&
+         name.compare(name.size() - after.size(), after.size(), after) == 0 &&
+         name.find_first_not_of("0123456789abcdef", before.size()) == name.size() - after.size();
+}
+
+// Removes the new files in the folder of `file` whose writers were killed while those had a name: whoever writes one
+// holds a lock (flock) on it. What cannot be opened or locked stays.
+void remove_abandoned(const std::string& file) {
+  const std::string folder = folder_of(file);
+  std::vector<std::string> names;
+  if (DIR* entries = opendir(folder.c_str())) {
+    while (const dirent* entry = readdir(entries)) {
+      if (is_unused_name(entry->d_name)) names.push_back(folder + "/" + entry->d_name);
+    }
+    closedir(entries);
+  }
+  for (const std::string& name : names) {
+    const int descriptor = open(name.c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+    struct stat info {};
+    if (descriptor >= 0 && fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode) &&
+        flock(descriptor, LOCK_EX | LOCK_NB) == 0)
+      unlink(name.c_str());
+    if (descriptor >= 0) close(descriptor);
+  }
+}
+
 // The names of new files, for a signal handler, which may neither allocate nor wait: in fixed memory.
 struct Slot {
   std::atomic<bool> taken{false}, filled{false};
@@ -81,11 +112,18 @@ void free_slot(int& slot) {
   g_slots[std::exchange(slot, -1)].taken.store(false);
 }
 
-// A new file of that name, never one that is there or that a link points to. Sets `opened` to the name where it worked.
-int open_new(const std::string& name, std::string& opened) {
-  const int descriptor = open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-  if (descriptor >= 0) opened = name;
-  return descriptor;
+// A new file with a name, never one that is there or that a link points to, and the lock on it. Sets `opened` to the
+// name where it worked.
+int open_new(const std::string& file, std::string& opened) {
+  for (;;) {
+    const std::string name = unused_name(file);
+    const int descriptor = open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (descriptor < 0) return descriptor;
+    opened = name;
+    struct stat info {};
+    if (flock(descriptor, LOCK_EX) != 0 || fstat(descriptor, &info) != 0 || info.st_nlink > 0) return descriptor;
+    close(descriptor);  // remove_abandoned() of another process had the lock first
+  }
 }
 
 }  // namespace
@@ -105,7 +143,7 @@ AtomicFile::AtomicFile(const std::string& file) : name_(file) {
       descriptor_ = open(folder_of(file_).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
     if (descriptor_ < 0) {
       std::string name;
-      descriptor_ = open_new(unused_name(file_), name);
+      descriptor_ = open_new(file_, name);
       if (descriptor_ >= 0) name_temporary(name);
     }
   }
@@ -152,7 +190,8 @@ void AtomicFile::commit() {
   // EINVAL: a file system that cannot sync
   if (!direct_ && fsync(descriptor_) != 0 && errno != EINVAL) fail("write", name_, errno);
   if (!direct_ && temporary_.empty()) {
-    // The only way to give it a name; it must be a new one, which is then renamed.
+    // The only way to give it a name; it must be a new one, which is then renamed. Without locks nobody removes it.
+    flock(descriptor_, LOCK_EX | LOCK_NB);
     const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
     std::string name = unused_name(file_);
     while (linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
@@ -161,9 +200,14 @@ void AtomicFile::commit() {
     }
     name_temporary(name);
   }
-  if (close(std::exchange(descriptor_, -1)) != 0) fail("write", name_, errno);
+  const int holds_lock = direct_ ? -1 : fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
+  const int closed = close(std::exchange(descriptor_, -1)), error = errno;
+  const int renamed = closed == 0 && !direct_ ? std::rename(temporary_.c_str(), file_.c_str()) : 0;
+  const int rename_error = errno;
+  if (holds_lock >= 0) close(holds_lock);
+  if (closed != 0) fail("write", name_, error);
+  if (renamed != 0) fail("replace", name_, rename_error);
   if (direct_) return;
-  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) fail("replace", name_, errno);
   forget_temporary();
   // The new name itself must survive a power failure too. Not every file system can sync a folder: best effort.
   const int folder = open(folder_of(file_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -188,6 +232,7 @@ bool WriterLock::take(const std::string& file) {
   require_writable(file);
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return true;  // /dev/null
+  remove_abandoned(resolve(file));
   lock_ = resolve(file) + ".lock";
   for (int tries = 0;; ++tries) {
     descriptor_ = open(lock_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0666);

@@ -1,14 +1,17 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
@@ -152,6 +155,42 @@ TEST_F(AtomicFiles, ALockFileWithoutALockIsTaken) {
   std::filesystem::permissions(path("a.lock"), std::filesystem::perms::owner_read);
   EXPECT_TRUE(WriterLock::try_to_take(path("a")));
   EXPECT_FALSE(std::filesystem::exists(path("a.lock")));
+}
+
+// kill -9 between naming a new file and renaming it. Somebody who still writes has a lock on it.
+TEST_F(AtomicFiles, WhatKilledWritersLeftIsRemoved) {
+  const std::string left = path(".octrad-0123456789ab.tmp"), written = path(".octrad-ba9876543210.tmp");
+  const std::string others[] = {path(".octrad-0123456789xy.tmp"), path(".octrad-mine.tmp"), path("0123456789ab.tmp")};
+  write_text_file(left, "half");
+  write_text_file(written, "half");
+  for (const std::string& other : others) write_text_file(other, "somebody's own");
+  write_text_file(path("target"), "somebody's own");
+  std::filesystem::create_symlink("target", path(".octrad-000000000000.tmp"));
+  std::filesystem::create_directory(path(".octrad-000000000001.tmp"));
+  const int writer = open(written.c_str(), O_WRONLY | O_CLOEXEC);
+  ASSERT_EQ(flock(writer, LOCK_EX), 0);
+  { const WriterLock lock(path("a")); }
+  EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_TRUE(std::filesystem::exists(written));
+  for (const std::string& other : others) EXPECT_TRUE(std::filesystem::exists(other)) << other;
+  EXPECT_TRUE(std::filesystem::exists(path("target")));
+  EXPECT_TRUE(std::filesystem::is_symlink(path(".octrad-000000000000.tmp")));
+  EXPECT_TRUE(std::filesystem::is_directory(path(".octrad-000000000001.tmp")));
+  close(writer);
+  { const WriterLock lock(path("a")); }
+  EXPECT_FALSE(std::filesystem::exists(written));
+}
+
+// Nobody's saving fails because another process removes what killed writers left.
+TEST_F(AtomicFiles, WritersAndRemoversDoNotMeet) {
+  std::atomic<bool> done{false};
+  std::thread remover([&] {
+    while (!done) WriterLock::try_to_take(path("a"));
+  });
+  for (int i = 0; i < 300; ++i) EXPECT_NO_THROW(write_text_file(path("b"), std::to_string(i)));
+  done = true;
+  remover.join();
+  EXPECT_EQ(read_file(path("b")), "299");
 }
 
 TEST_F(AtomicFiles, WhereNoLockCanBeThereIsAWarning) {
