@@ -33,6 +33,7 @@ enum class RngPurpose : std::uint64_t {
   domain = 12,   // rays that find what is seen
   lamps = 13,    // points and light samples that find small lamps
   changed = 14,  // training points on what changed in the scene, and on what it lights
+  picks = 15,    // paths that measure how likely emitters should be picked
   test = 100,
 };
 

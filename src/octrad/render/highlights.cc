@@ -39,7 +39,6 @@ double small_lamp_share(const PreparedScene& prepared, float alpha_below, float 
   const Scene& scene = prepared.scene();
   const Lights& lights = prepared.lights();
   if (lights.empty()) return 0.0;
-  const auto emitters = static_cast<double>(lights.view().count);
   double small = 0.0, all = 0.0;
   for (std::size_t shape = 0; shape < std::min(kMostShapes, scene.shapes.size()); ++shape) {
     const Shape& s = scene.shapes[shape];
@@ -60,7 +59,7 @@ double small_lamp_share(const PreparedScene& prepared, float alpha_below, float 
         if (!std::isfinite(reached)) continue;
         all += reached;
         // Lamps are sampled about uniformly over the solid angle that they fill.
-        if (light.delta || 1.0 / (emitters * static_cast<double>(light.pdf)) < kSmallLamp) small += reached;
+        if (light.delta || static_cast<double>(lights.pick(pick) / light.pdf) < kSmallLamp) small += reached;
       }
     }
   }

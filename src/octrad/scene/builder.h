@@ -55,6 +55,7 @@ class SceneBuilder {
   // load_emitters.cc
   void add_emitter(const Element& element);
   void add_environment(Params& params);
+  float sampling_weight(Params& params);
   void add_delta_light(Params& params);
   void aim_projectors();
 

@@ -5,6 +5,9 @@
 
 namespace octrad {
 
+// Of an emitter whose `sampling_weight` the scene's file does not state.
+inline constexpr float kNoSamplingWeight = -1.0f;
+
 // `to_local` (row-major 3 x 4) takes world space into the light's own, where it looks along +z.
 struct DeltaLight {
   enum class Kind { point, spot, directional, projector };
@@ -18,7 +21,8 @@ struct DeltaLight {
   float to_local[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
   float cos_cutoff = 0.0f, cos_beam = 0.0f;        // spot: nothing outside the first, full intensity inside the second
   float cutoff = 0.0f, inverse_transition = 0.0f;  // spot: radians; 1 / (cutoff - beam width)
-  float tan_x = 1.0f, tan_y = 1.0f;                // half the picture (spot: the texture) at depth 1
+  float sampling_weight = kNoSamplingWeight;
+  float tan_x = 1.0f, tan_y = 1.0f;  // half the picture (spot: the texture) at depth 1
 };
 
 }  // namespace octrad

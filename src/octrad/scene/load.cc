@@ -86,6 +86,9 @@ void SceneBuilder::check_complete() const {
     fail(where, named ? "the scene has no sensor that can be used"
                       : "the scene has no sensor; add <sensor type=\"perspective\">");
   if (scene_.shapes.empty()) fail(where, "the scene has no shape");
+  const std::vector<float> weights = scene_.sampling_weights();
+  if (!weights.empty() && *std::max_element(weights.begin(), weights.end()) == 0.0f)
+    fail(where, "the sampling_weight of all emitters is 0: none could be picked");
 }
 
 Scene SceneBuilder::build() {

@@ -104,7 +104,7 @@ void SceneBuilder::add_delta_light(Params& params) {
       else light.texture = factor;
     }
   }
-  params.ignore({"sampling_weight"});
+  light.sampling_weight = sampling_weight(params);
   params.finish();
   scene_.delta_lights.push_back(light);
 }
@@ -125,6 +125,11 @@ void SceneBuilder::aim_projectors() {
     light.tan_x = view.tan_x;
     light.tan_y = view.tan_y;
   }
+}
+
+float SceneBuilder::sampling_weight(Params& params) {
+  constexpr float kLargest = 1e6f;
+  return params.given("sampling_weight") ? params.float_in("sampling_weight", 1.0f, 0.0f, kLargest) : kNoSamplingWeight;
 }
 
 void SceneBuilder::add_environment(Params& params) {
@@ -165,7 +170,7 @@ void SceneBuilder::add_environment(Params& params) {
       for (int row = 0; row < 3; ++row) environment.to_world[row * 3 + i] = static_cast<float>(a[row]);
     }
   }
-  params.ignore({"sampling_weight"});
+  environment.sampling_weight = sampling_weight(params);
   if (params.type() == "envmap") params.ignore({"mis_compensation"});  // of how directions are drawn
   params.finish();
 }

@@ -87,7 +87,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
         fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area");
       AreaLight light;
       light.radiance = texture_or(emitter, "radiance", TextureRole::radiance, 1.0f);
-      emitter.ignore({"sampling_weight"});
+      light.sampling_weight = sampling_weight(emitter);
       emitter.finish();
       shape.emitter = static_cast<int>(scene_.area_lights.size());
       scene_.area_lights.push_back(light);

@@ -42,6 +42,7 @@ struct Shape {
 struct AreaLight {
   int shape = -1;
   int radiance = -1;  // texture index (colour, not clamped)
+  float sampling_weight = kNoSamplingWeight;
 };
 
 // Environment map: latitude-longitude, radiance in `image`, row 0 at the zenith (+Y of its own space), u and
@@ -51,6 +52,7 @@ struct Environment {
   std::vector<Vec3f> pixels;  // [height][width], scale applied
   // Row-major linear part, object -> world. The radiance along a direction d is that of the map along the inverse of d.
   float to_world[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  float sampling_weight = kNoSamplingWeight;
 };
 
 struct Film {
@@ -85,6 +87,21 @@ struct Scene {
   std::vector<std::string> assumed;  // what the file leaves open or means otherwise than Mitsuba 3
   std::vector<SceneIssue> refused;   // what a stand-in was taken for, where that was asked for
 
+  // How likely each emitter is to be picked, relative to the others: area lights, lights without extent, the
+  // environment; 1 where the file does not say. Empty where it does not for any.
+  std::vector<float> sampling_weights() const {
+    std::vector<float> weights;
+    for (const AreaLight& l : area_lights) weights.push_back(l.sampling_weight);
+    for (const DeltaLight& l : delta_lights) weights.push_back(l.sampling_weight);
+    for (const Environment& e : environments) weights.push_back(e.sampling_weight);
+    bool given = false;
+    for (float& w : weights) {
+      given = given || w >= 0.0f;
+      if (w < 0.0f) w = 1.0f;
+    }
+    if (!given) weights.clear();
+    return weights;
+  }
   const Film& film_of(std::size_t sensor) const { return sensor < films.size() ? films[sensor] : film; }
   // Of all meshes, however many instances share one.
   std::size_t triangle_count() const {

@@ -63,7 +63,7 @@ struct Plan {
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
               environment_cells = kAbsent;
-  std::size_t delta_lights = kAbsent, placements = kAbsent;
+  std::size_t delta_lights = kAbsent, light_cdf = kAbsent, placements = kAbsent;
   std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent, placed_meshes = kAbsent;
   std::vector<std::size_t> placed_areas;
   // Pieces of tables that point to the above.
@@ -102,6 +102,7 @@ struct Plan {
                         layout.add(l.area[i].grid, side * side)});
     }
     delta_lights = layout.add(l.delta, static_cast<std::size_t>(l.delta_count));
+    light_cdf = layout.add(l.cdf, static_cast<std::size_t>(l.count));
     placements = layout.add(t.scene.placements.data(), t.scene.placements.size());
     const EnvironmentView& e = l.environment;
     if (l.has_environment()) {
@@ -251,6 +252,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.lights.area = block.at<LightRecord>(place(plan.area_lights));
   world_.lights.textures = block.at<TextureView>(place(plan.textures));
   world_.lights.delta = block.at<DeltaLight>(plan.delta_lights);
+  world_.lights.cdf = block.at<float>(plan.light_cdf);
   world_.lights.environment.pixels = block.at<Vec3f>(plan.environment_pixels);
   world_.lights.environment.sines = block.at<float>(plan.environment_sines);
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);

@@ -1,7 +1,9 @@
 #include "octrad/shading/lights.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "octrad/geometry/shape_view.h"
@@ -94,6 +96,7 @@ struct Lights::Impl {
   std::vector<MeshTables> meshes;     // of each area light; empty for spheres
   std::vector<TextureView> textures;  // of the scene, by index
   std::vector<DeltaLight> delta;
+  std::vector<float> cdf;  // of picking
   std::optional<EnvironmentMap> environment;
 
   Vec3f area_radiance(std::size_t i) const {
@@ -106,7 +109,7 @@ struct Lights::Impl {
   }
 };
 
-Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.delta_lights, {}}) {
+Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.delta_lights, {}, {}}) {
   for (const Texture& t : scene.textures) impl_->textures.push_back(texture_view(t));
   impl_->meshes.resize(scene.area_lights.size());
   for (std::size_t i = 0; i < scene.area_lights.size(); ++i) {
@@ -140,10 +143,26 @@ Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.del
     view_.environment = impl_->environment->view();
     ++view_.count;
   }
-  if (view_.count > 0) view_.pick = 1.0f / static_cast<float>(view_.count);
+  std::vector<float> weights = scene.sampling_weights();
+  if (weights.empty()) weights.assign(static_cast<std::size_t>(view_.count), 1.0f);
+  set_weights(weights);
 }
 
 Lights::~Lights() = default;
+
+void Lights::set_weights(std::span<const float> weights) {
+  assert(weights.size() == static_cast<std::size_t>(view_.count));
+  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  double sum = 0.0;
+  impl_->cdf.clear();
+  for (const float w : weights) {
+    sum += static_cast<double>(w);
+    impl_->cdf.push_back(static_cast<float>(sum / total));
+  }
+  view_.cdf = impl_->cdf.data();
+  for (int i = 0; i < view_.area_count; ++i) impl_->area[static_cast<std::size_t>(i)].pick = light_pick(view_, i);
+  if (impl_->environment) view_.environment_pick = light_pick(view_, view_.count - 1);
+}
 
 void Lights::set_factor(int index, Vec3f factor) {
   const int delta = index - view_.area_count;

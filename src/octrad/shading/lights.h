@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
 #include "octrad/geometry/tracer.h"
 #include "octrad/scene/scene.h"
@@ -9,7 +10,8 @@
 
 namespace octrad {
 
-// All emitters of a scene, picked with equal probability. Mesh lights are sampled uniformly by area (a
+// All emitters of a scene. They are picked by the `sampling_weight` of the scene's file, as in Mitsuba 3; where it has
+// none, with equal probability until set_weights(). Mesh lights are sampled uniformly by area (a
 // parallelogram that shows one whole picture by that), spheres by the cone they subtend, the environment by its
 // radiance. The scene must outlive this object.
 //
@@ -36,6 +38,11 @@ class Lights {
   Vec3f environment(Vec3f direction, float& pdf) const;
   bool has_environment() const { return view_.has_environment(); }
   bool empty() const { return view_.count == 0; }
+  // Emitters are picked in proportion to `weights` from now on: one for each, in the order of set_factor(), not
+  // negative, not all 0. One of weight 0 is never picked.
+  void set_weights(std::span<const float> weights);
+  // The probability of the emitter that `u_pick` picks.
+  float pick(float u_pick) const { return light_pick(view_, pick_light(view_, u_pick)); }
   // Multiplies the emission that the scene gives light `index`: area lights come first, then lights without extent,
   // then the environment. Not while anything else uses this object. Probabilities of picking lights stay.
   void set_factor(int index, Vec3f factor);

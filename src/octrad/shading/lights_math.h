@@ -29,6 +29,7 @@ struct LightRecord {
   const float* cdf = nullptr;  // [triangle_count] of triangle areas, last entry 1
   int triangle_count = 0;
   float inv_area = 0.0f;
+  float pick = 0.0f;  // probability of this emitter
   float side = 1.0f;  // of a sphere; -1: emits inwards
   // Of a parallelogram that shows a picture over [0, 1]^2: its cells, drawn by how bright they are.
   const float* grid = nullptr;  // [grid_side][grid_side] cumulative, last entry 1
@@ -40,8 +41,9 @@ struct LightsView {
   const TextureView* textures = nullptr;
   const DeltaLight* delta = nullptr;
   int area_count = 0, delta_count = 0;
-  int count = 0;                               // area lights, lights without extent, the environment
-  float pick = 0.0f;                           // probability of each emitter
+  int count = 0;               // area lights, lights without extent, the environment
+  const float* cdf = nullptr;  // [count] of the probabilities of picking them, last entry 1
+  float environment_pick = 0.0f;
   EnvironmentView environment;                 // without pixels where there is none
   Vec3f environment_factor{1.0f, 1.0f, 1.0f};  // of its radiance; densities do not know it
 
@@ -77,9 +79,9 @@ OCTRAD_HD inline float one_minus_cos_max(float radius, float distance2) {
   return sin2 / (1.0f + std::sqrt(1.0f - sin2));
 }
 
-// First entry above u, the last one where there is none; count > 0.
-OCTRAD_HD inline int pick_triangle(const float* cdf, int count, float u) {
-  if (count == 2) return u >= cdf[0] ? 1 : 0;
+// First entry of a cumulative distribution above u, the last one where there is none; count > 0.
+OCTRAD_HD inline int pick_entry(const float* cdf, int count, float u) {
+  if (count <= 2) return count == 2 && u >= cdf[0] ? 1 : 0;
   int first = 0, length = count;
   while (length > 0) {
     const int half = length / 2;
@@ -112,7 +114,7 @@ OCTRAD_HD inline Vec2f barycentric_of_uv(const MeshView& mesh, int triangle, Vec
 
 // A point of the grid: triangle and barycentric coordinates. Returns grid_density() there.
 OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle, Vec2f& b) {
-  const int i = pick_triangle(l.grid, l.grid_side * l.grid_side, u.x);
+  const int i = pick_entry(l.grid, l.grid_side * l.grid_side, u.x);
   const float below = i > 0 ? l.grid[i - 1] : 0.0f, share = l.grid[i] - below;
   u.x = share > 0.0f ? std::min((u.x - below) / share, 0.99999994f) : 0.5f;
   const int row = i / l.grid_side, column = i % l.grid_side;
@@ -124,7 +126,7 @@ OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle,
   return share * side * side;
 }
 
-OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightRecord& l, Vec3f x, Vec2f u) {
+OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightRecord& l, float pick, Vec3f x, Vec2f u) {
   LightSample s;
   if (l.triangle_count == 0) return s;
   int i = 0;
@@ -133,7 +135,7 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   if (l.grid != nullptr) {
     density = sample_grid(l, u, i, b);
   } else {
-    i = l.triangle_count == 1 ? 0 : pick_triangle(l.cdf, l.triangle_count, u.x);
+    i = pick_entry(l.cdf, l.triangle_count, u.x);
     const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
     const float share = l.cdf[i] - below;
     if (!(share > 0.0f)) return s;
@@ -149,13 +151,13 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   const MeshView& mesh = l.shape.mesh;
   const float cos = -dot(s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal));
   if (!(cos > 0.0f)) return s;
-  s.pdf = view.pick * l.inv_area * distance2 / cos * density;
+  s.pdf = pick * l.inv_area * distance2 / cos * density;
   s.radiance = l.texture >= 0 ? light_radiance(view, l, mesh_uv(mesh, i, b)) : l.radiance;
   s.valid = std::isfinite(s.pdf);
   return s;
 }
 
-OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRecord& l, Vec3f x, Vec2f u) {
+OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRecord& l, float pick, Vec3f x, Vec2f u) {
   LightSample s;
   const Vec3f center = l.shape.sphere->center;
   const float radius = l.shape.sphere->radius;
@@ -172,7 +174,7 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
     // Nearer root of |x + t w - c| = r with h = r^2 - (distance sin)^2.
     const float h = std::max(0.0f, radius * radius - distance2 * sin2);
     s.distance = std::sqrt(distance2) * cos - std::sqrt(h);
-    s.pdf = view.pick / (2.0f * kPi * range);
+    s.pdf = pick / (2.0f * kPi * range);
   } else {
     if (l.side > 0.0f) return s;  // inside (or on) a sphere that emits outwards
     const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
@@ -183,7 +185,7 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
     s.direction = e / s.distance;
     const float cos = dot(s.direction, n);
     if (!(cos > 0.0f)) return s;
-    s.pdf = view.pick * l.inv_area * s.distance * s.distance / cos;
+    s.pdf = pick * l.inv_area * s.distance * s.distance / cos;
   }
   s.valid = s.distance > 0.0f && std::isfinite(s.pdf);
   s.radiance = l.radiance;
@@ -198,28 +200,38 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
 }  // namespace lights_detail
 
 OCTRAD_HD inline int pick_light(const LightsView& view, float u_pick) {
-  return std::min(static_cast<int>(u_pick * static_cast<float>(view.count)), view.count - 1);
+  return lights_detail::pick_entry(view.cdf, view.count, u_pick);
 }
 
-// Draws a point on an emitter as seen from `x`.
-OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float u_pick, Vec2f u) {
-  LightSample s;
-  if (view.count == 0) return s;
-  const int i = pick_light(view, u_pick);
+// Probability of picking emitter `i`.
+OCTRAD_HD inline float light_pick(const LightsView& view, int i) {
+  return i > 0 ? view.cdf[i] - view.cdf[i - 1] : view.cdf[0];
+}
+
+// Draws a point on emitter `i`, picked with probability `pick`, as seen from `x`.
+OCTRAD_HD inline LightSample sample_picked_light(const LightsView& view, int i, float pick, Vec3f x, Vec2f u) {
   if (i < view.area_count) {
     const LightRecord& l = view.area[i];
-    return l.shape.sphere != nullptr ? lights_detail::sample_sphere(view, l, x, u)
-                                     : lights_detail::sample_mesh(view, l, x, u);
+    return l.shape.sphere != nullptr ? lights_detail::sample_sphere(view, l, pick, x, u)
+                                     : lights_detail::sample_mesh(view, l, pick, x, u);
   }
   if (i - view.area_count < view.delta_count)
-    return sample_delta_light(view.delta[i - view.area_count], view.textures, view.pick, x);
+    return sample_delta_light(view.delta[i - view.area_count], view.textures, pick, x);
+  LightSample s;
   const EnvironmentSample e = sample_environment(view.environment, u);
   s.direction = e.direction;
   s.distance = kEnvironmentDistance;
   s.radiance = e.radiance * view.environment_factor;
-  s.pdf = view.pick * e.pdf;
+  s.pdf = pick * e.pdf;
   s.valid = e.pdf > 0.0f;
   return s;
+}
+
+// Draws a point on an emitter as seen from `x`.
+OCTRAD_HD inline LightSample sample_light(const LightsView& view, Vec3f x, float u_pick, Vec2f u) {
+  if (view.count == 0) return {};
+  const int i = pick_light(view, u_pick);
+  return sample_picked_light(view, i, light_pick(view, i), x, u);
 }
 
 // Radiance leaving a hit emitter towards `wo`, zero on its back and from surfaces that are none.
@@ -237,7 +249,7 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
     const Vec3f d = l.shape.sphere->center - x;
     const float distance2 = dot(d, d);
     if (distance2 > radius * radius * (1.0f + 1e-4f)) {
-      return l.side < 0.0f ? 0.0f : view.pick / (2.0f * kPi * lights_detail::one_minus_cos_max(radius, distance2));
+      return l.side < 0.0f ? 0.0f : l.pick / (2.0f * kPi * lights_detail::one_minus_cos_max(radius, distance2));
     }
     if (l.side > 0.0f) return 0.0f;
   }
@@ -245,7 +257,7 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
   const float distance2 = dot(d, d);
   const float cos = -dot(d, surface.shading_normal) / std::sqrt(distance2);
   if (!(cos > 0.0f)) return 0.0f;
-  const float pdf = view.pick * l.inv_area * distance2 / cos;
+  const float pdf = l.pick * l.inv_area * distance2 / cos;
   return l.grid == nullptr ? pdf : pdf * lights_detail::grid_density(l, surface.uv);
 }
 
@@ -255,7 +267,7 @@ OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction
                                 : Vec3f(0.0f);
 }
 OCTRAD_HD inline float light_environment_pdf(const LightsView& view, Vec3f direction) {
-  return view.has_environment() ? view.pick * environment_pdf(view.environment, direction) : 0.0f;
+  return view.has_environment() ? view.environment_pick * environment_pdf(view.environment, direction) : 0.0f;
 }
 OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction, float& pdf) {
   if (!view.has_environment()) {
@@ -263,7 +275,7 @@ OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction
     return Vec3f(0.0f);
   }
   const Vec3f radiance = environment_radiance(view.environment, direction, pdf);
-  pdf *= view.pick;
+  pdf *= view.environment_pick;
   return radiance * view.environment_factor;
 }
 

@@ -5,10 +5,12 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <utility>
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/shading/device_scene.h"
+#include "octrad/transport/light_weights.h"
 
 namespace octrad {
 
@@ -31,6 +33,7 @@ struct PreparedScene::Impl {
   const CpuTree tree;
   Materials materials{scene};
   Lights lights{scene};
+  bool picks_are_known = lights.view().count < 2 || !scene.sampling_weights().empty();
   std::vector<Vec3f> factors;       // of the lights
   std::vector<MaterialEdit> edits;  // of the materials
 
@@ -53,7 +56,12 @@ PreparedScene::~PreparedScene() = default;
 
 const Scene& PreparedScene::scene() const { return impl_->scene; }
 const Materials& PreparedScene::materials() const { return impl_->materials; }
-const Lights& PreparedScene::lights() const { return impl_->lights; }
+const Lights& PreparedScene::lights() const {
+  const std::lock_guard lock(impl_->building);
+  if (!std::exchange(impl_->picks_are_known, true))
+    impl_->lights.set_weights(light_weights({scene(), tracer(), materials(), impl_->lights}));
+  return impl_->lights;
+}
 
 const Tracer& PreparedScene::tracer() const {
   const std::lock_guard lock(impl_->building);
@@ -104,6 +112,7 @@ SceneChange PreparedScene::set_light_factor(int light, Vec3f factor) {
   if (i >= environment && !impl_->copies.empty())
     throw InputError("the environment cannot be changed while the scene is on a GPU");
   impl_->factors.at(i) = factor;
+  lights();  // what is picked how often is measured in the scene as it was loaded
   impl_->lights.set_factor(light, factor);
   for (auto& [stream, copy] : impl_->copies) copy.update(tables_of(*this));
   SceneChange change;
