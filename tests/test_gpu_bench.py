@@ -131,7 +131,7 @@ class GpuBench(unittest.TestCase):
                 self.assertIsNone(process.poll(), "it ended before it could be killed")
                 time.sleep(0.02)
             process.send_signal(number)
-            process.wait(timeout=20)
+            process.wait(timeout=120)
         finally:
             process.kill()
         return self.report()

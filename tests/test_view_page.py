@@ -20,7 +20,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 os.environ.setdefault("OCTRAD", str(ROOT / "build" / "octrad"))
 import support  # noqa: E402
 from exr import read_exr  # noqa: E402
-from support import SMALL, Case, start, wait_for  # noqa: E402
+from support import PATIENCE, SMALL, Case, start, wait_for  # noqa: E402
 from test_view import trained  # noqa: E402
 from web_client import WebSocket, request  # noqa: E402
 
@@ -29,12 +29,13 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 
 class Browser:
     def __init__(self, folder):
-        self.process = subprocess.Popen([BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-port=0",
-                                         "--user-data-dir=" + folder, "about:blank"], stderr=subprocess.PIPE)
-        for line in self.process.stderr:
-            found = re.search(rb"ws://([\d.]+):(\d+)(/\S+)", line)
-            if found:
-                break
+        log = pathlib.Path(folder + ".log")  # a pipe that nobody reads would stop it once it is full
+        with open(log, "wb") as err:
+            self.process = subprocess.Popen([BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-port=0",
+                                             "--user-data-dir=" + folder, "about:blank"], stderr=err)
+        address = lambda: re.search(rb"ws://([\d.]+):(\d+)(/\S+)\n", log.read_bytes())
+        assert wait_for(lambda: address() or self.process.poll() is not None) and address(), log.read_text(errors="replace")
+        found = address()
         self.address = (found.group(1).decode(), int(found.group(2)))
         self.web = WebSocket(self.address, found.group(3).decode())
         self.count = 0
@@ -42,7 +43,7 @@ class Browser:
     def close(self):
         self.web.close()
         self.process.kill()
-        self.process.communicate()
+        self.process.wait()
 
     def call(self, method, session=None, **parameters):
         self.count += 1
@@ -80,7 +81,7 @@ class Page:
             raise AssertionError(result["exceptionDetails"].get("exception", {}).get("description", str(result)))
         return result["result"].get("value")
 
-    def wait(self, expression, seconds=20):
+    def wait(self, expression, seconds=PATIENCE):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             if self.js("(() => { try { return !!(%s); } catch { return false; } })()" % expression):
@@ -159,7 +160,7 @@ class ViewPage(Case):
 
     def wait_for_mean(self, page, condition):
         """Exposure and edits raise no number of the frame that shows them."""
-        self.assertTrue(wait_for(lambda: condition(self.colors(page)[1]), 20), self.colors(page))
+        self.assertTrue(wait_for(lambda: condition(self.colors(page)[1])), self.colors(page))
 
     def test_walk(self):
         page = self.page(self.serve())

@@ -16,6 +16,7 @@ import unittest
 import unittest.mock
 
 PROGRAM = os.environ.get("OCTRAD", "octrad")
+PATIENCE = 600  # seconds after which something hangs: no busy machine takes that long
 
 
 class Result:
@@ -28,7 +29,7 @@ class Result:
         return json.loads(self.out)
 
 
-def run(*arguments, timeout=120, cwd=None, stdout=subprocess.PIPE):
+def run(*arguments, timeout=PATIENCE, cwd=None, stdout=subprocess.PIPE):
     done = subprocess.run([PROGRAM, *map(str, arguments)], stdout=stdout, stderr=subprocess.PIPE, timeout=timeout, cwd=cwd)
     if done.stdout is None:
         done.stdout = b""
@@ -47,7 +48,7 @@ _, status, usage = os.wait4(child, 0)
 os.write(int(report), b"%d %d %f" % (os.waitstatus_to_exitcode(status), 1024 * usage.ru_maxrss, usage.ru_utime + usage.ru_stime))"""
 
 
-def measured(*arguments, hangs_after=120, **keywords):
+def measured(*arguments, hangs_after=PATIENCE, **keywords):
     """Runs the program: its exit code (negative: a signal), the peak of its resident memory in bytes, its processor seconds."""
     reading, writing = os.pipe()
     try:
@@ -186,7 +187,7 @@ def start(*arguments, program=None):
                             preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
 
 
-def on_terminal(columns, *arguments, timeout=120, enough=None):
+def on_terminal(columns, *arguments, timeout=PATIENCE, enough=None):
     """What the program writes to a terminal of that width; it is interrupted once that is `enough`."""
     controller, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
@@ -204,12 +205,12 @@ def on_terminal(columns, *arguments, timeout=120, enough=None):
         if enough and enough(text.decode("utf-8", "replace")):
             process.send_signal(signal.SIGINT)
             enough = None
-    process.communicate(timeout=10)
+    process.communicate(timeout=PATIENCE)
     os.close(controller)
     return text.decode("utf-8", "replace")
 
 
-def wait_for(condition, seconds=60):
+def wait_for(condition, seconds=PATIENCE):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if condition():

@@ -5,7 +5,7 @@ import signal
 import unittest
 
 from exr import read_exr
-from support import ROOM, Case, start, wait_for
+from support import PATIENCE, ROOM, Case, start, wait_for
 
 KEYS = [{"origin": [0, 0, 0.9], "target": [0, -0.2, 0], "fov": 60}, {"origin": [0.5, 0.1, 0.6], "target": [0, -0.2, 0], "fov": 40},
         {"origin": [0.2, 0.4, 0.3], "target": [0, -0.2, 0], "fov": 50}]
@@ -79,11 +79,11 @@ class CameraPath(Case):
         self.assertEqual(self.ok(*self.command(path, "--seed", 5, "--overwrite", "--json")).json()["path"]["rendered"], 4)
 
     def test_an_interrupt_leaves_whole_frames(self):
-        path, log = self.path_file(frames=1000), self.path("log")
+        path, log = self.path_file(frames=20000), self.path("log")  # more than it can make by then
         process = start(*self.command(path, "--log-json", log))
         self.assertTrue(wait_for(lambda: len(self.frames()) > 2))
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)
         for name in self.frames():
             self.assertEqual(json.loads(read_exr(self.path(name))[3]["octrad.render"])["spp"], 2)

@@ -11,7 +11,7 @@ import unittest
 import unittest.mock
 
 from exr import read_exr
-from support import PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
+from support import PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
 
 FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")
 NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
@@ -22,7 +22,7 @@ def read(path):
         return file.read()
 
 
-def run_with(environment, *arguments, timeout=120, **keywords):
+def run_with(environment, *arguments, timeout=PATIENCE, **keywords):
     done = subprocess.run([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=timeout,
                           env=dict(os.environ, **environment), **keywords)
     return Result(done)
@@ -160,7 +160,7 @@ class Files(Case):
                     file.seek(0)
                     file.write(whole)
                     file.flush()
-            process.communicate(timeout=60)
+            process.communicate(timeout=PATIENCE)
             ends.add(process.returncode)
         self.assertLessEqual(ends, {0, 2, 3})
 
@@ -334,8 +334,8 @@ class Files(Case):
     def test_pipes_as_outputs(self):
         pipe = self.path("pipe.exr")
         os.mkfifo(pipe)
-        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", pipe, "--spp", 1, timeout=20)
-        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", self.out, "--spp", 1, "--log-json", pipe, timeout=20)
+        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", pipe, "--spp", 1)
+        self.fails(3, "a pipe that nobody reads", "render", self.scene, "-o", self.out, "--spp", 1, "--log-json", pipe)
         reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
         self.render(out=pipe)
         self.assertEqual(os.read(reader, 4), b"\x76\x2f\x31\x01")
@@ -442,7 +442,7 @@ class Files(Case):
             for _ in range(3):
                 process.send_signal(signal.SIGHUP)
                 time.sleep(0.002)
-            _, err = process.communicate(timeout=60)
+            _, err = process.communicate(timeout=PATIENCE)
             self.assertEqual(process.returncode, 130, err)
             self.assertTrue(os.path.exists(out))
             os.remove(log)
@@ -450,9 +450,10 @@ class Files(Case):
     def test_nohup(self):
         process = subprocess.Popen([PROGRAM, "render", self.scene, "-o", self.out, "--time", "1s", "-q"], stderr=subprocess.PIPE,
                                    preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
-        self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".lock")))
-        process.send_signal(signal.SIGHUP)
-        _, err = process.communicate(timeout=60)
+        while process.poll() is None:  # at every moment from its start to its end
+            process.send_signal(signal.SIGHUP)
+            time.sleep(0.01)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 0, err)
 
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
@@ -474,7 +475,7 @@ class Files(Case):
                     process = start(*verb)
                     self.assertTrue(wait_for(lambda: listens(process, sent)))
                     process.send_signal(sent)
-                    _, err = process.communicate(timeout=60)
+                    _, err = process.communicate(timeout=PATIENCE)
                     self.assertEqual(process.returncode, 130, err)
                     self.assertIn("before there was anything to save", err.decode())
         self.assertFalse(os.path.exists(self.out) or os.path.exists(model))
@@ -488,10 +489,14 @@ class Files(Case):
         process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--threads", 2, "--log-json", log)
         self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
         time.sleep(0.3)
+        # It is stopped while its seconds are read, so that none pass between that and the signal.
+        process.send_signal(signal.SIGSTOP)
+        os.waitpid(process.pid, os.WUNTRACED)
         with open("/proc/%d/stat" % process.pid) as stat:
             before_signal = sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        process.send_signal(signal.SIGCONT)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertLess(children_seconds() - earlier - before_signal, 2, "seconds of a processor after the signal")
         self.assertEqual(process.returncode, 130, err)
         self.assertIn(b"nothing is saved", err)

@@ -10,7 +10,7 @@ import unittest
 
 import support
 from exr import read_exr
-from support import ROOM, SMALL, Case, read_safetensors, start, wait_for
+from support import PATIENCE, ROOM, SMALL, Case, read_safetensors, start, wait_for
 from test_view import SERVER, jpeg_size
 from web_client import Viewer
 
@@ -40,7 +40,7 @@ class Live(Case):
     def finish(self, process):
         if process.poll() is None:
             process.kill()
-        process.communicate(timeout=10)
+        process.communicate(timeout=PATIENCE)
 
     def viewer(self, url):
         viewer = Viewer(url)
@@ -111,7 +111,7 @@ class Watching(Live):
         self.assertIsNone(self.process.poll())
         other.close()
         self.process.send_signal(signal.SIGINT)  # rather than to wait for the last page to come back
-        out, _ = self.process.communicate(timeout=20)
+        out, _ = self.process.communicate(timeout=PATIENCE)
         self.assertEqual(json.loads(out)["steps"], stopped["step"])
 
     def test_closed_pages_do_not_stop_it_and_it_ends_alone(self):
@@ -122,11 +122,11 @@ class Watching(Live):
         self.assertTrue(wait_for(lambda: os.path.exists(self.path("m.octrad"))))
         unwatched = subprocess.Popen([os.environ["OCTRAD"], "train", self.path("room.xml"), "-o", self.path("n.octrad"), "--view", "-D", "train.steps=20", *SMALL],
                                      stdout=subprocess.PIPE)
-        out, _ = unwatched.communicate(timeout=60)
+        out, _ = unwatched.communicate(timeout=PATIENCE)
         self.assertEqual(unwatched.returncode, 0)
         self.assertIn(b"http://127.0.0.1:", out)
         self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=20)
+        self.process.communicate(timeout=PATIENCE)
 
     def test_watching_does_not_change_the_bits(self):
         options = ("-D", "train.steps=300", *SMALL)
@@ -138,7 +138,7 @@ class Watching(Live):
         self.status(viewer, lambda s: s["finished"])
         viewer.frame(lambda h: h["a"]["samples"] >= 4)
         self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=20)
+        self.process.communicate(timeout=PATIENCE)
         self.ok("train", self.path("room.xml"), "-o", self.path("alone.octrad"), *options)
         self.assertEqual(read_safetensors(self.path("m.octrad"))[1], read_safetensors(self.path("alone.octrad"))[1])
 

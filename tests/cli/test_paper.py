@@ -8,7 +8,7 @@ import shutil
 import signal
 import subprocess
 
-from support import ROOM, Case, children_seconds, start, wait_for
+from support import PATIENCE, ROOM, Case, children_seconds, start, wait_for
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -140,7 +140,7 @@ class Paper(Case):
         small = self.write("all.json", json.dumps({"methods": methods, "views": {"*": [0]}, "keys": {"octree.levels": 4, "ncr.log2_table": 14, "nr.log2_table": 14}}))
         paper = ("paper", "main" if full else small, "--scenes", ",".join(scenes), "-o", self.report, "--budget", budget, "--threads", 2)
         before = children_seconds()
-        out = self.ok(*paper, "--json", timeout=600).json()
+        out = self.ok(*paper, "--json").json()
         # Seconds of two processors: those of a clock are also other work's.
         self.assertLess(children_seconds() - before, 2 * 4 / 3 * (180 if full else 20))
         self.assertEqual((out["failed"], out["waiting"]), (0, 0))
@@ -178,7 +178,7 @@ class Paper(Case):
         process = start(*self.arguments(matrix, scenes=self.scenes[:1]))
         self.assertTrue(wait_for(lambda: events(b"start") == 2))
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)
         self.assertEqual(len(glob.glob(os.path.join(self.report, "models", "*", "*", "model.octrad"))), 1)
         out = self.ok(*self.arguments(matrix, scenes=self.scenes[:1]), "--json").json()
@@ -189,7 +189,7 @@ class Paper(Case):
         matrix = self.matrix(methods=["octaoctree", "nr", "path"], equal=["seconds"], learned=False, path_spp=[1])
         both = [start(*self.arguments(matrix)) for _ in range(2)]
         for process in both:
-            _, err = process.communicate(timeout=120)
+            _, err = process.communicate(timeout=PATIENCE)
             self.assertEqual(process.returncode, 0, err)
         self.assertEqual({c["status"] for c in self.results()["cells"]}, {"done"})
         # Every command ran once.
@@ -288,7 +288,7 @@ class Browser(Case):
         matrix = self.write("tiny.json", json.dumps({**TINY, "views": {}, "methods": ["octaoctree", "path"], "equal": ["steps"], "path_spp": 1}))
         self.ok("paper", matrix, "--scenes", scene, "-o", self.path("report"))
         flags = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=5000", "--user-data-dir=" + self.path("profile")]
-        done = subprocess.run([browser, *flags, "--dump-dom", "file://" + self.path("report/index.html")], capture_output=True, text=True, timeout=120)
+        done = subprocess.run([browser, *flags, "--dump-dom", "file://" + self.path("report/index.html")], capture_output=True, text=True, timeout=PATIENCE)
         # The viewer's script has drawn its pictures and the plots are there.
         self.assertRegex(done.stdout, r'<figure class="octrad-viewer"[^>]* data-state=')
         self.assertIn("<canvas", done.stdout)

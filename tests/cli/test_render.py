@@ -7,7 +7,7 @@ import signal
 import unittest
 
 from exr import read_exr
-from support import ROOM, Case, start, wait_for
+from support import PATIENCE, ROOM, Case, start, wait_for
 
 LAYERS = ["R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "roughness.Y"]
 
@@ -164,7 +164,7 @@ class Render(Case):
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", log)
         self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)
         self.assertIn(self.out, err.decode())
         self.assertGreater(self.channels()["G"]["mean"], 0)

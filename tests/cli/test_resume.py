@@ -9,7 +9,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import ROOM, Case, read_safetensors, start, wait_for
+from support import PATIENCE, ROOM, Case, read_safetensors, start, wait_for
 
 GAUSSIAN = ROOM.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
 
@@ -78,7 +78,7 @@ class Resume(Case):
                 process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", self.path("log"), *options)
                 self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and os.path.getsize(self.path("log")) > 500))
                 process.send_signal(signal.SIGINT)
-                _, err = process.communicate(timeout=60)
+                _, err = process.communicate(timeout=PATIENCE)
                 self.assertEqual(process.returncode, 130, err)
                 done = json.loads(read_exr(self.out)[3]["octrad.render"])["spp"]
                 self.assertEqual(done, self.samples_saved())
@@ -99,7 +99,7 @@ class Resume(Case):
                 self.assertIsNone(process.poll())
             finally:
                 process.kill()
-                process.communicate(timeout=60)
+                process.communicate(timeout=PATIENCE)
             self.assertGreater(self.samples_saved(), saved)
             saved = self.samples_saved()
         self.render("--spp", saved + 3, out=self.whole)
@@ -157,7 +157,7 @@ class Resume(Case):
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--log-json", self.path("log"))
         self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and "progress" in open(self.path("log")).read()))
         process.send_signal(signal.SIGTERM)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)
         self.assertGreaterEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 3000)
 

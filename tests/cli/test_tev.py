@@ -9,7 +9,7 @@ import threading
 import unittest
 
 from exr import read_exr
-from support import ROOM, SMALL, Case, read_safetensors, start, wait_for
+from support import PATIENCE, ROOM, SMALL, Case, read_safetensors, start, wait_for
 
 
 class Viewer:
@@ -91,7 +91,7 @@ class Viewer:
         """Reads to the end what a program has sent that is over."""
         assert wait_for(lambda: self.readers), "nobody has connected"
         for reader in self.readers:
-            reader.join(timeout=60)
+            reader.join(timeout=PATIENCE)
             assert not reader.is_alive(), "the connection is open"
 
     def close(self):
@@ -114,7 +114,7 @@ class Tev(Case):
     def interrupted(self, ready, verb, address, *more):
         """A run without end that is interrupted once it is `ready`, of its error output: all of that."""
         process = start(verb, self.write("room.xml", ROOM), "--tev", address, *more)
-        watchdog = threading.Timer(60, process.kill)
+        watchdog = threading.Timer(PATIENCE, process.kill)
         watchdog.start()
         try:
             err = b""

@@ -10,7 +10,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
+from support import PATIENCE, ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 # Nothing that depends on the share of the budget: 5 and 3 steps are 8.
@@ -142,7 +142,7 @@ class Train(Case):
     def test_time_and_both_budgets(self):
         report = self.train("--time", "1s")
         self.assertGreater(report["steps"], 1)
-        self.assertLess(report["seconds"], 10)
+        self.assertLess(report["seconds"], 100)  # without an end it would be more
         report = self.train("--time", "1s", "--steps", 10000000)
         self.assertLess(report["steps"], 10000000)
         self.assertFalse(report["interrupted"])
@@ -232,7 +232,7 @@ class Train(Case):
         self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
         wait_for(lambda: os.path.exists(log) and "progress" in open(log, encoding="utf-8").read())  # while it loads it ends at once
         first.send_signal(signal.SIGINT)
-        self.assertEqual(first.wait(timeout=60), 130)
+        self.assertEqual(first.wait(timeout=PATIENCE), 130)
         self.assertFalse(os.path.exists(self.model + ".lock"))
         self.train("--resume", "--steps", 1)
 
@@ -242,7 +242,7 @@ class Train(Case):
             process = start("train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--time", "10m", "--log-json", log, "--json")
             self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
             process.send_signal(sent)
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=PATIENCE)
             self.assertEqual(process.returncode, 130, err)
             report = json.loads(out)
             self.assertTrue(report["interrupted"])

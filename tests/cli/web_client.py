@@ -7,6 +7,8 @@ import socket
 import struct
 import urllib.parse
 
+PATIENCE = 600  # seconds after which something hangs: no busy machine takes that long
+
 
 class Refused(Exception):
     """The answer to a request for a WebSocket was another one."""
@@ -34,7 +36,7 @@ def read_answer(stream):
 
 def request(address, target, method="GET", **headers):
     """One request of its own connection; an underscore in a header's name stands for a dash."""
-    with socket.create_connection(address, timeout=20) as connection:
+    with socket.create_connection(address, timeout=PATIENCE) as connection:
         lines = ["%s %s HTTP/1.1" % (method, target)]
         lines += ["%s: %s" % (name.replace("_", "-"), value) for name, value in {"Host": "%s:%d" % address, **headers}.items() if value is not None]
         connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode("latin-1"))
@@ -43,7 +45,7 @@ def request(address, target, method="GET", **headers):
 
 
 class WebSocket:
-    def __init__(self, address, target, timeout=20, **headers):
+    def __init__(self, address, target, timeout=PATIENCE, **headers):
         self.socket = socket.create_connection(address, timeout=timeout)
         self.stream = self.socket.makefile("rb")
         key = base64.b64encode(os.urandom(16)).decode()
@@ -76,17 +78,21 @@ class WebSocket:
     def send(self, message):
         self.frame(json.dumps(message).encode() if not isinstance(message, (bytes, str)) else message.encode() if isinstance(message, str) else message)
 
+    def read(self, n):
+        data = self.stream.read(n)
+        if len(data) < n:  # within a message, too
+            raise ConnectionError("the connection ended")
+        return data
+
     def receive(self):
         """The next message: an object, or bytes. Raises ConnectionError at the end; pings are answered."""
         data, kind = b"", None
         while True:
-            head = self.stream.read(2)
-            if len(head) < 2:
-                raise ConnectionError("the connection ended")
+            head = self.read(2)
             opcode, n = head[0] & 15, head[1] & 127
             if n >= 126:
-                n = struct.unpack(">H" if n == 126 else ">Q", self.stream.read(2 if n == 126 else 8))[0]
-            payload = self.stream.read(n)
+                n = struct.unpack(">H" if n == 126 else ">Q", self.read(2 if n == 126 else 8))[0]
+            payload = self.read(n)
             if opcode == 8:
                 raise ConnectionError("closed with %s" % payload[:2].hex())
             if opcode == 9:
