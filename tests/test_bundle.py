@@ -69,7 +69,7 @@ def inside(root, *words, env=None, **options):
     if os.geteuid() != 0:
         enter = [shutil.which("unshare") or "unshare", "--user", "--map-root-user", *enter]
     environment = {"PATH": "/usr/bin:/bin", "HOME": "/tmp", **(env or {})}
-    return subprocess.run([*enter, *words], capture_output=True, text=True, env=environment, timeout=240, **options)
+    return subprocess.run([*enter, *words], capture_output=True, text=True, env=environment, timeout=600, **options)
 
 
 class Bundle(unittest.TestCase):

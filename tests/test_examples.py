@@ -26,9 +26,9 @@ def octrad(*words, cwd):
         with subprocess.Popen([PROGRAM, *words], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             line = process.stdout.readline()
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=60)
+            _, errors = process.communicate(timeout=600)
         return subprocess.CompletedProcess(words, 0 if process.returncode == 130 and "http://" in line else 1, line, errors)
-    return subprocess.run([PROGRAM, *words], cwd=cwd, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL)
+    return subprocess.run([PROGRAM, *words], cwd=cwd, capture_output=True, text=True, timeout=600, stdin=subprocess.DEVNULL)
 
 
 def shell_lines(text):

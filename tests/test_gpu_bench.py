@@ -53,7 +53,7 @@ class GpuBench(unittest.TestCase):
         self.file = os.path.join(self.folder, "out.json")
 
     def bench(self, *options, program=PROGRAM):
-        return subprocess.run([BENCH, "--octrad", program, *options], capture_output=True, text=True, timeout=300)
+        return subprocess.run([BENCH, "--octrad", program, *options], capture_output=True, text=True, timeout=600)
 
     def report(self):
         with open(self.file, encoding="utf-8") as text:
@@ -126,12 +126,12 @@ class GpuBench(unittest.TestCase):
         """The report of a rehearsal that got this signal after two steps, and the children that are left."""
         process = subprocess.Popen([BENCH, "--octrad", PROGRAM, "--plan", "second", "--rehearse", "-o", self.file], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            end = time.monotonic() + 120
+            end = time.monotonic() + 600
             while time.monotonic() < end and not (os.path.exists(self.file) and len(self.report().get("steps", [])) >= 2):
                 self.assertIsNone(process.poll(), "it ended before it could be killed")
                 time.sleep(0.02)
             process.send_signal(number)
-            process.wait(timeout=120)
+            process.wait(timeout=600)
         finally:
             process.kill()
         return self.report()

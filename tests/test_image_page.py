@@ -18,7 +18,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "cli"))
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 os.environ.setdefault("OCTRAD", str(ROOT / "build" / "octrad"))
 os.environ.pop("OCTRAD_LPIPS_WEIGHTS", None)
-from support import Case, write_pfm  # noqa: E402
+from support import PATIENCE, Case, write_pfm  # noqa: E402
 from test_compare import read_png  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
@@ -46,7 +46,7 @@ class Page(Case):
     def browser(self, address, *options):
         command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--user-data-dir=" + self.path("profile"),
                    "--virtual-time-budget=4000", "--window-size=1000,1000", *options, pathlib.Path(self.page).as_uri() + "#" + address]
-        done = subprocess.run(command, capture_output=True, timeout=120)
+        done = subprocess.run(command, capture_output=True, timeout=PATIENCE)
         self.assertEqual(done.returncode, 0, done.stderr.decode("utf-8", "replace"))
         return done.stdout.decode("utf-8")
 

@@ -30,7 +30,7 @@ class InstallDeps(unittest.TestCase):
             stand_in(folder, "apt-get", 'echo "$*" >>"%s"\n[ $(wc -l <"%s") -gt %d ] && exit 0\necho "%s" >&2\nexit 100\n'
                      % (calls, calls, failures, message))
             environment = dict(os.environ, PATH=folder + os.pathsep + os.environ["PATH"])
-            done = subprocess.run([str(SCRIPT), *arguments], capture_output=True, text=True, env=environment, timeout=60)
+            done = subprocess.run([str(SCRIPT), *arguments], capture_output=True, text=True, env=environment, timeout=600)
             return done, calls.read_text().splitlines()
 
     def test_waits_for_a_lock(self):

@@ -33,7 +33,7 @@ class InstallOidn(unittest.TestCase):
             wheel.writestr("pyoidn-2.9.1.0.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
             wheel.writestr("pyoidn-2.9.1.0.dist-info/RECORD", "")
         environment = dict(os.environ, HOME=str(self.folder), PIP_NO_INDEX="1", PIP_FIND_LINKS=str(self.folder), **environment)
-        return subprocess.run([str(SCRIPT), *arguments], env=environment, capture_output=True, text=True, timeout=120, check=False)
+        return subprocess.run([str(SCRIPT), *arguments], env=environment, capture_output=True, text=True, timeout=600, check=False)
 
     @unittest.skipUnless(has_pip(), "needs pip")
     def test_keeps_the_libraries(self):

@@ -72,7 +72,7 @@ class Query(unittest.TestCase):
     def compare(self, *options):
         with tempfile.TemporaryDirectory() as folder:
             path = lambda name: os.path.join(folder, name)
-            run = lambda *words: subprocess.run([PROGRAM, *words], check=True, capture_output=True, timeout=120)
+            run = lambda *words: subprocess.run([PROGRAM, *words], check=True, capture_output=True, timeout=600)
             run("train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, *options)
             model = numpy_query.Model(path("m.octrad"))
             points = sample_points(model, 600)
@@ -126,7 +126,7 @@ class Query(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             path = lambda name: os.path.join(folder, name)
             subprocess.run([PROGRAM, "train", SCENE, "-o", path("m.octrad"), "-q", *SMALL, "--field", "ncr",
-                            "-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10"], check=True, timeout=120)
+                            "-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10"], check=True, timeout=600)
             np.savetxt(path("points.csv"), np.zeros((1, 13)), delimiter=",", header=",".join(numpy_query.COLUMNS), comments="")
             done = subprocess.run([PROGRAM, "query", path("m.octrad"), "--points", path("points.csv")], capture_output=True, text=True)
         self.assertEqual(done.returncode, 2)

@@ -224,9 +224,11 @@ class Files(Case):
     # ---- two programs, one file
 
     def test_a_second_render_is_told_at_once(self):
-        first = start("render", self.scene, "-o", self.out, "--spp", 100000000, "-q")
+        log = self.path("log.jsonl")
+        first = start("render", self.scene, "-o", self.out, "--spp", 100000000, "-q", "--log-json", log)
         try:
-            self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".lock")))
+            self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))  # the file of a lock is there before the lock is
+            self.assertTrue(os.path.exists(self.out + ".lock"))
             self.fails(3, "another process is writing it", "render", self.scene, "-o", self.out, "--spp", 1)
             link = self.path("link.exr")
             os.symlink("out.exr", link)
@@ -280,9 +282,10 @@ class Files(Case):
         self.fails(1, "too, which it would overwrite", "view", self.scene, "--model", model, "--model", other, "--train", "-o", other)
         self.fails(1, "is not " + model, *view, other)
         self.fails(3, "does not exist", *view, self.path("no/such/folder.octrad"))
-        first = start("train", self.scene, "-o", self.path("new.octrad"), *SMALL, "--steps", 100000000, "-q")
+        log = self.path("log.jsonl")
+        first = start("train", self.scene, "-o", self.path("new.octrad"), *SMALL, "--steps", 100000000, "-q", "--log-json", log)
         try:
-            self.assertTrue(wait_for(lambda: os.path.exists(self.path("new.octrad.lock"))))
+            self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
             self.fails(3, "another process is writing it", *view, self.path("new.octrad"))
         finally:
             first.kill()

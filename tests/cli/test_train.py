@@ -228,9 +228,10 @@ class Train(Case):
     def test_a_second_training_of_a_file_is_told_at_once(self):
         log = self.path("log.jsonl")
         first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q", "--log-json", log)
-        wait_for(lambda: os.path.exists(self.model + ".lock"))
+        self.assertTrue(wait_for(lambda: os.path.exists(log) and "start" in open(log, encoding="utf-8").read()))
+        self.assertTrue(os.path.exists(self.model + ".lock"))
         self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
-        wait_for(lambda: os.path.exists(log) and "progress" in open(log, encoding="utf-8").read())  # while it loads it ends at once
+        self.assertTrue(wait_for(lambda: "progress" in open(log, encoding="utf-8").read()))  # while it loads it ends at once
         first.send_signal(signal.SIGINT)
         self.assertEqual(first.wait(timeout=PATIENCE), 130)
         self.assertFalse(os.path.exists(self.model + ".lock"))
