@@ -116,7 +116,7 @@ class GpuBench(unittest.TestCase):
         run = gpu.Run(args, gpu.Programs(self.stub(ENDLESS)), self.folder, self.file)
         self.addCleanup(run.log.close)
         with contextlib.redirect_stdout(io.StringIO()):
-            run.run([gpu_plans.Step("slow", ["render"], 1, limit=2), gpu_plans.Step("quick", ["render", "path"], 1)])
+            run.run([gpu_plans.Step("slow", ["render"], 1, limit=5), gpu_plans.Step("quick", ["render", "path"], 1)])
         slow, quick = self.report()["steps"]
         self.assertRegex(slow["failed"], "stopped after")
         self.assertIn("waiting", slow["output"])

@@ -23,7 +23,7 @@ PARTS = {"shape": r"^\*\*Shapes\*\*(.*?)^\*\*Materials", "bsdf": r"^\*\*Material
          "emitter": r"^\*\*Lights\*\*(.*?)^\*\*Sensor", "sensor": r"^\*\*Sensors?\*\*(.*?)^\*\*Film", "film": r"^\*\*Film\*\*(.*?)^\| filter",
          "rfilter": r"^\| filter(.*?)^\*\*Integrator", "spectrum": r"^### Spectra(.*?)^## "}
 # Parameters that all objects of a kind have, as the text before the table says.
-COMMON = {"shape": {"to_world", "flip_normals"}}
+COMMON = {"shape": {"to_world", "flip_normals"}, "emitter": {"sampling_weight"}}
 OLD = {"lambda_min", "lambda_max"}  # spellings of older versions
 
 BITMAP = '<string name="filename" value="picture.png"/>'

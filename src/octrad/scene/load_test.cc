@@ -561,6 +561,14 @@ TEST_F(LoadTest, Emitters) {
   ASSERT_EQ(scene.delta_lights.size(), 2u);
   EXPECT_EQ(scene.delta_lights[0].intensity, Vec3f(1.0f));
   EXPECT_NEAR(scene.delta_lights[1].cos_cutoff, std::cos(kPi / 6.0f), 1e-6f);
+  EXPECT_TRUE(scene.sampling_weights().empty());
+  scene = load(
+      R"(<emitter type="point"/><emitter type="spot"><float name="sampling_weight" value="0"/></emitter><emitter type="constant"><float name="sampling_weight" value="3"/></emitter><shape type="sphere"><emitter type="area"><float name="sampling_weight" value="2.5"/></emitter></shape>)");
+  EXPECT_EQ(scene.sampling_weights(), (std::vector<float>{2.5f, 1.0f, 0.0f, 3.0f}));
+  refuses(R"(<emitter type="point"><float name="sampling_weight" value="-1"/></emitter>)", "2:23",
+          {"must be between 0 and 1e+06"});
+  refuses(R"(<emitter type="point"><float name="sampling_weight" value="0"/></emitter>)",
+          "1:", {"sampling_weight of all emitters is 0"});
   refuses(R"(<emitter type="pointy"/>)", "2:1",
           {"emitter \"pointy\" is not supported (did you mean \"point\"?)",
            "supported: point, spot, directional, projector, envmap, constant, and area inside a shape"});

@@ -195,14 +195,65 @@ TEST(Lights, PicturesAreSampledByTheirBrightness) {
   EXPECT_NEAR(sum / 20000.0, angle, 0.15 * angle);
 }
 
-TEST(Lights, DensityOfHitAgreesWithSampling) {
+// A square, a sphere, a lamp without extent and a sky.
+SceneMaker four_emitters() {
   SceneMaker maker;
   const int grey = maker.diffuse(Vec3f(0.5f));
   maker.quad({-1, 1, 2}, {2, 0, 0}, {0, -2, 0}, grey, Vec3f(1.0f, 2.0f, 3.0f));
   maker.sphere({2.0f, 0.0f, 1.0f}, 0.5f, grey, Vec3f(4.0f));
+  DeltaLight point;
+  point.position = {0, 2, 2};
+  maker.scene.delta_lights.push_back(point);
   maker.scene.environments.push_back(speckled_environment(16, 9));
-  const auto tracer = make_embree_tracer(maker.scene);
+  return maker;
+}
+
+// Each is picked as often as its weight says, its densities hold that probability, and one of weight 0 never comes.
+TEST(Lights, WeightsArePickProbabilities) {
+  const SceneMaker maker = four_emitters();
+  Lights lights(maker.scene);
+  for (int i = 0; i < 4; ++i) EXPECT_FLOAT_EQ(light_pick(lights.view(), i), 0.25f);
+  const float weights[] = {3.0f, 0.0f, 1.0f, 4.0f}, picks[] = {0.375f, 0.0f, 0.125f, 0.5f};
+  const Vec3f x{0.1f, -0.2f, 0.3f};
+  const Vec2f u{0.3f, 0.6f};
+  float uniform[4];
+  for (int i = 0; i < 4; ++i) uniform[i] = lights.sample(x, 0.25f * static_cast<float>(i), u).pdf;
+  lights.set_weights(weights);
+  int counts[4] = {};
+  constexpr int kCount = 8000;
+  for (int n = 0; n < kCount; ++n) {
+    const float pick = (static_cast<float>(n) + 0.5f) / kCount;
+    const int i = pick_light(lights.view(), pick);
+    ++counts[i];
+    EXPECT_EQ(lights.pick(pick), light_pick(lights.view(), i));
+    EXPECT_FLOAT_EQ(lights.sample(x, pick, u).pdf, uniform[i] * 4.0f * picks[i]);
+  }
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_FLOAT_EQ(light_pick(lights.view(), i), picks[i]);
+    EXPECT_NEAR(counts[i], kCount * picks[i], 1.0f);
+  }
+  EXPECT_EQ(pick_light(lights.view(), 0x1.fffffep-1f), 3);
+}
+
+// The scene file's own, 1 where it has some and not this one.
+TEST(Lights, WeightsOfTheFile) {
+  SceneMaker maker = four_emitters();
+  EXPECT_TRUE(maker.scene.sampling_weights().empty());
+  maker.scene.delta_lights[0].sampling_weight = 2.0f;
+  maker.scene.environments[0].sampling_weight = 0.0f;
+  EXPECT_EQ(maker.scene.sampling_weights(), (std::vector<float>{1.0f, 1.0f, 2.0f, 0.0f}));
   const Lights lights(maker.scene);
+  EXPECT_FLOAT_EQ(light_pick(lights.view(), 2), 0.5f);
+  EXPECT_EQ(lights.environment_pdf({0, 0, 1}), 0.0f);
+  EXPECT_GT(max_component(lights.environment({0, 0, 1})), 0.0f) << "BSDF rays find it";
+}
+
+TEST(Lights, DensityOfHitAgreesWithSampling) {
+  SceneMaker maker = four_emitters();
+  maker.scene.delta_lights.clear();
+  const auto tracer = make_embree_tracer(maker.scene);
+  Lights lights(maker.scene);
+  lights.set_weights(std::vector<float>{2.0f, 1.0f, 1.5f});
   EXPECT_FALSE(lights.empty());
   const Vec3f x{0.1f, -0.2f, 0.3f};
   Rng rng(4, RngPurpose::test, 5);

@@ -1,0 +1,95 @@
+#include "octrad/transport/light_weights.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "octrad/scene/sample_scenes.h"
+#include "octrad/transport/prepared_scene.h"
+
+namespace octrad {
+namespace {
+
+using testing::SceneMaker;
+
+// A floor seen from above, and lamps of one size above it.
+class Lamps : public SceneMaker {
+ public:
+  explicit Lamps(const std::vector<Vec3f>& places, float radiance = 10.0f) {
+    const int grey = diffuse(Vec3f(0.5f));
+    quad({-10, 0, 10}, {20, 0, 0}, {0, 0, -20}, grey);
+    for (const Vec3f& p : places) sphere(p, 0.1f, grey, Vec3f(radiance));
+    scene.cameras = {look_at({0, 8, 0.1f}, {0, 0, 0}, {0, 1, 0}, 90.0f, Camera::FovAxis::x)};
+    scene.cameras[0].film_width = scene.cameras[0].film_height = 16;
+  }
+};
+
+std::vector<float> weights_of(const Scene& scene) {
+  const auto tracer = make_embree_tracer(scene);
+  const Materials materials(scene);
+  const Lights lights(scene);
+  const std::vector<float> weights = light_weights({scene, *tracer, materials, lights});
+  EXPECT_NEAR(std::accumulate(weights.begin(), weights.end(), 0.0), 1.0, 1e-5);
+  return weights;
+}
+
+TEST(LightWeights, EqualLampsAreAlikeAndHiddenOnesKeepTheirPartOfTheUniform) {
+  Lamps lamps({{-3, 2, 0}, {3, 2, 0}, {0, -5, 0}, {0, 2, 0}});
+  lamps.sphere({0, 2, 0}, 0.2f, lamps.diffuse(Vec3f(0.5f)));  // around the last one
+  const std::vector<float> w = weights_of(lamps.scene);
+  EXPECT_NEAR(w[0], w[1], 0.1f * w[0]);
+  const auto least = static_cast<float>(kUniformPicks) / 4.0f;
+  for (const int hidden : {2, 3}) {
+    EXPECT_GE(w[static_cast<std::size_t>(hidden)], least);
+    EXPECT_LT(w[static_cast<std::size_t>(hidden)], 1.1f * least);
+  }
+}
+
+TEST(LightWeights, BrightLampsAreLikelierWhateverTheUnitOfRadiance) {
+  for (const float unit : {1e-3f, 1.0f, 1e5f}) {
+    Lamps lamps({{-1, 2, 0}, {1, 2, 0}}, unit);
+    lamps.scene.textures[static_cast<std::size_t>(lamps.scene.area_lights[0].radiance)].color0 = Vec3f(20.0f * unit);
+    const std::vector<float> w = weights_of(lamps.scene);
+    EXPECT_GT(w[0], 0.75f) << unit;
+    EXPECT_LT(w[0], 0.9f) << unit;
+  }
+}
+
+TEST(LightWeights, ManyLampsAreSampledInTurns) {
+  std::vector<Vec3f> places;
+  for (int i = 0; i < 400; ++i)
+    places.push_back({static_cast<float>(i % 20) - 9.5f, 2.0f, static_cast<float>(i / 20) - 9.5f});
+  places.push_back({0.2f, 3.0f, 0.2f});
+  Lamps lamps(places, 1.0f);
+  lamps.scene.textures.push_back(lamps.scene.textures[static_cast<std::size_t>(lamps.scene.area_lights[0].radiance)]);
+  lamps.scene.textures.back().color0 = Vec3f(400.0f);
+  lamps.scene.area_lights.back().radiance = static_cast<int>(lamps.scene.textures.size()) - 1;
+  const std::vector<float> w = weights_of(lamps.scene);
+  const auto least = static_cast<float>(kUniformPicks) / 401.0f;
+  for (const float weight : w) EXPECT_GE(weight, least);
+  EXPECT_GT(w.back(), 8.0f / 401.0f);
+}
+
+TEST(LightWeights, WithoutSensorsOrLightAllAreAlike) {
+  Lamps lamps({{-3, 2, 0}, {3, 2, 0}});
+  lamps.scene.cameras.clear();
+  EXPECT_EQ(weights_of(lamps.scene), (std::vector<float>{0.5f, 0.5f}));
+  EXPECT_EQ(weights_of(Lamps({{-3, -2, 0}, {3, -2, 0}}).scene), (std::vector<float>{0.5f, 0.5f}));
+  EXPECT_EQ(weights_of(Lamps({{0, 2, 0}}).scene), std::vector<float>{1.0f});
+}
+
+TEST(LightWeights, AScenePreparesThemUnlessItsFileHasSome) {
+  Lamps lamps({{-3, 2, 0}, {3, 2, 0}, {0, -5, 0}});
+  const std::vector<float> w = weights_of(lamps.scene);
+  PreparedScene measured(lamps.scene);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(light_pick(measured.lights().view(), i), w[static_cast<std::size_t>(i)], 1e-6f);
+  PreparedScene dark(lamps.scene);  // edits do not change them, nor does it matter which comes first
+  dark.set_light_factor(0, Vec3f(0.0f));
+  EXPECT_EQ(light_pick(dark.lights().view(), 0), light_pick(measured.lights().view(), 0));
+  lamps.scene.area_lights[2].sampling_weight = 2.0f;
+  EXPECT_FLOAT_EQ(light_pick(PreparedScene(lamps.scene).lights().view(), 2), 0.5f);
+}
+
+}  // namespace
+}  // namespace octrad
