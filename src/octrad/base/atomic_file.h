@@ -10,10 +10,11 @@ namespace octrad {
 // Writes to a file without a name where the system has such (O_TMPFILE), else to a new one beside `file`; commit()
 // syncs it to disk and renames it over `file`. Without commit() (an exception, a killed program) the old file stays,
 // and nothing is left of the new one, but for kill -9 between naming and renaming, or where the system has no files
-// without a name: .octrad-XXXXXXXXXXXX.tmp stays in that folder until a WriterLock is taken there. No existing file is ever opened for writing, so that two writers never mix; the
-// last to commit() wins. A symbolic link stays, and what it points to is replaced or made. A `file` that exists and is
-// not a regular file (/dev/null, a pipe that somebody reads) is written directly. Permissions are those of a new file
-// (umask). All functions throw IoError with the file's name and the system's reason.
+// without a name: .octrad-XXXXXXXXXXXX.tmp stays in that folder until a WriterLock is taken there. No existing file is
+// ever opened for writing, so that two writers never mix; the last to commit() wins. A symbolic link stays, and what it
+// points to is replaced or made. A `file` that exists and is not a regular file (/dev/null, a pipe that somebody reads)
+// is written directly. Permissions are those of a new file (umask). All functions throw IoError with the file's name
+// and the system's reason.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& file);
@@ -40,8 +41,8 @@ class AtomicFile {
 void remove_temporary_files();
 
 // Keeps other processes from writing the same result: holds an exclusive lock (flock) on `file`.lock, which is removed
-// at the end (kill -9 leaves it, without the lock). Removes what killed writers left of new files in that folder. Throws IoError at once when another process holds it, or when that
-// name is a file with something in it. Where there
+// at the end (kill -9 leaves it, without the lock). Removes what killed writers left of new files in that folder.
+// Throws IoError at once when another process holds it, or when that name is a file with something in it. Where there
 // can be no lock (a file system without locks, a name that is too long) there is a warning, and no lock.
 class WriterLock {
  public:

@@ -25,9 +25,8 @@ struct SceneChange {
 bool uses_material(const Scene& scene, int of, int material);
 
 // Materials and lights are prepared by the constructor. Probabilities of picking emitters (light_weights()),
-// acceleration structures, the surface sampler and a stream's
-// copy are built when they are first asked for, once each, whoever asks. Thread-safe. What it hands out lives as long
-// as it does, also when it is moved.
+// acceleration structures, the surface sampler and a stream's copy are built when they are first asked for, once each,
+// whoever asks. Thread-safe. What it hands out lives as long as it does, also when it is moved.
 class PreparedScene {
  public:
   // What rays of the CPU traverse. Hits agree up to rounding; `bvh8` is the tree that devices traverse.
