@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kFewestPaths = 512, kMostPaths = 4096;
 constexpr int kVertices = 4;         // of a path, at most
-constexpr int kPasses = 16;          // masks in a row
+constexpr int kPasses = 16;          // masks, mirrors and glass of a path, at most
 constexpr int kMostSampled = 32;     // emitters at a vertex
 constexpr double kFewSamples = 8.0;  // of an emitter: half of what is left is picked uniformly
 // Of the mean radiance of all vertices: where less arrives directly, most light is indirect.
