@@ -60,7 +60,7 @@ std::string unused_name(const std::string& file) {
   return fmt::format("{}/.octrad-{:08x}{:04x}.tmp", folder_of(file), random_seed() & 0xffffffffu, ++count & 0xffffu);
 }
 
-bool is_unused_name(const std::string& name) {
+bool is_temporary_name(const std::string& name) {
   constexpr std::string_view before = ".octrad-", after = ".tmp";
   return name.size() == before.size() + 12 + after.size() && name.compare(0, before.size(), before) == 0 &&
          name.compare(name.size() - after.size(), after.size(), after) == 0 &&
@@ -74,7 +74,7 @@ void remove_abandoned(const std::string& file) {
   std::vector<std::string> names;
   if (DIR* entries = opendir(folder.c_str())) {
     while (const dirent* entry = readdir(entries)) {
-      if (is_unused_name(entry->d_name)) names.push_back(folder + "/" + entry->d_name);
+      if (is_temporary_name(entry->d_name)) names.push_back(folder + "/" + entry->d_name);
     }
     closedir(entries);
   }
@@ -87,6 +87,13 @@ void remove_abandoned(const std::string& file) {
     if (descriptor >= 0) close(descriptor);
   }
 }
+
+struct Closer {
+  int descriptor;
+  ~Closer() {
+    if (descriptor >= 0) close(descriptor);
+  }
+};
 
 // The names of new files, for a signal handler, which may neither allocate nor wait: in fixed memory.
 struct Slot {
@@ -200,14 +207,10 @@ void AtomicFile::commit() {
     }
     name_temporary(name);
   }
-  const int holds_lock = direct_ ? -1 : fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
-  const int closed = close(std::exchange(descriptor_, -1)), error = errno;
-  const int renamed = closed == 0 && !direct_ ? std::rename(temporary_.c_str(), file_.c_str()) : 0;
-  const int rename_error = errno;
-  if (holds_lock >= 0) close(holds_lock);
-  if (closed != 0) fail("write", name_, error);
-  if (renamed != 0) fail("replace", name_, rename_error);
+  const Closer holds_lock{direct_ ? -1 : fcntl(descriptor_, F_DUPFD_CLOEXEC, 0)};  // until the file has its name
+  if (close(std::exchange(descriptor_, -1)) != 0) fail("write", name_, errno);
   if (direct_) return;
+  if (std::rename(temporary_.c_str(), file_.c_str()) != 0) fail("replace", name_, errno);
   forget_temporary();
   // The new name itself must survive a power failure too. Not every file system can sync a folder: best effort.
   const int folder = open(folder_of(file_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
