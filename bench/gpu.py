@@ -205,8 +205,8 @@ class Run:
                 entry["skipped"] = "needs: " + ", ".join(missing)
             elif not self.programs.exists(self.program(step)):
                 entry["skipped"] = "there is no program " + step.program
-            elif not self.args.rehearse and self.left() < step.seconds or self.left() < 1:
-                entry["skipped"] = "%.0f s are left of the budget, it takes about %d" % (max(0.0, self.left()), step.seconds)
+            elif not self.args.rehearse and self.left() < step.seconds * step.repeat or self.left() < 1:
+                entry["skipped"] = "%.0f s are left of the budget, it takes about %d" % (max(0.0, self.left()), step.seconds * step.repeat)
             else:
                 self.report["running"] = step.name
                 self.write()

@@ -6,7 +6,7 @@
 #   --tests           with the unit tests that have a variant for GPUs
 #   --scenes FOLDER   with this scene (scene.xml and all beside it), as shared/scenes/NAME; may be repeated
 #   --build FOLDER    takes the programs of this build and compiles nothing; --build-nofmad FOLDER: the twin's
-# The manual's page "On a machine without packages" says what is in it and what it needs.
+# docs/bundle.md says what is in it and what it needs.
 set -euo pipefail
 start=$PWD
 root=$(cd "$(dirname "$0")/.." && pwd)

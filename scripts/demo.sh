@@ -23,7 +23,7 @@ field() { sed -n "s/^ \{2,6\}\"$2\": *\(-\{0,1\}[0-9.][0-9.e+-]*\).*/\1/p" "$1" 
 
 step "Installing what is missing and building"
 scripts/install_deps.sh
-if [ -n "${OCTRAD_BUILD:-}" ]; then build=$OCTRAD_BUILD; else build=build; scripts/build.sh build -DOCTRAD_TESTS=OFF; fi
+if [ -n "${OCTRAD_BUILD:-}" ]; then build=$OCTRAD_BUILD; else build=build; scripts/build.sh build; fi
 PATH="$(cd "$build" && pwd):$PATH"
 mkdir -p demo
 scene=scenes/glossy-room/scene.xml

@@ -19,7 +19,7 @@ while [ $# -gt 0 ]; do
 done
 
 export CXX=${CXX:-clang++}
-TARGETS=fuzz scripts/build.sh build-fuzz -DOCTRAD_CUDA=off -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=OFF -DOCTRAD_FUZZ=ON \
+TARGETS=fuzz scripts/build.sh build-fuzz -DOCTRAD_CUDA=off -DOCTRAD_ASSERTS=ON -DOCTRAD_FUZZ=ON \
   -DOCTRAD_SANITIZE=address,undefined -DCMAKE_CXX_FLAGS_RELEASE=-O1
 [ $only_build = 0 ] || exit 0
 

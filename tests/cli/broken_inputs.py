@@ -279,8 +279,8 @@ def chunk(kind, data):
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def png(width, height, data=b"", color=0):
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, color, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(data, 9))
+def png(width, height, data=b"", color=0, bits=8):
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, color, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(data, 9))
             + chunk(b"IEND", b""))
 
 
@@ -372,7 +372,7 @@ for name, data, message, code in (
         ("cut.bmp", bmp(2, 2), "truncated BMP", 2), ("huge.bmp", bmp(100000, 100000), "too large", 2), ("least.bmp", bmp(2, -2 ** 31), "too large", 2), ("short.bmp", b"BM", "truncated BMP", 2),
         ("packed.bmp", bmp(2, 2, 8, 1) + bytes(64), "without compression", 2), ("palette.bmp", bmp(1, 1, 8) + b"\xff\0\0\0", "truncated BMP", 2), ("cut.tga", tga(2, 2, 2), "truncated TGA", 2),
         ("huge.tga", tga(10, 65535, 65535), "too large", 2), ("kind.tga", tga(7, 2, 2) + bytes(64), "TGA of type 7", 2), ("short.tga", b"\0", "truncated TGA", 2),
-        ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2),
+        ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2), ("row.png", png(2 ** 31 - 1, 1, color=6, bits=16), "too large", 2),
         ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
         ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),
         ("start.jpg", b"\xff\xd8\xff", "JPEG", 2), ("tables.jpg", b"\xff\xd8\xff\xc4\x01\x13\x00" + b"\xff" * 16 + bytes(256) + b"\xff\xd9", "Huffman", 2),

@@ -287,6 +287,14 @@ class Compare(Case):
         for options, what in ((("-D", "wall=0.3"), "their scene"), (("--max-depth", 3), "max_depth"), (("--origin", "0,0,0.5", "--target", "0,0,0"), "their camera")):
             self.ok("render", self.path("room.xml"), "-o", other, "--spp", 1, "--seed", 5, *options)
             self.fails(2, "differ in " + what, "merge", a, other, "-o", out)
+        crops = [self.path("left.exr"), self.path("right.exr")]
+        for file, crop, seed in zip(crops, ("0,0,16,24", "16,0,16,24"), (6, 7)):
+            self.ok("render", self.path("room.xml"), "-o", file, "--spp", 1, "--seed", seed, "--crop", crop)
+        self.fails(2, "differ in their crop", "merge", *crops, "-o", out)
+        both = self.path("both.exr")  # knows the seeds of both
+        self.ok("merge", a, b, "-o", both)
+        self.fails(2, "same seed", "merge", both, b, "-o", out)
+        self.fails(2, "same seed", "compare", both, a, "--reference-b", b)
         self.fails(2, "16 x 12", "merge", a, b, "-o", out, "--aux", self.small_picture())
         self.fails(1, ".exr, .hdr or .pfm", "merge", a, b, "-o", self.path("out.tif"))
         self.fails(3, "none.exr", "merge", a, self.path("none.exr"), "-o", out)

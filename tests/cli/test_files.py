@@ -294,6 +294,13 @@ class Files(Case):
 
     # ---- names
 
+    def test_control_characters_are_escaped_in_json(self):
+        out = self.path("a\x7fb\u009bc.exr")
+        done = self.ok("render", self.scene, "-o", out, "--spp", 1, "--json")
+        self.assertNotIn("\x7f", done.out)
+        self.assertNotIn("\u009b", done.out)
+        self.assertEqual(json.loads(done.out)["output"], out)
+
     def test_names_are_bytes(self):
         folder = os.fsencode(self.folder) + b"/sz\xe4ne"
         os.mkdir(folder)
@@ -412,6 +419,10 @@ class Files(Case):
         self.fails(1, "fov axis", *r, "--fov", 50, "--fov-axis", "q")
         self.fails(1, "define no view", *r, "--origin", "0,0,0", "--target", "0,0,0")
         self.fails(1, "--range", "tonemap", a, "-o", self.path("a.png"), "--channel", "depth.Z", "--range", "0,1e-300")
+        for ends in ("-1e300,1e300", "-1e300,0", "-3e38,3e38"):
+            self.fails(1, "--range", "tonemap", a, "-o", self.path("a.png"), "--channel", "depth.Z", "--range=" + ends)
+        self.fails(1, "not a whole number", *r, "--seed", "010")  # no octal numbers
+        self.fails(1, "not a whole number", "render", self.scene, "-o", self.out, "--spp", "0100")
         for text in ("--help", "--version"):
             with open("/dev/full", "w") as full:
                 result = run(text, stdout=full)

@@ -63,6 +63,8 @@ class Paper(Case):
                 for metric in ("lpips", "flip", "ssim"):
                     self.assertIn(metric, cell)
                 self.assertTrue(cell["commands"]["render"].startswith("octrad render scenes/"))
+                # References and caches have every bounce, whatever the scene's max_depth.
+                self.assertEqual("--max-depth -1" in cell["commands"]["render"], cell["method"] in ("path", "oidn"))
                 trained = cell["method"] in ("octaoctree", "nr", "nr-rhs")
                 self.assertEqual(cell["field"], {"octaoctree": "octaoctree", "nr": "nr", "nr-rhs": "nr"}.get(cell["method"]))
                 self.assertEqual(cell["seconds"] > 0 and cell["bytes"] > 0 and cell["steps"] > 0, trained)
@@ -72,6 +74,7 @@ class Paper(Case):
         self.assertEqual(len(results["trainings"]), 2 * 2 * 2)
         self.assertTrue(all(r["noise"]["mape"] > 0 for r in results["references"]))
         self.assertEqual(len(results["path"]), 2)
+        self.assertTrue(all("--max-depth -1" in point["command"] for one in results["path"] for point in one["points"]))
         self.assertEqual([len(one["levels"]) for one in results["learned"]], [3, 3])
         self.assertEqual(len(results["learned"][0]["pictures"]), 5)
 
@@ -118,6 +121,28 @@ class Paper(Case):
         after = self.files()
         self.assertEqual([p for p, t in before.items() if after[p] != t and "/oidn-" not in p], [])
         self.assertEqual({c["seed"] for c in self.results()["cells"]}, {0, 1})
+
+    def test_what_is_measured_changes(self):
+        """Films, samples of path tracing and weights of LPIPS that are new are not answered with what is there."""
+        changes = {"methods": ["path"], "equal": ["seconds"], "learned": False, "views": {"*": [0]}, "width": 64, "temporal_spp": 4}
+        run = lambda frames, spp, *more: self.ok(*self.arguments(self.matrix(**changes, temporal_frames=frames, path_spp=spp), *more, scenes=self.scenes[:1]))
+        run(2, [1])
+        first = self.results()
+        run(3, [4, 1, 1000])
+        second = self.results()
+        self.assertEqual([[p["spp"] for p in r["path"][0]["points"]] for r in (first, second)], [[1], [4, 1]])
+        films = [r["cells"][0]["commands"]["temporal"]["render"] for r in (first, second)]
+        self.assertNotEqual(*films)
+        self.assertNotEqual(*(r["cells"][0]["temporal"] for r in (first, second)))
+
+    def test_the_folder_goes_away(self):
+        process = start(*self.arguments(self.matrix(time="3s")))
+        self.assertTrue(wait_for(lambda: glob.glob(os.path.join(self.report, "models", "*", "*", "progress.jsonl"))))
+        os.rename(self.report, self.path("elsewhere"))
+        _, err = process.communicate(timeout=PATIENCE)
+        self.assertEqual(process.returncode, 3, err)
+        self.assertIn(b"was removed or replaced", err)
+        self.assertFalse(os.path.exists(self.report))
 
     def test_dry_run_and_only(self):
         dry = self.ok(*self.arguments(self.matrix()), "--dry-run")

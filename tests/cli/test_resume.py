@@ -72,6 +72,18 @@ class Resume(Case):
         self.assertEqual(self.render("--spp", 6, "--resume")["spp"], 6)
         self.assertEqual(os.stat(self.out).st_ino, before.st_ino)
 
+    def test_a_picture_with_visible_emitters_is_not_one_without(self):
+        """A cache is the same with both, a picture is not: neither a finished one, nor its state, nor parts to merge."""
+        hiding = self.write("hiding.xml", GAUSSIAN.replace('<integer name="max_depth"', '<boolean name="hide_emitters" value="true"/><integer name="max_depth"'))
+        self.render("--spp", 6, out=self.whole, scene=hiding)
+        self.render("--spp", 6)  # leaves no state
+        self.render("--spp", 6, "--resume", scene=hiding)
+        self.assert_same_bits()
+        self.fails(2, "scene", "render", self.scene, "-o", self.out, "--spp", 8, "--resume")
+        other = self.path("other.exr")
+        self.render("--spp", 6, "--seed", 1, out=other)
+        self.fails(2, "differ in their scene", "merge", self.whole, other, "-o", self.path("both.exr"))
+
     def test_after_an_interrupt(self):
         for options in ((), ("--resume",)):  # what was not asked to be kept is kept when it is interrupted
             with self.subTest(options):

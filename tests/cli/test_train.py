@@ -146,6 +146,11 @@ class Train(Case):
         report = self.train("--time", "1s", "--steps", 10000000)
         self.assertLess(report["steps"], 10000000)
         self.assertFalse(report["interrupted"])
+        # The limit is of all runs together, like the budgets; reached, it ends a run as they do.
+        again = self.ok("train", self.scene, "-o", self.model, *SMALL, "--resume", "--json", "--time", "1s", "--steps", 10000000)
+        self.assertIn("nothing is left to do; --time is the total", again.err)
+        self.assertEqual(again.json()["steps"], report["steps"])
+        self.assertEqual(self.train("--time", "1s", "--steps", 10000000, "--no-optimizer")["optimizer_bytes"], 0)
         self.assertEqual(self.train("--time", "10m", "--steps", 3)["steps"], 3)
 
     def test_every_integrator_uses_the_model(self):
@@ -222,6 +227,9 @@ class Train(Case):
             saved = self.saved_step()
         with open(self.path(".octrad-0123456789ab.tmp"), "w"):  # as a kill between naming and renaming leaves it
             pass
+        for name in os.listdir(self.folder):
+            if name.endswith(".tmp"):
+                os.utime(self.path(name), (0, 0))  # an hour is waited
         self.assert_continues()
         self.assertEqual([name for name in os.listdir(self.folder) if name.endswith(".tmp")], [])
 

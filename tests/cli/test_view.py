@@ -8,6 +8,7 @@ import socket
 import struct
 import time
 import unittest
+import unittest.mock
 
 import support
 from exr import read_exr
@@ -73,6 +74,25 @@ class Server(View):
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual((process.returncode, err.decode().count("error")), (130, 0), err.decode())
+
+    @whole_program
+    def test_open(self):
+        """The browser gets the address, and a session and streams of its own: it neither ends nor prints with the program."""
+        opened = self.path("opened")
+        with open(self.path("xdg-open"), "w") as file:
+            file.write('#!/bin/sh\necho noise\nread line\ncut -d" " -f6 /proc/$$/stat > %s.new\necho "$@" >> %s.new\nmv %s.new %s\n' % (4 * (opened,)))
+        os.chmod(self.path("xdg-open"), 0o755)
+        with unittest.mock.patch.dict(os.environ, PATH=self.folder + ":" + os.environ["PATH"]):
+            url = self.serve("--open")
+        self.assertTrue(wait_for(lambda: os.path.exists(opened)))
+        with open(opened) as file:
+            session, address = file.read().split()
+        self.assertEqual(address, url)
+        self.assertNotEqual(int(session), os.getsid(self.process.pid))
+        self.process.send_signal(signal.SIGINT)
+        out, err = self.process.communicate(timeout=PATIENCE)
+        self.assertEqual((self.process.returncode, out), (130, b""), err)
+        self.assertIn(b"noise", err)
 
     def test_who_is_served(self):
         url = self.serve("--token", "secret_token-1", "--port", "0")

@@ -175,8 +175,10 @@ CLI::Validator in_range(double low, double high) {
 CLI::Validator whole_in_range(long long low, long long high) {
   return CLI::Validator(
       [low, high](std::string& text) -> std::string {
-        const bool digits = text.find_first_not_of("0123456789", text[0] == '-' ? 1 : 0) == std::string::npos;
-        const bool number = digits && !text.empty() && text != "-";
+        const std::size_t first = text[0] == '-' ? 1 : 0;
+        const bool digits = text.find_first_not_of("0123456789", first) == std::string::npos;
+        const bool octal = text.size() > first + 1 && text[first] == '0';  // what the parser would take 010 for
+        const bool number = digits && !octal && !text.empty() && text != "-";
         const double value = number ? std::strtod(text.c_str(), nullptr) : 0.0;  // of any length
         if (number && value >= static_cast<double>(low) && value <= static_cast<double>(high)) return "";
         return fmt::format("\"{}\" is {}; expected a whole number from {} to {}", text,
@@ -185,13 +187,28 @@ CLI::Validator whole_in_range(long long low, long long high) {
       "");
 }
 
-void print_json(const nlohmann::json& object) { print_text(json_text(object, 2)); }
+void print_json(const nlohmann::json& object) { print_text(printable_json_text(object, 2)); }
 
 void print_text(const std::string& raw) {
   const std::string text = printable(raw);
   std::fwrite(text.data(), 1, text.size(), stdout);
   if (text.empty() || text.back() != '\n') std::fputc('\n', stdout);
   flush_stdout();
+}
+
+std::vector<long long> picture_seeds(const Image& image) {
+  using List = std::vector<nlohmann::json>;
+  std::vector<long long> seeds;
+  for (const nlohmann::json& seed : metadata_value<List>(image, "octrad.render", "seeds", {})) {
+    if (seed.is_number_integer()) seeds.push_back(seed.get<long long>());
+  }
+  const auto one = metadata_value<long long>(image, "octrad.render", "seed", -1);
+  if (one >= 0) seeds.push_back(one);
+  return seeds;
+}
+
+bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b) {
+  return std::find_first_of(a.begin(), a.end(), b.begin(), b.end()) != a.end();
 }
 
 nlohmann::json stages_json(const StageSplit& stages) {

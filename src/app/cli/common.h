@@ -177,6 +177,10 @@ T metadata_value(const Image& image, const std::string& name, const std::string&
   }
 }
 
+// The seeds of a picture, as far as its metadata say: one, or those of all that `merge` joined.
+std::vector<long long> picture_seeds(const Image& image);
+bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b);
+
 // What to say of look-ups that found nothing (RadianceField::take_empty_lookups).
 std::string empty_lookups_text(long long count);
 

@@ -141,9 +141,8 @@ SecondReference read_second(const Image& reference, const CompareOptions& o) {
   const auto number_of = [](const Image& image, const char* key) {
     return metadata_value<long long>(image, "octrad.render", key, -1);
   };
-  const long long seed = number_of(reference, "seed"), n_a = number_of(reference, "spp"),
-                  n_b = number_of(second.image, "spp");
-  if ((seed >= 0 && seed == number_of(second.image, "seed")) || second.image.data == reference.data) {
+  const long long n_a = number_of(reference, "spp"), n_b = number_of(second.image, "spp");
+  if (share_a_seed(picture_seeds(reference), picture_seeds(second.image)) || second.image.data == reference.data) {
     throw InputError(fmt::format("{} and {} have the same seed: their noise is the same, and its size does not show",
                                  o.reference, o.reference_b));
   }

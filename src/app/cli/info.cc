@@ -159,7 +159,7 @@ void info_image(const CommonOptions& common, const std::string& file) {
   print_text(out);
 }
 
-// The levels of the octree that training would build (Table "levels" of the paper): only the cells are found, nothing
+// The levels of the octree that training would build (paper table 2): only the cells are found, nothing
 // is allocated for features.
 struct OctreeLevels {
   nlohmann::json levels = nlohmann::json::array();
@@ -265,6 +265,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                   {"seen_distance", fit.distance},
                   {"seen_pixel", fit.pixel}}},
                 {"max_depth", scene.max_depth},
+                {"hide_emitters", scene.hide_emitters},
                 {"film", {{"width", scene.film.width}, {"height", scene.film.height}}},
                 {"field", field.name},
                 {"levels", levels.levels},
@@ -286,8 +287,9 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                      format_count(static_cast<long long>(scene.triangle_count())), scene.spheres.size(),
                      scene.shapes.size());
   out += fmt::format("surfaces   {} materials, {} textures\n", scene.materials.size(), scene.textures.size());
-  out += fmt::format("lights     {}: {} area, {} without extent, {} environment\n", lights, scene.area_lights.size(),
-                     scene.delta_lights.size(), scene.environments.size());
+  out += fmt::format("lights     {}: {} area, {} without extent, {} environment{}\n", lights, scene.area_lights.size(),
+                     scene.delta_lights.size(), scene.environments.size(),
+                     scene.hide_emitters ? "; hidden from cameras" : "");
   out += fmt::format("highlights {:.0f} % of the light on surfaces of roughness below {} is from small lamps: lhs {}\n",
                      100.0 * small_lamps, config.render_bounce_below,
                      bounce_below(prepared, config) > 0.0f ? "takes a bounce there" : "asks the cache there too");

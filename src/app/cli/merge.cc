@@ -31,12 +31,13 @@ struct MergeOptions {
 struct Part {
   std::string file;
   Image image;
-  long long spp = 0, seed = -1;  // -1: unknown
+  long long spp = 0;
+  std::vector<long long> seeds;  // empty: unknown
 };
 
 // "FILE" or "FILE:SPP".
 Part read_part(const std::string& word) {
-  Part part{word, {}, 0, -1};
+  Part part{word, {}, 0, {}};
   const std::size_t colon = word.rfind(':');
   if (colon != std::string::npos && colon + 1 < word.size() && !std::filesystem::exists(word) &&
       word.find_first_not_of("0123456789", colon + 1) == std::string::npos) {
@@ -54,7 +55,7 @@ Part read_part(const std::string& word) {
   if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);
   if (part.spp <= 0 || part.spp > kMostSamples)
     throw InputError(fmt::format("{0} does not say how many samples a pixel it has: write {0}:SPP", part.file));
-  part.seed = metadata_value<long long>(part.image, "octrad.render", "seed", -1);
+  part.seeds = picture_seeds(part.image);
   return part;
 }
 
@@ -72,10 +73,17 @@ void check_alike(const Part& a, const Part& b) {
   }
   const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
-  const auto camera_a = a.image.metadata.find("octrad.camera"), camera_b = b.image.metadata.find("octrad.camera");
-  if (camera_a != a.image.metadata.end() && camera_b != b.image.metadata.end() && camera_a->second != camera_b->second)
-    differ("their camera");
-  if ((a.seed >= 0 && a.seed == b.seed) || a.image.data == b.image.data)
+  const auto text = [](const Part& p, const char* key) {
+    const auto found = p.image.metadata.find(key);
+    return found == p.image.metadata.end() ? std::string() : found->second;
+  };
+  const bool known = !text(a, "octrad.camera").empty() && !text(b, "octrad.camera").empty();
+  if (known && text(a, "octrad.camera") != text(b, "octrad.camera")) differ("their camera");
+  for (const char* key : {"displayWindow", "dataWindow.min"}) {
+    const std::string x = text(a, key), y = text(b, key);
+    if (x != y && (known || (!x.empty() && !y.empty()))) differ("their crop");
+  }
+  if (share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
     throw InputError(fmt::format("{} and {} have the same seed: together they know no more than one", a.file, b.file));
 }
 
@@ -149,8 +157,10 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   }
   out.metadata["octrad.version"] = kVersion;
   nlohmann::json render = {{"spp", spp}, {"seeds", nlohmann::json::array()}};
-  for (const Part& part : parts)
-    render["seeds"].push_back(part.seed < 0 ? nlohmann::json() : nlohmann::json(part.seed));
+  for (const Part& part : parts) {
+    if (part.seeds.empty()) render["seeds"].push_back(nullptr);
+    for (const long long seed : part.seeds) render["seeds"].push_back(seed);
+  }
   const std::string integrator = metadata_value<std::string>(out, "octrad.render", "integrator", "");
   if (!integrator.empty()) {
     render["integrator"] = integrator;

@@ -19,6 +19,7 @@ void paper_verb(const CommonOptions& common, paper::PaperOptions o) {
   if (!common.max_memory.empty()) o.common.insert(o.common.end(), {"--max-memory", common.max_memory});
   const auto from_environment = [](std::string& value, const char* name) {
     if (const char* text = std::getenv(name); value.empty() && text) value = text;
+    unsetenv(name);  // commands are told by options, and run in another folder
   };
   from_environment(o.lpips_weights, "OCTRAD_LPIPS_WEIGHTS");
   from_environment(o.oidn_library, "OCTRAD_OIDN_LIBRARY");

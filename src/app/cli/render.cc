@@ -14,6 +14,7 @@
 #include "octrad/base/log.h"
 #include "octrad/image/io.h"
 #include "octrad/render/film_state.h"
+#include "octrad/scene/fingerprint.h"
 
 namespace octrad::cli {
 namespace {
@@ -41,7 +42,7 @@ FilmIdentity identity_of(const RenderSession& s, const View& view) {
   const FilterShape shape = ReconstructionFilter(s.settings.film).shape();
   std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
   if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
-  return {{"scene", s.scene().fingerprint},
+  return {{"scene", picture_fingerprint(s.scene())},
           {"camera", camera.dump()},
           {"size", fmt::format("{} x {}, crop {},{},{},{}", view.width, view.height, c.x, c.y, c.width, c.height)},
           {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
@@ -92,13 +93,23 @@ class Continuation {
     return !image || !session_.difference(*image, view, session_.settings.seed, result.spp).empty();
   }
 
-  // After the picture was written. An interrupted one can be continued even without --resume.
-  void finish(const RenderResult& result) {
-    if (!session_.o.resume && result.interrupted && result.spp > 0 && !session_.integrator.needs_model &&
-        std::filesystem::is_regular_file(session_.o.output) && !std::filesystem::exists(file_)) {
-      Renderer& renderer = *session_.renderer;
-      save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
+  // After the picture was written. An interrupted one can be continued even without --resume, unless its state would
+  // replace that of another picture. Whether --resume goes on from it.
+  bool finish(const RenderResult& result) {
+    if (!result.interrupted || result.spp == 0 || session_.integrator.needs_model) return false;
+    if (session_.o.resume) return true;
+    if (!std::filesystem::is_regular_file(session_.o.output)) return false;
+    if (std::filesystem::exists(file_)) {
+      try {
+        if (read_film_state(file_, identity_).samples >= result.spp) return true;
+      } catch (const Error& error) {
+        log_warning(fmt::format("{}; it stays, and --resume cannot go on from the new picture", error.what()));
+        return false;
+      }
     }
+    Renderer& renderer = *session_.renderer;
+    save({result.spp, renderer.largest_pass(), result.seconds, result.counts, renderer.sums()});
+    return failure_.empty();
   }
 
   // Throws IoError where the last state could not be saved.
@@ -170,7 +181,7 @@ void render_picture(RenderSession& s) {
   if (frames && s.denoiser) time_denoiser(*s.denoiser, result.image, s.o.output, s.o.frames, *frames);
   const bool replaces = continuation.replaces(result, view);
   if (replaces) s.save(result, view, s.settings.seed, s.o.output);
-  continuation.finish(result);
+  const bool goes_on = continuation.finish(result);
 
   nlohmann::json report = s.report(result, view);
   if (s.o.resume) report["resumed_spp"] = continuation.samples();
@@ -182,11 +193,11 @@ void render_picture(RenderSession& s) {
   }
   s.log_event("done", report);
   print_picture(s, result, report, frames,
-                !result.interrupted        ? ""
-                : result.spp == 0          ? "; interrupted before every pixel had a sample: nothing is saved"
-                : !replaces                ? "; interrupted, and kept for --resume: the file has more samples"
-                : s.integrator.needs_model ? "; interrupted, what was done is saved"
-                                           : "; interrupted, what was done is saved, and --resume goes on");
+                !result.interrupted ? ""
+                : result.spp == 0   ? "; interrupted before every pixel had a sample: nothing is saved"
+                : !replaces         ? "; interrupted, and kept for --resume: the file has more samples"
+                : goes_on           ? "; interrupted, what was done is saved, and --resume goes on"
+                                    : "; interrupted, what was done is saved");
   continuation.check();
   if (s.log) s.log->finish();
 }

@@ -16,6 +16,7 @@
 #include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
 #include "octrad/render/highlights.h"
+#include "octrad/scene/fingerprint.h"
 
 namespace octrad::cli {
 namespace {
@@ -140,7 +141,6 @@ void RenderSession::start(const View& view) {
                       {"width", view.width},
                       {"height", view.height},
                       {"device", device.name}});
-  defer_interrupts();
   renderer =
       make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
   renderer->set_view(view);
@@ -155,6 +155,7 @@ void RenderSession::start(const View& view) {
 }
 
 RenderResult RenderSession::render_picture(double begin, double share) {
+  defer_interrupts();
   budget.progress = [&, pixels = pixels_of(renderer->view())](int spp, double seconds) {
     const double by_samples = budget.spp > 0 ? static_cast<double>(spp) / budget.spp : 0.0;
     const double by_time = budget.seconds > 0.0 ? seconds / budget.seconds : 0.0;
@@ -220,7 +221,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
       image.height != (crop.width > 0 ? crop.height : view.height) ||
       text("dataWindow.min") != (crop.x + crop.y > 0 ? fmt::format("{} {}", crop.x, crop.y) : none))
     return "size";
-  if (metadata_value(image, "octrad.scene", "fingerprint", none) != scene().fingerprint) return "scene";
+  if (metadata_value(image, "octrad.scene", "fingerprint", none) != picture_fingerprint(scene())) return "scene";
   if (text("octrad.camera") != report::camera_json(view.camera).dump()) return "camera";
   if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";

@@ -58,9 +58,10 @@ struct RenderSession {
   std::unique_ptr<Renderer> renderer;
 
   const Scene& scene() const { return prepared.scene(); }
-  // Makes the renderer and shows it `view`. From here on there is something to save when a signal comes.
+  // Makes the renderer and shows it `view`.
   void start(const View& view);
-  // Picture of the renderer's view, with progress: `begin` and `share` say which part of the whole work it is.
+  // Picture of the renderer's view, with progress: `begin` and `share` say which part of the whole work it is. From
+  // here on there is something to save when a signal comes.
   RenderResult render_picture(double begin = 0.0, double share = 1.0);
   // Adds the metadata, denoises and writes the picture. When the denoiser fails the picture is saved with its noise.
   void save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file);

@@ -1,10 +1,13 @@
 #include "app/cli/serve.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
 #include <sys/random.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 
 #include "app/cli/denoise_options.h"
 #include "octrad/base/error.h"
@@ -28,13 +31,27 @@ std::string random_token() {
   return token;
 }
 
-// The page in the desktop's browser. That there is none is no error: the address was printed.
+// The page in the desktop's browser. That there is none is no error: the address was printed. The browser goes on when
+// this process is interrupted, and what it prints is not among the results of this one.
 void open_page(const std::string& url) {
   std::string program = "xdg-open", address = url;
   char* words[] = {program.data(), address.data(), nullptr};
+  posix_spawnattr_t attributes;
+  posix_spawn_file_actions_t files;
+  posix_spawnattr_init(&attributes);
+  posix_spawn_file_actions_init(&files);
+  sigset_t ignored_here;
+  sigemptyset(&ignored_here);
+  for (const int signal : {SIGPIPE, SIGXFSZ, SIGHUP}) sigaddset(&ignored_here, signal);
+  posix_spawnattr_setsigdefault(&attributes, &ignored_here);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGDEF);
+  posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_adddup2(&files, STDERR_FILENO, STDOUT_FILENO);
   pid_t child = 0;
-  if (posix_spawnp(&child, program.c_str(), nullptr, nullptr, words, environ) != 0)
+  if (posix_spawnp(&child, program.c_str(), &files, &attributes, words, environ) != 0)
     log_warning("--open: xdg-open cannot be started");
+  posix_spawn_file_actions_destroy(&files);
+  posix_spawnattr_destroy(&attributes);
 }
 
 }  // namespace

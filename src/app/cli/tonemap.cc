@@ -1,6 +1,7 @@
 // octrad tonemap: from linear pictures to a PNG or JPEG for the screen.
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
 #include <sstream>
 
@@ -69,7 +70,8 @@ Image8 displayed(const TonemapOptions& o, const std::string& file) {
                                     : vectors        ? std::vector<double>{-1.0, 1.0}
                                                      : std::vector<double>{0.0, 1.0};
   const auto lower = static_cast<float>(range[0]), upper = static_cast<float>(range[1]);
-  if (!(lower < upper)) throw UsageError("--range: the first number must be below the second, also as 32-bit floats");
+  if (!(lower < upper) || !std::isfinite(upper - lower))
+    throw UsageError("--range: the first number must be below the second, and both far from the ends of 32-bit floats");
   if (vectors) return vector_color(image, o.layer, lower, upper);
   const int channel = image.channel(o.channel);
   if (channel < 0) {

@@ -17,11 +17,11 @@
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/memory_limit.h"
-#include "octrad/base/stopwatch.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
+#include "octrad/scene/fingerprint.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad::cli {
@@ -65,8 +65,8 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
         std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
       continue;
     throw UsageError(fmt::format(
-        "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time and "
-        "checkpoint.every may change)",
+        "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time, "
+        "checkpoint.every and render.* may change)",
         was[i].key, was[i].value, o.output, now[i].value));
   }
   return wanted;
@@ -95,12 +95,12 @@ void check_reference(const std::string& file, const Image& reference, const Scen
     throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
   if (is_display_referred(reference))
     throw InputError(file + ": holds what a screen shows; --reference needs linear radiance (EXR, HDR, PFM)");
-  const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", scene.fingerprint);
-  if (fingerprint != scene.fingerprint) {
-    log_warning(
-        fmt::format("{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
-                    metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint, scene.file,
-                    scene.fingerprint));
+  const std::string expected = picture_fingerprint(scene);
+  const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", expected);
+  if (fingerprint != expected) {
+    log_warning(fmt::format(
+        "{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
+        metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint, scene.file, expected));
   }
   const int depth = metadata_value(reference, "octrad.render", "max_depth", -1);
   if (depth >= 0 && metadata_value<std::string>(reference, "octrad.render", "integrator", "") == "path") {
@@ -190,13 +190,10 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   options.resume = resumed ? &*resumed : nullptr;
 
   // With both --steps and --time the schedule follows the steps and the time is a limit.
-  const double limit = o.steps > 0 && !o.time.empty() ? parse_duration(o.time) : 0.0;
-  bool out_of_time = false;
-  Stopwatch watch;
+  if (o.steps > 0 && !o.time.empty()) options.time_limit = parse_duration(o.time);
   options.interrupted = [&] {
     defer_interrupts();  // first asked before the first step: up to there nothing is to be saved
-    if (limit > 0.0 && watch.seconds() >= limit) out_of_time = true;
-    return out_of_time || interrupted();
+    return interrupted();
   };
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
@@ -208,14 +205,17 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
                 {"step", resumed_step},
                 {"device", device.name}});
   if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed_step));
-  if (resumed && spent_budget(config, resumed->info.state) >= 1.0) {
-    log_warning(fmt::format(
-        "{} has trained {} already: nothing is left to do; {} is the total, earlier runs included", o.output,
-        config.train_steps > 0
-            ? fmt::format("{} of {} steps", format_count(resumed_step), format_count(config.train_steps))
-            : fmt::format("{} of {}", format_duration(resumed->info.state.seconds),
-                          format_duration(config.train_seconds)),
-        config.train_steps > 0 ? "--steps" : "--time"));
+  if (resumed) {
+    const bool no_steps = config.train_steps > 0 && resumed_step >= config.train_steps;
+    const double most = config.train_steps > 0 ? options.time_limit : config.train_seconds;
+    const double spent = resumed->info.state.seconds;
+    if (no_steps || (most > 0.0 && spent >= most)) {
+      log_warning(fmt::format(
+          "{} has trained {} already: nothing is left to do; {} is the total, earlier runs included", o.output,
+          no_steps ? fmt::format("{} of {} steps", format_count(resumed_step), format_count(config.train_steps))
+                   : fmt::format("{} of {}", format_duration(spent), format_duration(most)),
+          no_steps ? "--steps" : "--time"));
+    }
   }
 
   Progress progress("train");

@@ -58,7 +58,8 @@ std::shared_ptr<const viewer::Picture> open_reference(const std::string& file) {
   if (file.empty()) return nullptr;
   auto picture = std::make_shared<viewer::Picture>();
   picture->image = read_image(file);
-  if (is_display_referred(picture->image) || picture->image.channel("R") < 0)
+  const auto lacks = [&](const char* channel) { return picture->image.channel(channel) < 0; };
+  if (is_display_referred(picture->image) || lacks("R") || lacks("G") || lacks("B"))
     picture->image = linear_color(picture->image);
   picture->side.integrator = viewer::kStored;
   picture->samples = metadata_value(picture->image, "octrad.render", "spp", 0);

@@ -44,7 +44,7 @@ std::string head_text(const Plan& plan, const json& results) {
       fmt::format("<p>{}; {} ({} cores, {} threads used), device {}.</p>\n", markup_text(results["program"]),
                   markup_text(machine.value("cpu", "?")), machine.value("cores", 0), machine.value("threads", 0),
                   markup_text(machine["auto"].value("device", "cpu")));
-  if (results["budget"].is_string()) {
+  if (results["budget"].is_string() && plan.scale.factor < 1.0) {
     out += fmt::format(
         "<p class=\"scaled\"><b>Scaled down</b> to a budget of {} for everything: training time, and steps times batch, by {:.3g}; batches by {:.3g}; "
         "widths of pictures by {:.3g}, samples of references by {:.3g}; for all methods alike. Full-size figures differ.</p>\n",
@@ -373,7 +373,7 @@ void write_report(const Store& store, const Plan& plan, const json& results, boo
     page += fmt::format("<h2 id=\"{}\">{}</h2>\n<p>{}</p>\n", markup_text(m.name), markup_text(m.title),
                         markup_text(m.about));
     for (const Table& t : tables) {
-      if (t.name.rfind(m.name + "-", 0) != 0) continue;
+      if (t.matrix != m.name) continue;
       page += fmt::format("<h3>{}</h3>\n{}", markup_text(t.title), table_html(t));
     }
     page += cost_plots(results, m) + convergence_plots(results, m) + flicker(results, m) +

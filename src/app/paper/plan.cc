@@ -219,7 +219,11 @@ struct Planner {
 
   const Matrix& matrix() const { return plan.matrices[m]; }
   const PaperScene& scene() const { return plan.scenes[s]; }
-  nlohmann::json fingerprint() const { return {scene().info.at("fingerprint"), scene().info.at("cameras")}; }
+  nlohmann::json fingerprint() const {
+    nlohmann::json seen = {scene().info.at("fingerprint"), scene().info.at("cameras")};
+    if (scene().info.at("hide_emitters").get<bool>()) seen.push_back("emitters hidden");
+    return seen;
+  }
 
   void add_references() {
     for (const ViewSpec& spec : views_of(matrix(), scene())) {
@@ -293,6 +297,7 @@ struct Planner {
     cell.spp = spp == matrix().spp.end() ? method.spp : spp->second;
     nlohmann::json settings = {fingerprint(), method.name, cell.spp, seed};
     for (const std::size_t r : references) settings.push_back(plan.references[r].folder);
+    if (traces_paths(method)) settings.push_back("every bounce");
     std::string name = method.name;
     if (*method.field != '\0') {
       cell.training = add_training(method, sw, equal, seed);
@@ -346,6 +351,27 @@ Plan make_plan(std::vector<Matrix> matrices, const std::vector<PaperScene>& plan
     }
   }
   return plan;
+}
+
+std::string temporal_folder(const Plan& plan, const Cell& cell) {
+  return cell.film ? cell.folder + "/temporal." + hash_in(plan.films[*cell.film].folder) : "";
+}
+
+std::vector<int> ladder_spp(const Plan& plan, const Cell& cell) {
+  if (std::string(cell.method->name) != "path") return {};
+  for (const Place& place : cell.places) {
+    if (!plan.matrices[place.matrix].path_spp.empty()) return plan.matrices[place.matrix].path_spp;
+  }
+  return {};
+}
+
+std::string ladder_folder(const Plan& plan, const Cell& cell) {
+  const std::vector<int> spp = ladder_spp(plan, cell);
+  return spp.empty() ? "" : cell.folder + "/ladder." + hash_of(spp);
+}
+
+bool traces_paths(const Method& method) {
+  return std::string(method.integrator) == "path" || std::string(method.integrator) == "denoised";
 }
 
 std::string cell_label(const Plan& plan, const Cell& cell, const Place& place) {

@@ -118,6 +118,14 @@ Plan make_plan(std::vector<Matrix> matrices, const std::vector<PaperScene>& plan
                const std::vector<std::vector<std::size_t>>& scenes, Scale scale,
                const std::function<double(std::size_t scene, const Matrix& matrix, const Switch& s)>& octaoctree_bytes);
 
+// Where the flicker of the cell is kept, and its error with more and more samples; "": it has none.
+std::string temporal_folder(const Plan& plan, const Cell& cell);
+std::string ladder_folder(const Plan& plan, const Cell& cell);
+// The samples a pixel of the latter: those of the first matrix that asks for some.
+std::vector<int> ladder_spp(const Plan& plan, const Cell& cell);
+// Whether the method traces paths, which go on without a bound, as those of references do.
+bool traces_paths(const Method& method);
+
 // "main/cornell-box/nr/full/seconds/s0": what --only looks at.
 std::string cell_label(const Plan& plan, const Cell& cell, const Place& place);
 // Marks the cells whose label contains one of the words of `patterns` (commas between them); * and ? are wildcards.

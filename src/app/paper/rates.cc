@@ -50,7 +50,7 @@ Rates measure_rates(const Store& store, const Plan& plan, const std::vector<std:
         words.insert(words.end(), device.begin(), device.end());
         return store.ask(words, "rates/log.txt");
       };
-      const nlohmann::json path = render({"--integrator", "path", "--spp", "4"});
+      const nlohmann::json path = render({"--integrator", "path", "--max-depth", "-1", "--spp", "4"});
       const double seconds = path["output"]["seconds"];
       kept = {{"fingerprint", scene.info.at("fingerprint")},
               {"path_samples_per_s", path["output"]["samples_per_s"]},

@@ -30,7 +30,7 @@ struct Table {
     std::string anchor;                  // of the commands in the appendix of the page; may be empty
     std::vector<nlohmann::json> values;  // numbers, texts, or null where there is none
   };
-  std::string name, title, note;  // of its file, and for people
+  std::string matrix, name, title, note;  // name: of its file; the last two for people
   std::string row_title = "method";
   std::vector<Column> columns;
   std::vector<Row> rows;

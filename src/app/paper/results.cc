@@ -104,8 +104,8 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
       entry["commands"]["failed"] = failed.value("command", "");
     }
     entry["temporal"] = nullptr;
-    if (const nlohmann::json t = v == 0 ? store.read(cell.folder + "/temporal/temporal.json") : nlohmann::json();
-        t.is_object()) {
+    const std::string film = v == 0 ? temporal_folder(plan, cell) : "";
+    if (const nlohmann::json t = film.empty() ? nlohmann::json() : store.read(film + "/temporal.json"); t.is_object()) {
       entry["temporal"] = t["temporal"];
       entry["temporal_displayed"] = t["temporal_displayed"];
       entry["commands"]["temporal"] = t["commands"];
@@ -156,8 +156,10 @@ nlohmann::json write_results(const Store& store, const Plan& plan, const nlohman
   results["trainings"] = trainings;
   for (const Cell& cell : plan.cells) {
     add_cell(store, plan, cell, trainings, results["cells"]);
-    for (const auto& [list, file] : {std::pair{"learned", "/learned/learned.json"}, {"path", "/ladder/ladder.json"}}) {
-      nlohmann::json extra = store.read(cell.folder + file);
+    const std::string ladder = ladder_folder(plan, cell);
+    for (const auto& [list, file] : {std::pair{"learned", cell.folder + "/learned/learned.json"},
+                                     {"path", ladder.empty() ? "" : ladder + "/ladder.json"}}) {
+      nlohmann::json extra = file.empty() ? nlohmann::json() : store.read(file);
       if (!extra.is_object()) continue;
       extra["scene"] = plan.scenes[cell.scene].name;
       extra["view"] = plan.references[cell.references.front()].view.name;

@@ -75,6 +75,7 @@ class Run {
   bool do_job(Job& job);
   void fail(Job& job, const std::string& message, const std::string& command, bool unavailable);
   void describe_plan(PaperSummary& summary) const;
+  void forget_errors_without_lpips();
 
   void render_reference(const Reference& r);
   void train(const Training& t);
@@ -84,7 +85,7 @@ class Run {
   void make_learned(const Cell& cell);
   void render_film(const Film& film);
   void make_temporal(const Cell& cell);
-  void make_ladder(const Cell& cell, const Matrix& matrix);
+  void make_ladder(const Cell& cell);
   std::vector<std::string> with_device(std::vector<std::string> words) const {
     words.insert(words.end(), o_.device.begin(), o_.device.end());
     return words;
@@ -302,6 +303,7 @@ void Run::train(const Training& t) {
 std::vector<std::string> Run::render_words(const Cell& cell, int spp) const {
   std::vector<std::string> words = {"render", plan_.scenes[cell.scene].file, "--integrator", cell.method->integrator};
   if (cell.training) words.insert(words.end(), {"--model", cell.folder + "/model.octrad"});
+  if (traces_paths(*cell.method)) words.insert(words.end(), {"--max-depth", "-1"});
   words.insert(words.end(), {"--spp", std::to_string(spp), "--seed", std::to_string(cell.seed)});
   if (cell.method->denoise) words.push_back("--denoise");
   if (denoises(*cell.method) && !linked_library_.empty())
@@ -424,7 +426,7 @@ void Run::render_film(const Film& film) {
 // How much the cell's frames of a camera path flicker. The frames are of no use afterwards.
 void Run::make_temporal(const Cell& cell) {
   const Film& film = plan_.films[*cell.film];
-  const std::string folder = cell.folder + "/temporal";
+  const std::string folder = temporal_folder(plan_, cell);
   store_.make_folder(folder + "/frames");
   std::vector<std::string> words = render_words(cell, cell.spp);
   words.insert(words.end(), {"--path", film.path_file(), "--width", std::to_string(film.width), "--height",
@@ -442,16 +444,17 @@ void Run::make_temporal(const Cell& cell) {
 }
 
 // Path tracing with more and more samples: its error against its time.
-void Run::make_ladder(const Cell& cell, const Matrix& matrix) {
+void Run::make_ladder(const Cell& cell) {
   const Reference& reference = plan_.references[cell.references.front()];
-  const std::string folder = cell.folder + "/ladder";
+  const std::string folder = ladder_folder(plan_, cell);
   store_.make_folder(folder);
   nlohmann::json steps = nlohmann::json::array();
-  for (const int spp : matrix.path_spp) {
-    if (spp > reference.half_spp) break;  // nearer to the truth than the reference
+  for (const int spp : ladder_spp(plan_, cell)) {
+    if (spp > reference.half_spp) continue;  // nearer to the truth than the reference
     const std::string base = fmt::format("{}/{}spp", folder, spp);
     std::vector<std::string> words = {
-        "render", plan_.scenes[cell.scene].file, "--integrator", "path", "--spp", std::to_string(spp)};
+        "render",           plan_.scenes[cell.scene].file, "--integrator", "path", "--max-depth", "-1", "--spp",
+        std::to_string(spp)};
     words.insert(words.end(), reference.view.words.begin(), reference.view.words.end());
     words.insert(words.end(), {"-o", base + ".exr"});
     const nlohmann::json render = store_.command(base + ".json", with_device(words));
@@ -464,6 +467,23 @@ void Run::make_ladder(const Cell& cell, const Matrix& matrix) {
     store_.remove(base + ".exr");
   }
   store_.write(folder + "/ladder.json", {{"points", steps}});
+}
+
+// Errors that were measured without LPIPS are measured again where its weights are given now.
+void Run::forget_errors_without_lpips() {
+  if (linked_weights_.empty()) return;
+  for (const Cell& cell : plan_.cells) {
+    if (!cell.selected || !store_.has(cell.folder + "/cell.json")) continue;
+    const std::unique_ptr<WriterLock> lock = WriterLock::try_to_take(store_.path(cell.folder + "/cell.json"));
+    for (const std::size_t r : cell.references) {
+      const std::string record = cell.folder + "/" + plan_.references[r].view.name + ".compare.json";
+      const nlohmann::json kept = store_.read(record);
+      if (!lock || !kept.is_object() || kept.value("command", "").find("--lpips-weights") != std::string::npos)
+        continue;
+      store_.remove(record);
+      store_.remove(cell.folder + "/cell.json");
+    }
+  }
 }
 
 void Run::make_jobs() {
@@ -518,8 +538,8 @@ void Run::make_jobs() {
                                            {},
                                            [this, &film] { render_film(film); }});
         add({"flicker of " + name,
-             cell.folder + "/temporal",
-             cell.folder + "/temporal/temporal.json",
+             temporal_folder(plan_, cell),
+             temporal_folder(plan_, cell) + "/temporal.json",
              temporal_cost(plan_, rates_, cell),
              {made_cell, reference},
              [this, &cell] { make_temporal(cell); }});
@@ -532,18 +552,13 @@ void Run::make_jobs() {
              {made_cell},
              [this, &cell] { make_learned(cell); }});
       }
-      if (std::string(cell.method->name) == "path") {
-        for (const Place& place : cell.places) {
-          const Matrix& matrix = plan_.matrices[place.matrix];
-          if (matrix.path_spp.empty()) continue;
-          add({"path tracing in " + plan_.scenes[s].name,
-               cell.folder + "/ladder",
-               cell.folder + "/ladder/ladder.json",
-               0.0,
-               {made_cell},
-               [this, &cell, &matrix] { make_ladder(cell, matrix); }});
-          break;
-        }
+      if (const std::string ladder = ladder_folder(plan_, cell); !ladder.empty()) {
+        add({"path tracing in " + plan_.scenes[s].name,
+             ladder,
+             ladder + "/ladder.json",
+             0.0,
+             {made_cell},
+             [this, &cell] { make_ladder(cell); }});
       }
     }
   }
@@ -571,7 +586,7 @@ bool Run::do_job(Job& job) {
     store_.remove(job.result + ".failed");
     job.state = Job::State::done;
   } catch (const CommandFailed& failure) {
-    fail(job, failure.message, failure.command, failure.unavailable() || (job.library && failure.exit_code == 3));
+    fail(job, failure.message, failure.command, job.library && failure.exit_code == 3);
   } catch (const InputError& error) {
     fail(job, error.what(), "", false);
   } catch (const MemoryError& error) {
@@ -692,7 +707,8 @@ PaperSummary Run::go() {
   }
   head_ = {{"program", std::string("octrad ") + kVersion},
            {"budget", o_.budget.empty() ? nlohmann::json() : nlohmann::json(o_.budget)},
-           {"machine", store_.ask({"info"}, "")["output"]}};
+           {"machine", store_.ask(with_device({"info"}), "")["output"]}};
+  forget_errors_without_lpips();
   do_jobs(summary);
   const nlohmann::json results = write_results(store_, plan_, head_);
   write_report(store_, plan_, results, o_.viewers);
@@ -712,6 +728,16 @@ PaperSummary Run::go() {
 
 }  // namespace
 
-PaperSummary run_paper(const PaperOptions& options) { return Run(options).go(); }
+PaperSummary run_paper(const PaperOptions& options) {
+  try {
+    return Run(options).go();
+  } catch (const CommandFailed& failure) {  // of a command that is no job's
+    const int code = failure.exit_code;
+    throw Error(code >= 1 && code <= 5 ? static_cast<ExitCode>(code) : ExitCode::bad_input,
+                failure.command + ": " + failure.message);
+  } catch (const Interrupted&) {
+    throw Error(ExitCode::interrupted, "interrupted");
+  }
+}
 
 }  // namespace octrad::paper

@@ -1,6 +1,7 @@
 #include "app/paper/store.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -18,14 +19,32 @@ Store::Store(std::string folder) : folder_(std::move(folder)) {
   while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
 }
 
-void Store::open() const {
+namespace {
+
+std::pair<std::uint64_t, std::uint64_t> identity_of(const std::string& folder) {
+  struct stat info {};
+  if (stat(folder.c_str(), &info) != 0) return {};
+  return {static_cast<std::uint64_t>(info.st_dev), static_cast<std::uint64_t>(info.st_ino)};
+}
+
+}  // namespace
+
+void Store::open() {
   make_folder("");
   require_writable(path("results.json"));
+  identity_ = identity_of(folder_);
+}
+
+void Store::require_there() const {
+  if (identity_of(folder_) != identity_)
+    throw IoError(
+        fmt::format("{} was removed or replaced while octrad worked in it; the same command begins anew", folder_));
 }
 
 bool Store::has(const std::string& name) const { return fs::exists(path(name)); }
 
 void Store::make_folder(const std::string& name) const {
+  if (!name.empty()) require_there();
   const std::string folder = name.empty() ? folder_ : path(name);
   std::error_code error;
   fs::create_directories(folder, error);
@@ -61,6 +80,7 @@ void Store::write(const std::string& name, const nlohmann::json& value) const {
 }
 
 void Store::write_text(const std::string& name, const std::string& text) const {
+  require_there();
   AtomicFile file(path(name));
   file.write(text);
   file.commit();
@@ -79,6 +99,7 @@ nlohmann::json Store::ask(const std::vector<std::string>& words, const std::stri
   const std::string line = command_line(all);
   if (result.exit_code == 130) throw Interrupted{};
   if (!result.ok()) {
+    require_there();
     // A disk that is full, or a folder that cannot be written: every other command would end the same way.
     if (result.exit_code == 3 && result.message.rfind("cannot write", 0) == 0) throw IoError(result.message);
     throw CommandFailed{result.exit_code, result.message, line};

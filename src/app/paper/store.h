@@ -1,9 +1,11 @@
 // The folder of a run: every command that ran, with what it printed, so that nothing is done twice.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace octrad::paper {
@@ -12,8 +14,6 @@ namespace octrad::paper {
 struct CommandFailed {
   int exit_code = 0;
   std::string message, command;
-  // It asks for what this program, or this machine, does not have: another field, a library, a device.
-  bool unavailable() const { return exit_code == 1 || exit_code == 5; }
 };
 struct Interrupted {};  // this process was asked to end
 
@@ -21,7 +21,7 @@ class Store {
  public:
   explicit Store(std::string folder);
   // Makes the folder where it is missing. Throws IoError where nothing can be written there.
-  void open() const;
+  void open();
 
   const std::string& folder() const { return folder_; }
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
@@ -48,7 +48,11 @@ class Store {
   nlohmann::json ask(const std::vector<std::string>& words, const std::string& log) const;
 
  private:
+  // Throws IoError where the folder was removed, or is another one now: nothing is made again in its place.
+  void require_there() const;
+
   std::string folder_;
+  std::pair<std::uint64_t, std::uint64_t> identity_{};  // device and inode
 };
 
 }  // namespace octrad::paper

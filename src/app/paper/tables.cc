@@ -106,6 +106,7 @@ std::string anchor_of(const std::vector<const json*>& cells) {
 // The paper's table: a few figures of every scene.
 Table summary(const Matrix& m, const json& results, const std::string& equal, const std::vector<std::string>& scenes) {
   Table t;
+  t.matrix = m.name;
   t.name = fmt::format("{}-{}", m.name, equal);
   t.title = fmt::format("{}: {}", m.title, equal_title(equal));
   for (const std::string& scene : scenes) {
@@ -129,6 +130,7 @@ Table summary(const Matrix& m, const json& results, const std::string& equal, co
 // Everything of one scene, with the published figures in columns of their own.
 Table details(const Matrix& m, const json& results, const std::string& equal, const std::string& scene) {
   Table t;
+  t.matrix = m.name;
   t.name = fmt::format("{}-{}-{}", m.name, equal, scene);
   t.title = fmt::format("{}, {}", scene, equal_title(equal));
   const bool ablation = m.switches.size() > 1;
@@ -193,6 +195,7 @@ Table details(const Matrix& m, const json& results, const std::string& equal, co
 // What a frame's milliseconds are made of.
 Table stages(const Matrix& m, const json& results, const std::string& equal, const std::string& scene) {
   Table t;
+  t.matrix = m.name;
   t.name = fmt::format("{}-{}-{}-stages", m.name, equal, scene);
   t.title = fmt::format("{}: milliseconds of a frame by stage, first view", scene);
   const std::vector<RowKey> rows = rows_of(m);
@@ -223,6 +226,7 @@ Table stages(const Matrix& m, const json& results, const std::string& equal, con
 // of blocks of pixels are off (1: noise alone).
 Table by_roughness(const Matrix& m, const json& results, const std::string& equal, const std::string& scene) {
   Table t;
+  t.matrix = m.name;
   t.name = fmt::format("{}-{}-{}-roughness", m.name, equal, scene);
   t.title = fmt::format("{}: MAPE by the roughness of the first hit, and bias of blocks, first view", scene);
   for (const RowKey& key : rows_of(m)) {
@@ -239,7 +243,7 @@ Table by_roughness(const Matrix& m, const json& results, const std::string& equa
     row.values.push_back(cell.value("/blocks/z_rms"_json_pointer, json()));
     t.rows.push_back(row);
   }
-  t.columns.push_back({"blocks", "z", -1, false});
+  t.columns.push_back({"blocks", "z", 0, false});  // in units of its own noise
   return t;
 }
 
@@ -275,6 +279,7 @@ bool Table::best(std::size_t row, std::size_t column) const {
   for (const Row& other : rows) {
     const json& value = other.values[column];
     if (!value.is_number()) continue;
+    if (value.get<double>() < 0.0) return false;  // an estimate that is all noise
     ++others;
     if ((value.get<double>() - own.get<double>()) * better > 0) return false;
   }

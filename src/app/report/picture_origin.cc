@@ -5,6 +5,7 @@
 
 #include "octrad/base/json_file.h"
 #include "octrad/base/version.h"
+#include "octrad/scene/fingerprint.h"
 
 namespace octrad::report {
 
@@ -34,7 +35,8 @@ void add_origin(Image& image, const PictureOrigin& origin) {
   std::map<std::string, std::string>& metadata = image.metadata;
   const View& view = origin.view;
   metadata["octrad.version"] = kVersion;
-  metadata["octrad.scene"] = json_text({{"file", origin.scene.file}, {"fingerprint", origin.scene.fingerprint}});
+  metadata["octrad.scene"] =
+      json_text({{"file", origin.scene.file}, {"fingerprint", picture_fingerprint(origin.scene)}});
   metadata["octrad.camera"] = camera_json(view.camera).dump();
   metadata["octrad.render"] = nlohmann::json{
       {"integrator", origin.integrator},

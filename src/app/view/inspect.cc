@@ -42,9 +42,10 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
                        static_cast<float>(y) * static_cast<float>(view.height)};
   CameraSample sample{camera_ray(camera, position), Rng(studio.settings.seed, RngPurpose::pixel, 0), position};
   nlohmann::json out = {{"hit", false}};
-  const Hit hit = context.intersect(sample.ray.origin, sample.ray.direction, 0.0f, sample.ray.t_max);
+  int traced = 0;
+  const Hit hit = camera_hit(context, sample.ray, traced);
   if (!hit.valid()) {
-    out["emitted"] = vector_json(context.environment(sample.ray.direction));
+    out["emitted"] = vector_json(context.hides_emitters() ? Vec3f(0.0f) : context.environment(sample.ray.direction));
     return out;
   }
   const SurfaceInteraction surface = context.interact(hit, sample.ray.origin, sample.ray.direction);

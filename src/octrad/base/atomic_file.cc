@@ -13,6 +13,7 @@
 #include <climits>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <iterator>
 #include <string_view>
@@ -68,7 +69,8 @@ bool is_temporary_name(const std::string& name) {
 }
 
 // Removes the new files in the folder of `file` whose writers were killed while those had a name: whoever writes one
-// holds a lock (flock) on it. What cannot be opened or locked stays.
+// holds a lock (flock) on it. What cannot be opened or locked stays, and what was written to in the last hour: some
+// file systems that machines share keep such locks on one machine alone.
 void remove_abandoned(const std::string& file) {
   const std::string folder = folder_of(file);
   std::vector<std::string> names;
@@ -82,7 +84,7 @@ void remove_abandoned(const std::string& file) {
     const int descriptor = open(name.c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
     struct stat info {};
     if (descriptor >= 0 && fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode) &&
-        flock(descriptor, LOCK_EX | LOCK_NB) == 0)
+        info.st_mtime < std::time(nullptr) - 3600 && flock(descriptor, LOCK_EX | LOCK_NB) == 0)
       unlink(name.c_str());
     if (descriptor >= 0) close(descriptor);
   }

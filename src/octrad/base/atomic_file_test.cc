@@ -160,9 +160,13 @@ TEST_F(AtomicFiles, ALockFileWithoutALockIsTaken) {
 // kill -9 between naming a new file and renaming it. Somebody who still writes has a lock on it.
 TEST_F(AtomicFiles, WhatKilledWritersLeftIsRemoved) {
   const std::string left = path(".octrad-0123456789ab.tmp"), written = path(".octrad-ba9876543210.tmp");
+  const std::string fresh = path(".octrad-0123456789cd.tmp");  // perhaps of another machine
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(2);
   const std::string others[] = {path(".octrad-0123456789xy.tmp"), path(".octrad-mine.tmp"), path("0123456789ab.tmp")};
   write_text_file(left, "half");
   write_text_file(written, "half");
+  write_text_file(fresh, "half");
+  for (const std::string& old : {left, written}) std::filesystem::last_write_time(old, long_ago);
   for (const std::string& other : others) write_text_file(other, "somebody's own");
   write_text_file(path("target"), "somebody's own");
   std::filesystem::create_symlink("target", path(".octrad-000000000000.tmp"));
@@ -171,6 +175,7 @@ TEST_F(AtomicFiles, WhatKilledWritersLeftIsRemoved) {
   ASSERT_EQ(flock(writer, LOCK_EX), 0);
   { const WriterLock lock(path("a")); }
   EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_TRUE(std::filesystem::exists(fresh));
   EXPECT_TRUE(std::filesystem::exists(written));
   for (const std::string& other : others) EXPECT_TRUE(std::filesystem::exists(other)) << other;
   EXPECT_TRUE(std::filesystem::exists(path("target")));

@@ -70,6 +70,24 @@ std::string json_text(const nlohmann::json& value, int indent) {
   }
 }
 
+std::string printable_json_text(const nlohmann::json& value, int indent) {
+  const std::string text = json_text(value, indent);
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : 0);
+    if (byte == 0x7f) {
+      out += "\\u007f";
+    } else if (byte == 0xc2 && next >= 0x80 && next < 0xa0) {  // the two bytes of U+0080 to U+009F
+      out += fmt::format("\\u{:04x}", next);
+      ++i;
+    } else {
+      out += text[i];
+    }
+  }
+  return out;
+}
+
 long long whole_number(const nlohmann::json& value, long long low, long long high, const std::string& what) {
   constexpr double kExact = 9007199254740992.0;  // 2^53: up to here a double is the number that was written
   const double number = value.is_number() ? value.get<double>() : 0.5;

@@ -20,5 +20,8 @@ long long whole_number(const nlohmann::json& value, long long low, long long hig
 
 // As value.dump(indent), but texts and keys may be any bytes, such as names of files: see escape_bytes().
 std::string json_text(const nlohmann::json& value, int indent = -1);
+// The same without the control characters that JSON allows and terminals obey (DEL, U+0080 to U+009F), which are
+// escaped.
+std::string printable_json_text(const nlohmann::json& value, int indent = -1);
 
 }  // namespace octrad

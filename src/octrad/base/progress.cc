@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -64,6 +65,33 @@ void Progress::update(double fraction, const std::string& text, bool force, doub
 
 void Progress::finish() { log_status_line(""); }
 
+namespace {
+
+struct LastLine {
+  off_t begin = -1;     // of what stands after the last line end; -1 where it cannot be told
+  bool object = false;  // it begins like a line of a log
+};
+
+LastLine last_line(const std::string& file, off_t size) {
+  LastLine line;
+  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  if (descriptor < 0) return line;
+  char block[4096];
+  for (off_t end = size, begin = size; end > 0 && line.begin < 0; end = begin) {
+    begin = std::max<off_t>(0, end - static_cast<off_t>(sizeof block));
+    const ssize_t n = pread(descriptor, block, static_cast<std::size_t>(end - begin), begin);
+    if (n != end - begin) break;
+    const std::size_t last = std::string_view(block, static_cast<std::size_t>(n)).rfind('\n');
+    if (last != std::string_view::npos) line.begin = begin + static_cast<off_t>(last) + 1;
+    else if (begin == 0) line.begin = 0;
+  }
+  line.object = line.begin >= 0 && pread(descriptor, block, 1, line.begin) == 1 && block[0] == '{';
+  close(descriptor);
+  return line;
+}
+
+}  // namespace
+
 struct JsonLines::Impl {
   std::string file;
   int descriptor = -1;
@@ -97,6 +125,12 @@ JsonLines::JsonLines(const std::string& file, bool append) : impl_(std::make_uni
   fcntl(impl_->descriptor, F_SETFL, fcntl(impl_->descriptor, F_GETFL) & ~O_NONBLOCK);
   impl_->end = lseek(impl_->descriptor, 0, SEEK_END);
   impl_->empties = !append;
+  if (!append || impl_->end <= 0) return;
+  // A line that broke off, with the machine or the process, is cut away; anything else stays, as a line of its own.
+  const LastLine last = last_line(file, impl_->end);
+  if (last.begin < 0 || last.begin == impl_->end) return;
+  if (last.object && ftruncate(impl_->descriptor, last.begin) == 0) impl_->end = last.begin;
+  else impl_->whole = false;
 }
 
 JsonLines::~JsonLines() {

@@ -12,6 +12,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/progress.h"
 #include "octrad/base/stopwatch.h"
@@ -40,6 +41,15 @@ TEST(JsonLines, CanBeFollowedAndAppended) {
   int lines = 0;
   for (std::string line; std::getline(in, line); ++lines) EXPECT_TRUE(nlohmann::json::accept(line)) << line;
   EXPECT_EQ(lines, 201);
+  // A line that broke off, with the machine, is cut away; so is a file that has no whole line.
+  for (const std::string& broken : {std::string("{\"a\":1}\n{\"b"), "{\"c" + std::string(10000, ' ')}) {
+    std::ofstream(path("broken")) << broken;
+    JsonLines(path("broken"), true).write({{"d", 2}});
+    EXPECT_EQ(read_file(path("broken")), (broken[2] == 'a' ? "{\"a\":1}\n" : "") + std::string("{\"d\":2}\n"));
+  }
+  std::ofstream(path("notes")) << "mine";
+  JsonLines(path("notes"), true).write({{"d", 2}});
+  EXPECT_EQ(read_file(path("notes")), "mine\n{\"d\":2}\n");
   EXPECT_THROW(JsonLines(path("none/log")), IoError);
 }
 

@@ -22,7 +22,7 @@ struct OctaOctreeOptions {
 constexpr int spatial_resolution(int level) { return 1 << (level + 1); }
 constexpr int octahedral_resolution(int levels, int level) { return 1 << (levels + 1 - level); }
 
-// Feature vectors that `cells` cells of level l need: cells (R_l + 1)^2 (Table "levels").
+// Feature vectors that `cells` cells of level l need: cells (R_l + 1)^2 (paper table 2).
 constexpr std::int64_t octree_entries(int levels, int level, std::int64_t cells) {
   const std::int64_t r = octahedral_resolution(levels, level) + 1;
   return cells * r * r;

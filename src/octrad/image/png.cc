@@ -50,16 +50,22 @@ class PngReader {
   PngReader(const PngReader&) = delete;
   PngReader& operator=(const PngReader&) = delete;
 
-  // Size and layout after what the reader makes of it: 8 or 16 bits, grey or RGB, each with or without alpha; palettes,
-  // fewer bits and transparent colours are expanded, and what is said of gamma and colour spaces is not looked at.
+  // The layout is that after what the reader makes of it: 8 or 16 bits, grey or RGB, each with or without alpha;
+  // palettes, fewer bits and transparent colours are expanded, and what is said of gamma and colour spaces is not
+  // looked at.
   bool read_header() {
     if (setjmp(png_jmpbuf(png_))) return false;
     png_read_info(png_, info_);
+    return true;
+  }
+  // Before the first row: allocates rows, whose size has to be checked before.
+  bool start() {
+    if (setjmp(png_jmpbuf(png_))) return false;
     png_set_expand(png_);
     if constexpr (std::endian::native == std::endian::little) png_set_swap(png_);
-    interlaced_ = png_set_interlace_handling(png_) > 1;
+    png_set_interlace_handling(png_);
     png_read_update_info(png_, info_);
-    return true;
+    return png_get_channels(png_, info_) == channels() && png_get_rowbytes(png_, info_) == row_bytes();
   }
   bool read_row(unsigned char* row) {
     if (setjmp(png_jmpbuf(png_))) return false;
@@ -79,10 +85,14 @@ class PngReader {
 
   long long width() const { return png_get_image_width(png_, info_); }
   long long height() const { return png_get_image_height(png_, info_); }
-  int channels() const { return png_get_channels(png_, info_); }
+  int channels() const {
+    const int type = png_get_color_type(png_, info_);
+    const bool alpha = (type & PNG_COLOR_MASK_ALPHA) != 0 || png_get_valid(png_, info_, PNG_INFO_tRNS) != 0;
+    return ((type & PNG_COLOR_MASK_COLOR) != 0 ? 3 : 1) + (alpha ? 1 : 0);
+  }
   int bytes_per_value() const { return png_get_bit_depth(png_, info_) == 16 ? 2 : 1; }
-  std::size_t row_bytes() const { return png_get_rowbytes(png_, info_); }
-  bool interlaced() const { return interlaced_; }
+  std::size_t row_bytes() const { return static_cast<std::size_t>(width() * channels() * bytes_per_value()); }
+  bool interlaced() const { return png_get_interlace_type(png_, info_) != PNG_INTERLACE_NONE; }
   const char* reason() const { return reason_.text; }
 
  private:
@@ -90,7 +100,6 @@ class PngReader {
   Reason reason_;
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
-  bool interlaced_ = false;
 };
 
 void convert_row(const unsigned char* row, std::size_t values, int bytes_per_value, float* out) {
@@ -135,6 +144,7 @@ Image image_io::read_png(const std::string& file, const std::string& bytes) {
   if (static_cast<double>(bytes.size()) * 1032.0 * 8.0 <
       static_cast<double>(png.width()) * static_cast<double>(png.height()))
     throw InputError(file + ": truncated PNG file");
+  if (!png.start()) fail();
 
   static const std::vector<std::string> kNames[] = {{"Y"}, {"Y", "A"}, {"R", "G", "B"}, {"R", "G", "B", "A"}};
   Image image(static_cast<int>(png.width()), static_cast<int>(png.height()), kNames[channels - 1]);

@@ -87,7 +87,8 @@ Image8 colored(const Image& image, int channel, std::span<const Vec3f> ramp, T t
 }  // namespace
 
 Image8 false_color(const Image& image, int channel, float lower, float upper) {
-  if (!(lower < upper)) throw InputError("false colours need a lower end below the upper end");
+  if (!(lower < upper) || !std::isfinite(upper - lower))
+    throw InputError("false colours need a lower end below the upper end, and a finite distance between them");
   return colored(image, channel, kFalseColors, [&](float value) { return (value - lower) / (upper - lower); });
 }
 

@@ -226,7 +226,7 @@ const std::vector<Key>& keys() {
       choice("target.demodulate", &C::target_demodulate,
              {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
              "albedo: the network predicts radiance / albedo on rough surfaces, with lookup.coats = split on all"),
-      number("target.scale", &C::target_scale, {0, 1e6},
+      number("target.scale", &C::target_scale, {0, 1e30},
              "exposure of the network's output; 0: chosen from the first batches and stored"),
 
       duration("train.time", &C::train_seconds, {0, kAny, true},
@@ -316,7 +316,7 @@ std::string accepted(const Key& key) {
   if (const auto* choice = std::get_if<Choice>(&key.member)) return join(choice->names, " | ");
   if (key.range.power_of_2) {
     std::vector<std::string> values;
-    for (double v = key.range.low; v <= key.range.high; v *= 2) values.push_back(fmt::format("{:g}", v));
+    for (double v = key.range.low; v <= key.range.high; v *= 2) values.push_back(fmt::format("{:.10g}", v));
     return join(values, " | ");
   }
   if (key.duration) return "a duration above 0: 90, 30s, 2m, 1h";
@@ -324,7 +324,7 @@ std::string accepted(const Key& key) {
   if (key.form != nullptr) return key.form;
   if (std::holds_alternative<std::string Config::*>(key.member)) return "text";
   const char* kind = std::holds_alternative<double Config::*>(key.member) ? "number" : "whole number";
-  return fmt::format("{} {} {} … {:g}", kind, key.range.open_low ? "above" : "in", key.range.low, key.range.high);
+  return fmt::format("{} {} {} … {:.10g}", kind, key.range.open_low ? "above" : "in", key.range.low, key.range.high);
 }
 
 [[noreturn]] void refuse(const Key& key, const std::string& value) {

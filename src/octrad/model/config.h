@@ -28,6 +28,7 @@ struct Config {
   OctreeInterpolation octree_interpolation = OctreeInterpolation::trilinear;
   OctaInterpolation octa_interpolation = OctaInterpolation::barycentric;
   LookupDirection lookup_direction = LookupDirection::mirror;
+  Coats lookup_coats = Coats::split;
   LookupOffset lookup_offset = LookupOffset::traced;
   RoughDirection lookup_rough_direction = RoughDirection::normal;
   double lookup_rough_threshold = 1.0;  // diffuse surfaces alone
@@ -124,7 +125,6 @@ struct Config {
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
   double render_trace_below = 0.05;  // alpha
-  Coats lookup_coats = Coats::split;
   Highlights render_highlights = Highlights::automatic;
   double render_bounce_below = 0.1;
   long long seed = 0;
@@ -162,7 +162,7 @@ FollowRules rhs_rules(const Config& config);
 // Whether each lobe of a coated surface is a point of its own (lookup.coats).
 bool split_coats(const Config& config);
 
-// Every key with its current value and one line of help, in the order of the struct.
+// Every key with its current value and one line of help, grouped as the struct is.
 struct ConfigKey {
   std::string key, value, accepted, help;
 };

@@ -76,6 +76,13 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   const auto field = make_field(info.config, testing::shell(3));
   save_model(file, *field, info, false);
   EXPECT_EQ(load_model(file).info.config, info.config);
+  // Scenes may be in any unit of radiance.
+  for (const float exposure : {3e-25f, 3e7f, 1e25f}) {
+    field->set_target_scale(exposure);
+    save_model(file + ".unit", *field, info, false);
+    EXPECT_EQ(load_model(file + ".unit").field->target_scale(), exposure);
+  }
+  std::filesystem::remove(file + ".unit");
   {
     const TensorReader in(file);
     TensorWriter out;

@@ -69,7 +69,7 @@ constexpr std::array kIntegrators = {
     cache_info<Bounce::none>("lhs", "one query at the first hit", 4),
     cache_info<Bounce::all>("rhs", "one bounce from the first hit, a query where it ends", 16),
     cache_info<Bounce::glossy>("deferred", "rhs on glossy surfaces, lhs elsewhere", 16),
-    view_info<FieldView::disparity>("disparity", "predicted disparity"),
+    view_info<FieldView::disparity>("disparity", "disparity of the look-ups"),
     view_info<FieldView::traced>("traced", "1 / distance along the look-up direction"),
     view_info<FieldView::features>("features", "a level's features, first three principal components"),
     view_info<FieldView::occupancy>("occupancy", "a level's cells that hold surfaces"),

@@ -137,6 +137,25 @@ TEST_F(AttributesTest, Mistakes) {
   bad(shape("vertex_w"), "has two channels");
 }
 
+// A material that was made for a shape which then failed is made again for the next.
+TEST_F(AttributesTest, MaterialsOfFailedShapesAreNotUsedAgain) {
+  const std::string lost = "<shape type=\"ply\"><string name=\"filename\" value=\"none.ply\"/><ref id=\"m\"/></shape>";
+  const std::string there = "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/><ref id=\"m\"/></shape>";
+  const std::string material =
+      "<bsdf type=\"diffuse\" id=\"m\"><texture type=\"mesh_attribute\" name=\"reflectance\">"
+      "<string name=\"name\" value=\"vertex_weight\"/></texture></bsdf>";
+  for (const std::string& first : {lost, std::string("<shape type=\"sphere\"><ref id=\"m\"/></shape>")}) {
+    LoadOptions options;
+    options.permissive = true;
+    const Scene scene = load_scene(folder_.write("s.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/>\n" +
+                                                              material + first + there + "</scene>"),
+                                   options);
+    ASSERT_FALSE(scene.shapes.empty());
+    const int texture = scene.materials[static_cast<std::size_t>(scene.shapes.back().material)].reflectance;
+    EXPECT_FALSE(scene.textures[static_cast<std::size_t>(texture)].pixels.empty());
+  }
+}
+
 // `merge` of Mitsuba 3.9 is a remedy for many small shapes.
 TEST_F(AttributesTest, MergedShapesAreShapes) {
   const std::string two = "<shape type=\"cube\"/><shape type=\"sphere\"><emitter type=\"area\"/></shape>";

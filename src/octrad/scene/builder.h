@@ -111,7 +111,8 @@ class SceneBuilder {
   Material scattering_model(Params& params);
   void map_normals(Material& m, const Material& map, const Location& where);
   bool transmits(const Material& m) const;
-  int blended_count(const Material& m) const;  // models in a blend and in the blends that it holds
+  // Models in a blend and in the blends that it holds, seen from the front or from behind.
+  int blended_count(const Material& m, bool behind) const;
   void read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,
                   float fallback);
   void read_principled_base(Params& params, Material& m);
@@ -167,8 +168,9 @@ class SceneBuilder {
   // By element, and the mesh for which it was made where it shows attributes of that (else -1).
   std::map<std::pair<const Element*, int>, int> materials_;
   std::vector<const Element*> open_materials_;
-  std::map<std::pair<const Element*, bool>, int> textures_;  // by element, and whether it is reduced to a scalar
-  std::map<int, std::size_t> bitmap_of_;                     // texture -> bitmaps_
+  // By element and role; bitmaps are one for all colours, and one for all scalars.
+  std::map<std::pair<const Element*, TextureRole>, int> textures_;
+  std::map<int, std::size_t> bitmap_of_;  // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
   // Colours of spectra, which may be long and be referred to often: by element, and by file.
   std::map<std::pair<const Element*, SpectrumUse>, Vec3f> spectra_;

@@ -8,6 +8,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/json_file.h"
+#include "octrad/base/number_text.h"
 #include "octrad/scene/camera_json.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/transform.h"
@@ -48,8 +49,8 @@ double read_number(const nlohmann::json& object, const std::string& key, double 
   if (!object.contains(key)) return fallback;
   const nlohmann::json& value = object.at(key);
   if (!value.is_number() || !(value.get<double>() >= lower && value.get<double>() <= upper)) {
-    throw InputError(where + "\"" + key + "\" must be a number between " + std::to_string(lower) + " and " +
-                     std::to_string(upper));
+    throw InputError(where + "\"" + key + "\" must be a number between " + number_text(lower) + " and " +
+                     number_text(upper));
   }
   return value.get<double>();
 }

@@ -134,10 +134,11 @@ TEST_F(CheckTest, Assumptions) {
     return load_scene(write(integrator + "<shape type=\"sphere\"/>"));
   };
   EXPECT_NE(depth("stray text").assumed.at(0).find("text inside <scene> left out"), std::string::npos);
-  EXPECT_NE(depth("<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>")
-                .assumed.at(0)
-                .find("emitters are shown"),
-            std::string::npos);
+  const std::string hiding = "<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>";
+  EXPECT_TRUE(depth(hiding).hide_emitters);
+  EXPECT_TRUE(depth(hiding).assumed.empty());
+  EXPECT_TRUE(depth("<integrator type=\"aov\">" + hiding + "</integrator>").hide_emitters);
+  EXPECT_FALSE(depth("<integrator type=\"path\"/>").hide_emitters);
   EXPECT_EQ(depth("<integrator type=\"volpath\"><integer name=\"max_depth\" value=\"7\"/></integrator>").max_depth, 7);
   EXPECT_NE(depth("<integrator type=\"volpath\"/>").assumed.at(0).find("\"volpath\" read as path"), std::string::npos);
   EXPECT_EQ(
@@ -189,6 +190,7 @@ class ConvertTest : public CheckTest {
     EXPECT_EQ(second.cameras.size(), first.cameras.size());
     EXPECT_EQ(second.film.width, first.film.width);
     EXPECT_EQ(second.max_depth, first.max_depth);
+    EXPECT_EQ(second.hide_emitters, first.hide_emitters);
     EXPECT_EQ(second.assumed.size(), 0u) << join(second.assumed, "\n");
     EXPECT_EQ(second.warnings.size(), 0u) << join(second.warnings, "\n");
     return text;
@@ -204,7 +206,7 @@ TEST_F(ConvertTest, RoundTrip) {
   const std::string text =
       round_trip(write(R"(<path value="sub"/><include filename="part.xml"/><alias id="old" as="older"/>
 <default name="r" value="0.3"/>
-<integrator type="volpath"><integer name="max_depth" value="9"/></integrator>
+<integrator type="volpath"><integer name="max_depth" value="9"/><boolean name="hideEmitters" value="true"/></integrator>
 <emitter type="area" id="light"><spectrum name="radiance" value="400:1, 700:3"/></emitter>
 <bsdf type="diffuse" id="m"><rgb name="reflectance" value="#ff8040"/></bsdf>
 <bsdf type="mask" id="half"><float name="opacity" value="$r"/><ref id="m"/></bsdf>
@@ -217,6 +219,16 @@ TEST_F(ConvertTest, RoundTrip) {
   EXPECT_NE(text.find("value=\"fine.obj\""), std::string::npos);
   round_trip(write(kMany), true);
   EXPECT_THROW(round_trip(write(kMany)), InputError);
+}
+
+// A file that holds the colour of a light cannot hold that of a surface in the same place.
+TEST_F(ConvertTest, OneSpectrumAsLightAndAsReflectance) {
+  const std::string file = write(R"(<spectrum type="regular" id="s"><float name="wavelength_min" value="400"/>
+<float name="wavelength_max" value="700"/><string name="values" value="0.1, 0.9"/></spectrum>
+<shape type="sphere"><bsdf type="diffuse"><ref name="reflectance" id="s"/></bsdf>
+<emitter type="area"><ref name="radiance" id="s"/></emitter></shape>)");
+  Scene scene = load_scene(file);
+  EXPECT_THROW(scene_as_xml(file, folder_.file("o.xml"), {}, scene), InputError);
 }
 
 // Of Mitsuba 0.6 alone.

@@ -186,12 +186,12 @@ class XmlReader {
     } else if (element->tag == "path") {
       check_attributes(*element, {"value"});
       const std::filesystem::path path =
-          std::filesystem::path(description_.search_paths.front()) / element->get("value");
+          std::filesystem::path(description_.search_paths.back()) / element->get("value");
       std::error_code code;
       if (std::filesystem::is_directory(path, code)) {
         if (description_.search_paths.size() == kMaxSearchPaths)
           fail(where, "<path>: more than " + std::to_string(kMaxSearchPaths) + " folders");
-        description_.search_paths.push_back(path.string());
+        description_.search_paths.insert(description_.search_paths.begin(), path.string());
       } else {
         report_.refuse(where, "<path>: \"" + path.string() + "\" is not a folder");
       }

@@ -40,7 +40,7 @@ struct RawMesh;
 struct Description {
   std::unique_ptr<Element> root;              // the <scene>
   std::map<std::string, const Element*> ids;  // every element with an id, aliases included
-  std::vector<std::string> search_paths;      // folder of the scene file first, then its <path>s
+  std::vector<std::string> search_paths;      // the last <path> first, as in Mitsuba; then the scene file's folder
   std::vector<std::string> warnings;          // of definitions and defaults that change nothing
   SceneReport* report = nullptr;              // where mistakes and assumptions go
   Understood* understood = nullptr;           // where not null, filled by those who read the elements

@@ -121,4 +121,8 @@ std::string scene_fingerprint(const Scene& scene) {
   return text;
 }
 
+std::string picture_fingerprint(const Scene& scene) {
+  return scene.fingerprint + (scene.hide_emitters ? " emitters hidden" : "");
+}
+
 }  // namespace octrad

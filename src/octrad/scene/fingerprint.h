@@ -15,4 +15,7 @@ std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed
 // 16 hex digits over geometry, materials, textures, lights and environment; names, sensors and film do not count.
 std::string scene_fingerprint(const Scene& scene);
 
+// Of what cameras see: scene.fingerprint, and whether they look through emitters, which caches do not depend on.
+std::string picture_fingerprint(const Scene& scene);
+
 }  // namespace octrad

@@ -314,6 +314,8 @@ class GltfReader {
     surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
     if (colors && !surface.colors)
       report_.assume(primitive.location(), "colours of vertices are left out where there is a texture");
+    if (attributes.has("JOINTS_1"))
+      report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
     const Vec3f color = materials_.base_color(surface.material);
     std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr, pose);
     std::vector<std::pair<std::string, GltfSurface>> result;

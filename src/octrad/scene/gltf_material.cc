@@ -3,7 +3,9 @@
 // Disney's (Burley 2012). What differs is noted.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <utility>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
@@ -49,7 +51,6 @@ std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const 
   };
   const GltfObject coat = m.extension("KHR_materials_clearcoat");
   all.push_back(coat.object("clearcoatTexture"));
-  all.push_back(coat.object("clearcoatRoughnessTexture"));
   std::erase_if(all, [](const GltfObject& info) { return !info.exists(); });
   return all;
 }
@@ -94,6 +95,8 @@ void GltfMaterials::add_emitter(Element& shape, const GltfSurface& s) {
   const Vec3d radiance = Vec3d(c[0], c[1], c[2]) *
                          m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
   if (m.flag("doubleSided")) report_.assume(m.location(), "a light on both sides shines from its front only");
+  if (m.text("alphaMode", "OPAQUE") != "OPAQUE")
+    report_.assume(m.location(), "a light shines where its surface is cut out or transparent, too");
   Element& emitter = add_element(shape, m.location(), "emitter", {{"type", "area"}});
   const GltfObject info = m.object("emissiveTexture");
   Recipe recipe;
@@ -197,6 +200,7 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
 
   const GltfObject coat = m.extension("KHR_materials_clearcoat");
   const double clearcoat = coat.number("clearcoatFactor", 0.0, 0.0, 1.0);
+  if (clearcoat > 0.0 && thin) report_.assume(m.location(), "KHR_materials_clearcoat is left out of thin glass");
   if (clearcoat > 0.0 && !thin) {
     report_.assume(m.location(), "KHR_materials_clearcoat read as the clearcoat of principled, which is weaker");
     add_scalar(bsdf, "clearcoat", m, s, clearcoat, coat.object("clearcoatTexture"), 0);
@@ -236,6 +240,16 @@ void GltfMaterials::note_extensions(const GltfObject& m) {
       "KHR_materials_sheen"};
   for (const std::string& name : m.object("extensions").keys()) {
     if (kRead.count(name) == 0) report_.assume(m.location(), "the material's extension " + name + " is left out");
+  }
+  for (const auto& [extension, key] : {std::pair{"KHR_materials_specular", "specularTexture"},
+                                       {"KHR_materials_specular", "specularColorTexture"},
+                                       {"KHR_materials_sheen", "sheenColorTexture"},
+                                       {"KHR_materials_sheen", "sheenRoughnessFactor"},
+                                       {"KHR_materials_sheen", "sheenRoughnessTexture"},
+                                       {"KHR_materials_clearcoat", "clearcoatRoughnessTexture"},
+                                       {"KHR_materials_clearcoat", "clearcoatNormalTexture"}}) {
+    if (m.extension(extension).has(key))
+      report_.assume(m.location(), std::string(extension) + ": " + key + " is left out");
   }
 }
 
@@ -289,6 +303,8 @@ bool GltfMaterials::add_texture(Element& parent, const std::string& name, const 
   Transform to_uv;
   to_uv.m = {
       c * scale[0], s * scale[1], 0, offset[0], -s * scale[0], c * scale[1], 0, offset[1], 0, 0, 1, 0, 0, 0, 0, 1};
+  if (recipe.what == Recipe::What::normal && (angle != 0.0 || scale[0] < 0.0 || scale[1] < 0.0))
+    report_.assume(info.location(), "KHR_texture_transform moves a normal map, but does not turn or mirror its slopes");
   const std::string wrap_mode = wrap[0] == kClamp ? "clamp" : wrap[0] == kMirror ? "mirror" : "repeat";
   const bool raw = !(encoded && recipe.what == Recipe::What::color);
 
@@ -322,7 +338,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   const std::string file = outside ? file_->resolve(*uri, image) : "";
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
   encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
-  if (encoded && outside) return file;
+  if (encoded && outside) return std::filesystem::absolute(file).string();  // it is looked for once more
 
   std::string key = image.path();
   if (!encoded) {

@@ -309,8 +309,17 @@ TEST_F(GltfTest, MaterialFactorsAndTextures) {
   ASSERT_EQ(scene.area_lights.size(), 1u);
   EXPECT_EQ(value(scene, scene.area_lights[0].radiance), Vec3f(4, 0, 8));
   EXPECT_TRUE(scene.environments.empty());
+  EXPECT_NE(join(scene.assumed).find("a light shines where its surface is cut out"), std::string::npos);
   json_["materials"][0]["alphaMode"] = "MASK";
   EXPECT_FLOAT_EQ(value(load(), material(load()).opacity).x, 0.0f);
+}
+
+// A picture beside a file that is named with its folder, from another one.
+TEST_F(GltfTest, PicturesOfAFileInAnotherFolder) {
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])");
+  const Scene scene = load_scene(std::filesystem::relative(write()).string());
+  EXPECT_NEAR(value(scene, material(scene).reflectance).y, 0.21586f, 1e-5f);
 }
 
 TEST_F(GltfTest, TextureTransformSamplerAndMirroredNormalMaps) {
@@ -334,6 +343,9 @@ TEST_F(GltfTest, TextureTransformSamplerAndMirroredNormalMaps) {
   primitive()["attributes"]["POSITION"] =
       add("VEC3", 5126, 6, bytes_of<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 2, 0, 0, 3, 0, 0, 2, 1, 0}));
   primitive()["attributes"]["TEXCOORD_0"] = add("VEC2", 5126, 6, bytes_of<float>({0, 1, 1, 1, 0, 0, 1, 1, 0, 1, 1, 0}));
+  json_["materials"] = Json::parse(R"([{"normalTexture": {"index": 0, "scale": 0.5,
+    "extensions": {"KHR_texture_transform": {"scale": [1, -1]}}}}])");
+  EXPECT_NE(join(load().assumed).find("does not turn or mirror its slopes"), std::string::npos);
   json_["materials"] = Json::parse(R"([{"normalTexture": {"index": 0, "scale": 0.5}}])");
   scene = load();
   ASSERT_EQ(scene.shapes.size(), 2u);
@@ -375,6 +387,13 @@ TEST_F(GltfTest, Lights) {
 }
 
 TEST_F(GltfTest, Extensions) {
+  json_["materials"] = Json::parse(R"([{"extensions": {"KHR_materials_specular": {"specularTexture": {"index": 0}},
+    "KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_transmission": {"transmissionFactor": 1}}}])");
+  primitive()["material"] = 0;
+  for (const char* note : {"specularTexture is left out", "KHR_materials_clearcoat is left out of thin glass"})
+    EXPECT_NE(join(load().assumed).find(note), std::string::npos) << note;
+  json_.erase("materials");
+  primitive().erase("material");
   json_["extensionsUsed"] = {"KHR_materials_unlit", "VENDOR_thing"};
   EXPECT_NE(join(load().assumed).find("VENDOR_thing"), std::string::npos);
   json_["extensionsRequired"] = {"KHR_draco_mesh_compression", "KHR_mesh_quantization", "VENDOR_thing"};

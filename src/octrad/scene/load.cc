@@ -67,6 +67,8 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
   placed_at_.resize(mark.placements);
   for (; group_order_.size() > mark.groups; group_order_.pop_back()) groups_.erase(group_order_.back());
   scene_.meshes.resize(mark.meshes);
+  // Those with attributes of the meshes that are gone.
+  std::erase_if(materials_, [&](const auto& made) { return made.first.second >= static_cast<int>(mark.meshes); });
   mesh_jobs_.resize(mark.mesh_jobs);
   scene_.spheres.resize(mark.spheres);
   scene_.environments.resize(mark.environments);
@@ -184,10 +186,9 @@ void SceneBuilder::add_integrator(const Element& element) {
   } else if (nested.empty()) {
     scene_.max_depth = depth;
   }
+  const bool hide = params.get_bool("hide_emitters", false);
+  if (nested.empty()) scene_.hide_emitters = hide;
   if (scene_.max_depth == 0) scene_.warnings.push_back(element.location.text() + ": max_depth 0 shows nothing");
-  if (params.get_bool("hide_emitters", false)) {
-    report().assume(element.location, "hide_emitters is not supported: emitters are shown");
-  }
   params.ignore_rest();  // the integrator is chosen on the command line
 }
 

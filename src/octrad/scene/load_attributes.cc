@@ -6,6 +6,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
 #include "octrad/scene/builder.h"
 
 namespace octrad {
@@ -92,7 +93,7 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
       for (int c = 0; c < 3; ++c) {
         if (!range.holds(color[c], range.high <= 1.0f ? 1e-3f : 0.0f))
           fail(use.where, "the attribute \"" + use.name + "\" of " + job.path + " has the value " +
-                              std::to_string(color[c]) + ": " + range.text +
+                              number_text(color[c]) + ": " + range.text +
                               (color[c] > 1.0f && color[c] <= 255.0f
                                    ? "; bytes become that with <float name=\"scale\" value=\"0.003921569\"/>"
                                    : ""));

@@ -261,11 +261,15 @@ void SceneBuilder::read_blendbsdf(Params& params, Material& m) {
   if (parts.size() != 2) fail(params.location(), "blendbsdf needs two nested bsdfs");
   for (int i = 0; i < 2; ++i) {
     m.blended[i] = material(*parts[static_cast<std::size_t>(i)]);
-    const Material& part = scene_.materials[static_cast<std::size_t>(m.blended[i])];
-    if (part.bump >= 0 && (!part.normal_map || part.blended[0] >= 0)) {
-      fail(parts[static_cast<std::size_t>(i)]->location,
-           std::string("a ") + (part.normal_map ? "normalmap around a blendbsdf" : "bumpmap") +
-               " inside a blendbsdf is not supported; put it around the outer one");
+    const int back = scene_.materials[static_cast<std::size_t>(m.blended[i])].back;
+    for (const int side : {m.blended[i], back}) {
+      if (side < 0) continue;
+      const Material& part = scene_.materials[static_cast<std::size_t>(side)];
+      if (part.bump >= 0 && (!part.normal_map || part.blended[0] >= 0)) {
+        fail(parts[static_cast<std::size_t>(i)]->location,
+             std::string("a ") + (part.normal_map ? "normalmap around a blendbsdf" : "bumpmap") +
+                 " inside a blendbsdf is not supported; put it around the outer one");
+      }
     }
   }
   // Two-sided parts make a two-sided blend; with backs of their own, or beside one-sided ones, they turn by themselves.
@@ -273,17 +277,23 @@ void SceneBuilder::read_blendbsdf(Params& params, Material& m) {
     const Material& part = scene_.materials[static_cast<std::size_t>(i)];
     return part.two_sided && part.back < 0 && part.bump < 0;
   });
-  if (blended_count(m) > kMostBlended) {
+  const int count = std::max(blended_count(m, false), blended_count(m, true));
+  if (count > kMostBlended) {
     fail(params.location(), "a blendbsdf mixes at most " + std::to_string(kMostBlended) +
-                                " bsdfs, those of the blends in it included; this one " +
-                                std::to_string(blended_count(m)));
+                                " bsdfs, those of the blends in it included; this one " + std::to_string(count));
   }
 }
 
-int SceneBuilder::blended_count(const Material& m) const {
+int SceneBuilder::blended_count(const Material& m, bool behind) const {
   if (m.blended[0] < 0) return 1;
-  return blended_count(scene_.materials[static_cast<std::size_t>(m.blended[0])]) +
-         blended_count(scene_.materials[static_cast<std::size_t>(m.blended[1])]);
+  int count = 0;
+  for (const int i : m.blended) {  // as BlendParts takes them: a part turns once
+    const Material* part = &scene_.materials[static_cast<std::size_t>(i)];
+    const bool turns = behind && part->two_sided;
+    if (turns && part->back >= 0) part = &scene_.materials[static_cast<std::size_t>(part->back)];
+    count += blended_count(*part, behind && !turns);
+  }
+  return count;
 }
 
 void SceneBuilder::read_extra(Params& params, Material& m, int parameter, const std::string& name, TextureRole role,

@@ -142,7 +142,11 @@ std::optional<Vec3f> SceneBuilder::constant_value(const Element& element, Textur
          range.text + std::string(", not ") +
              (text ? *text : number_text(value->x) + ", " + number_text(value->y) + ", " + number_text(value->z)));
   }
-  if (description_.understood) description_.understood->constants[&element] = *value;
+  if (description_.understood &&
+      description_.understood->constants.try_emplace(&element, *value).first->second != *value)
+    fail(
+        element.location,
+        "the spectrum is used as a light and as a colour of surfaces, which become two RGB colours: write it once for each");
   return value;
 }
 

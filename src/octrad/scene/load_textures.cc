@@ -4,6 +4,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/builder.h"
@@ -58,11 +59,13 @@ int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRol
 
 int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   if (element.get("type") == "mesh_attribute") return attribute_texture(element, role);
-  // A role matters only through its kind of value; one record serves all colours, another all scalars.
-  const auto key = std::make_pair(&element, is_scalar(role));
+  // Colours of a checkerboard are checked and converted by their role, pixels of a picture when they are read.
+  const bool bitmap = element.get("type") == "bitmap";
+  const TextureRole kind = is_scalar(role) ? TextureRole::fraction : TextureRole::reflectance;
+  const auto key = std::make_pair(&element, bitmap ? kind : role);
   if (const auto found = textures_.find(key); found != textures_.end()) {
-    if (const auto bitmap = bitmap_of_.find(found->second); bitmap != bitmap_of_.end()) {
-      std::vector<TextureRole>& roles = bitmaps_[bitmap->second].roles;
+    if (bitmap) {
+      std::vector<TextureRole>& roles = bitmaps_[bitmap_of_.at(found->second)].roles;
       if (std::find(roles.begin(), roles.end(), role) == roles.end()) roles.push_back(role);
     }
     return found->second;
@@ -159,7 +162,7 @@ void SceneBuilder::load_bitmap(std::size_t number) {
     for (const Vec3f& v : result) {
       for (int c = 0; c < 3; ++c) {
         if (!range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f))
-          fail(job.where, "the picture " + job.path + " has the value " + std::to_string(v[c]) + ": " + range.text);
+          fail(job.where, "the picture " + job.path + " has the value " + number_text(v[c]) + ": " + range.text);
       }
     }
   }

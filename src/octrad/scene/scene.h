@@ -82,6 +82,7 @@ struct Scene {
   Film film;                              // of the first sensor
   std::vector<Film> films;                // of each sensor; empty: all have that of the first
   int max_depth = -1;                     // the file's integrator setting, Mitsuba's meaning
+  bool hide_emitters = false;             // likewise: cameras do not see emitters (transport/camera_hit_math.h)
   Bounds3f bounds;                        // of all surfaces
   std::vector<std::string> warnings;
   std::vector<std::string> assumed;  // what the file leaves open or means otherwise than Mitsuba 3

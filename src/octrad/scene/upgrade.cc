@@ -238,6 +238,8 @@ void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::
 // Surfaces").
 void upgrade_phong(Element& e, SceneReport& report) {
   const std::unique_ptr<Element> exponent = take(e, "exponent");
+  if (exponent && exponent->find("value") == nullptr)
+    report.assume(exponent->location, "phong: a texture as exponent read as 30 everywhere");
   const double n = std::max(0.0, number_or(exponent.get(), 30.0));
   upgrade_glossy(e, "phong", {{"alpha", number_text(std::sqrt(2.0 / (4.0 * n + 2.0)))}}, report);
 }

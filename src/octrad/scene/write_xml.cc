@@ -43,6 +43,7 @@ class Writer {
     text_ = "<scene version=\"3.0.0\">\n";
     line(1, "<integrator type=\"path\">");
     line(2, "<integer name=\"max_depth\" value=\"" + std::to_string(scene.max_depth) + "\"/>");
+    if (scene.hide_emitters) line(2, "<boolean name=\"hide_emitters\" value=\"true\"/>");
     line(1, "</integrator>");
     for (const auto& child : description_.root->children) {
       if (child->tag != "integrator" && !is_area_light(target_of(*child))) element(*child, 1, "scene");

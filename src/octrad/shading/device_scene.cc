@@ -244,6 +244,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   }
   upload(stream, plan.layout, memory_.data());
 
+  world_.hidden_emitters = tables.scene.hide_emitters;
   world_.bvh = tables.bvh.view();
   world_.bvh.nodes = block.at<Bvh8Node>(plan.nodes);
   world_.bvh.primitives = block.at<Bvh8Primitive>(plan.primitives);

@@ -16,7 +16,8 @@ struct DeviceWorld {
   const ShapeView* shapes = nullptr;
   MaterialsView materials;
   LightsView lights;
-  bool plain = false;           // PlainDeviceWorld will do
+  bool plain = false;  // PlainDeviceWorld will do
+  bool hidden_emitters = false;
   SurfaceSamplerView surfaces;  // without elements where DeviceScene was given no sampler
 
   // The nearest surface between t_min and t_max, and whether there is one.
@@ -48,6 +49,7 @@ struct DeviceWorld {
   OCTRAD_HD Vec3f environment(Vec3f direction, float& pdf) const { return light_environment(lights, direction, pdf); }
   OCTRAD_HD bool has_environment() const { return lights.has_environment(); }
   OCTRAD_HD bool has_lights() const { return lights.count > 0; }
+  OCTRAD_HD bool hides_emitters() const { return hidden_emitters; }
 
   // Uniform in area; numbers in [0, 1). Needs a sampler.
   OCTRAD_HD SurfaceInteraction sample_surface(float u_pick, Vec2f u) const {

@@ -153,7 +153,7 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   if (!(cos > 0.0f)) return s;
   s.pdf = pick * l.inv_area * distance2 / cos * density;
   s.radiance = l.texture >= 0 ? light_radiance(view, l, mesh_uv(mesh, i, b)) : l.radiance;
-  s.valid = std::isfinite(s.pdf);
+  s.valid = s.pdf > 0.0f && std::isfinite(s.pdf);  // 0: a mesh without area
   return s;
 }
 

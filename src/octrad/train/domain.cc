@@ -7,6 +7,7 @@
 
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
+#include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/lhs_math.h"
 #include "octrad/transport/rhs_math.h"
 
@@ -94,6 +95,9 @@ SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>
     double distance = -1.0, pixel = 0.0;  // from a sensor that sees something
   };
   const TransportContext context = scene.context();
+  FollowRules rules;
+  rules.follow_below = kFollowDelta;
+  rules.max_chain = 16;
   std::vector<Walk> walks(kRays);
   parallel_blocks(kRays, 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -109,8 +113,10 @@ SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>
       RayEnd hit;
       Vec3f geometric;
       for (int v = 0; v < kVertices; ++v) {
-        hit = follow_ray(context, position, normal, direction, rng, kFollowDelta, 16,
-                         v == 0 && sensor ? ray.t_max : kRayInfinity);
+        FirstHit first;
+        hit = v == 0 && sensor
+                  ? follow_camera_ray(context, rules, ray, rng, first)
+                  : follow_ray(context, position, normal, direction, rng, rules.follow_below, rules.max_chain);
         if (!hit.surface) break;
         walk.points[walk.count++] = hit.point.surface.position;
         if (v == 0 && sensor) {

@@ -113,6 +113,7 @@ class DeviceEngine : public TrainEngine {
     input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
     last_points_ = static_cast<std::size_t>(s.points);
+    kept_ends_ = far_end_count(config_, s.points);
     stale_ = true;
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
@@ -181,13 +182,14 @@ class DeviceEngine : public TrainEngine {
   }
 
   std::vector<FarEnd> far_ends() override {
-    std::vector<FarEnd> ends(far_end_count(config_, static_cast<int>(last_points_)));
+    std::vector<FarEnd> ends(kept_ends_);
     far_ends_.download(std::span<FarEnd>(ends));
     return ends;
   }
   void set_far_ends(const std::vector<FarEnd>& ends) override {
     std::vector<FarEnd> all(far_ends_.size());
-    std::copy_n(ends.begin(), std::min(ends.size(), all.size()), all.begin());
+    kept_ends_ = std::min(ends.size(), all.size());
+    std::copy_n(ends.begin(), kept_ends_, all.begin());
     far_ends_.upload(std::span<const FarEnd>(all));
   }
 
@@ -304,7 +306,7 @@ class DeviceEngine : public TrainEngine {
   DeviceArray<StepInput> input_, ahead_input_;
   DeviceArray<Vec3f> responses_, targets_;
   DeviceArray<FarEnd> far_ends_;  // of the last step
-  std::size_t last_points_ = 0;
+  std::size_t last_points_ = 0, kept_ends_ = 0;
   std::pair<std::size_t, long long> drawn_;          // points a step and number of the group that is taken from
   std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws
   std::unique_ptr<StreamEvent> ready_;               // when it has

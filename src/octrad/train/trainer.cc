@@ -159,7 +159,7 @@ class Trainer::Run {
   }
 
   void step();
-  bool done() const { return fraction() >= 1.0 && change_steps_left() == 0; }
+  bool done() const { return (fraction() >= 1.0 || out_of_time()) && change_steps_left() == 0; }
   void aside(const std::function<void()>& work);
   RadianceField& field() { return engine_->field(); }
   const TrainingState& state() const { return state_; }
@@ -176,6 +176,7 @@ class Trainer::Run {
   void try_checkpoint();
   void save_result(bool optimizer);
   double fraction() const { return spent_budget(config_, state_); }
+  bool out_of_time() const { return options_.time_limit > 0.0 && state_.seconds >= options_.time_limit; }
   ScheduleState schedule_now() const;
   void settle();
   void report();
@@ -334,7 +335,8 @@ void Trainer::Run::report() {
   }
   if (seconds >= next_checkpoint_ && fraction() < 1.0) {
     try_checkpoint();
-    next_checkpoint_ = clock_.seconds() + config_.checkpoint_seconds;
+    clock_.back_to(seconds);
+    next_checkpoint_ = seconds + config_.checkpoint_seconds;
   }
 }
 

@@ -33,12 +33,13 @@ struct TrainOptions {
   bool save_optimizer = true;        // in the final file (checkpoints always have it)
   const Image* reference = nullptr;  // of the scene's first camera, any resolution
   double validation_seconds = 0.0;  // of training between validations; 0: chosen. Validating does not count as training
-  double max_memory = 0.0;          // bytes of the device (or of the computer, without one); 0: no limit
-  double used_memory = 0.0;         // of them, taken already: by the program and the scene
-  Stream* stream = nullptr;         // where to train; null: on the CPU
-  bool deterministic = false;       // on a device: the same bits every time, at a cost (the CPU always is)
-  std::vector<Camera> cameras;      // poses in addition to the scene's
-  Model* resume = nullptr;          // continue this model (its field is moved from)
+  double time_limit = 0.0;     // seconds of training after which a budget in steps ends too, all runs together; 0: none
+  double max_memory = 0.0;     // bytes of the device (or of the computer, without one); 0: no limit
+  double used_memory = 0.0;    // of them, taken already: by the program and the scene
+  Stream* stream = nullptr;    // where to train; null: on the CPU
+  bool deterministic = false;  // on a device: the same bits every time, at a cost (the CPU always is)
+  std::vector<Camera> cameras;                         // poses in addition to the scene's
+  Model* resume = nullptr;                             // continue this model (its field is moved from)
   std::function<bool()> interrupted;                   // train() asks it before each step
   std::function<void(const DomainFit&)> placed;        // the box of a new field, before it is made
   std::function<void(const TrainProgress&)> progress;  // several times a second

@@ -42,6 +42,7 @@ struct TransportContext {
   Vec3f environment(Vec3f direction, float& pdf) const { return light_environment(lights.view(), direction, pdf); }
   bool has_environment() const { return lights.has_environment(); }
   bool has_lights() const { return !lights.empty(); }
+  bool hides_emitters() const { return scene.hide_emitters; }
 };
 
 }  // namespace octrad

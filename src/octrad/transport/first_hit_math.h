@@ -3,6 +3,7 @@
 #pragma once
 
 #include "octrad/scene/camera_math.h"
+#include "octrad/transport/camera_hit_math.h"
 #include "octrad/transport/follow_math.h"
 
 namespace octrad {
@@ -45,11 +46,13 @@ struct FirstHitQuery {
   unsigned long long key = 0;  // bounce: of the sample (Rng::sample_key)
 };
 
-// `rng`: the sample's generator after its ray was followed.
+// `first`: of the ray; `rng`: the sample's generator after it was followed.
 template <Models kModels = Models::all>
-OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, const RayEnd& end, const Rng& rng) {
+OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, bool hides_emitters, const RayEnd& end,
+                                               const FirstHit& first, const Rng& rng) {
   using Bounce = FirstHitOptions::Bounce;
   FirstHitQuery query;
+  if (hides_emitters && !first.valid) return query;
   query.known = end.first_emitted + end.emitted;
   if (!end.surface) return query;
   if (options.bounce == Bounce::all ||
@@ -64,14 +67,28 @@ OCTRAD_HD inline FirstHitQuery first_hit_query(const FirstHitOptions& options, c
   return query;
 }
 
-// Follows a camera sample's ray to its end and decides what it asks. `first`: attributes of the first hit.
+// Follows a camera's ray to its end. `first`: attributes of the first hit.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline RayEnd follow_camera_ray(const World& world, const FollowRules& rules, const Ray& ray, Rng& rng,
+                                          FirstHit& first) {
+  RayEnd end;
+  if (rules.max_chain < 0) return end;
+  Segment segment = first_segment(ray.origin, nullptr, ray.direction, ray.t_max);
+  int rays = 0;
+  Hit hit = camera_hit(world, ray, rays);
+  end.rays = rays - 1;  // follow_hit() counts the last
+  follow_from(world, ray.origin, hit, rng, rules.follow_below, rules.max_chain, segment, end, &first);
+  return end;
+}
+
+// The same for a camera sample, and what it asks.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHitOptions& options, CameraSample& sample,
                                                RayEnd& end, FirstHit& first) {
-  end = follow_ray(world, sample.ray.origin, nullptr, sample.ray.direction, sample.rng, options.follow_below,
-                   options.max_chain, sample.ray.t_max, &first);
-  return first_hit_query<World::kModels>(options, end, sample.rng);
+  end = follow_camera_ray(world, options, sample.ray, sample.rng, first);
+  return first_hit_query<World::kModels>(options, world.hides_emitters(), end, first, sample.rng);
 }
 
 // The point as it is given to a field, with SurfacePoint::disparity where `offset` is traced (lookup.offset = traced),

@@ -98,6 +98,75 @@ TEST(FirstHit, DeltaChainsAreFollowedAndKeepTheirFirstSurface) {
   EXPECT_EQ(look_along(scene, {0, 0, 1}, options).query.next, Next::nothing);
 }
 
+// Two lamps one behind the other before a wall, a mirror that shows them, a curtain before the sky.
+TEST(FirstHit, HiddenEmittersLetTheCameraSeeWhatIsBehindThem) {
+  testing::SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f), true);
+  maker.quad({-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, grey, Vec3f(3.0f));
+  maker.sphere({0, 0, -2}, 0.5f, grey, Vec3f(2.0f));
+  maker.quad({-1, -1, -4}, {2, 0, 0}, {0, 2, 0}, grey);
+  Material mirror, curtain;
+  mirror.type = BsdfType::conductor;
+  mirror.two_sided = true;
+  curtain.reflectance = maker.texture(0.3f);
+  curtain.opacity = maker.texture(0.5f);
+  curtain.two_sided = true;
+  maker.quad({-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, maker.material(mirror));
+  maker.quad({-2, -1, -1}, {0, 0, 2}, {0, 2, 0}, maker.material(curtain));
+  Environment sky;
+  sky.width = sky.height = 2;
+  sky.pixels.assign(4, Vec3f(0.25f));
+  maker.scene.environments.push_back(sky);
+  maker.scene.hide_emitters = true;
+  const PreparedScene scene(maker.scene);
+  FirstHitOptions options;
+  options.follow_below = kFollowDelta;
+
+  const Found wall = look_along(scene, {0, 0, -1}, options);
+  EXPECT_EQ(wall.query.next, Next::query);
+  EXPECT_EQ(wall.query.known, Vec3f(0.0f));
+  EXPECT_FLOAT_EQ(wall.end.point.surface.position.z, -4.0f);
+  EXPECT_NEAR(wall.first.depth, 4.0f, 1e-5f);
+  EXPECT_EQ(wall.end.rays, 4);  // two lamps, the first and the far side of the ball
+
+  const Found in_mirror = look_along(scene, {0, 0, 1}, options);
+  EXPECT_FLOAT_EQ(in_mirror.end.point.surface.position.z, -1.0f);
+  EXPECT_FLOAT_EQ(in_mirror.query.known.x, 3.0f * in_mirror.end.throughput.x);
+
+  const Found nothing = look_along(scene, {0, 1, 0}, options);
+  EXPECT_EQ(nothing.query.next, Next::nothing);
+  EXPECT_EQ(nothing.query.known, Vec3f(0.0f));
+  EXPECT_FALSE(nothing.first.valid);
+
+  int through = 0;
+  for (unsigned long long i = 0; i < 100; ++i) {
+    CameraSample sample{{{0, 0, 0}, {-1, 0, 0}, 1e30f}, Rng(1, RngPurpose::test, i), {}};
+    RayEnd end;
+    FirstHit first;
+    const FirstHitQuery query = trace_first_hit(scene.context(), options, sample, end, first);
+    EXPECT_EQ(query.known, Vec3f(0.0f));
+    EXPECT_EQ(query.next, first.valid ? Next::query : Next::nothing);
+    through += !first.valid;
+  }
+  EXPECT_NEAR(through, 50, 20);
+}
+
+// A lamp that a far clipping plane cuts off is not there, and what lies beyond it neither.
+TEST(FirstHit, HiddenEmittersDoNotMoveTheFarPlane) {
+  testing::SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f), true);
+  maker.quad({-1, -1, -1}, {2, 0, 0}, {0, 2, 0}, grey, Vec3f(3.0f));
+  maker.quad({-1, -1, -4}, {2, 0, 0}, {0, 2, 0}, grey);
+  maker.scene.hide_emitters = true;
+  const PreparedScene scene(maker.scene);
+  for (const float far : {3.9f, 4.1f}) {
+    int rays = 0;
+    const Hit hit = camera_hit(scene.context(), Ray{{0, 0, 0}, {0, 0, -1}, far}, rays);
+    EXPECT_EQ(hit.valid(), far > 4.0f);
+    EXPECT_EQ(rays, 2);
+  }
+}
+
 // Passed surfaces are lit by both ways of sampling, whose weights add up to one.
 TEST(FirstHit, NearMirrorsAreFollowedAndShowLampsAndSky) {
   const PreparedScene scene = scene_around();

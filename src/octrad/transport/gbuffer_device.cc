@@ -5,7 +5,8 @@
 
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
-#include "octrad/transport/trace_offsets.h"
+#include "octrad/transport/hide_emitters_device.h"
+#include "octrad/transport/trace_offsets_device.h"
 
 namespace octrad {
 namespace gbuffer_kernels {
@@ -49,9 +50,9 @@ constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
 
 // The ray of sample `k` has ended, with `segment`.
 template <Models kModels>
-OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, std::uint32_t k, RayEnd& end,
-                             const FirstHit& first, const Segment& segment, Rng& rng) {
-  const FirstHitQuery query = first_hit_query<kModels>(options, end, rng);
+OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, bool hides_emitters, std::uint32_t k,
+                             RayEnd& end, const FirstHit& first, const Segment& segment, Rng& rng) {
+  const FirstHitQuery query = first_hit_query<kModels>(options, hides_emitters, end, first, rng);
   memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
   if (query.next == FirstHitQuery::Next::nothing) return;
@@ -103,7 +104,7 @@ struct Arrive : Kernel {
         return;
       }
     }
-    finish<World::kModels>(memory, options, k, end, first, segment, sample.rng);
+    finish<World::kModels>(memory, options, world.hides_emitters(), k, end, first, segment, sample.rng);
   }
 };
 
@@ -179,6 +180,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   checked.split_coats = options.split_coats && split_;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory}, sizes + kTaken);
+  hide_emitters(*stream_, n, world_, job_.data(), hits_.data(), &counts_.data()->rays);
   stream_->mark("first rays");
   with_world(world_, [&](const auto& world) {
     using World = std::decay_t<decltype(world)>;

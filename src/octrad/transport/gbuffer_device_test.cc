@@ -30,6 +30,17 @@ TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
   }
 }
 
+TEST_P(DeviceGBuffers, HiddenEmitters) {
+  Scene room = testing::open_room();
+  room.hide_emitters = true;
+  const PreparedScene scene(std::move(room), PreparedScene::CpuTree::bvh8);
+  for (const bool follow : {false, true}) {
+    FirstHitCase c{{}, true, true};
+    c.options.follow_below = follow ? 0.3f : 0.0f;
+    EXPECT_TRUE(testing::passed(check_first_hits(*stream, scene, camera_job(scene, 24, 18, 3, 3), {&c, 1})));
+  }
+}
+
 // The room has something of every kind to see.
 TEST(SampleScenes, TheOpenRoomAsksAndBounces) {
   const PreparedScene scene(testing::open_room());

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "octrad/scene/camera_math.h"
+#include "octrad/transport/camera_hit_math.h"
 #include "octrad/transport/follow_math.h"
 
 namespace octrad {
@@ -79,7 +80,10 @@ OCTRAD_HD inline bool pose_ray(const World& world, const CameraView& camera, Rng
   PoseWalk walk{first.origin, first.direction, {}, {}};
   const std::uint32_t legs = pose_walk_legs(rng);
   for (std::uint32_t leg = 0; leg < legs; ++leg) {
-    const Hit hit = world.intersect(walk.origin, walk.direction, 0.0f, kRayInfinity);
+    const Ray next{walk.origin, walk.direction, kRayInfinity};
+    int rays = 0;
+    const Hit hit =
+        leg == 0 ? camera_hit(world, next, rays) : world.intersect(next.origin, next.direction, 0.0f, next.t_max);
     if (!hit.valid()) return leg > 0;
     extend_pose_walk(world.interact(hit, walk.origin, walk.direction), hit.t, leg + 1 == legs, rng, walk);
     ray.origin = walk.pose_origin;
@@ -219,7 +223,11 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
   if (area || hit.valid()) {
     const SurfaceInteraction surface =
         area ? area_surface(world, draw.rng) : world.interact(hit, walk.origin, walk.direction);
-    if (leg) extend_pose_walk(surface, hit.t, ++draw.vertex == draw.legs, draw.rng, walk);
+    if (!area && draw.vertex == 0 && surface.emitter >= 0 && world.hides_emitters()) {
+      // What a camera would see behind it.
+      walk.origin = offset_origin(surface.position, surface.geometric_normal, walk.direction);
+      if (++draw.passed <= kMostHiddenEmitters) return LhsNext::ray;
+    } else if (leg) extend_pose_walk(surface, hit.t, ++draw.vertex == draw.legs, draw.rng, walk);
     else next = lhs_shade(world, options, surface, draw, point);
   }
   if (leg && draw.vertex > 0) {
@@ -228,7 +236,7 @@ OCTRAD_HD inline LhsNext lhs_advance(const World& world, const LhsOptions& optio
       walk.origin = walk.pose_origin;  // the pose walk ends after its last leg, or where it leaves the scene
       walk.direction = walk.pose_direction;
       draw.kind = LhsKind::walk;
-      draw.vertex = 0;
+      draw.vertex = draw.passed = 0;
     }
   }
   if (next == LhsNext::ray) return next;

@@ -37,6 +37,33 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
   }
 }
 
+// The sensor is behind a lamp that it does not see.
+TEST(LhsSampler, WalksPassHiddenEmitters) {
+  for (const bool hide : {false, true}) {
+    testing::SceneMaker maker;
+    const int grey = maker.diffuse(Vec3f(0.5f), true);
+    maker.quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, grey);
+    maker.quad({-9, -9, 2}, {18, 0, 0}, {0, 18, 0}, grey, Vec3f(3.0f));
+    maker.camera({0, 0, 4}, {0, 0, 0}, 20.0f, 20, 20);
+    maker.scene.hide_emitters = hide;
+    const PreparedScene prepared(std::move(maker.scene));
+    LhsOptions options;
+    options.walks = 0.0;
+    options.view = 1.0;
+    std::vector<ShadingPoint> points(500);
+    LhsSampler(prepared, options).sample(3, points);
+    for (const ShadingPoint& p : points) EXPECT_FLOAT_EQ(p.surface.position.z, hide ? 0.0f : 2.0f);
+    options.walks = 1.0;
+    options.view = 0.0;
+    options.stop_probability = 0.5;
+    LhsSampler(prepared, options).sample(3, points);
+    const auto floor =
+        std::count_if(points.begin(), points.end(), [](const ShadingPoint& p) { return p.surface.position.z < 1.0f; });
+    if (hide) EXPECT_GT(floor, 250);
+    else EXPECT_EQ(floor, 0);
+  }
+}
+
 // A floor, and a sensor of each kind above a part of it of its own.
 TEST(LhsSampler, WalksStartFromEveryKindOfSensor) {
   for (const CameraKind kind : {CameraKind::perspective, CameraKind::thinlens, CameraKind::orthographic}) {

@@ -59,19 +59,21 @@ std::vector<Vertex> follow_path(const TransportContext& world, const Emitters& e
   std::vector<Vertex> vertices;
   Rng rng(0, RngPurpose::picks, path);
   Ray ray = random_ray(view, rng);
-  for (int passed = 0; static_cast<int>(vertices.size()) < kVertices && passed < kPasses;) {
-    const Hit hit = world.intersect(ray.origin, ray.direction, 0.0f, kRayInfinity);
-    if (!hit.valid()) break;
+  int rays = 0;
+  Hit hit = camera_hit(world, ray, rays);
+  for (int passed = 0; hit.valid() && static_cast<int>(vertices.size()) < kVertices && passed < kPasses;) {
     const SurfaceInteraction surface = world.interact(hit, ray.origin, ray.direction);
     const ShadingPoint point = world.shade(surface, -ray.direction);
     if (point.black && point.bsdf.opacity >= 1.0f) break;
     const Vec3f wo = point.to_local(-ray.direction);
-    const BsdfSample next = sample_bsdf(point.bsdf, wo, rng.uniform(), rng.uniform2());
+    const float u_lobe = rng.uniform();
+    const BsdfSample next = sample_bsdf(point.bsdf, wo, u_lobe, rng.uniform2());
     if (next.null || is_delta_bsdf(point.bsdf)) ++passed;
     else vertices.push_back(sample_emitters(world, emitters, point, wo, rng));
     if (!next.valid) break;
     if (!next.null) ray.direction = normalize(point.to_world(next.wi));
     ray.origin = offset_origin(surface.position, surface.geometric_normal, ray.direction);
+    hit = world.intersect(ray.origin, ray.direction, 0.0f, kRayInfinity);
   }
   return vertices;
 }

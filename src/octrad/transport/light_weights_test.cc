@@ -87,6 +87,11 @@ TEST(LightWeights, AScenePreparesThemUnlessItsFileHasSome) {
   PreparedScene dark(lamps.scene);  // edits do not change them, nor does it matter which comes first
   dark.set_light_factor(0, Vec3f(0.0f));
   EXPECT_EQ(light_pick(dark.lights().view(), 0), light_pick(measured.lights().view(), 0));
+  PreparedScene painted(lamps.scene);
+  MaterialEdit black;
+  black.color = Vec3f(0.0f);
+  for (int m = 0; m < static_cast<int>(lamps.scene.materials.size()); ++m) painted.set_material_edit(m, black);
+  EXPECT_EQ(light_pick(painted.lights().view(), 0), light_pick(measured.lights().view(), 0));
   lamps.scene.area_lights[2].sampling_weight = 2.0f;
   EXPECT_FLOAT_EQ(light_pick(PreparedScene(lamps.scene).lights().view(), 2), 0.5f);
 }

@@ -57,6 +57,7 @@ class Group {
       for (std::size_t i = 0; i < alive; ++i) {
         Walker& w = *active_[i];
         w.hit = hits_[i];
+        if (w.path.depth == 0 && context_.hides_emitters()) hide_emitters(w);
         prefetch_triangle(w.hit);
         if (environment_) prefetch_light(w);
       }
@@ -81,6 +82,12 @@ class Group {
   }
 
  private:
+  void hide_emitters(Walker& w) {
+    int rays = 0;
+    w.hit = behind_emitters(context_, w.out->ray, w.hit, rays);
+    counters_.rays += rays;
+  }
+
   void prefetch_triangle(const Hit& hit) const {
     if (!hit.valid()) return;
     const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
@@ -111,7 +118,7 @@ class Group {
   // The surface that was hit, or the light of the environment.
   void locate(Walker& w) {
     if (!w.hit.valid()) {
-      if (environment_) w.out->radiance += path_escape(context_, w.path);
+      if (environment_) w.out->radiance += path_escape(context_, w.path, w.out->first.valid);
       return;
     }
     std::construct_at(&w.surface, context_.interact(w.hit, w.path.origin, w.path.direction));

@@ -6,6 +6,7 @@
 
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
+#include "octrad/transport/hide_emitters_device.h"
 
 namespace octrad {
 namespace path_kernels {
@@ -129,7 +130,7 @@ struct Scatter : Kernel {
     Vec3f radiance = memory.samples.radiance(i);
     const bool environment = world.has_environment();
     if (!hit.valid()) {
-      if (environment) memory.samples.set_radiance(i, radiance + path_escape(world, state));
+      if (environment) memory.samples.set_radiance(i, radiance + path_escape(world, state, memory.valid[i] != 0));
       return;
     }
     Rng rng = memory.generators[i];
@@ -205,7 +206,7 @@ struct Finish : Kernel {
       const Hit hit = world.intersect(state.origin, state.direction, 0.0f, state.t_max);
       ++rays;
       if (!hit.valid()) {
-        if (environment) radiance += path_escape(world, state);
+        if (environment) radiance += path_escape(world, state, first.valid);
         break;
       }
       LightNumbers numbers{};
@@ -271,6 +272,7 @@ void DevicePathTracer::run(const PathLimits& limits, std::size_t samples) {
   for (int b = 0; b < bounces; ++b) {
     const std::uint32_t* queue = queue_[b % 2].data();
     cast(*stream_, n, Extend{{}, world_, memory, queue, paths + b}, taken + 2 * b);
+    if (b == 0) hide_emitters(*stream_, n, world_, job_.data(), hits_.data(), &counts_.data()->rays);
     with_world(world_, [&](const auto& world) {
       launch(
           *stream_, n,

@@ -29,6 +29,15 @@ TEST_P(DevicePaths, MatchTheCpuVertexByVertex) {
   }
 }
 
+TEST_P(DevicePaths, HiddenEmitters) {
+  Scene room = testing::open_room();
+  room.hide_emitters = true;
+  const PreparedScene scene(std::move(room), kBvh8);
+  const CameraJob job = camera_job(scene, 24, 18, 4, 3);
+  const PathLimits limits[] = {{1, 5}, {2, 5}, {-1, 5}};
+  for (const int waves : {1, 16}) EXPECT_TRUE(testing::passed(check_paths(*stream, scene, {&job, 1}, limits, waves)));
+}
+
 // Few bounces with kernels of their own: the rest is finished by one thread each. A window, and some of the samples.
 TEST_P(DevicePaths, LongPathsAreFinished) {
   const PreparedScene scene(testing::open_room(), kBvh8);

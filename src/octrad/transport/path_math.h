@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "octrad/shading/light_sample.h"
+#include "octrad/transport/camera_hit_math.h"
 #include "octrad/transport/follow_math.h"
 
 namespace octrad {
@@ -46,10 +47,11 @@ struct Connection {
   Vec3f contribution;
 };
 
-// Contribution of a path that left the scene.
+// Contribution of a path that left the scene. `met`: after a surface, not after masks alone (FirstHit::valid).
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline Vec3f path_escape(const World& world, const PathState& path) {
+OCTRAD_HD inline Vec3f path_escape(const World& world, const PathState& path, bool met) {
+  if (!met && world.hides_emitters()) return Vec3f(0.0f);
   float light_pdf = 0.0f;
   const Vec3f radiance =
       path.previous_delta ? world.environment(path.direction) : world.environment(path.direction, light_pdf);

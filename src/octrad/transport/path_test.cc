@@ -184,7 +184,7 @@ TEST(Path, FirstHitAttributesLookThroughMasks) {
   trace_paths(world.context, {1, 5}, paths, counters);
   for (const PathSample& p : paths) {
     if (!p.first.valid) continue;  // depth 1 ends at the mask
-    EXPECT_FLOAT_EQ(p.first.depth, 2.0f);
+    EXPECT_NEAR(p.first.depth, 2.0f, 1e-5f);
     EXPECT_FLOAT_EQ(p.first.roughness, 1.0f);
   }
   paths = samples_along({{0.1f, 0.1f, 0.0f}, {0, 0, 1}, 1e30f}, 4000);
@@ -200,6 +200,57 @@ TEST(Path, FirstHitAttributesLookThroughMasks) {
     EXPECT_LT(p.first.normal.z, -0.99f);
   }
   EXPECT_NEAR(front / 4000.0, 0.25, 0.03);
+}
+
+// What Mitsuba 3.9.1 makes of it (`hide_emitters`): the camera sees what lies behind the lamp, lit by it; nothing where
+// only the sky is; masks show the lamp, and light on what is seen through them counts.
+TEST(Path, HiddenEmitters) {
+  SceneMaker maker;
+  const int grey = maker.diffuse(Vec3f(0.5f), true);
+  Material curtain;
+  curtain.reflectance = maker.texture(0.3f);
+  curtain.opacity = maker.texture(0.5f);
+  curtain.two_sided = true;
+  maker.quad({-1, -1, 1}, {2, 0, 0}, {0, 2, 0}, grey, Vec3f(4.0f));
+  maker.quad({-3, -3, 2}, {6, 0, 0}, {0, 6, 0}, grey);
+  maker.quad({3, 0, 0.5f}, {0.5f, 0, 0}, {0, 0.5f, 0}, maker.material(curtain));
+  Environment sky;
+  sky.width = sky.height = 2;
+  sky.pixels.assign(4, Vec3f(0.25f));
+  maker.scene.environments.push_back(sky);
+  maker.scene.hide_emitters = true;
+  const World hiding(maker);
+  maker.scene.hide_emitters = false;
+  const World showing(maker);
+  const PathLimits limits{-1, 5};
+
+  const Vec3f down{0, 0, 1};
+  PathCounters counters;
+  std::vector<PathSample> behind = samples_along({{0.1f, 0.2f, 0}, down, 1e30f}, 2000);
+  trace_paths(hiding.context, limits, behind, counters);
+  const Vec3d expected = estimate(showing.context, {{0.1f, 0.2f, 1.5f}, down, 1e30f}, 2000, limits).mean;
+  Vec3d mean{0, 0, 0};
+  for (const PathSample& p : behind) {
+    mean += Vec3d(p.radiance) / 2000.0;
+    EXPECT_NEAR(p.first.depth, 2.0f, 1e-5f);
+  }
+  EXPECT_GT(mean.y, 0.5);
+  EXPECT_NEAR(mean.y, expected.y, 1e-6);
+
+  EXPECT_EQ(estimate(hiding.context, {{0, 0, 0}, {0, 0, -1}, 1e30f}, 100, limits).mean.y, 0.0);
+  EXPECT_NEAR(estimate(showing.context, {{0, 0, 0}, {0, 0, -1}, 1e30f}, 100, limits).mean.y, 0.25, 1e-6);
+
+  // Through the curtain alone there is no sky; what the curtain reflects is there.
+  const Ray up{{3.2f, 0.2f, 0.7f}, {0, 0, -1}, 1e30f};
+  std::vector<PathSample> hidden = samples_along(up, 2000), shown = hidden;
+  trace_paths(hiding.context, limits, hidden, counters);
+  trace_paths(showing.context, limits, shown, counters);
+  int through = 0;
+  for (std::size_t i = 0; i < hidden.size(); ++i) {
+    through += hidden[i].first.valid ? 0 : 1;
+    EXPECT_NEAR(hidden[i].radiance.y + (hidden[i].first.valid ? 0.0f : 0.25f), shown[i].radiance.y, 1e-5f);
+  }
+  EXPECT_NEAR(through, 1000, 120);
 }
 
 TEST(Path, BacksOfOneSidedSurfacesAreBlack) {

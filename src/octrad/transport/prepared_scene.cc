@@ -126,6 +126,7 @@ SceneChange PreparedScene::set_light_factor(int light, Vec3f factor) {
 
 SceneChange PreparedScene::set_material_edit(int material, const MaterialEdit& edit) {
   const std::lock_guard lock(impl_->building);
+  lights();  // measured in the scene as it was loaded, as in set_light_factor()
   impl_->edits.at(static_cast<std::size_t>(material)) = edit;
   impl_->materials.set_edit(material, edit);
   for (auto& [stream, copy] : impl_->copies) copy.update(tables_of(*this));

@@ -6,8 +6,8 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
-#include "octrad/transport/chain_rounds.h"
-#include "octrad/transport/trace_offsets.h"
+#include "octrad/transport/chain_rounds_device.h"
+#include "octrad/transport/trace_offsets_device.h"
 
 namespace octrad {
 namespace rhs_kernels {

@@ -15,6 +15,9 @@ class DeviceBatches : public testing::StreamTest {};
 
 TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   const PreparedScene scene(testing::open_room(), PreparedScene::CpuTree::bvh8);
+  Scene hiding = testing::open_room();
+  hiding.hide_emitters = true;
+  const PreparedScene hidden(std::move(hiding), PreparedScene::CpuTree::bvh8);
   std::vector<LhsOptions> kinds(5);
   kinds[1].poses = 5;
   kinds[1].keep_direction = 0.3;
@@ -29,8 +32,10 @@ TEST_P(DeviceBatches, LeftHandSidesAreTheCpus) {
   kinds[4].max_walk = 2;
   kinds[4].stop_probability = 0.2;
   kinds[4].glossy_boost = 3.0;
-  for (std::size_t k = 0; k < kinds.size(); ++k)
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
     EXPECT_TRUE(testing::passed(check_left_hand_sides(*stream, scene, kinds[k], 1500, 41, 1))) << k;
+    EXPECT_TRUE(testing::passed(check_left_hand_sides(*stream, hidden, kinds[k], 1500, 41, 1))) << k;
+  }
 }
 
 TEST_P(DeviceBatches, LeftHandSidesOfManyStepsAtOnceAreTheSame) {

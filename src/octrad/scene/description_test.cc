@@ -1,0 +1,47 @@
+// Where the elements and files of a scene come from: includes, aliases and folders.
+#include "octrad/scene/description.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "octrad/base/folder_test_helper.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/texture.h"
+
+namespace octrad {
+namespace {
+
+TEST(Description, IncludesAliasesAndPaths) {
+  const TestFolder folder;
+  const auto load = [&](const std::string& body) {
+    return load_scene(
+        folder.write("s.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/>" + body + "</scene>"));
+  };
+  std::filesystem::create_directories(folder.file("sub"));
+  folder.write(
+      "part.xml",
+      R"(<scene version="3.0.0"><default name="r" value="0.1"/><bsdf type="diffuse" id="inner"><float name="reflectance" value="$r"/></bsdf></scene>)");
+  folder.write("one.xml", R"(<bsdf type="conductor" id="single"/>)");
+  folder.write("sub/q.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  const Scene scene = load(
+      R"(<default name="r" value="0.3"/><include filename="part.xml"/><include filename="one.xml"/><alias id="inner" as="outer"/><path value="sub"/>
+    <shape type="sphere"><ref id="outer"/></shape><shape type="sphere"><ref id="single"/></shape><shape type="obj"><string name="filename" value="q.obj"/></shape>)");
+  EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].id, "inner");
+  EXPECT_EQ(evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(
+                                 scene.materials[static_cast<std::size_t>(scene.shapes[0].material)].reflectance)]),
+                             {0, 0}),
+            Vec3f(0.3f));
+  EXPECT_EQ(scene.materials[static_cast<std::size_t>(scene.shapes[1].material)].type, BsdfType::conductor);
+  // The folder of a <path> comes before that of the scene, and a later <path> before an earlier one.
+  std::filesystem::create_directories(folder.file("late"));
+  for (const auto& [name, x] : {std::pair{"q.obj", "7"}, {"late/q.obj", "9"}})
+    folder.write(name, std::string("v ") + x + " 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
+  const std::string named = R"(<shape type="obj"><string name="filename" value="q.obj"/></shape>)";
+  for (const auto& [paths, x] :
+       {std::pair{R"(<path value="sub"/>)", 1.0f}, {R"(<path value="sub"/><path value="late"/>)", 9.0f}, {"", 7.0f}})
+    EXPECT_EQ(load(paths + named).meshes[0].positions[0].x, x) << paths;
+}
+
+}  // namespace
+}  // namespace octrad
