@@ -137,7 +137,8 @@ class Train(Case):
         complete = [line for line in lines[1:] if "MAPE" in line]  # nothing is estimated in the first
         self.assertGreater(len(complete), 0, text)
         for line in complete:
-            self.assertRegex(line, r"^train +\d+ %  ETA .*  step [\d,]+  loss [\d.]+  MAPE [\d.]+  [\d.]+ [kM]? ?queries/s$")
+            # The last field is left out where it does not fit: a fast machine has longer numbers.
+            self.assertRegex(line, r"^train +\d+ %  ETA .*  step [\d,]+  loss [\d.]+  MAPE [\d.]+(  [\d.]+ [kM]? ?queries/s)?$")
 
     def test_time_and_both_budgets(self):
         report = self.train("--time", "1s")
