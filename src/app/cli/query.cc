@@ -31,9 +31,9 @@ struct QueryOptions {
 constexpr std::size_t kBlock =
     1024;  // points: small enough to stay in cache, large enough for whole tiles of the kernels
 
-// Fills in the disparities of points whose look-ups have a traced offset. Says which scene they were traced in; empty:
-// the one that the model names is not there, and they stay 0.
-std::string trace_disparities(const CommonOptions& common, const QueryOptions& o, const ModelInfo& info,
+// Traces the offsets of points whose look-ups have one. Says in which scene; empty: the one that the model names is not
+// there, and they stay 0.
+std::string trace_offsets(const CommonOptions& common, const QueryOptions& o, const ModelInfo& info,
                               const OffsetRay& offset, QueryPoints& asked) {
   const std::string file = o.scene.empty() ? info.scene_file : o.scene;
   const auto definitions = o.definitions.scene_definitions();
@@ -43,10 +43,8 @@ std::string trace_disparities(const CommonOptions& common, const QueryOptions& o
     check_scene(o.model, info, file, scene.fingerprint(), o.force);
     const TransportContext context = scene.context();
     parallel_blocks(asked.points.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        SurfacePoint& point = asked.points[i];
-        point.disparity = traced_disparity(context, offset.rule, point, asked.geometric_normals[i]);
-      }
+      for (std::size_t i = begin; i < end; ++i)
+        trace_offset(context, offset, asked.geometric_normals[i], asked.points[i]);
     });
     return file;
   } catch (const UsageError&) {
@@ -54,7 +52,7 @@ std::string trace_disparities(const CommonOptions& common, const QueryOptions& o
   } catch (const Error& error) {
     if (!o.scene.empty() || !definitions.empty()) throw;
     log_warning(fmt::format(
-        "{}: glossy points are looked up with disparities of rays (lookup.offset = traced), which are taken as 0 here: {}; "
+        "{}: glossy points are looked up with what rays meet (lookup.offset = traced), which is taken as nothing here: {}; "
         "--scene says where the scene is",
         o.model, error.what()));
     return "";
@@ -74,8 +72,8 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   std::vector<SurfacePoint>& points = asked.points;
   const auto has_offset = [&](const SurfacePoint& p) { return rays.offset.rule.has_offset(p.alpha); };
   std::string scene;
-  if (rays.offset.traced && !asked.has_disparity && std::any_of(points.begin(), points.end(), has_offset))
-    scene = trace_disparities(common, o, model.info, rays.offset, asked);
+  if (rays.offset.traced && !asked.has_offsets && std::any_of(points.begin(), points.end(), has_offset))
+    scene = trace_offsets(common, o, model.info, rays.offset, asked);
   RadianceField& field = *model.field;
 
   const Stopwatch watch;
@@ -149,8 +147,8 @@ void add_query(Program& program) {
       ->required()
       ->type_name("IN.csv");
   verb->add_option("--scene", o->scene,
-                   "scene that disparities of glossy points are traced in (lookup.offset = traced); default: the file "
-                   "that the model was trained with. Not needed with a column disparity")
+                   "scene that offsets of glossy points are traced in (lookup.offset = traced); default: the file that the "
+                   "model was trained with. Not needed where the points have columns of them")
       ->type_name("SCENE.xml");
   add_force_option(*verb, o->force);
   o->definitions.add_definitions_to(*verb);

@@ -34,6 +34,16 @@ std::vector<std::string> split_line(const std::string& line) {
   }
 }
 
+// What a ray of the offset met, SurfacePoint::disparity and, if the field takes it, SurfacePoint::reflected.
+std::vector<std::string> offset_columns(const OffsetRay& offset) {
+  std::vector<std::string> names = {"disparity"};
+  if (offset.reflected) {
+    for (const char* name : {"met", "ralpha", "rnx", "rny", "rnz", "rar", "rag", "rab", "rer", "reg", "reb"})
+      names.emplace_back(name);
+  }
+  return names;
+}
+
 // Columns of a file for a field that wants `rays` traced: without a scene what they met is given, cluster by cluster.
 std::vector<std::string> columns_for(const QueryRays& rays) {
   std::vector<std::string> names(kColumns.begin(), kColumns.end());
@@ -86,11 +96,17 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
                                                    "share n of each cluster), which a file of points cannot trace"));
       }
       if (!rays.offset.traced) continue;
-      result.has_disparity = find_column("disparity");
-      if (result.has_disparity) {
-        names.emplace_back("disparity");
-        continue;
+      const std::vector<std::string> offset = offset_columns(rays.offset);
+      std::string missing;
+      for (const std::string& name : offset) {
+        if (find_column(name)) names.push_back(name);
+        else if (missing.empty()) missing = name;
       }
+      result.has_offsets = names.size() == required + offset.size();
+      if (result.has_offsets) continue;
+      if (names.size() > required)
+        refuse(fmt::format("the header lacks the column \"{}\"; what the ray of an offset met needs {}, or none of them",
+                           missing, join(offset, ",")));
       for (const char* name : {"ngx", "ngy", "ngz"}) {
         if (find_column(name)) names.emplace_back(name);
       }
@@ -114,8 +130,16 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
     p.n = {v[6], v[7], v[8]};
     p.albedo = {v[9], v[10], v[11]};
     p.alpha = v[12];
-    if (result.has_disparity) p.disparity = v[required];
+    if (result.has_offsets) p.disparity = v[required];
     if (p.disparity < 0.0f) refuse("column disparity: expected a number of at least 0");
+    if (result.has_offsets && rays.offset.reflected) {
+      const float* r = &v[required + 1];
+      p.reflected = {r[0], r[1], {r[2], r[3], r[4]}, {r[5], r[6], r[7]}, {r[8], r[9], r[10]}};
+      if ((r[0] != 0.0f && r[0] != 1.0f) || *std::min_element(r + 5, r + 11) < 0.0f || r[1] < 0.0f)
+        refuse("columns met,ralpha,rar,...,reb: expected 0 or 1, and a roughness, an albedo and an emission of at least 0");
+      if (r[0] == 1.0f && std::abs(length(p.reflected.n) - 1.0f) > 1e-2f)
+        refuse(fmt::format("rnx,rny,rnz has length {:.3g}: a unit vector is needed", length(p.reflected.n)));
+    }
     for (std::size_t i = kColumns.size(); i < required; i += 3) {
       if (v[i] < 0.0f || v[i + 1] < 0.0f || v[i + 2] < 0.0f || v[i + 2] > 1.0f)
         refuse(fmt::format("columns {},{},{}: expected a distance and a deviation of at least 0 and a share in 0 ... 1",
@@ -132,7 +156,7 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
       refuse("columns ar,ag,ab,alpha: expected an albedo and a roughness of at least 0");
     ask_to_grow(points, file);
     points.push_back(p);
-    if (!rays.offset.traced || result.has_disparity) continue;
+    if (!rays.offset.traced || result.has_offsets) continue;
     ask_to_grow(result.geometric_normals, file);
     result.geometric_normals.push_back(geometric);
   }

@@ -16,6 +16,15 @@ struct HitCluster {
 inline constexpr int kHitClusters = 4, kMostLobeRays = 512;
 inline constexpr int kHitClusterNumbers = 3 * kHitClusters;
 
+// What a point shows along its look-up direction (lookup.reflected): the surface that a ray in that direction met.
+struct ReflectedSurface {
+  float met = 0.0f;         // 1: a surface; 0: the ray left the scene, or was not cast
+  float alpha = 0.0f;       // its roughness; of a coated surface that of its base, 1
+  Vec3f n{0, 0, 0};         // its unit shading normal, on the side of the point
+  Vec3f albedo{0, 0, 0};    // of a coated surface: of its base, towards the point
+  Vec3f emitted{0, 0, 0};   // radiance that it emits towards the point; without a surface that of the environment
+};
+
 struct SurfacePoint {
   Vec3f x;                        // world position
   Vec3f n;                        // unit shading normal, on the side of wo
@@ -24,6 +33,7 @@ struct SurfacePoint {
   Vec3f albedo;                   // linear RGB, independent of wo
   float alpha = 1.0f;             // roughness: 1 diffuse, 0 perfectly smooth
   float disparity = 0.0f;         // 1 / distance along the look-up direction, only with QueryRays::offset
+  ReflectedSurface reflected;     // at that distance, only with OffsetRay::reflected
   HitCluster lobe[kHitClusters];  // what rays drawn from the BSDF met, only with QueryRays::lobe
 };
 
@@ -52,6 +62,7 @@ OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoi
 struct OffsetRay {
   bool traced = false;
   LookupRule rule;
+  bool reflected = false;  // where it ends is shaded, for SurfacePoint::reflected
 };
 
 // What is traced from a point before a field is asked there; the field says it (FieldEntry::rays).
@@ -92,17 +103,40 @@ struct HitClusterArray {
   }
 };
 
+// What many points show, likewise.
+struct ReflectedArray {
+  float* data = nullptr;  // [kNumbers][stride]
+  std::size_t stride = 0;
+  static constexpr int kNumbers = 11;
+
+  OCTRAD_HD ReflectedSurface get(std::size_t i) const {
+    const auto at = [&](int number) { return data[static_cast<std::size_t>(number) * stride + i]; };
+    return {at(0), at(1), {at(2), at(3), at(4)}, {at(5), at(6), at(7)}, {at(8), at(9), at(10)}};
+  }
+  OCTRAD_HD void set(std::size_t i, const ReflectedSurface& r) const {
+    const float numbers[kNumbers] = {r.met,      r.alpha,    r.n.x,       r.n.y,       r.n.z,      r.albedo.x,
+                                     r.albedo.y, r.albedo.z, r.emitted.x, r.emitted.y, r.emitted.z};
+    OCTRAD_UNROLL
+    for (int n = 0; n < kNumbers; ++n) data[static_cast<std::size_t>(n) * stride + i] = numbers[n];
+  }
+};
+
 // Many points as a structure of arrays: component c of item i at [c][stride] + i, so that accesses of a warp coalesce.
 inline constexpr int kSurfacePointNumbers = 14, kAlphaNumber = 12, kDisparityNumber = 13;
 
 struct SurfacePointArray {
   float* data = nullptr;  // [kSurfacePointNumbers][stride]
   std::size_t stride = 0;
-  HitClusterArray lobe = {};  // SurfacePoint::lobe; data null: not known, and load() and store() leave it alone
+  // SurfacePoint::lobe and SurfacePoint::reflected; data null: not known. load() and store() leave them alone.
+  HitClusterArray lobe = {};
+  ReflectedArray reflected = {};
 
   // Point i of the result is point `begin` + i.
   OCTRAD_HD SurfacePointArray from(std::size_t begin) const {
-    return {data + begin, stride, {lobe.data != nullptr ? lobe.data + begin : nullptr, lobe.stride}};
+    return {data + begin,
+            stride,
+            {lobe.data != nullptr ? lobe.data + begin : nullptr, lobe.stride},
+            {reflected.data != nullptr ? reflected.data + begin : nullptr, reflected.stride}};
   }
 
   OCTRAD_HD float get(int number, std::size_t i) const { return data[static_cast<std::size_t>(number) * stride + i]; }
@@ -128,24 +162,36 @@ struct SurfacePointArray {
                                                  p.albedo.y, p.albedo.z, p.alpha, p.disparity};
     for (int n = 0; n < kSurfacePointNumbers; ++n) data[static_cast<std::size_t>(n) * stride + i] = numbers[n];
   }
-  // With the clusters, where there are any.
+  // With clusters and what is shown, where there are any.
   SurfacePoint load_all(std::size_t i) const {
     SurfacePoint p = load(i);
     for (int k = 0; k < kHitClusters && lobe.data != nullptr; ++k) p.lobe[k] = lobe.get(k, i);
+    if (reflected.data != nullptr) p.reflected = reflected.get(i);
     return p;
   }
   void store_all(std::size_t i, const SurfacePoint& p) const {
     store(i, p);
     for (int k = 0; k < kHitClusters && lobe.data != nullptr; ++k) lobe.set(k, i, p.lobe[k]);
+    if (reflected.data != nullptr) reflected.set(i, p.reflected);
   }
 };
 
-// Arrays for points that are one piece of memory, with clusters behind them or without: how many numbers a point has
-// there, and the arrays.
-constexpr int surface_point_numbers(bool lobes) { return kSurfacePointNumbers + (lobes ? kHitClusterNumbers : 0); }
-inline SurfacePointArray surface_point_array(float* data, std::size_t stride, bool lobes) {
+// Arrays for points that are one piece of memory, with behind them what is traced from points besides a disparity: how
+// many numbers a point has there, and the arrays.
+inline int surface_point_numbers(const OffsetRay& offset) {
+  return kSurfacePointNumbers + (offset.reflected ? ReflectedArray::kNumbers : 0);
+}
+inline int surface_point_numbers(const QueryRays& rays) {
+  return surface_point_numbers(rays.offset) + (rays.lobe > 0 ? kHitClusterNumbers : 0);
+}
+inline SurfacePointArray surface_point_array(float* data, std::size_t stride, const QueryRays& rays) {
   SurfacePointArray points{data, stride};
-  if (lobes) points.lobe = {data + static_cast<std::size_t>(kSurfacePointNumbers) * stride, stride};
+  float* next = data + static_cast<std::size_t>(kSurfacePointNumbers) * stride;
+  if (rays.offset.reflected) {
+    points.reflected = {next, stride};
+    next += static_cast<std::size_t>(ReflectedArray::kNumbers) * stride;
+  }
+  if (rays.lobe > 0) points.lobe = {next, stride};
   return points;
 }
 

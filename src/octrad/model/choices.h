@@ -12,6 +12,7 @@ enum class OctreeOccupancy { conservative, sampled };   // cells: all that a sur
 enum class OctreeInterpolation { trilinear, nearest };  // between the cells of a level
 enum class OctaInterpolation { barycentric, nearest };  // between the vertices of a cell's octahedral map
 enum class LookupOffset { predicted, none, traced };    // disparity of queries: learned, 0 or 1/distance of a ray
+enum class Reflected { none, features };                // of the surface that the offset's ray meets
 enum class DisparityUnit { extent, world };             // 1/(largest side of the domain) or 1/world unit
 enum class DecoderPosition { normalized, world };       // position input in [-1, 1] or in world units
 enum class TargetEmission { outside, inside };          // own emission added to the network's output, or learned

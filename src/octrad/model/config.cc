@@ -148,6 +148,8 @@ const std::vector<Key>& keys() {
       choice("lookup.offset", &C::lookup_offset,
              {{"predicted", LookupOffset::predicted}, {"none", LookupOffset::none}, {"traced", LookupOffset::traced}},
              "disparity of the query: learned, 0, or 1/distance of a traced ray"),
+      choice("lookup.reflected", &C::lookup_reflected, {{"none", Reflected::none}, {"features", Reflected::features}},
+             "what the decoder is given of the surface that the traced ray of lookup.offset meets; nothing without one"),
       choice("lookup.rough_direction", &C::lookup_rough_direction,
              {{"normal", RoughDirection::normal}, {"mirror", RoughDirection::mirror}},
              "direction of the query where alpha is at least lookup.rough_threshold"),
@@ -445,6 +447,7 @@ Config preset(const std::string& name) {
   c.lookup_rough_threshold = 0.5;
   c.lookup_rough_offset = true;
   c.lookup_offset = LookupOffset::predicted;
+  c.lookup_reflected = Reflected::none;
   c.octree_occupancy = OctreeOccupancy::sampled;
   c.disparity_direction = false;
   c.disparity_unit = DisparityUnit::world;
@@ -503,6 +506,10 @@ FollowRules rhs_rules(const Config& config) {
   FollowRules rules = first_hit_rules(config);
   rules.follow_below = std::max(kFollowDelta, rules.follow_below);
   return rules;
+}
+
+bool looks_up_reflected(const Config& config) {
+  return config.lookup_reflected == Reflected::features && config.lookup_offset == LookupOffset::traced;
 }
 
 LookupRule lookup_rule(const Config& config) {

@@ -30,6 +30,7 @@ struct Config {
   LookupDirection lookup_direction = LookupDirection::mirror;
   Coats lookup_coats = Coats::split;
   LookupOffset lookup_offset = LookupOffset::traced;
+  Reflected lookup_reflected = Reflected::features;
   RoughDirection lookup_rough_direction = RoughDirection::normal;
   double lookup_rough_threshold = 1.0;  // diffuse surfaces alone
   bool lookup_rough_offset = false;
@@ -132,6 +133,8 @@ struct Config {
   bool operator==(const Config&) const = default;
 };
 
+// Whether look-ups also take what their direction leads to.
+bool looks_up_reflected(const Config& config);
 // lookup.direction, .rough_direction, .rough_threshold and .rough_offset.
 LookupRule lookup_rule(const Config& config);
 

@@ -15,6 +15,7 @@ OCTRAD_HD inline float contract(float x) {
   const float size = std::fabs(x);
   return size <= 1.0f ? x : std::copysign(2.0f - 1.0f / size, x);
 }
+OCTRAD_HD inline Vec3f contract(Vec3f p) { return {contract(p.x), contract(p.y), contract(p.z)}; }
 
 inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alpha (1)
 
@@ -29,7 +30,7 @@ struct DecoderRules {
 
   OCTRAD_HD Vec3f position(Vec3f x) const {
     const Vec3f p = x * position_scale + position_offset;
-    return normalized ? Vec3f(contract(p.x), contract(p.y), contract(p.z)) : p;
+    return normalized ? contract(p) : p;
   }
 };
 

@@ -14,15 +14,22 @@
 namespace octrad::testing {
 
 struct DeviceBatch {
+  // All that a point may have traced.
+  static QueryRays everything() {
+    QueryRays rays;
+    rays.lobe = 1;
+    rays.offset.reflected = true;
+    return rays;
+  }
   DeviceBatch(Stream& stream, const std::vector<SurfacePoint>& p, const std::vector<Vec3f>& t = {})
       : n(p.size()),
         targets(stream, std::span<const Vec3f>(t), "targets") {
-    std::vector<float> numbers(static_cast<std::size_t>(surface_point_numbers(true)) * n);
-    const SurfacePointArray host = surface_point_array(numbers.data(), n, true);
+    std::vector<float> numbers(static_cast<std::size_t>(surface_point_numbers(everything())) * n);
+    const SurfacePointArray host = surface_point_array(numbers.data(), n, everything());
     for (std::size_t i = 0; i < n; ++i) host.store_all(i, p[i]);
     data = DeviceArray<float>(stream, std::span<const float>(numbers), "points");
   }
-  SurfacePointArray points() const { return surface_point_array(data.data(), n, true); }
+  SurfacePointArray points() const { return surface_point_array(data.data(), n, everything()); }
   std::size_t n;
   DeviceArray<float> data;
   DeviceArray<Vec3f> targets;

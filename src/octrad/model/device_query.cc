@@ -21,8 +21,8 @@ FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& c
 
   DeviceFieldOptions options;
   options.half_features = false;
-  const bool lobes = query_rays(config).lobe > 0;
-  const auto numbers = static_cast<std::size_t>(surface_point_numbers(lobes));
+  const QueryRays rays = query_rays(config);
+  const auto numbers = static_cast<std::size_t>(surface_point_numbers(rays));
   const auto memory = [&](std::size_t chunk) {
     options.max_points = chunk;
     std::vector<MemoryPart> parts = estimate_device_memory(config, field.cells_per_level(), options);
@@ -42,11 +42,11 @@ FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& c
 
   const std::unique_ptr<DeviceField> device = make_device_field(stream, field, config, options);
   std::vector<float> planes(numbers * chunk), columns(width * chunk);
-  const SurfacePointArray host = surface_point_array(planes.data(), chunk, lobes);
+  const SurfacePointArray host = surface_point_array(planes.data(), chunk, rays);
   DeviceArray<float> asked(stream, planes.size(), "points"), features(stream, columns.size(), "features"),
       disparity(stream, chunk, "disparities");
   const DeviceArray<Vec3f> radiance(stream, chunk, "answers");
-  const SurfacePointArray there = surface_point_array(asked.data(), chunk, lobes);
+  const SurfacePointArray there = surface_point_array(asked.data(), chunk, rays);
   for (std::size_t begin = 0; begin < points.size(); begin += chunk) {
     const std::size_t n = std::min(chunk, points.size() - begin);
     for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);

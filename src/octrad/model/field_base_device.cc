@@ -297,7 +297,7 @@ DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
 }
 
 DeviceFieldBase::Chunk DeviceFieldBase::sorted(const Chunk& chunk) {
-  const SurfacePointArray to = surface_point_array(sorted_points_.data(), rows_, false);
+  const SurfacePointArray to = surface_point_array(sorted_points_.data(), rows_, {});
   launch(
       stream_, chunk.n,
       QueryKeys{

@@ -105,6 +105,7 @@ class FieldReference {
     }
     predicted_ = octaoctree_ != nullptr && is("lookup.offset", "predicted");
     traced_ = octaoctree_ != nullptr && is("lookup.offset", "traced");
+    reflects_ = traced_ && is("lookup.reflected", "features");
     mirror_ = nr_ != nullptr || is("lookup.direction", "mirror");
     rough_normal_ = octaoctree_ != nullptr && is("lookup.rough_direction", "normal");
     rough_offset_ = is("lookup.rough_offset", "true");
@@ -129,6 +130,8 @@ class FieldReference {
     Vec3d w, radiance;
     double disparity = 0.0, disparity_linear = 0.0;
     std::vector<double> features, linear;
+    Vec3d reflected_x, reflected_w;  // look-up at the reflected surface, where there is one
+    bool reflects = false;
     std::uint64_t lookup_piece = 0;  // names the entries that the look-ups read
     std::uint64_t piece = 0;         // names those, the neurons that are on and the signs of outputs
     double margin = 1.0;             // distance from the edges of that piece that networks make, relative
@@ -230,6 +233,14 @@ class FieldReference {
                        by_disparity += dweight * parameters[kOctree][entry * width + c] * u;
                      }
                    });
+      if (query.reflects) {
+        visit_octree(query.reflected_x, query.reflected_w, 0.0,
+                     [&](int level, std::size_t entry, double weight, double) {
+                       const auto width = static_cast<std::size_t>(octree_.features);
+                       const std::size_t first = static_cast<std::size_t>(octree_.levels + level) * width;
+                       for (std::size_t c = 0; c < width; ++c) g[kOctree][entry * width + c] += weight * up[first + c];
+                     });
+      }
       if (predicted_ && has_offset(point))
         rows[i].d_disparity_linear = by_disparity * squareplus(query.disparity_linear).derivative * unit_;
       largest = std::max(largest, std::abs(rows[i].d_disparity_linear));
@@ -288,6 +299,8 @@ class FieldReference {
     return std::abs(x) <= 1.0 ? x : (x < 0.0 ? -1.0 : 1.0) * (2.0 - 1.0 / std::abs(x));
   }
 
+  static Vec3d contracted(Vec3d p) { return {contracted(p.x), contracted(p.y), contracted(p.z)}; }
+
   // visit(level, entry, weight, derivative of the weight by the disparity).
   template <typename Visitor>
   void visit_octree(Vec3d x, Vec3d w, double d, Visitor&& visit) const {
@@ -325,6 +338,36 @@ class FieldReference {
     });
   }
 
+  // Features of what is reflected, found like those of a point there, and its attributes.
+  void add_reflected(const SurfacePoint& point, Vec3d x, Vec3d w, Query& q, std::vector<double>& in) const {
+    const ReflectedSurface& r = point.reflected;
+    const auto width = static_cast<std::size_t>(octree_.features), first = in.size();
+    in.resize(2 * first + 14, 0.0);
+    if (!has_offset(point)) return;
+    double* out = &in[2 * first];
+    for (int c = 0; c < 3; ++c) out[8 + c] = std::log(1.0 + static_cast<double>(r.emitted[c]) / scale_);
+    if (!(r.met > 0.0f)) return;
+    const Vec3d n(r.n);
+    q.reflects = true;
+    q.reflected_x = x + w * (1.0 / q.disparity);
+    q.reflected_w = rough_normal_ && r.alpha >= rough_threshold_ ? n
+                    : mirror_                                    ? w - n * (2.0 * dot(w, n))
+                                                                 : -w;
+    visit_octree(q.reflected_x, q.reflected_w, 0.0, [&](int level, std::size_t entry, double weight, double) {
+      q.piece = join(q.piece, entry);
+      for (std::size_t c = 0; c < width; ++c)
+        in[first + static_cast<std::size_t>(level) * width + c] += weight * parameters[kOctree][entry * width + c];
+    });
+    const Vec3d position = contracted(normalized(q.reflected_x) * 2.0 - Vec3d(1.0));
+    for (int c = 0; c < 3; ++c) {
+      out[c] = static_cast<double>(r.n[c]);
+      out[3 + c] = static_cast<double>(r.albedo[c]);
+      out[11 + c] = position[c];
+    }
+    out[6] = static_cast<double>(r.alpha);
+    out[7] = 1.0;
+  }
+
   Query evaluate(const SurfacePoint& point, Vec3d x, Vec3d w, double disparity_shift) {
     Query q;
     q.w = w;
@@ -353,11 +396,12 @@ class FieldReference {
     } else {
       q.features = grid_features(x, q.piece);
     }
+    std::vector<double> in = q.features;
+    if (reflects_) add_reflected(point, x, w, q, in);
     q.lookup_piece = q.piece;
     Vec3d p = normalized_ ? normalized(x) * 2.0 - Vec3d(1.0) : x;
     const Vec3d n(point.n), a(point.albedo);
-    if (normalized_) p = {contracted(p.x), contracted(p.y), contracted(p.z)};
-    std::vector<double> in = q.features;
+    if (normalized_) p = contracted(p);
     for (const Vec3d& v : {p, w, n, a}) in.insert(in.end(), {v.x, v.y, v.z});
     in.push_back(static_cast<double>(point.alpha));
     q.linear = decoder_.forward(decoder_.given(in), parameters[kDecoder]);
@@ -386,7 +430,7 @@ class FieldReference {
   OctaOctreeView octree_;
   HashGridView grid_;
   Vec3f origin_, size_;
-  bool predicted_ = false, traced_ = false, mirror_ = false, rough_normal_ = false, rough_offset_ = false,
+  bool predicted_ = false, traced_ = false, reflects_ = false, mirror_ = false, rough_normal_ = false, rough_offset_ = false,
        harmonics_ = false, normalized_ = false, demodulate_ = false, split_coats_ = false;
   double unit_ = 1.0;
   float rough_threshold_ = 0.5f;

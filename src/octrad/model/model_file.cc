@@ -39,7 +39,8 @@ ModelInfo info_of(const TensorReader& in) {
   try {
     const nlohmann::json config = parse_json(text("config"), in.file());
     apply(info.config, config, in.file());
-    // What models of version 0.1.0 do not know.
+    // What models of earlier versions do not know.
+    if (!config.contains("/lookup/reflected"_json_pointer)) info.config.lookup_reflected = Reflected::none;
     if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
     if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
     const nlohmann::json scene = parse_json(text("scene"), in.file());

@@ -5,6 +5,7 @@
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
+#include "octrad/model/reflected_math.h"
 #include "octrad/network/activations_math.h"
 
 namespace octrad {
@@ -17,7 +18,7 @@ OctaOctreeOptions octree_options(const Config& config) {
 
 constexpr std::string_view kOctaOctreeKeys[] = {
     "octree.levels",    "octree.features", "octree.occupancy",       "octree.interpolation", "octa.",
-    "lookup.direction", "lookup.offset",   "lookup.rough_direction", "disparity.",           "decoder.width",
+    "lookup.direction", "lookup.offset",   "lookup.reflected",       "lookup.rough_direction", "disparity.",           "decoder.width",
     "decoder.hidden",   "decoder.output",  "adam.rate.features"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
@@ -33,7 +34,9 @@ std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vecto
                    config.disparity_features, training);
   parts.push_back({"octree cells and index", static_cast<std::uint64_t>(cells * 28.0)});
   // About 40 of the 64 cells of a query hold surfaces.
-  if (training) add_batch_memory(parts, config, config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0);
+  const double lookups = looks_up_reflected(config) ? 2.0 : 1.0;
+  if (training)
+    add_batch_memory(parts, config, lookups * config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0);
   return parts;
 }
 
@@ -48,6 +51,11 @@ float* row(std::vector<float>& rows, int r, int stride) {
   return rows.data() + static_cast<std::ptrdiff_t>(r) * stride;
 }
 
+// What the decoder takes of a query before the point's own inputs.
+int decoder_features(const Config& config, int features) {
+  return looks_up_reflected(config) ? 2 * features + kReflectedInputs : features;
+}
+
 }  // namespace
 
 constinit const FieldEntry kOctaOctreeField = {
@@ -59,7 +67,8 @@ constinit const FieldEntry kOctaOctreeField = {
     .rays =
         [](const Config& config, bool) {
           QueryRays rays;
-          rays.offset = {config.lookup_offset == LookupOffset::traced, octrad::lookup_rule(config)};
+          rays.offset = {config.lookup_offset == LookupOffset::traced, octrad::lookup_rule(config),
+                         looks_up_reflected(config)};
           return rays;
         },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
@@ -91,6 +100,12 @@ struct OctaOctreeField::Encoded {
   std::vector<float> disparity, disparity_inputs, disparity_linear, inputs, linear;
   std::vector<float> d_linear, d_inputs, d_disparity_linear, d_disparity_inputs;
   OctaOctree::Record record;
+  // Look-ups at reflected surfaces, of the points `reflected`.
+  std::vector<int> reflected;
+  int reflected_stride = 0;
+  std::vector<Vec3f> reflected_x, reflected_w;
+  std::vector<float> reflected_d, reflected_features;
+  OctaOctree::Record reflected_record;
   std::vector<Tap> grid_taps;
   Mlp::Workspace decoder_kept, disparity_kept;
 };
@@ -112,7 +127,8 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       octree_(octree_options(config), domain.occupied_cells, domain.origin, domain.size),
       grid_(disparity_grid_options(config)),
       disparity_(disparity_shape(config)),
-      decoder_(config, octree_.feature_count(), config.decoder_width, config.decoder_hidden, config.decoder_output,
+      reflects_(looks_up_reflected(config)),
+      decoder_(config, decoder_features(config, octree_.feature_count()), config.decoder_width, config.decoder_hidden, config.decoder_output,
                domain.origin, domain.size, 1),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
@@ -171,14 +187,53 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
   if (offset_ == LookupOffset::traced) {
     for (const int i : e.shifted) e.disparity[i] = points[i].disparity;
   }
-  const int features = octree_.feature_count();
-  e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * s);
+  const int features = octree_.feature_count(), before_point = decoder_features(config_, features);
+  e.inputs.resize(static_cast<std::size_t>(before_point + DecoderHead::kPointInputs) * s);
   const std::int64_t empty =
       record ? octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record)
              : octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
   if (empty > 0) empty_lookups_.fetch_add(empty, std::memory_order_relaxed);
   for (int r = 0; r < features; ++r) std::fill(row(e.inputs, r, stride) + n, row(e.inputs, r, stride) + stride, 0.0f);
-  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, stride);
+  if (reflects_) look_up_reflected(points, e, record);
+  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), before_point, stride);
+}
+
+// Fills the rows of e.inputs between the point's features and its own inputs.
+void OctaOctreeField::look_up_reflected(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
+  const int features = octree_.feature_count(), attributes = 2 * features;
+  std::fill(row(e.inputs, features, e.stride), row(e.inputs, attributes + kReflectedInputs, e.stride), 0.0f);
+  e.reflected.clear();
+  e.reflected_x.clear();
+  e.reflected_w.clear();
+  for (const int i : e.shifted) {
+    const SurfacePoint& p = points[i];
+    Vec3f position(0.0f);
+    if (has_reflected(rule_, p, e.disparity[i])) {
+      const Vec3f x = reflected_position(p.x, e.w[i], e.disparity[i]);
+      position = contract((x - origin_) / size_ * 2.0f - Vec3f(1.0f));
+      e.reflected.push_back(i);
+      e.reflected_x.push_back(x);
+      e.reflected_w.push_back(reflected_direction(rule_, p.reflected, e.w[i]));
+    }
+    float numbers[kReflectedInputs];
+    reflected_inputs(rule_, p, e.disparity[i], position, target_scale(), numbers);
+    for (int k = 0; k < kReflectedInputs; ++k) row(e.inputs, attributes + k, e.stride)[i] = numbers[k];
+  }
+  const int n = static_cast<int>(e.reflected.size()), stride = e.reflected_stride = padded(n);
+  if (n == 0) return;
+  e.reflected_x.resize(static_cast<std::size_t>(stride));
+  e.reflected_w.resize(static_cast<std::size_t>(stride));
+  e.reflected_d.assign(static_cast<std::size_t>(stride), 0.0f);
+  e.reflected_features.resize(static_cast<std::size_t>(features) * static_cast<std::size_t>(stride));
+  const Vec3f *x = e.reflected_x.data(), *w = e.reflected_w.data();
+  float* out = e.reflected_features.data();
+  if (record) octree_.lookup_record(x, w, e.reflected_d.data(), n, out, stride, e.reflected_record);
+  else octree_.lookup(x, w, e.reflected_d.data(), n, out, stride);
+  for (int f = 0; f < features; ++f) {
+    const float* from = row(e.reflected_features, f, stride);
+    float* to = row(e.inputs, features + f, e.stride);
+    for (int j = 0; j < n; ++j) to[e.reflected[j]] = from[j];
+  }
 }
 
 void OctaOctreeField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
@@ -220,18 +275,25 @@ double OctaOctreeField::backward(std::span<const SurfacePoint> points, std::span
       decoder_.loss(points, targets, e.linear.data(), stride, batch, epsilon, e.d_linear.data(), gradients.non_finite);
   decoder_.mlp().backward(e.inputs.data(), e.d_linear.data(), e.decoder_kept, gradients.decoder, e.d_inputs.data());
 
-  for (int i = 0; i < n; ++i) {
+  // The part of the table's gradient of one look-up: `record`'s query j, with the gradient at its features in rows
+  // `from` of point i. `place`: of the look-up among those of the batch.
+  const auto add_taps = [&](const OctaOctree::Record& record, std::size_t j, std::size_t i, int from,
+                            std::size_t place) {
     for (int l = 0; l < levels; ++l) {
-      const auto source = static_cast<std::uint32_t>(
-          (first + static_cast<std::size_t>(i)) * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l));
+      const auto source =
+          static_cast<std::uint32_t>(place * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l));
       float* upstream = octree_upstream_.data() + static_cast<std::size_t>(source) * static_cast<std::size_t>(width);
-      for (int c = 0; c < width; ++c) upstream[c] = row(e.d_inputs, l * width + c, stride)[i];
-      const std::uint32_t* begin = e.record.begin.data() +
-                                   static_cast<std::size_t>(i) * static_cast<std::size_t>(levels + 1) +
-                                   static_cast<std::size_t>(l);
+      for (int c = 0; c < width; ++c) upstream[c] = row(e.d_inputs, from + l * width + c, stride)[i];
+      const std::uint32_t* begin =
+          record.begin.data() + j * static_cast<std::size_t>(levels + 1) + static_cast<std::size_t>(l);
       for (std::uint32_t t = begin[0]; t < begin[1]; ++t)
-        gradients.octree.push_back({e.record.taps[t].entry, source, e.record.taps[t].weight});
+        gradients.octree.push_back({record.taps[t].entry, source, record.taps[t].weight});
     }
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) add_taps(e.record, i, i, 0, first + i);
+  for (std::size_t j = 0; reflects_ && j < e.reflected.size(); ++j) {
+    const auto i = static_cast<std::size_t>(e.reflected[j]);
+    add_taps(e.reflected_record, j, i, features, batch + first + i);
   }
   if (offset_ != LookupOffset::predicted || e.shifted.empty()) return loss;
 
@@ -262,7 +324,7 @@ FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span
                                  double rate_scale) {
   make_optimizers();
   const std::size_t n = points.size();
-  octree_upstream_.resize(n * static_cast<std::size_t>(feature_count()));
+  octree_upstream_.resize((reflects_ ? 2 : 1) * n * static_cast<std::size_t>(feature_count()));
   grid_upstream_.resize(n * static_cast<std::size_t>(grid_.feature_count()));
   const GroupedBatch groups(n);
   std::vector<Gradients> gradients(groups.count());

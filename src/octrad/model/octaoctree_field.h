@@ -58,6 +58,7 @@ class OctaOctreeField : public RadianceField {
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   void predict_disparity(Encoded& e, bool record) const;
+  void look_up_reflected(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   double backward(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t first,
                   std::size_t batch, double epsilon, Encoded& e, Gradients& gradients);
 
@@ -69,6 +70,7 @@ class OctaOctreeField : public RadianceField {
   OctaOctree octree_;
   HashGrid grid_;
   Mlp disparity_;
+  bool reflects_;  // looks_up_reflected()
   DecoderHead decoder_;
   DenseAdam disparity_adam_;
   std::unique_ptr<SparseAdam> octree_adam_, grid_adam_;  // made when training starts: they are larger than the field

@@ -4,6 +4,7 @@
 #include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/model/field_base_device.h"
 #include "octrad/model/octaoctree_field.h"
+#include "octrad/model/reflected_math.h"
 
 namespace octrad {
 namespace {
@@ -52,6 +53,52 @@ struct TracedDisparity : Kernel {
   }
 };
 
+// Inputs of the decoder about what is reflected, and where its features are looked up: a position that is NaN where
+// nothing is, whose features are 0 and get no gradient.
+struct PrepareReflected : Kernel {
+  SurfacePointArray points;
+  LookupRule rule;
+  QueueSlice slice;
+  const std::uint32_t* valid;  // training
+  const float* directions;     // w of the points
+  const float* disparity;
+  Vec3f scale, offset;   // to [-1, 1] of the domain
+  const float* scalars;  // target_scale
+  HalfRows inputs;
+  int first;
+  float *x, *w;  // of the look-ups
+  std::size_t stride;
+
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (!slice.holds(i)) return;
+    SurfacePoint p;
+    p.alpha = points.get(kAlphaNumber, i);
+    p.reflected = points.reflected.get(i);
+    const ReflectedSurface& r = p.reflected;
+    bool good = valid == nullptr || valid[i] != 0;
+    good = good && is_finite(r.n) && is_finite(r.albedo) && is_finite(r.emitted) && std::isfinite(r.alpha);
+    if (!good) p.reflected = ReflectedSurface{};
+    const Vec3f direction(directions[i], directions[stride + i], directions[2 * stride + i]);
+    const bool met = has_reflected(rule, p, disparity[i]);
+    Vec3f at(std::nanf("")), seen_along(0.0f, 0.0f, 1.0f), position(0.0f);
+    if (met) {
+      at = reflected_position(points.get3(0, i), direction, disparity[i]);
+      seen_along = reflected_direction(rule, r, direction);
+      position = contract(at * scale + offset);
+    }
+    OCTRAD_UNROLL
+    for (int c = 0; c < 3; ++c) {
+      x[static_cast<std::size_t>(c) * stride + i] = at[c];
+      w[static_cast<std::size_t>(c) * stride + i] = seen_along[c];
+    }
+    float numbers[kReflectedInputs];
+    reflected_inputs(rule, p, disparity[i], position, scalars[0], numbers);
+    OCTRAD_UNROLL
+    for (int k = 0; k < kReflectedInputs; k += 2)
+      inputs.store2(first + k, i, bounded_half(numbers[k]), bounded_half(numbers[k + 1]));
+  }
+};
+
 // Gradient at the linear output from its parts by level.
 struct DisparityGradient : Kernel {
   const float* parts;  // [levels][stride]
@@ -78,8 +125,17 @@ struct DisparityGradient : Kernel {
   }
 };
 
+// A step may look up twice for each of its points.
+DeviceTableOptions octree_table_options(const Config& config, const DeviceFieldOptions& options) {
+  DeviceTableOptions table = DeviceFieldBase::table_options(config, options, config.octree_levels, kOctreeTaps);
+  if (looks_up_reflected(config)) table.touches *= 2;
+  return table;
+}
+
 MlpShape decoder_shape(const Config& config) {
-  return {config.octree_levels * config.octree_features + kPointInputs, config.decoder_width, config.decoder_hidden, 3};
+  const int features = config.octree_levels * config.octree_features;
+  return {features + (looks_up_reflected(config) ? features + kReflectedInputs : 0) + kPointInputs,
+          config.decoder_width, config.decoder_hidden, 3};
 }
 
 class DeviceOctaOctreeField : public DeviceFieldBase {
@@ -93,7 +149,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         octree_(stream, field.octree()),
         grid_(field.grid(), field.octree().origin(), field.octree().size()),
         table_(stream, static_cast<std::size_t>(entries_), field.octree().options().features,
-               table_options(config, options, field.levels(), kOctreeTaps), "octree features"),
+               octree_table_options(config, options), "octree features"),
         grid_table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
                     table_options(config, options, field.grid().options().levels, kHashGridTaps), "disparity grid"),
         disparity_(stream, field.disparity().shape(), train_rows(options), "disparity network"),
@@ -102,6 +158,10 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         disparity_linear_(stream, rows_, "queries in flight"),
         distance_(stream, rows_, "queries in flight"),
         empty_(stream, 1, "queries in flight") {
+    if (looks_up_reflected(config)) {
+      reflected_x_ = DeviceArray<float>(stream, 3 * rows_, "queries in flight");
+      reflected_w_ = DeviceArray<float>(stream, 3 * rows_, "queries in flight");
+    }
     distance_.fill(0);
     empty_.fill(0);
     if (options.max_train_points > 0) {
@@ -173,7 +233,27 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     if (!chunk.training) stream_.mark("disparity");
     DeviceQueries q = with_disparity(chunk);
     q.empty = empty_.data();
-    octree_.lookup(stream_, read(table_), q, HalfRows{inputs_.data(), rows_}, 0);
+    const HalfRows inputs{inputs_.data(), rows_};
+    octree_.lookup(stream_, read(table_), q, inputs, 0);
+    if (reflected_x_.empty()) return;
+    const int features = octree_.feature_count();
+    launch(stream_, chunk.n,
+           PrepareReflected{{},
+                            chunk.points,
+                            rule_,
+                            chunk.slice,
+                            chunk.training ? valid_.data() : nullptr,
+                            w_.data(),
+                            distance_.data(),
+                            Vec3f(2.0f) / octree_.view().size,
+                            Vec3f(-1.0f) - octree_.view().origin * (Vec3f(2.0f) / octree_.view().size),
+                            scalars_.data(),
+                            inputs,
+                            2 * features,
+                            reflected_x_.data(),
+                            reflected_w_.data(),
+                            rows_});
+    octree_.lookup(stream_, read(table_), reflected_queries(chunk), inputs, features);
   }
 
   void encode_backward(const Chunk& chunk, bool first) override {
@@ -185,6 +265,16 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
                           disparity ? parts_.data() : nullptr, train_rows_, sink);
         },
         kOctreeTaps, chunk.n, octree_.view().levels, d_inputs_.data(), train_rows_);
+    if (!reflected_x_.empty()) {
+      const float* upstream = d_inputs_.data() + static_cast<std::size_t>(octree_.feature_count()) * train_rows_;
+      scatter(
+          table_,
+          [&](const auto& sink) {
+            octree_.scatter(stream_, read(table_), reflected_queries(chunk), upstream, train_rows_, nullptr,
+                            train_rows_, sink);
+          },
+          kOctreeTaps, chunk.n, octree_.view().levels, upstream, train_rows_);
+    }
     if (!disparity) return;
     launch(stream_, chunk.n,
            DisparityGradient{{},
@@ -224,6 +314,13 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     q.d = distance_.data();
     return q;
   }
+  DeviceQueries reflected_queries(const Chunk& chunk) const {
+    DeviceQueries q = queries(chunk);
+    q.x = reflected_x_.data();
+    q.w = reflected_w_.data();
+    q.x_stride = q.w_stride = rows_;
+    return q;
+  }
   OctaOctreeField& same_kind(RadianceField& field) const {
     auto* octree = dynamic_cast<OctaOctreeField*>(&field);
     if (octree == nullptr || octree->octree().entry_count() != entries_ ||
@@ -250,6 +347,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   DeviceDenseAdam disparity_adam_;
   DeviceArray<std::uint32_t> disparity_inputs_;
   DeviceArray<float> disparity_linear_, distance_;
+  DeviceArray<float> reflected_x_, reflected_w_;  // where and along what features of reflected surfaces are looked up
   DeviceArray<unsigned long long> empty_;
   DeviceArray<float> parts_, d_disparity_inputs_, d_disparity_linear_, disparity_scale_;
 };
@@ -272,7 +370,7 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
     cells += cells_per_level[l];
   }
   append(DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
-                             Base::table_options(config, options, config.octree_levels, kOctreeTaps),
+                             octree_table_options(config, options),
                              "octree features"));
   parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
   append(DeviceTable::memory(
@@ -282,6 +380,7 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
   append(DeviceMlp::memory(shape, Base::train_rows(options), "disparity network"));
   parts.push_back(
       {"disparity queries in flight", Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 2) * 4});
+  if (looks_up_reflected(config)) parts.push_back({"reflected queries in flight", Base::rows(options) * 6 * 4});
   if (options.max_train_points > 0) {
     parts.push_back(
         {"disparity training points in flight",

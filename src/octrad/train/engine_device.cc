@@ -88,10 +88,10 @@ class DeviceEngine : public TrainEngine {
         times_(stream),
         config_(config),
         options_(options),
-        offset_(query_rays(config, true).offset),
         ahead_(options.tuning.draw_ahead ? stream.sibling() : nullptr),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
-             most_points(config), most_points_ahead(config, options), -1, ahead_.get()),
+             most_points(config), most_points_ahead(config, options), -1, ahead_.get(),
+             query_rays(config, true).offset),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
         rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), options.tuning.chain_rounds),
         rhs_options_(rhs_rules(config)),
@@ -153,15 +153,15 @@ class DeviceEngine : public TrainEngine {
   StageSplit stages() const override { return times_.means(); }
 
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
-    const bool lobes = query_rays(config_).lobe > 0;
+    const QueryRays rays = query_rays(config_);
     if (query_points_.stride() == 0) {
-      query_points_ = PlaneArray(stream_, surface_point_numbers(lobes), kQueryChunk, "validation points");
+      query_points_ = PlaneArray(stream_, surface_point_numbers(rays), kQueryChunk, "validation points");
       query_radiance_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
     }
     const std::size_t stride = query_points_.stride();
-    std::vector<float> planes(static_cast<std::size_t>(surface_point_numbers(lobes)) * stride);
-    const SurfacePointArray host = surface_point_array(planes.data(), stride, lobes),
-                            there = surface_point_array(query_points_.points().data, stride, lobes);
+    std::vector<float> planes(static_cast<std::size_t>(surface_point_numbers(rays)) * stride);
+    const SurfacePointArray host = surface_point_array(planes.data(), stride, rays),
+                            there = surface_point_array(query_points_.points().data, stride, rays);
     for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
       const std::size_t n = std::min(kQueryChunk, points.size() - begin);
       for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);
@@ -266,7 +266,7 @@ class DeviceEngine : public TrainEngine {
   }
   void draw(Stream& stream, const StepInput* input, long long step, bool graph) {
     const int steps = group_steps(last_points_, options_), buffer = buffer_of(step);
-    const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, offset_, buffer); };
+    const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, buffer); };
     if (graph) run_or_replay(stream, draw_graphs_, std::pair{last_points_, buffer}, work);
     else work();
   }
@@ -275,7 +275,7 @@ class DeviceEngine : public TrainEngine {
     const auto n = static_cast<std::size_t>(s.points);
     const std::size_t far_ends = far_end_count(config_, s.points);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_), buffer);
-    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends, offset_);
+    if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends);
     lobes_.trace(lhs_.surface_points(), lhs_.points(), rhs_options_.seed, &input_.data()->step, n);
     stream_.mark("left-hand rest");
     rhs_options_.directions = s.directions;
@@ -294,7 +294,6 @@ class DeviceEngine : public TrainEngine {
   long long next_timed_ = -1;  // step; below 0 before the first
   const Config config_;
   const DeviceEngineOptions options_;
-  OffsetRay offset_;
   std::unique_ptr<Stream> ahead_;  // draws left-hand-side points; null: stream_ does
   DeviceLhs lhs_;
   DeviceLobes lobes_;  // of left-hand-side points
@@ -325,7 +324,8 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   parts.push_back({"rays and queries of a step",
                    DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points",
-                   DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1) +
+                   DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1,
+                                    query_rays(config).offset) +
                        DeviceLobes::bytes(points, query_rays(config, true), false) + points * sizeof(Vec3f) +
                        far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
   return parts;

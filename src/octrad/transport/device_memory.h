@@ -20,6 +20,12 @@ class PlaneArray {
   FloatPlanes planes() const { return {memory_.data(), stride_}; }
   RayPlanes rays() const { return {planes()}; }
   SurfacePointArray points() const { return {memory_.data(), stride_}; }
+  // With what the ray of `offset` shows, if it says so: as many numbers as surface_point_numbers(offset).
+  SurfacePointArray points(const OffsetRay& offset) const {
+    QueryRays rays;
+    rays.offset = offset;
+    return surface_point_array(memory_.data(), stride_, rays);
+  }
   std::size_t stride() const { return stride_; }
   const DeviceArray<float>& memory() const { return memory_; }
 
@@ -36,9 +42,11 @@ inline std::vector<SurfacePoint> download_points(Stream& stream, const SurfacePo
     return values;
   };
   std::vector<float> numbers = planes(points.data, kSurfacePointNumbers, points.stride),
+                     reflected = planes(points.reflected.data, ReflectedArray::kNumbers, points.reflected.stride),
                      clusters = planes(points.lobe.data, kHitClusterNumbers, points.lobe.stride);
   SurfacePointArray host{numbers.data(), points.stride};
   if (!clusters.empty()) host.lobe = {clusters.data(), points.lobe.stride};
+  if (!reflected.empty()) host.reflected = {reflected.data(), points.reflected.stride};
   std::vector<SurfacePoint> result(n);
   for (std::size_t i = 0; i < n; ++i) result[i] = host.load_all(i);
   return result;

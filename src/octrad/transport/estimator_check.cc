@@ -38,6 +38,7 @@ struct Cache {
     const float d = p.disparity * size;
     float far = 0.0f;  // changes little where a ray joins another cluster
     for (const HitCluster& c : p.lobe) far += c.share * (c.distance + c.deviation) / size;
+    far += 0.1f * luminance(p.reflected.albedo) * (1.0f + p.reflected.n.x);
     return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y),
             0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d) + far};
   }
@@ -53,10 +54,17 @@ std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, 
   return answers;
 }
 
+// Emission counts relative to its size, where that is above 1.
+double difference(const ReflectedSurface& a, const ReflectedSurface& b) {
+  const float brightest = std::max(1.0f, max_component(b.emitted));
+  return std::max({distance(a.met, b.met), distance(a.alpha, b.alpha), distance(a.n, b.n),
+                   distance(a.albedo, b.albedo), distance(a.emitted, b.emitted, brightest)});
+}
+
 // What is traced from queries in a check.
 QueryRays wanted_rays(bool traced_disparity, bool lobes) {
   QueryRays rays;
-  rays.offset.traced = traced_disparity;
+  rays.offset.traced = rays.offset.reflected = traced_disparity;
   rays.lobe = lobes ? 24 : 0;
   rays.lobe_below = 0.5f;
   rays.iterations = 5;
@@ -114,16 +122,16 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   const float size = size_of(scene);
   const TransportContext context = scene.context();
   const LhsSampler sampler(scene, options);
-  DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
-                n * static_cast<std::size_t>(group), rounds);
-  DeviceArray<unsigned long long> step(stream, std::span<const unsigned long long>(&first, 1), "check");
   OffsetRay offset;
-  offset.traced = true;
+  offset.traced = offset.reflected = true;
+  DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
+                n * static_cast<std::size_t>(group), rounds, nullptr, offset);
+  DeviceArray<unsigned long long> step(stream, std::span<const unsigned long long>(&first, 1), "check");
   // Once as they are: a device loads kernels when they are first launched, which must not be recorded.
-  lhs.draw(step.data(), n, group, offset);
+  lhs.draw(step.data(), n, group);
   lhs.take(step.data(), n, group);
   lhs.take_missing();
-  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, offset); }),
+  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group); }),
              take = stream.capture([&] { lhs.take(step.data(), n, group); });
   CheckErrors errors;
   const auto steps = static_cast<unsigned long long>(group);
@@ -134,16 +142,15 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
     if (s == first || s % steps == 0) stream.replay(*draw);
     stream.replay(*take);
     const std::vector<ShadingPoint> found = fetch(stream, lhs.points(), n);
-    std::vector<float> numbers =
-        fetch(stream, lhs.surface_points().data, lhs.surface_points().stride * kSurfacePointNumbers);
-    const SurfacePointArray surface_points{numbers.data(), lhs.surface_points().stride};
+    const std::vector<SurfacePoint> surface_points = download_points(stream, lhs.surface_points(), n);
     for (std::size_t i = 0; i < n; ++i) {
       const ShadingPoint &a = found[i], &b = expected[i];
-      const SurfacePoint p = surface_points.load(i), q = field_query_point(context, b, offset);
+      const SurfacePoint &p = surface_points[i], q = field_query_point(context, b, offset);
       const auto near = [&](float disparity) { return 1.0f / (1.0f + disparity * size); };
       errors.add(
           std::max({distance(p.x, q.x, size), distance(p.wo, q.wo), distance(p.n, q.n), distance(p.albedo, q.albedo),
                     distance(p.alpha, q.alpha), distance(near(p.disparity), near(q.disparity)),
+                    difference(p.reflected, q.reflected),
                     distance(a.surface.position, b.surface.position, size),
                     distance(a.surface.geometric_normal, b.surface.geometric_normal), distance(a.wo, b.wo),
                     distance(a.ns, b.ns), distance(a.s, b.s), distance(a.bsdf.reflectance, b.bsdf.reflectance),

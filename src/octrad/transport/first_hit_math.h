@@ -91,14 +91,13 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
   return first_hit_query<World::kModels>(options, world.hides_emitters(), end, first, sample.rng);
 }
 
-// The point as it is given to a field, with SurfacePoint::disparity where `offset` is traced (lookup.offset = traced),
-// at the cost of one ray.
+// The point as it is given to a field, with what trace_offset() fills in.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
                                                 const OffsetRay& offset) {
   SurfacePoint point = surface_point<World::kModels>(shading);
-  if (offset.traced) point.disparity = traced_disparity(world, offset.rule, point, shading.surface.geometric_normal);
+  trace_offset(world, offset, shading.surface.geometric_normal, point);
   return point;
 }
 

@@ -216,15 +216,40 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   return end;
 }
 
-// 1 / distance to the next surface along the point's look-up direction; 0 where that ray leaves the scene.
+// What the ray shows that met `hit`.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline float traced_disparity(const World& world, const LookupRule& rule, const SurfacePoint& point,
-                                        Vec3f geometric_normal) {
-  if (!rule.has_offset(point.alpha)) return 0.0f;
-  const Vec3f direction = lookup_direction(rule, point);
-  const Hit hit = world.intersect(offset_origin(point.x, geometric_normal, direction), direction, 0.0f, kRayInfinity);
-  return hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
+OCTRAD_HD inline ReflectedSurface reflected_surface(const World& world, const Hit& hit, Vec3f origin,
+                                                    Vec3f direction) {
+  ReflectedSurface reflected;
+  if (!hit.valid()) {
+    reflected.emitted = world.environment(direction);
+    return reflected;
+  }
+  const SurfaceInteraction surface = world.interact(hit, origin, direction);
+  if (surface.emitter >= 0) reflected.emitted = world.emitted(surface, -direction);
+  ShadingPoint shading = world.shade(surface, -direction);
+  if (is_coated(shading.bsdf)) shading.bsdf.lobe = Lobe::base;
+  reflected.met = 1.0f;
+  reflected.alpha = is_coated(shading.bsdf) ? 1.0f : roughness_bsdf<World::kModels>(shading.bsdf);
+  reflected.n = viewed_normal(shading);
+  if (!shading.black) reflected.albedo = lobe_albedo<World::kModels>(shading.bsdf, shading.to_local(shading.wo));
+  return reflected;
+}
+
+// The ray of `offset` from a point of a surface with `geometric_normal`: fills SurfacePoint::disparity (1 / distance to
+// the next surface along the look-up direction; 0 where that ray leaves the scene) and, if asked for,
+// SurfacePoint::reflected. Nothing where the look-up has no offset.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline void trace_offset(const World& world, const OffsetRay& offset, Vec3f geometric_normal,
+                                   SurfacePoint& point) {
+  if (!offset.traced || !offset.rule.has_offset(point.alpha)) return;
+  const Vec3f direction = lookup_direction(offset.rule, point);
+  const Vec3f origin = offset_origin(point.x, geometric_normal, direction);
+  const Hit hit = world.intersect(origin, direction, 0.0f, kRayInfinity);
+  point.disparity = hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
+  if (offset.reflected) point.reflected = reflected_surface(world, hit, origin, direction);
 }
 
 }  // namespace octrad

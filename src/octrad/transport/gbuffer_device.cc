@@ -146,7 +146,7 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       bounce_points_(stream, bounces ? capacity : 0, "right-hand-side points"),
       bounce_keys_(stream, bounces ? capacity : 0, "right-hand-side points"),
       samples_(stream, kSampleNumbers, capacity, "samples"),
-      queries_(stream, kSurfacePointNumbers, queries_of(capacity), "queries"),
+      queries_(stream, surface_point_numbers(rays.offset), queries_of(capacity), "queries"),
       query_weight_(stream, 3, queries_of(capacity), "queries"),
       bounce_weight_(bounces ? PlaneArray(stream, 3, capacity, "right-hand-side points") : PlaneArray()),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, queries_of(capacity), "queries") : PlaneArray()),
@@ -156,7 +156,7 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
 
 std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats) {
   const std::size_t queries = split_coats ? 2 * capacity : capacity,
-                    query_numbers = static_cast<std::size_t>(kSurfacePointNumbers + 3 + (rays.offset.traced ? 3 : 0)),
+                    query_numbers = static_cast<std::size_t>(surface_point_numbers(rays.offset) + 3 + (rays.offset.traced ? 3 : 0)),
                     sample_numbers = static_cast<std::size_t>(kSampleNumbers + (bounces ? 3 : 0));
   return queries * (query_numbers * sizeof(float) + sizeof(std::uint32_t)) +
          capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + sizeof(std::uint32_t) +
@@ -172,7 +172,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   std::uint32_t* sizes = sizes_.data();
   const Memory memory{
       job_.data(),           counts_.data(),         {samples_.planes()},     hits_.data(),         chains_.data(),
-      queries_.points(),     query_weight_.planes(), query_owner_.data(),     normals_.planes(),    lobes_.starts(),
+      queries_.points(query_rays_.offset),     query_weight_.planes(), query_owner_.data(),     normals_.planes(),    lobes_.starts(),
       bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(), bounce_owner_.data(), sizes + kChains,
       sizes + kQueries,      sizes + kBounces};
   FirstHitOptions checked = options;
@@ -187,9 +187,9 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
   });
-  trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(), normals_.planes(),
+  trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(query_rays_.offset), normals_.planes(),
                 query_count(), &counts_.data()->rays);
-  lobes_.trace(queries_.points(), query_count(), queries_of(n), counts_.data());
+  lobes_.trace(queries_.points(query_rays_.offset), query_count(), queries_of(n), counts_.data());
   stream_->mark("first hits");
 }
 

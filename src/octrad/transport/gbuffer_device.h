@@ -27,7 +27,7 @@ class DeviceGBuffer {
   const CameraJob* job() const { return job_.data(); }
 
   SurfacePointArray queries() const {
-    SurfacePointArray queries = queries_.points();
+    SurfacePointArray queries = queries_.points(query_rays_.offset);
     queries.lobe = lobes_.clusters();
     return queries;
   }

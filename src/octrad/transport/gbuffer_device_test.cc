@@ -62,7 +62,7 @@ TEST_P(DeviceGBuffers, MemoryIsWhatWasSaid) {
   for (const bool all : {false, true}) {
     const std::size_t before = stream->allocated_bytes(), n = 100'000;
     QueryRays rays;
-    rays.offset.traced = all;
+    rays.offset.traced = rays.offset.reflected = all;
     rays.lobe = all ? 64 : 0;
     const DeviceGBuffer buffer(*stream, world, n, all, rays, all);
     const auto taken = static_cast<double>(stream->allocated_bytes() - before),

@@ -158,14 +158,17 @@ struct Finish : Kernel {
   }
 };
 
-struct Disparity : Kernel {
-  DeviceWorld world;
-  LookupRule rule;
+template <typename World>
+struct TracePointOffsets : Kernel {
+  World world;
+  OffsetRay offset;
   const ShadingPoint* points;
   SurfacePointArray surface_points;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    const float disparity = traced_disparity(world, rule, surface_points.load(i), points[i].surface.geometric_normal);
-    surface_points.set(kDisparityNumber, i, disparity);
+    SurfacePoint point = surface_points.load(i);
+    trace_offset(world, offset, points[i].surface.geometric_normal, point);
+    surface_points.set(kDisparityNumber, i, point.disparity);
+    if (offset.reflected) surface_points.reflected.set(i, point.reflected);
   }
 };
 
@@ -182,6 +185,8 @@ struct Take : Kernel {
     const std::size_t begin = static_cast<std::size_t>(*step % steps) * points;
     if (drawn[begin + i].surface.shape < 0) atomic_add(missing, 1ull);
     taken_surface_points.store(i, drawn_surface_points.load(begin + i));
+    if (taken_surface_points.reflected.data != nullptr)
+      taken_surface_points.reflected.set(i, drawn_surface_points.reflected.get(begin + i));
     // Word by word, so that accesses coalesce. Without the alignment the compiler would copy bytes.
     using Word = unsigned long long;
     static_assert(sizeof(ShadingPoint) % sizeof(Word) == 0 && alignof(ShadingPoint) % alignof(Word) == 0);
@@ -204,7 +209,9 @@ struct TakeFarEnds : Kernel {
     const FarEnd end = far_ends[i];
     if (!end.hit.valid()) return;
     taken[i] = shade_far_end(world, end);
-    taken_surface_points.store(i, field_query_point(world, taken[i], offset));
+    const SurfacePoint point = field_query_point(world, taken[i], offset);
+    taken_surface_points.store(i, point);
+    if (offset.reflected) taken_surface_points.reflected.set(i, point.reflected);
   }
 };
 
@@ -212,11 +219,12 @@ struct TakeFarEnds : Kernel {
 
 DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options,
                      std::span<const CameraView> views, bool fresh_poses, std::size_t most, std::size_t most_ahead,
-                     int rounds, Stream* drawing)
+                     int rounds, Stream* drawing, const OffsetRay& offset)
     : stream_(&stream),
       drawing_(drawing != nullptr ? drawing : &stream),
       world_(world),
       options_(options),
+      offset_(offset),
       most_(most),
       most_ahead_(std::max(most, most_ahead)),
       rounds_(rounds >= 0                     ? rounds
@@ -234,7 +242,7 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
       hits_(stream, most_ahead_, "hits of left-hand-side points"),
       walks_(stream, lhs_kernels::kDrawNumbers, most_ahead_, "left-hand-side points"),
       points_(stream, most, "left-hand-side points"),
-      surface_points_(stream, kSurfacePointNumbers, most, "left-hand-side points") {
+      surface_points_(stream, surface_point_numbers(offset), most, "left-hand-side points") {
   if (views.empty()) throw UsageError("left-hand-side points need a camera to start from");
   if (options.max_walk < 0 || options.max_walk > lhs_kernels::kMostWalk) {
     throw UsageError("walks of up to " + std::to_string(options.max_walk) +
@@ -244,19 +252,19 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
   for (int buffer = 0; buffer < (drawing != nullptr ? 2 : 1); ++buffer) {
     drawn_[buffer] = DeviceArray<ShadingPoint>(stream, most_ahead_, "left-hand-side points");
     drawn_[buffer].fill(0);  // points are copied as whole words, padding included
-    drawn_surface_points_[buffer] = PlaneArray(stream, kSurfacePointNumbers, most_ahead_, "left-hand-side points");
+    drawn_surface_points_[buffer] = PlaneArray(stream, surface_point_numbers(offset), most_ahead_, "left-hand-side points");
   }
   stream.synchronize();  // before another stream draws
 }
 
-std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffers) {
-  const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(kSurfacePointNumbers) * sizeof(float);
+std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffers, const OffsetRay& offset) {
+  const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(surface_point_numbers(offset)) * sizeof(float);
   const std::size_t draw = 3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) +
                            static_cast<std::size_t>(lhs_kernels::kDrawNumbers) * sizeof(float);
   return most * point + std::max(most, most_ahead) * (static_cast<std::size_t>(buffers) * point + draw);
 }
 
-void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset, int buffer) {
+void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, int buffer) {
   using namespace lhs_kernels;
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
@@ -288,9 +296,13 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, c
   with_world(world_, [&](const auto& world) {
     launch(*drawing_, items, Finish<std::decay_t<decltype(world)>>{{}, world, memory, options_, poses, queue(rounds_)});
   });
-  if (offset.traced)
-    launch(*drawing_, items,
-           Disparity{{}, world_, offset.rule, drawn_[buffer].data(), drawn_surface_points_[buffer].points()});
+  if (offset_.traced) {
+    with_world(world_, [&](const auto& world) {
+      launch(*drawing_, items,
+             TracePointOffsets<std::decay_t<decltype(world)>>{
+                 {}, world, offset_, drawn_[buffer].data(), drawn_surface_points_[buffer].points(offset_)});
+    });
+  }
   drawing_->mark("left-hand rest");
 }
 
@@ -303,19 +315,19 @@ void DeviceLhs::take(const unsigned long long* step, std::size_t n, int steps, i
               static_cast<std::uint32_t>(n),
               static_cast<std::uint32_t>(steps),
               drawn_[buffer].data(),
-              drawn_surface_points_[buffer].points(),
+              drawn_surface_points_[buffer].points(offset_),
               points_.data(),
-              surface_points_.points(),
+              surface_points_.points(offset_),
               missing_.data()});
 }
 
-void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset) {
+void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count) {
   using namespace lhs_kernels;
   check(count, 1);
   with_world(world_, [&](const auto& world) {
     launch(*stream_, count,
            TakeFarEnds<std::decay_t<decltype(world)>>{
-               {}, world, far_ends, points_.data(), surface_points_.points(), offset});
+               {}, world, far_ends, points_.data(), surface_points_.points(offset_), offset_});
   });
 }
 

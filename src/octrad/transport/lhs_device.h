@@ -20,29 +20,30 @@ class DeviceLhs {
   // more) of all steps of a group. `rounds`: rays that are traced for all points as a wavefront, before the few points
   // that need more are finished by one thread each; below 0: 12, or 32 where rough points are rejected, so that a few
   // per cent are left in the usual scenes. `drawing`: a sibling on which draw() runs, so that a group is drawn while
-  // another one is taken from; there are two buffers then. Throws UsageError without a view, or for walks of more than
+  // another one is taken from; there are two buffers then. `offset`: the ray of trace_offset() from each point. Throws UsageError without a view, or for walks of more than
   // 255 vertices.
   DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options, std::span<const CameraView> views,
-            bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1, Stream* drawing = nullptr);
+            bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1, Stream* drawing = nullptr,
+            const OffsetRay& offset = {});
 
-  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). `offset`: where it is traced,
-  // fills SurfacePoint::disparity. Can be recorded, as can the others.
-  void draw(const unsigned long long* step, std::size_t n, int steps, const OffsetRay& offset = {}, int buffer = 0);
+  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). Can be recorded, as can the
+  // others.
+  void draw(const unsigned long long* step, std::size_t n, int steps, int buffer = 0);
   // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
   void take(const unsigned long long* step, std::size_t n, int steps, int buffer = 0);
   // The first `count` current points become these far ends, where there is one.
-  void take_far_ends(const FarEnd* far_ends, std::size_t count, const OffsetRay& offset = {});
+  void take_far_ends(const FarEnd* far_ends, std::size_t count);
   // Both for a step alone.
-  void run(const unsigned long long* step, std::size_t n, const OffsetRay& offset = {}) {
-    draw(step, n, 1, offset);
+  void run(const unsigned long long* step, std::size_t n) {
+    draw(step, n, 1);
     take(step, n, 1);
   }
   const ShadingPoint* points() const { return points_.data(); }
-  SurfacePointArray surface_points() const { return surface_points_.points(); }
+  SurfacePointArray surface_points() const { return surface_points_.points(offset_); }
 
   // Number of points taken since the last call that could not be drawn (no_lhs_point()); their values are invalid.
   unsigned long long take_missing();
-  static std::size_t bytes(std::size_t most, std::size_t most_ahead, int buffers = 1);
+  static std::size_t bytes(std::size_t most, std::size_t most_ahead, int buffers = 1, const OffsetRay& offset = {});
 
  private:
   void check(std::size_t n, int steps) const;
@@ -51,6 +52,7 @@ class DeviceLhs {
   Stream* drawing_;
   DeviceWorld world_;
   LhsOptions options_;
+  OffsetRay offset_;
   std::size_t most_, most_ahead_;
   int rounds_;
   bool fresh_poses_;

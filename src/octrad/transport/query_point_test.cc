@@ -105,6 +105,33 @@ TEST(QueryPoint, RoughPointsWithoutAnOffsetCostNoRay) {
   EXPECT_EQ(rays.count(rough.alpha), 0);
 }
 
+// What the ray meets is described as it is seen from the point.
+TEST(QueryPoint, TheOffsetsRayShowsWhatIsReflected) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  QueryRays rays;
+  rays.offset.traced = true;
+  const SurfacePoint none = traced(context, floor_point(context, 2.1f), rays);
+  EXPECT_EQ(none.reflected.met, 0.0f);
+  rays.offset.reflected = true;
+  rays.offset.rule.rough_offset = false;
+  rays.offset.rule.rough_threshold = 1.0f;
+  const SurfacePoint p = traced(context, floor_point(context, 2.1f), rays);
+  ASSERT_EQ(p.reflected.met, 1.0f);
+  const Vec3f w = lookup_direction(rays.offset.rule, p), y = p.x + w / p.disparity;
+  Hit hit = context.intersect(y - w * 0.1f, w, 0.0f, kRayInfinity);
+  ASSERT_TRUE(hit.valid());
+  const SurfaceInteraction surface = context.interact(hit, y - w * 0.1f, w);
+  EXPECT_LT(length(surface.position - y), 1e-3f);
+  const SurfacePoint there = surface_point(context.shade(surface, -w));
+  EXPECT_LT(length(p.reflected.n - there.n), 1e-5f);
+  EXPECT_LT(dot(p.reflected.n, w), 0.0f);
+  EXPECT_LT(length(p.reflected.albedo - there.albedo), 1e-5f);
+  EXPECT_EQ(p.reflected.alpha, there.alpha);
+  const SurfacePoint rough = traced(context, floor_point(context, 4.1f), rays);
+  EXPECT_EQ(rough.reflected.met, 0.0f);
+}
+
 TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {
   const PreparedScene scene = open_scene();
   const TransportContext context = scene.context();

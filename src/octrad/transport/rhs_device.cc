@@ -306,7 +306,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, rhs_kernels::kSlotNumbers, slots, "right-hand-side samples"),
       chain_numbers_(rounds_ > 0 ? PlaneArray(stream, ChainStates::kNumbers, slots, "chains") : PlaneArray()),
-      queries_(stream, kSurfacePointNumbers, slots, "queries"),
+      queries_(stream, surface_point_numbers(rays.offset), slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
       chain_generators_(stream, rounds_ > 0 ? slots : 0, "chains"),
       lobes_(stream, world, slots, rays, true) {
@@ -317,7 +317,7 @@ std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain
   const std::size_t chain =
       chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
   return slots * (chain + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
-                  static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers + kSurfacePointNumbers +
+                  static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers + surface_point_numbers(rays.offset) +
                                            (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
          DeviceLobes::bytes(slots, rays, true);
@@ -337,7 +337,7 @@ rhs_kernels::Memory DeviceRhs::memory() const {
           shadow_owners_.data(),
           chains_[0].data(),
           {chain_numbers_.planes(), chain_generators_.data()},
-          queries_.points(),
+          queries_.points(query_rays_.offset),
           normals_.planes(),
           lobes_.starts(),
           sizes + kShadows,
@@ -385,9 +385,9 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   });
   stream_->mark("chains");
   if (!options.ask) return;
-  trace_offsets(*stream_, n, world_, query_rays_.offset, queries_.points(), normals_.planes(), query_count(),
+  trace_offsets(*stream_, n, world_, query_rays_.offset, queries_.points(query_rays_.offset), normals_.planes(), query_count(),
                 &counts_.data()->rays);
-  lobes_.trace(queries_.points(), query_count(), n, counts_.data());
+  lobes_.trace(queries_.points(query_rays_.offset), query_count(), n, counts_.data());
   stream_->mark("rays of queries");
 }
 

@@ -46,7 +46,7 @@ class DeviceRhs {
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const {
-    SurfacePointArray queries = queries_.points();
+    SurfacePointArray queries = queries_.points(query_rays_.offset);
     queries.lobe = lobes_.clusters();
     return queries;
   }

@@ -136,7 +136,7 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   EXPECT_THROW(rhs.trace(points, options), UsageError);
   const std::size_t before = stream->allocated_bytes(), n = 100'000;
   QueryRays rays;
-  rays.offset.traced = true;
+  rays.offset.traced = rays.offset.reflected = true;
   rays.lobe = 32;
   const DeviceRhs large(*stream, scene.world(*stream), n, rays);
   const auto taken = static_cast<double>(stream->allocated_bytes() - before),

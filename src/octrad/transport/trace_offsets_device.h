@@ -1,4 +1,5 @@
-// Disparities of queries on a device (lookup.offset = traced). For files named *_device.cc.
+// Rays along the look-up directions of queries on a device (lookup.offset = traced): disparities, and what is seen
+// there. For files named *_device.cc.
 #pragma once
 
 #include "octrad/device/launch.h"
@@ -9,9 +10,10 @@
 namespace octrad {
 
 // A ray for each query whose look-up has an offset.
+template <typename World>
 struct TraceOffsets : Kernel {
-  DeviceWorld world;
-  LookupRule rule;
+  World world;
+  OffsetRay offset;
   SurfacePointArray queries;
   FloatPlanes normals;         // geometric, of the queries
   const std::uint32_t* count;  // of queries
@@ -19,9 +21,11 @@ struct TraceOffsets : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *count) return;
-    const SurfacePoint point = queries.load(q);
-    if (rule.has_offset(point.alpha)) atomic_add(rays, 1ull);
-    queries.set(kDisparityNumber, q, traced_disparity(world, rule, point, normals.get3(0, q)));
+    SurfacePoint point = queries.load(q);
+    if (offset.rule.has_offset(point.alpha)) atomic_add(rays, 1ull);
+    trace_offset(world, offset, normals.get3(0, q), point);
+    queries.set(kDisparityNumber, q, point.disparity);
+    if (offset.reflected) queries.reflected.set(q, point.reflected);
   }
 };
 
@@ -29,7 +33,11 @@ struct TraceOffsets : Kernel {
 inline void trace_offsets(Stream& stream, std::size_t most, const DeviceWorld& world, const OffsetRay& offset,
                           SurfacePointArray queries, FloatPlanes normals, const std::uint32_t* count,
                           unsigned long long* rays) {
-  if (offset.traced) launch(stream, most, TraceOffsets{{}, world, offset.rule, queries, normals, count, rays});
+  if (!offset.traced) return;
+  with_world(world, [&](const auto& of_kind) {
+    launch(stream, most,
+           TraceOffsets<std::decay_t<decltype(of_kind)>>{{}, of_kind, offset, queries, normals, count, rays});
+  });
 }
 
 }  // namespace octrad
