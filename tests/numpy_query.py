@@ -13,6 +13,7 @@ import struct
 import numpy as np
 
 COLUMNS = ["x", "y", "z", "wox", "woy", "woz", "nx", "ny", "nz", "ar", "ag", "ab", "alpha"]
+REFLECTED = ["met", "ralpha", "rnx", "rny", "rnz", "rar", "rag", "rab", "rer", "reg", "reb"]
 DTYPES = {"F32": "<f4", "F16": "<f2", "I32": "<i4", "I64": "<i8", "U8": "u1", "U16": "<u2", "U32": "<u4", "U64": "<u8", "F64": "<f8"}
 
 
@@ -219,13 +220,37 @@ def cones(tensors, config, points, x, mirror, alpha, position):
     return color
 
 
+# ---------------------------------------------------------------- what is reflected
+
+def looks_up_reflected(config):
+    lookup = config["lookup"]
+    return config["field"] == "octaoctree" and lookup.get("reflected", "none") == "features" and lookup["offset"] == "traced"
+
+
+def reflected_inputs(tensors, config, points, x, w, disparity, asked):
+    """Features and attributes of what rays along w met, [n, K C + 14]: 0 where there are none."""
+    origin, size = tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
+    met, alpha, n, albedo, emitted = points[:, 14] > 0, points[:, 15], points[:, 16:19], points[:, 19:22], points[:, 22:25]
+    met = met & asked & (disparity > 0)
+    end = x + w / np.where(met, disparity, 1)[:, None]
+    along = w - 2 * (w * n).sum(axis=1, keepdims=True) * n if config["lookup"]["direction"] == "mirror" else -w
+    if config["lookup"]["rough_direction"] == "normal":
+        along = np.where((alpha >= config["lookup"]["rough_threshold"])[:, None], n, along)
+    features = octree_features(tensors, config, end, along, np.zeros(len(x)))
+    attributes = np.column_stack([n, albedo, alpha, np.ones(len(x))])
+    position = contract(2 * (end - origin) / size - 1)
+    light = np.log1p(emitted / config["target"]["scale"])
+    keep = lambda values, where: np.where(where[:, None], values, 0)
+    return np.concatenate([keep(features, met), keep(attributes, met), keep(light, asked), keep(position, met)], axis=1)
+
+
 # ---------------------------------------------------------------- model
 
 def columns(config):
     """Names of a point's numbers; field ncr also takes distance, deviation and share of each cluster of hits, and traced
-    offsets the disparity."""
+    offsets the disparity and what is reflected."""
     if config["field"] == "octaoctree" and config["lookup"]["offset"] == "traced":
-        return COLUMNS + ["disparity"]
+        return COLUMNS + ["disparity"] + (REFLECTED if looks_up_reflected(config) else [])
     clusters = range(config["ncr"]["clusters"]) if config["field"] == "ncr" else ()
     return COLUMNS + [name + str(k) for k in clusters for name in "tsn"]
 
@@ -245,7 +270,7 @@ class Model:
         rough = alpha >= c["lookup"]["rough_threshold"]
         origin, size = t["octree.origin"].astype(float), t["octree.size"].astype(float)
         p = (x - origin) / size
-        disparity = np.zeros(len(x))
+        disparity, reflected = np.zeros(len(x)), np.zeros((len(x), 0))
         if c["field"] == "nr":
             w = mirror
             features = hash_grid(t, "nr.grid", c["nr"], p)
@@ -269,9 +294,12 @@ class Model:
             if not c["lookup"].get("rough_offset", True):
                 disparity = np.where(rough, 0, disparity)
             features = octree_features(t, c, x, w, disparity)
+            if looks_up_reflected(c):
+                asked = ~rough | c["lookup"].get("rough_offset", True)
+                reflected = reflected_inputs(t, c, points, x, w, disparity, asked)
             prefix, hidden, output = "decoder.mlp", c["decoder"]["hidden"], c["decoder"]["output"]
         position = lambda at: contract(2 * (at - origin) / size - 1) if c["decoder"]["position"] == "normalized" else at
-        inputs = np.concatenate([features, position(x), w, n, albedo, alpha[:, None]], axis=1)
+        inputs = np.concatenate([features, reflected, position(x), w, n, albedo, alpha[:, None]], axis=1)
         radiance = ACTIVATIONS[output](mlp(t, prefix, hidden, inputs))
         if c["field"] == "ncr":
             glossy = cones(t, c, points, x, mirror, alpha, position)

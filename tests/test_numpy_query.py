@@ -61,9 +61,13 @@ def sample_points(model, count):
     n[2], wo[2] = (-1, 0, 0), (-1, 0, 0)
     alpha = rng.choice([0.0, 0.02, 0.2, 0.49, 0.5, 1.0], size=(count, 1))
     traced = "disparity" in numpy_query.columns(model.config)
+    reflected = numpy_query.looks_up_reflected(model.config)
     clusters = 0 if traced else (len(numpy_query.columns(model.config)) - 13) // 3
     hits = rng.random((count, clusters, 3)) * (size.max(), 0.2 * size.max(), 0.3) * (rng.random((count, clusters, 1)) < 0.7)
     more = 3 * rng.random((count, 1)) / size.max() if traced else hits.reshape(count, -1)
+    if reflected:                                     # some rays meet nothing
+        met, far = rng.choice([0.0, 1.0, 1.0], size=(count, 1)), rng.choice([0.1, 1.0], size=(count, 1))
+        more = np.column_stack([more, met, far, unit(rng.normal(size=(count, 3))), rng.random((count, 3)), 3 * rng.random((count, 3))])
     points = np.column_stack([origin + p * size, wo, n, rng.random((count, 3)), alpha, more])
     return points.astype(np.float32)
 
@@ -91,6 +95,13 @@ class Query(unittest.TestCase):
 
     def test_cpu_preset(self):
         self.compare("--preset", "cpu")
+
+    def test_nothing_reflected(self):
+        self.compare("--preset", "cpu", "-D", "lookup.reflected=none")
+
+    def test_reflected_along_outgoing_directions(self):
+        self.compare("--preset", "cpu", "-D", "lookup.direction=outgoing", "-D", "lookup.rough_threshold=0.3",
+                     "-D", "lookup.rough_direction=mirror")
 
     def test_predicted_offset(self):
         self.compare("-D", "lookup.offset=predicted")

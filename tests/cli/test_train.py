@@ -418,7 +418,9 @@ class Query(Case):
         self.assertAlmostEqual(d[0], 1 / 1.95, 3)  # from the floor to the lamp under the ceiling
         self.assertEqual(d[1], 0)
         self.assertEqual(self.ok("query", self.model, "--points", points, "--scene", self.scene).out, answer.out)
-        given = self.points(glossy + ",%.9g" % d[0], rough + ",7", header=self.HEADER + ",disparity")
+        columns = ",disparity,met,ralpha,rnx,rny,rnz,rar,rag,rab,rer,reg,reb"
+        lamp, nothing = ",1,1,0,-1,0,0.5,0.5,0.4,8,8,8", ",7,0,1,0,0,0,0,0,0,0,0,0"
+        given = self.points(glossy + ",%.9g" % d[0] + lamp, rough + nothing, header=self.HEADER + columns)
         moved = self.path("moved.xml")
         os.rename(self.scene, moved)
         self.assertEqual(self.ok("query", self.model, "--points", given).out, answer.out)
@@ -434,7 +436,15 @@ class Query(Case):
         self.fails(2, "another scene", "query", self.model, "--points", points, "--scene", other)
         self.fails(3, "none.xml", "query", self.model, "--points", points, "--scene", self.path("none.xml"))
         self.ok("query", self.model, "--points", points, "--scene", other, "--force")
-        self.fails(2, "disparity: expected", "query", self.model, "--points", self.points(glossy + ",-1", header=self.HEADER + ",disparity"))
+        q = ("query", self.model, "--points")
+        self.fails(2, "disparity: expected", *q, self.points(glossy + ",-1" + lamp, header=self.HEADER + columns))
+        self.fails(2, "rnx,rny,rnz has length", *q, self.points(glossy + ",1" + lamp.replace("-1", "-2"), header=self.HEADER + columns))
+        self.fails(2, "expected 0 or 1", *q, self.points(glossy + ",1,2" + lamp[2:], header=self.HEADER + columns))
+        self.fails(2, "at least 0", *q, self.points(glossy + ",1" + lamp[:-1] + "-8", header=self.HEADER + columns))
+        self.fails(2, 'lacks the column "met"', *q, self.points(glossy + ",1", header=self.HEADER + ",disparity"))
+        self.ok("train", moved, "-o", self.model, *SMALL, "--steps", 3, "--overwrite", "-D", "lookup.reflected=none")
+        answers = [self.ok(*q, p).out.splitlines()[1] for p in (points, self.points(glossy + ",%.9g" % d[0], header=self.HEADER + ",disparity"))]
+        self.assertEqual(answers[0], answers[1])
 
     def test_geometric_normals(self):
         """Where rays start is decided by the geometric normal: this shading normal mirrors the view into the floor."""
@@ -449,7 +459,9 @@ class Query(Case):
         q = ("query", self.model, "--points")
         self.fails(2, "ng has length", *q, self.points(row + ",0,2,0", header=header))
         self.fails(2, "a normal needs all", *q, self.points(row + ",0", header=self.HEADER + ",ngy"))
-        self.assertEqual(disparity(row + ",3,none", header=self.HEADER + ",disparity,ngx"), [3], "a given disparity needs no normal")
+        given = row + ",3,none,0" + 10 * ",0"
+        header = self.HEADER + ",disparity,ngx,met,ralpha,rnx,rny,rnz,rar,rag,rab,rer,reg,reb"
+        self.assertEqual(disparity(given, header=header), [3], "a given disparity needs no normal")
 
     def test_scene_options(self):
         """The scene of traced offsets is loaded as by other verbs."""

@@ -34,7 +34,7 @@ constexpr std::size_t kBlock =
 // Traces the offsets of points whose look-ups have one. Says in which scene; empty: the one that the model names is not
 // there, and they stay 0.
 std::string trace_offsets(const CommonOptions& common, const QueryOptions& o, const ModelInfo& info,
-                              const OffsetRay& offset, QueryPoints& asked) {
+                          const OffsetRay& offset, QueryPoints& asked) {
   const std::string file = o.scene.empty() ? info.scene_file : o.scene;
   const auto definitions = o.definitions.scene_definitions();
   try {
@@ -146,9 +146,10 @@ void add_query(Program& program) {
                    "CSV with the columns x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha; field ncr: more")
       ->required()
       ->type_name("IN.csv");
-  verb->add_option("--scene", o->scene,
-                   "scene that offsets of glossy points are traced in (lookup.offset = traced); default: the file that the "
-                   "model was trained with. Not needed where the points have columns of them")
+  verb->add_option(
+          "--scene", o->scene,
+          "scene that offsets of glossy points are traced in (lookup.offset = traced); default: the file that the "
+          "model was trained with. Not needed where the points have columns of them")
       ->type_name("SCENE.xml");
   add_force_option(*verb, o->force);
   o->definitions.add_definitions_to(*verb);

@@ -105,8 +105,9 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
       result.has_offsets = names.size() == required + offset.size();
       if (result.has_offsets) continue;
       if (names.size() > required)
-        refuse(fmt::format("the header lacks the column \"{}\"; what the ray of an offset met needs {}, or none of them",
-                           missing, join(offset, ",")));
+        refuse(
+            fmt::format("the header lacks the column \"{}\"; what the ray of an offset met needs {}, or none of them",
+                        missing, join(offset, ",")));
       for (const char* name : {"ngx", "ngy", "ngz"}) {
         if (find_column(name)) names.emplace_back(name);
       }
@@ -136,7 +137,8 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
       const float* r = &v[required + 1];
       p.reflected = {r[0], r[1], {r[2], r[3], r[4]}, {r[5], r[6], r[7]}, {r[8], r[9], r[10]}};
       if ((r[0] != 0.0f && r[0] != 1.0f) || *std::min_element(r + 5, r + 11) < 0.0f || r[1] < 0.0f)
-        refuse("columns met,ralpha,rar,...,reb: expected 0 or 1, and a roughness, an albedo and an emission of at least 0");
+        refuse(
+            "columns met,ralpha,rar,...,reb: expected 0 or 1, and a roughness, an albedo and an emission of at least 0");
       if (r[0] == 1.0f && std::abs(length(p.reflected.n) - 1.0f) > 1e-2f)
         refuse(fmt::format("rnx,rny,rnz has length {:.3g}: a unit vector is needed", length(p.reflected.n)));
     }

@@ -17,9 +17,8 @@ struct QueryPoints {
 
 // Surface points of a CSV file: a header with the columns' names in any order (others are ignored), a point a line. For
 // a field that wants `rays` traced, what those of the BSDF met is given in more columns; that of the offset may be, as
-// "disparity" and, if the field takes it, what is reflected, as "met,ralpha,rnx,rny,rnz,rar,rag,rab,rer,reg,reb"; or the
-// geometric normal that it is traced with, as "ngx,ngy,ngz". Throws InputError as FILE:LINE,
-// IoError.
+// "disparity" and, if the field takes it, what is reflected, as "met,ralpha,rnx,rny,rnz,rar,rag,rab,rer,reg,reb"; or
+// the geometric normal that it is traced with, as "ngx,ngy,ngz". Throws InputError as FILE:LINE, IoError.
 QueryPoints read_points(const std::string& file, const QueryRays& rays);
 // The same of a file's content.
 QueryPoints parse_points(const std::string& file, const std::string& text, const QueryRays& rays);

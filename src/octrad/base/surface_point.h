@@ -18,11 +18,11 @@ inline constexpr int kHitClusterNumbers = 3 * kHitClusters;
 
 // What a point shows along its look-up direction (lookup.reflected): the surface that a ray in that direction met.
 struct ReflectedSurface {
-  float met = 0.0f;         // 1: a surface; 0: the ray left the scene, or was not cast
-  float alpha = 0.0f;       // its roughness; of a coated surface that of its base, 1
-  Vec3f n{0, 0, 0};         // its unit shading normal, on the side of the point
-  Vec3f albedo{0, 0, 0};    // of a coated surface: of its base, towards the point
-  Vec3f emitted{0, 0, 0};   // radiance that it emits towards the point; without a surface that of the environment
+  float met = 0.0f;        // 1: a surface; 0: the ray left the scene, or was not cast
+  float alpha = 0.0f;      // its roughness; of a coated surface that of its base, 1
+  Vec3f n{0, 0, 0};        // its unit shading normal, on the side of the point
+  Vec3f albedo{0, 0, 0};   // of a coated surface: of its base, towards the point
+  Vec3f emitted{0, 0, 0};  // radiance that it emits towards the point; without a surface that of the environment
 };
 
 struct SurfacePoint {

@@ -148,8 +148,9 @@ const std::vector<Key>& keys() {
       choice("lookup.offset", &C::lookup_offset,
              {{"predicted", LookupOffset::predicted}, {"none", LookupOffset::none}, {"traced", LookupOffset::traced}},
              "disparity of the query: learned, 0, or 1/distance of a traced ray"),
-      choice("lookup.reflected", &C::lookup_reflected, {{"none", Reflected::none}, {"features", Reflected::features}},
-             "what the decoder is given of the surface that the traced ray of lookup.offset meets; nothing without one"),
+      choice(
+          "lookup.reflected", &C::lookup_reflected, {{"none", Reflected::none}, {"features", Reflected::features}},
+          "what the decoder is given of the surface that the traced ray of lookup.offset meets; nothing without one"),
       choice("lookup.rough_direction", &C::lookup_rough_direction,
              {{"normal", RoughDirection::normal}, {"mirror", RoughDirection::mirror}},
              "direction of the query where alpha is at least lookup.rough_threshold"),

@@ -128,7 +128,7 @@ class DeviceFieldBase : public DeviceField {
   // The chunk's queries in the order of a 15-bit Morton key, those that the slice does not hold last; order_ has their
   // places.
   Chunk sorted(const Chunk& chunk);
-  bool sorts(const SurfacePointArray& points) const { 
+  bool sorts(const SurfacePointArray& points) const {
     return !order_.empty() && points.lobe.data == nullptr && points.reflected.data == nullptr;
   }
   void prepare(const Chunk& chunk);

@@ -156,8 +156,11 @@ TEST_P(DeviceFields, AnswerAsTheDefinition) {
       EXPECT_EQ(device->take_empty_lookups(), empty);
       EXPECT_EQ(device->take_empty_lookups(), 0);
       EXPECT_EQ(empty > 0, name() == "octaoctree");  // points[3]
+      // Emission that is reflected counts in units of the exposure.
+      auto brighter = points;
+      for (SurfacePoint& p : brighter) p.reflected.emitted *= 2.0f;
       device->set_target_scale(3.4f);
-      const std::vector<float> doubled = ask(*stream_, *device, points);
+      const std::vector<float> doubled = ask(*stream_, *device, brighter);
       for (std::size_t i = 0; i < got.size(); ++i) ASSERT_NEAR(doubled[i], 2.0f * got[i], 1e-6f * std::abs(doubled[i]));
     }
   }
@@ -349,6 +352,7 @@ TEST_P(DeviceFields, BadNumbersDoNotSpread) {
   points[13].albedo.z = nan;
   points[14].alpha = nan;
   points[15].disparity = nan;
+  points[17].reflected.n = Vec3f(nan, 0.0f, 1.0f);  // taken as nothing
   targets[20] = Vec3f(nan, 1.0f, inf);
   points[21].x = Vec3f(1e30f, 0.0f, 0.0f);  // finite, though halves cannot hold it
   Batch batch(*stream_, points, targets);
@@ -414,8 +418,11 @@ TEST_P(DeviceFields, LaunchesOfAStepAreCounted) {
     c.adam_mode = AdamMode::dense;
     return Counts{touched, launches(c, 512), parts};
   };
-  const std::map<std::string, Counts> expected{
-      {"octaoctree", {25, 27, 45}}, {"traced", {15, 16, 26}}, {"nr", {14, 15, 24}}, {"ncr", {32, 34, 59}}};
+  const std::map<std::string, Counts> expected{{"octaoctree", {25, 27, 45}},
+                                               {"traced", {15, 16, 26}},
+                                               {"reflected", {18, 19, 32}},
+                                               {"nr", {14, 15, 24}},
+                                               {"ncr", {32, 34, 59}}};
   Config c = config();
   const Counts found = counted(c);
   if (!cuda()) {
@@ -423,8 +430,11 @@ TEST_P(DeviceFields, LaunchesOfAStepAreCounted) {
   }
   if (name() != "octaoctree") return;
   c.lookup_offset = LookupOffset::traced;
+  const Counts reflected = counted(c);
+  c.lookup_reflected = Reflected::none;
   const Counts traced = counted(c);
   if (!cuda()) {
+    EXPECT_EQ(reflected, expected.at("reflected"));
     EXPECT_EQ(traced, expected.at("traced"));
   }
 }

@@ -16,39 +16,10 @@
 #include "octrad/encoding/octaoctree_math.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/model/field_test_helper.h"
+#include "octrad/model/reflected_math.h"
 #include "octrad/network/mlp_reference_test_helper.h"
 
 namespace octrad::testing {
-
-struct TrainingBatch {
-  std::vector<SurfacePoint> points;
-  std::vector<Vec3f> targets;
-  double epsilon = 0.3;
-};
-
-// The shell of field_test_helper.h in a box that is no cube and lies off the origin.
-inline FieldDomain box_domain(int levels) {
-  FieldDomain domain = shell(levels);
-  domain.origin = {-1.0f, 0.5f, 2.0f};
-  domain.size = {2.0f, 1.0f, 3.0f};
-  return domain;
-}
-
-// Points of it: of every twenty, one lies anywhere in the box and one beside it.
-inline std::vector<SurfacePoint> box_points(std::size_t n, unsigned long long stream) {
-  const FieldDomain box = box_domain(0);
-  std::vector<SurfacePoint> points = random_points(n, stream);
-  for (std::size_t i = 0; i < n; ++i) {
-    Rng rng(stream, RngPurpose::test, 1'000'000 + i);
-    SurfacePoint& p = points[i];
-    if (i % 10 == 0) p.x = {rng.uniform(), rng.uniform(), rng.uniform()};
-    if (i % 20 == 0) p.x = p.x * 5.0f - Vec3f(2.0f);
-    p.x = box.origin + p.x * box.size;
-    p.alpha = i % 3 == 0 ? 0.05f : (i % 3 == 1 ? 0.5f : 1.0f);
-    p.disparity = 2.0f * rng.uniform();
-  }
-  return points;
-}
 
 class FieldReference {
  public:
@@ -68,13 +39,7 @@ class FieldReference {
         octaoctree_(dynamic_cast<OctaOctreeField*>(&field)),
         nr_(dynamic_cast<NrField*>(&field)),
         scale_(static_cast<double>(field.target_scale())) {
-    const auto is = [&](const std::string& key, const std::string& value) {
-      for (const ConfigKey& k : describe(config)) {
-        if (k.key == key) return k.value == value;
-      }
-      ADD_FAILURE() << "no key " << key;
-      return false;
-    };
+    const auto is = [&](const std::string& key, const std::string& value) { return get(config, key) == value; };
     const auto copy = [](std::span<const float> from, auto&& round) {
       std::vector<double> to;
       for (const float v : from) to.push_back(round(static_cast<double>(v)));
@@ -310,6 +275,14 @@ class FieldReference {
       });
     }
   }
+  void octree_features(Vec3d x, Vec3d w, double d, std::uint64_t& piece, double* features) const {
+    const auto width = static_cast<std::size_t>(octree_.features);
+    visit_octree(x, w, d, [&](int level, std::size_t entry, double weight, double) {
+      piece = join(piece, entry);
+      for (std::size_t c = 0; c < width; ++c)
+        features[static_cast<std::size_t>(level) * width + c] += weight * parameters[kOctree][entry * width + c];
+    });
+  }
   // visit(level, entry, weight).
   template <typename Visitor>
   void visit_grid(Vec3d x, Visitor&& visit) const {
@@ -340,32 +313,20 @@ class FieldReference {
 
   // Features of what is reflected, found like those of a point there, and its attributes.
   void add_reflected(const SurfacePoint& point, Vec3d x, Vec3d w, Query& q, std::vector<double>& in) const {
-    const ReflectedSurface& r = point.reflected;
-    const auto width = static_cast<std::size_t>(octree_.features), first = in.size();
-    in.resize(2 * first + 14, 0.0);
-    if (!has_offset(point)) return;
-    double* out = &in[2 * first];
-    for (int c = 0; c < 3; ++c) out[8 + c] = std::log(1.0 + static_cast<double>(r.emitted[c]) / scale_);
-    if (!(r.met > 0.0f)) return;
-    const Vec3d n(r.n);
-    q.reflects = true;
-    q.reflected_x = x + w * (1.0 / q.disparity);
-    q.reflected_w = rough_normal_ && r.alpha >= rough_threshold_ ? n
-                    : mirror_                                    ? w - n * (2.0 * dot(w, n))
-                                                                 : -w;
-    visit_octree(q.reflected_x, q.reflected_w, 0.0, [&](int level, std::size_t entry, double weight, double) {
-      q.piece = join(q.piece, entry);
-      for (std::size_t c = 0; c < width; ++c)
-        in[first + static_cast<std::size_t>(level) * width + c] += weight * parameters[kOctree][entry * width + c];
-    });
-    const Vec3d position = contracted(normalized(q.reflected_x) * 2.0 - Vec3d(1.0));
-    for (int c = 0; c < 3; ++c) {
-      out[c] = static_cast<double>(r.n[c]);
-      out[3 + c] = static_cast<double>(r.albedo[c]);
-      out[11 + c] = position[c];
+    const LookupRule& rule = octaoctree_->lookup_rule();
+    const std::size_t first = in.size();
+    in.resize(2 * first, 0.0);
+    q.reflects = has_reflected(rule, point, static_cast<float>(q.disparity));
+    if (q.reflects) {
+      q.reflected_x = x + w * (1.0 / q.disparity);
+      q.reflected_w = Vec3d(reflected_direction(rule, point.reflected, Vec3f(w)));
+      octree_features(q.reflected_x, q.reflected_w, 0.0, q.piece, &in[first]);
     }
-    out[6] = static_cast<double>(r.alpha);
-    out[7] = 1.0;
+    float attributes[kReflectedInputs];
+    reflected_inputs(rule, point, static_cast<float>(q.disparity),
+                     Vec3f(contracted(normalized(q.reflected_x) * 2.0 - Vec3d(1.0))), static_cast<float>(scale_),
+                     attributes);
+    in.insert(in.end(), attributes, attributes + kReflectedInputs);
   }
 
   Query evaluate(const SurfacePoint& point, Vec3d x, Vec3d w, double disparity_shift) {
@@ -386,13 +347,8 @@ class FieldReference {
         q.disparity = static_cast<double>(point.disparity);
       }
       if (!has_offset(point)) q.disparity = 0.0;
-      const auto width = static_cast<std::size_t>(octree_.features);
-      q.features.assign(static_cast<std::size_t>(octree_.levels) * width, 0.0);
-      visit_octree(x, w, q.disparity + disparity_shift, [&](int level, std::size_t entry, double weight, double) {
-        q.piece = join(q.piece, entry);
-        for (std::size_t c = 0; c < width; ++c)
-          q.features[static_cast<std::size_t>(level) * width + c] += weight * parameters[kOctree][entry * width + c];
-      });
+      q.features.assign(static_cast<std::size_t>(octree_.levels * octree_.features), 0.0);
+      octree_features(x, w, q.disparity + disparity_shift, q.piece, q.features.data());
     } else {
       q.features = grid_features(x, q.piece);
     }
@@ -430,8 +386,8 @@ class FieldReference {
   OctaOctreeView octree_;
   HashGridView grid_;
   Vec3f origin_, size_;
-  bool predicted_ = false, traced_ = false, reflects_ = false, mirror_ = false, rough_normal_ = false, rough_offset_ = false,
-       harmonics_ = false, normalized_ = false, demodulate_ = false, split_coats_ = false;
+  bool predicted_ = false, traced_ = false, reflects_ = false, mirror_ = false, rough_normal_ = false,
+       rough_offset_ = false, harmonics_ = false, normalized_ = false, demodulate_ = false, split_coats_ = false;
   double unit_ = 1.0;
   float rough_threshold_ = 0.5f;
   LossNormalizer normalizer_ = LossNormalizer::prediction;

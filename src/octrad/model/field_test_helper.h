@@ -62,9 +62,7 @@ inline std::vector<SurfacePoint> random_points(std::size_t n, unsigned long long
     p.alpha = i % 2 ? 0.05f : 1.0f;
     p.disparity = 2.0f * rng.uniform();
     // Some rays of the offset meet nothing, some something rough.
-    p.reflected = {i % 5 == 0 ? 0.0f : 1.0f,
-                   rng.uniform() < 0.5f ? 1.0f : 0.3f,
-                   direction(),
+    p.reflected = {i % 5 == 0 ? 0.0f : 1.0f, rng.uniform() < 0.5f ? 1.0f : 0.3f, direction(),
                    Vec3f(rng.uniform(), rng.uniform(), rng.uniform()),
                    Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 3.0f};
     // Of four clusters the second is often empty; the shares add up to less than 1.
@@ -178,6 +176,36 @@ void check_rates(Config config, const FieldDomain& domain, const TrainOneStep& t
     EXPECT_EQ(with[0] == "grids", grid) << name << " moves with adam.rate." << with[0];
     EXPECT_EQ(with[0] == "networks", network) << name << " moves with adam.rate." << with[0];
   }
+}
+
+struct TrainingBatch {
+  std::vector<SurfacePoint> points;
+  std::vector<Vec3f> targets;
+  double epsilon = 0.3;
+};
+
+// The shell of field_test_helper.h in a box that is no cube and lies off the origin.
+inline FieldDomain box_domain(int levels) {
+  FieldDomain domain = shell(levels);
+  domain.origin = {-1.0f, 0.5f, 2.0f};
+  domain.size = {2.0f, 1.0f, 3.0f};
+  return domain;
+}
+
+// Points of it: of every twenty, one lies anywhere in the box and one beside it.
+inline std::vector<SurfacePoint> box_points(std::size_t n, unsigned long long stream) {
+  const FieldDomain box = box_domain(0);
+  std::vector<SurfacePoint> points = random_points(n, stream);
+  for (std::size_t i = 0; i < n; ++i) {
+    Rng rng(stream, RngPurpose::test, 1'000'000 + i);
+    SurfacePoint& p = points[i];
+    if (i % 10 == 0) p.x = {rng.uniform(), rng.uniform(), rng.uniform()};
+    if (i % 20 == 0) p.x = p.x * 5.0f - Vec3f(2.0f);
+    p.x = box.origin + p.x * box.size;
+    p.alpha = i % 3 == 0 ? 0.05f : (i % 3 == 1 ? 0.5f : 1.0f);
+    p.disparity = 2.0f * rng.uniform();
+  }
+  return points;
 }
 
 }  // namespace octrad::testing

@@ -17,9 +17,9 @@ OctaOctreeOptions octree_options(const Config& config) {
 }
 
 constexpr std::string_view kOctaOctreeKeys[] = {
-    "octree.levels",    "octree.features", "octree.occupancy",       "octree.interpolation", "octa.",
-    "lookup.direction", "lookup.offset",   "lookup.reflected",       "lookup.rough_direction", "disparity.",           "decoder.width",
-    "decoder.hidden",   "decoder.output",  "adam.rate.features"};
+    "octree.levels",    "octree.features", "octree.occupancy", "octree.interpolation",   "octa.",
+    "lookup.direction", "lookup.offset",   "lookup.reflected", "lookup.rough_direction", "disparity.",
+    "decoder.width",    "decoder.hidden",  "decoder.output",   "adam.rate.features"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                           bool training) {
@@ -128,8 +128,8 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       grid_(disparity_grid_options(config)),
       disparity_(disparity_shape(config)),
       reflects_(looks_up_reflected(config)),
-      decoder_(config, decoder_features(config, octree_.feature_count()), config.decoder_width, config.decoder_hidden, config.decoder_output,
-               domain.origin, domain.size, 1),
+      decoder_(config, decoder_features(config, octree_.feature_count()), config.decoder_width, config.decoder_hidden,
+               config.decoder_output, domain.origin, domain.size, 1),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
   disparity_.initialize(seed, 2);

@@ -370,8 +370,7 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
     cells += cells_per_level[l];
   }
   append(DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
-                             octree_table_options(config, options),
-                             "octree features"));
+                             octree_table_options(config, options), "octree features"));
   parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
   append(DeviceTable::memory(
       static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))), config.disparity_features,

@@ -57,8 +57,8 @@ std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, 
 // Emission counts relative to its size, where that is above 1.
 double difference(const ReflectedSurface& a, const ReflectedSurface& b) {
   const float brightest = std::max(1.0f, max_component(b.emitted));
-  return std::max({distance(a.met, b.met), distance(a.alpha, b.alpha), distance(a.n, b.n),
-                   distance(a.albedo, b.albedo), distance(a.emitted, b.emitted, brightest)});
+  return std::max({distance(a.met, b.met), distance(a.alpha, b.alpha), distance(a.n, b.n), distance(a.albedo, b.albedo),
+                   distance(a.emitted, b.emitted, brightest)});
 }
 
 // What is traced from queries in a check.
@@ -150,8 +150,7 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
       errors.add(
           std::max({distance(p.x, q.x, size), distance(p.wo, q.wo), distance(p.n, q.n), distance(p.albedo, q.albedo),
                     distance(p.alpha, q.alpha), distance(near(p.disparity), near(q.disparity)),
-                    difference(p.reflected, q.reflected),
-                    distance(a.surface.position, b.surface.position, size),
+                    difference(p.reflected, q.reflected), distance(a.surface.position, b.surface.position, size),
                     distance(a.surface.geometric_normal, b.surface.geometric_normal), distance(a.wo, b.wo),
                     distance(a.ns, b.ns), distance(a.s, b.s), distance(a.bsdf.reflectance, b.bsdf.reflectance),
                     distance(a.bsdf.alpha_u, b.bsdf.alpha_u), distance(a.bsdf.opacity, b.bsdf.opacity),

@@ -219,8 +219,7 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
 // What the ray shows that met `hit`.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline ReflectedSurface reflected_surface(const World& world, const Hit& hit, Vec3f origin,
-                                                    Vec3f direction) {
+OCTRAD_HD inline ReflectedSurface reflected_surface(const World& world, const Hit& hit, Vec3f origin, Vec3f direction) {
   ReflectedSurface reflected;
   if (!hit.valid()) {
     reflected.emitted = world.environment(direction);

@@ -156,7 +156,8 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
 
 std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats) {
   const std::size_t queries = split_coats ? 2 * capacity : capacity,
-                    query_numbers = static_cast<std::size_t>(surface_point_numbers(rays.offset) + 3 + (rays.offset.traced ? 3 : 0)),
+                    query_numbers =
+                        static_cast<std::size_t>(surface_point_numbers(rays.offset) + 3 + (rays.offset.traced ? 3 : 0)),
                     sample_numbers = static_cast<std::size_t>(kSampleNumbers + (bounces ? 3 : 0));
   return queries * (query_numbers * sizeof(float) + sizeof(std::uint32_t)) +
          capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + sizeof(std::uint32_t) +
@@ -170,11 +171,23 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
   using namespace gbuffer_kernels;
   const std::size_t n = samples > 0 ? std::min(samples, capacity_) : capacity_;
   std::uint32_t* sizes = sizes_.data();
-  const Memory memory{
-      job_.data(),           counts_.data(),         {samples_.planes()},     hits_.data(),         chains_.data(),
-      queries_.points(query_rays_.offset),     query_weight_.planes(), query_owner_.data(),     normals_.planes(),    lobes_.starts(),
-      bounce_points_.data(), bounce_keys_.data(),    bounce_weight_.planes(), bounce_owner_.data(), sizes + kChains,
-      sizes + kQueries,      sizes + kBounces};
+  const Memory memory{job_.data(),
+                      counts_.data(),
+                      {samples_.planes()},
+                      hits_.data(),
+                      chains_.data(),
+                      queries_.points(query_rays_.offset),
+                      query_weight_.planes(),
+                      query_owner_.data(),
+                      normals_.planes(),
+                      lobes_.starts(),
+                      bounce_points_.data(),
+                      bounce_keys_.data(),
+                      bounce_weight_.planes(),
+                      bounce_owner_.data(),
+                      sizes + kChains,
+                      sizes + kQueries,
+                      sizes + kBounces};
   FirstHitOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   checked.split_coats = options.split_coats && split_;
@@ -187,8 +200,8 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
   });
-  trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(query_rays_.offset), normals_.planes(),
-                query_count(), &counts_.data()->rays);
+  trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(query_rays_.offset),
+                normals_.planes(), query_count(), &counts_.data()->rays);
   lobes_.trace(queries_.points(query_rays_.offset), query_count(), queries_of(n), counts_.data());
   stream_->mark("first hits");
 }

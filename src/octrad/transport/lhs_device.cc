@@ -252,13 +252,15 @@ DeviceLhs::DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions&
   for (int buffer = 0; buffer < (drawing != nullptr ? 2 : 1); ++buffer) {
     drawn_[buffer] = DeviceArray<ShadingPoint>(stream, most_ahead_, "left-hand-side points");
     drawn_[buffer].fill(0);  // points are copied as whole words, padding included
-    drawn_surface_points_[buffer] = PlaneArray(stream, surface_point_numbers(offset), most_ahead_, "left-hand-side points");
+    drawn_surface_points_[buffer] =
+        PlaneArray(stream, surface_point_numbers(offset), most_ahead_, "left-hand-side points");
   }
   stream.synchronize();  // before another stream draws
 }
 
 std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffers, const OffsetRay& offset) {
-  const std::size_t point = sizeof(ShadingPoint) + static_cast<std::size_t>(surface_point_numbers(offset)) * sizeof(float);
+  const std::size_t point =
+      sizeof(ShadingPoint) + static_cast<std::size_t>(surface_point_numbers(offset)) * sizeof(float);
   const std::size_t draw = 3 * sizeof(std::uint32_t) + sizeof(Rng) + sizeof(Hit) +
                            static_cast<std::size_t>(lhs_kernels::kDrawNumbers) * sizeof(float);
   return most * point + std::max(most, most_ahead) * (static_cast<std::size_t>(buffers) * point + draw);

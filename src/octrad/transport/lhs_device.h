@@ -20,8 +20,8 @@ class DeviceLhs {
   // more) of all steps of a group. `rounds`: rays that are traced for all points as a wavefront, before the few points
   // that need more are finished by one thread each; below 0: 12, or 32 where rough points are rejected, so that a few
   // per cent are left in the usual scenes. `drawing`: a sibling on which draw() runs, so that a group is drawn while
-  // another one is taken from; there are two buffers then. `offset`: the ray of trace_offset() from each point. Throws UsageError without a view, or for walks of more than
-  // 255 vertices.
+  // another one is taken from; there are two buffers then. `offset`: the ray of trace_offset() from each point. Throws
+  // UsageError without a view, or for walks of more than 255 vertices.
   DeviceLhs(Stream& stream, const DeviceWorld& world, const LhsOptions& options, std::span<const CameraView> views,
             bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1, Stream* drawing = nullptr,
             const OffsetRay& offset = {});

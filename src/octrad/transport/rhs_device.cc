@@ -317,8 +317,8 @@ std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain
   const std::size_t chain =
       chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
   return slots * (chain + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
-                  static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers + surface_point_numbers(rays.offset) +
-                                           (rays.offset.traced ? 3 : 0)) *
+                  static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers +
+                                           surface_point_numbers(rays.offset) + (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
          DeviceLobes::bytes(slots, rays, true);
 }
@@ -385,8 +385,8 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
   });
   stream_->mark("chains");
   if (!options.ask) return;
-  trace_offsets(*stream_, n, world_, query_rays_.offset, queries_.points(query_rays_.offset), normals_.planes(), query_count(),
-                &counts_.data()->rays);
+  trace_offsets(*stream_, n, world_, query_rays_.offset, queries_.points(query_rays_.offset), normals_.planes(),
+                query_count(), &counts_.data()->rays);
   lobes_.trace(queries_.points(query_rays_.offset), query_count(), n, counts_.data());
   stream_->mark("rays of queries");
 }
