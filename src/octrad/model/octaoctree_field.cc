@@ -51,11 +51,6 @@ float* row(std::vector<float>& rows, int r, int stride) {
   return rows.data() + static_cast<std::ptrdiff_t>(r) * stride;
 }
 
-// What the decoder takes of a query before the point's own inputs.
-int decoder_features(const Config& config, int features) {
-  return looks_up_reflected(config) ? 2 * features + kReflectedInputs : features;
-}
-
 }  // namespace
 
 constinit const FieldEntry kOctaOctreeField = {
@@ -89,6 +84,12 @@ MlpShape disparity_shape(const Config& config) {
   const int inputs =
       config.disparity_levels * config.disparity_features + (config.disparity_direction ? kSphericalHarmonics : 0);
   return {inputs, config.disparity_width, config.disparity_hidden, 1};
+}
+
+MlpShape decoder_shape(const Config& config) {
+  const int features = config.octree_levels * config.octree_features;
+  return {features + (looks_up_reflected(config) ? features + kReflectedInputs : 0) + kPointInputs,
+          config.decoder_width, config.decoder_hidden, 3};
 }
 
 struct OctaOctreeField::Encoded {
@@ -128,7 +129,7 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       grid_(disparity_grid_options(config)),
       disparity_(disparity_shape(config)),
       reflects_(looks_up_reflected(config)),
-      decoder_(config, decoder_features(config, octree_.feature_count()), config.decoder_width, config.decoder_hidden,
+      decoder_(config, decoder_shape(config).inputs - kPointInputs, config.decoder_width, config.decoder_hidden,
                config.decoder_output, domain.origin, domain.size, 1),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
@@ -187,15 +188,15 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
   if (offset_ == LookupOffset::traced) {
     for (const int i : e.shifted) e.disparity[i] = points[i].disparity;
   }
-  const int features = octree_.feature_count(), before_point = decoder_features(config_, features);
-  e.inputs.resize(static_cast<std::size_t>(before_point + DecoderHead::kPointInputs) * s);
+  const int features = octree_.feature_count(), inputs = decoder_.mlp().shape().inputs;
+  e.inputs.resize(static_cast<std::size_t>(inputs) * s);
   const std::int64_t empty =
       record ? octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record)
              : octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
   if (empty > 0) empty_lookups_.fetch_add(empty, std::memory_order_relaxed);
   for (int r = 0; r < features; ++r) std::fill(row(e.inputs, r, stride) + n, row(e.inputs, r, stride) + stride, 0.0f);
   if (reflects_) look_up_reflected(points, e, record);
-  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), before_point, stride);
+  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), inputs - kPointInputs, stride);
 }
 
 // Fills the rows of e.inputs between the point's features and its own inputs.

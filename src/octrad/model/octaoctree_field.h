@@ -16,6 +16,7 @@ namespace octrad {
 // Parts of such a field.
 HashGridOptions disparity_grid_options(const Config& config);
 MlpShape disparity_shape(const Config& config);
+MlpShape decoder_shape(const Config& config);
 
 class OctaOctreeField : public RadianceField {
  public:

@@ -132,12 +132,6 @@ DeviceTableOptions octree_table_options(const Config& config, const DeviceFieldO
   return table;
 }
 
-MlpShape decoder_shape(const Config& config) {
-  const int features = config.octree_levels * config.octree_features;
-  return {features + (looks_up_reflected(config) ? features + kReflectedInputs : 0) + kPointInputs,
-          config.decoder_width, config.decoder_hidden, 3};
-}
-
 class DeviceOctaOctreeField : public DeviceFieldBase {
  public:
   DeviceOctaOctreeField(Stream& stream, OctaOctreeField& field, const Config& config, const DeviceFieldOptions& options)

@@ -28,7 +28,8 @@ OCTRAD_HD inline bool has_reflected(const LookupRule& rule, const SurfacePoint& 
 }
 
 // out[0 .. kReflectedInputs - 1]; all 0 where the look-up has no offset. `position`: of the end of the ray, in [-1, 1]
-// of the domain, contracted outside. `exposure`: of the field; emission counts in its unit.
+// of the domain, contracted outside. `exposure`: of the field; emission counts in its unit, which in the dark is
+// as good as none.
 OCTRAD_HD inline void reflected_inputs(const LookupRule& rule, const SurfacePoint& p, float disparity, Vec3f position,
                                        float exposure, float* out) {
   const ReflectedSurface& r = p.reflected;
@@ -37,7 +38,7 @@ OCTRAD_HD inline void reflected_inputs(const LookupRule& rule, const SurfacePoin
   for (int c = 0; c < 3; ++c) {
     out[c] = met ? r.n[c] : 0.0f;
     out[3 + c] = met ? r.albedo[c] : 0.0f;
-    out[8 + c] = asked ? std::log1p(r.emitted[c] / exposure) : 0.0f;
+    out[8 + c] = asked ? std::log1p(r.emitted[c] / (exposure > 1e-20f ? exposure : 1e-20f)) : 0.0f;
     out[11 + c] = met ? position[c] : 0.0f;
   }
   out[6] = met ? r.alpha : 0.0f;
