@@ -160,6 +160,7 @@ struct Finish : Kernel {
 
 template <typename World>
 struct TracePointOffsets : Kernel {
+  static constexpr unsigned kMinBlocks = 5;  // as TraceOffsets
   World world;
   OffsetRay offset;
   const ShadingPoint* points;

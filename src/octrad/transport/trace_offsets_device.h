@@ -12,6 +12,7 @@ namespace octrad {
 // A ray for each query whose look-up has an offset.
 template <typename World>
 struct TraceOffsets : Kernel {
+  static constexpr unsigned kMinBlocks = 5;  // 96 registers: in a plain world nothing spills
   World world;
   OffsetRay offset;
   SurfacePointArray queries;
