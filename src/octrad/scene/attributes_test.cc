@@ -156,6 +156,25 @@ TEST_F(AttributesTest, MaterialsOfFailedShapesAreNotUsedAgain) {
   }
 }
 
+// Files that several shapes name are read once; what each makes of them is its own.
+TEST_F(AttributesTest, FilesAreShared) {
+  const std::string small = "<transform name=\"to_world\"><scale value=\"0.5\"/></transform>";
+  const std::string mesh = "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/>";
+  const Scene scene =
+      load(mesh + "</shape>" + shape("face_tint_color") + mesh + small + "</shape>" + mesh + "</shape>");
+  ASSERT_EQ(scene.meshes.size(), 4u);
+  EXPECT_EQ(scene.meshes[0].positions, scene.meshes[3].positions);
+  EXPECT_EQ(scene.meshes[0].normals, scene.meshes[3].normals);
+  EXPECT_EQ(scene.meshes[2].positions.at(1), Vec3f(0.5f, 0, 0));
+  folder_.write("m.ply", "ply\nformat");
+  LoadOptions options;
+  options.permissive = true;
+  const std::string file =
+      folder_.write("s.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><shape type=\"cube\"/>\n" + mesh +
+                                 "</shape>\n" + mesh + "</shape></scene>");
+  EXPECT_EQ(load_scene(file, options).refused.size(), 2u);  // a mistake of each shape
+}
+
 // `merge` of Mitsuba 3.9 is a remedy for many small shapes.
 TEST_F(AttributesTest, MergedShapesAreShapes) {
   const std::string two = "<shape type=\"cube\"/><shape type=\"sphere\"><emitter type=\"area\"/></shape>";

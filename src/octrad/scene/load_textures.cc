@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -120,7 +121,10 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
 
 void SceneBuilder::load_bitmap(std::size_t number) {
   const BitmapJob& job = bitmaps_[number];
-  const Image image = job.built ? job.built->read() : read_image(job.path);
+  const std::shared_ptr<const Image> picture =
+      job.built ? std::make_shared<Image>(job.built->read())
+                : picture_files_.at(job.path).take([&] { return read_image(job.path); });
+  const Image& image = *picture;
   const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   if (pixels == 0) fail(job.where, "the picture " + job.path + " is empty");
   // Alpha is not used (Mitsuba drops it as well); one or two channels are grey.
