@@ -120,7 +120,15 @@ Material SceneBuilder::read_bsdf(const Element& element) {
     m = flatten(*parts[0]);
     if (m.opacity >= 0)
       fail(element.location, "a mask inside a mask is not supported; multiply the opacities into one");
-    m.opacity = opacity;
+    // An opaque mask is none: upgrade.cc makes such.
+    const Texture& t = scene_.textures[static_cast<std::size_t>(opacity)];
+    m.opacity = t.kind == Texture::Kind::constant && t.color0.x >= 1.0f ? -1 : opacity;
+    if (m.back >= 0) {  // other materials may refer to the same one
+      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
+      back.opacity = m.opacity;
+      m.back = static_cast<int>(scene_.materials.size());
+      scene_.materials.push_back(std::move(back));
+    }
   } else if (params.type() == "bumpmap") {
     const auto parts = nested_bsdfs(params, 1);
     Material map;

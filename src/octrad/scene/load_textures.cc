@@ -40,7 +40,7 @@ int SceneBuilder::texture(Params& params, const std::string& name, TextureRole r
   const bool usable = report().attempt(parameter->location, [&] {
     const Element& target = follow_reference(description_, *parameter);
     if (const auto value = constant_value(target, role)) {
-      index = constant_texture(is_scalar(role) ? Vec3f(luminance(*value)) : *value);
+      index = constant_texture(is_scalar(role) ? Vec3f(number_of(*value)) : *value);
     } else if (target.tag == "texture") {
       index = texture_object(target, role);
     } else {
@@ -104,8 +104,9 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
       const auto value = constant_value(follow_reference(description_, *parameter), role);
       if (!value)
         fail(parameter->location, std::string("parameter \"") + name +
-                                      "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>");
-      *color = is_scalar(role) ? Vec3f(luminance(*value)) : *value;
+                                      "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>; bake "
+                                      "one of textures into a bitmap");
+      *color = is_scalar(role) ? Vec3f(number_of(*value)) : *value;
     }
     // As Mitsuba's eval_1, which exchanges the colours that its eval shows.
     if (is_scalar(role)) std::swap(t.color0, t.color1);
