@@ -32,6 +32,11 @@ std::string bsdf_advice(const std::string& type) {
   for (const auto& [name, way] : ways) {
     if (type == name) return std::string("; ") + way;
   }
+  static const char* const old[] = {"phong", "ward", "coating", "roughcoating", "mixturebsdf", "difftrans"};
+  for (const char* name : old) {
+    if (type == name)
+      return "; it is one of Mitsuba 0.6, and read in files that say so: <scene version=\"0.6.0\">; or use principled";
+  }
   return "";
 }
 
@@ -221,6 +226,12 @@ void SceneBuilder::read_plastic(Params& params, Material& m) {
 void SceneBuilder::read_roughplastic(Params& params, Material& m) {
   read_plastic(params, m);
   microfacets(params, m);
+  const auto& children = params.element().children;
+  const auto varies = std::find_if(children.begin(), children.end(), [](const std::unique_ptr<Element>& child) {
+    return child->get("name") == "alpha" && (child->tag == "texture" || child->tag == "ref");
+  });
+  if (varies != children.end())
+    fail((*varies)->location, "roughplastic has one alpha all over, as in Mitsuba 3: give a number, not a texture");
   float alpha = params.float_in("alpha", 0.1f, 0.0f, 10.0f);
   if (params.given("alpha_u") && params.given("alpha_v") && !params.given("alpha")) {
     alpha = params.float_in("alpha_u", 0.1f, 0.0f, 10.0f);

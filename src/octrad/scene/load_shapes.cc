@@ -38,6 +38,8 @@ Placement make_placement(const Transform& t) {
 std::string shape_advice(const std::string& type) {
   if (type == "bsplinecurve" || type == "linearcurve") return "; turn its curves into triangles and load them as ply";
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
+  if (type == "hair" || type == "heightfield" || type == "deformable")
+    return "; turn it into triangles and load them as ply";
   if (type == "ellipsoids" || type == "ellipsoidsmesh") return "; use instances of a mesh";
   return "";
 }
@@ -84,7 +86,10 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
     add(*emitters[0], [&] {
       Params emitter(description_, *emitters[0], scene_.warnings);
       if (emitter.type() != "area")
-        fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area");
+        fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area" +
+                                        (emitter.type() == "directionalarea"
+                                             ? ", which shines into all directions, and directional outside of shapes"
+                                             : ""));
       AreaLight light;
       light.radiance = texture_or(emitter, "radiance", TextureRole::radiance, 1.0f);
       light.sampling_weight = sampling_weight(emitter);

@@ -18,6 +18,15 @@ namespace {
 
 const std::vector<std::string> kTextures = {"bitmap", "checkerboard", "mesh_attribute"};
 
+// What can be written instead of textures that there are not.
+std::string texture_advice(const std::string& type) {
+  if (type == "volume") return "; bake what the volume shows on the surface into a bitmap";
+  if (type == "scale") return "; Mitsuba 3 has none: multiply the picture or the colours in it by the factor";
+  if (type == "gridtexture" || type == "wireframe" || type == "curvature") return "; bake it into a bitmap";
+  if (type == "vertexcolors") return "; use mesh_attribute with the name vertex_color";
+  return "";
+}
+
 }  // namespace
 
 std::vector<std::string> texture_types() { return kTextures; }
@@ -111,8 +120,7 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
     // As Mitsuba's eval_1, which exchanges the colours that its eval shows.
     if (is_scalar(role)) std::swap(t.color0, t.color1);
   } else {
-    params.fail_type(kTextures, "",
-                     params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : "");
+    params.fail_type(kTextures, "", texture_advice(params.type()));
   }
   params.finish();
   textures_.emplace(key, index);
