@@ -199,6 +199,10 @@ class Render(Case):
         result = self.fails(2, "wal", *r, "-D", "wal=0.1")
         self.assertIn("wall", result.err)
         self.assertFalse(os.path.exists(self.out))
+        # Told before the first sample.
+        wide = self.path("wide.jpg")
+        self.fails(1, "JPEG has at most 65500 pixels a side", "render", self.scene, "-o", wide, "--width", "65501", "--height", "1")
+        self.assertFalse(os.path.exists(wide))
 
     def test_broken_scenes_say_where(self):
         for text, where in ((ROOM.replace("</scene>", ""), "room.xml:"), (ROOM.replace('type="roughconductor"', 'type="roughcondutcor"'), "room.xml:12:"),

@@ -408,6 +408,7 @@ void info_model(const CommonOptions& common, const std::string& file) {
 }
 
 void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
+  options.config.refuse_tuning();
   if (options.plugins) {
     if (!options.file.empty() || options.keys)
       throw UsageError("--plugins lists what scenes may hold and takes nothing else");
