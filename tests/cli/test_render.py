@@ -238,6 +238,9 @@ class Render(Case):
         self.assertIn("octahedral", text)
         self.assertRegex(text, r"model file about [\d.]+ MiB with what --resume needs, about [\d.]+ MiB with --no-optimizer")
         self.assertEqual(info["model_file"]["without_optimizer"] > info["bytes"], True)
+        camera = info["cameras"][0]
+        self.assertEqual((camera["type"], camera["fov_axis"], camera["crop_size"]), ("perspective", "x", [1, 1]))
+        self.assertIn("type", camera["filter"])
         # Another field has no octree to show.
         other = self.ok("info", self.scene, "-D", "field=nr")
         self.assertIn("Neural Radiosity", other.out)
