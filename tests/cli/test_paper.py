@@ -327,6 +327,21 @@ class Paper(Case):
         states = {c["method"]: c["status"] for c in self.results()["cells"]}
         self.assertEqual(states, {"octaoctree": "failed", "path": "done"})
 
+    def test_interrupted_after_a_failure(self):
+        """The exit code is that of an interrupt: the same command may still mend what failed."""
+        broken = self.matrix(name="broken", methods=["octaoctree", "nr"], equal=["seconds"], time="100s", learned=False, views={}, keys={**TINY["keys"], "octree.levels": 9, "octree.features": 8})
+        process = start(*self.arguments(broken, scenes=self.scenes[:1]), "--max-memory", "300M")
+        def failed():
+            try:
+                return any(c["status"] == "failed" for c in self.results()["cells"])
+            except (OSError, ValueError):
+                return False
+        self.assertTrue(wait_for(failed))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn("pictures failed", err.decode())
+
 
 class Browser(Case):
     def test_page_in_a_browser(self):
