@@ -85,6 +85,9 @@ class Info(Case):
         for words in ((picture, "-D", "octree.levels=3"), (picture, "--preset", "paper"), ("--preset", "paper"), ("-D", "octree.levels=3")):
             self.fails(1, "belong to a scene or to --keys", "info", *words)
         self.fails(1, "takes no FILE", "info", "--keys", picture)
+        for words in ((picture,), ("--keys",), ("none.xml",), ("none.xml", "--check")):
+            self.fails(1, "-D device.block: nothing runs on a device here", "info", *words, "-D", "device.block=64")
+        self.fails(1, "nothing runs on a device here", "convert", "none.xml", "-o", self.path("a.xml"), "-D", "device.block=64")
         for words in ((picture,), (), ("--keys",)):
             self.fails(1, "--sampled belongs to a scene", "info", *words, "--sampled")
 

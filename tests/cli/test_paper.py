@@ -267,6 +267,30 @@ class Paper(Case):
                 keys = json.load(file)["keys"]
                 self.assertEqual({key: json.dumps(keys[key]).strip('"') for key in offset}, {key: paper[key] for key in offset})
 
+    def test_folders_follow_sensors_and_presets(self):
+        """Another sensor, film or configuration is another cell; what is as usual keeps its folder."""
+        matrix = self.matrix(methods=["octaoctree", "path"], equal=["steps"], learned=False, views={}, path_spp=1)
+        def folders(text, matrix=matrix):
+            scene = self.write("a.xml", text)
+            plan = self.ok(*self.arguments(matrix, scenes=[scene]), "--dry-run", "--json").json()["cells"]
+            return {cell["name"]: cell["folder"] for cell in plan}
+        box, fov = ROOM, '<float name="fov" value="60"/>'
+        first = folders(box)
+        self.assertEqual(folders(box), first)
+        lens = fov + '<float name="aperture_radius" value="0.1"/><float name="focus_distance" value="%s"/>'
+        others = [box.replace('<rfilter type="box"/>', '<rfilter type="tent"/>'), box.replace(fov, fov + '<string name="fov_axis" value="y"/>'),
+                  box.replace("perspective", "thinlens").replace(fov, lens % 1), box.replace("perspective", "thinlens").replace(fov, lens % 2),
+                  box.replace(fov, fov + '<float name="principal_point_offset_x" value="0.1"/>')]
+        seen = set(first.values())
+        for other in others:
+            now = set(folders(other).values())
+            self.assertFalse(now & seen, other)
+            seen |= now
+        # A configuration key is one of trainings alone.
+        now = folders(box, self.matrix(name="tiny", methods=["octaoctree", "path"], equal=["steps"], learned=False, views={}, path_spp=1,
+                                       keys={**TINY["keys"], "loss.power": 1.5}))
+        self.assertEqual([name for name in first if now[name] == first[name]], [name for name in first if "/path/" in name])
+
     def test_scenes_of_a_folder(self):
         for name in ("room", "hall"):
             os.makedirs(self.path("all/" + name))
@@ -302,6 +326,21 @@ class Paper(Case):
         self.assertIn("memory", result.err)
         states = {c["method"]: c["status"] for c in self.results()["cells"]}
         self.assertEqual(states, {"octaoctree": "failed", "path": "done"})
+
+    def test_interrupted_after_a_failure(self):
+        """The exit code is that of an interrupt: the same command may still mend what failed."""
+        broken = self.matrix(name="broken", methods=["octaoctree", "nr"], equal=["seconds"], time="100s", learned=False, views={}, keys={**TINY["keys"], "octree.levels": 9, "octree.features": 8})
+        process = start(*self.arguments(broken, scenes=self.scenes[:1]), "--max-memory", "300M")
+        def failed():
+            try:
+                return any(c["status"] == "failed" for c in self.results()["cells"])
+            except (OSError, ValueError):
+                return False
+        self.assertTrue(wait_for(failed))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn("pictures failed", err.decode())
 
 
 class Browser(Case):

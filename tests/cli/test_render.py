@@ -199,6 +199,10 @@ class Render(Case):
         result = self.fails(2, "wal", *r, "-D", "wal=0.1")
         self.assertIn("wall", result.err)
         self.assertFalse(os.path.exists(self.out))
+        # Told before the first sample.
+        wide = self.path("wide.jpg")
+        self.fails(1, "JPEG has at most 65500 pixels a side", "render", self.scene, "-o", wide, "--width", "65501", "--height", "1")
+        self.assertFalse(os.path.exists(wide))
 
     def test_broken_scenes_say_where(self):
         for text, where in ((ROOM.replace("</scene>", ""), "room.xml:"), (ROOM.replace('type="roughconductor"', 'type="roughcondutcor"'), "room.xml:12:"),
@@ -234,6 +238,9 @@ class Render(Case):
         self.assertIn("octahedral", text)
         self.assertRegex(text, r"model file about [\d.]+ MiB with what --resume needs, about [\d.]+ MiB with --no-optimizer")
         self.assertEqual(info["model_file"]["without_optimizer"] > info["bytes"], True)
+        camera = info["cameras"][0]
+        self.assertEqual((camera["type"], camera["fov_axis"], camera["crop_size"]), ("perspective", "x", [1, 1]))
+        self.assertIn("type", camera["filter"])
         # Another field has no octree to show.
         other = self.ok("info", self.scene, "-D", "field=nr")
         self.assertIn("Neural Radiosity", other.out)

@@ -345,6 +345,7 @@ class Train(Case):
         self.fails(1, "--steps", *t, "--steps", "0")
         self.fails(1, "duration", *t, "--time", "never")
         self.fails(1, "train.time", *t, "--time", "0")
+        self.fails(1, "--validate-every must be above 0", *t, "--reference", self.path("ref.exr"), "--validate-every", "0")
         self.fails(3, "ref.exr", *t, "--reference", self.path("ref.exr"))
         self.fails(2, "ref.exr", *t, "--reference", self.write("ref.exr", "no picture"))
         self.fails(3, "does not exist", "train", self.scene, "-o", self.path("none/m.octrad"))

@@ -342,6 +342,13 @@ DeviceTuning ConfigOptions::tuning() const {
   return tuning;
 }
 
+void ConfigOptions::refuse_tuning() const {
+  for (const std::string& definition : definitions) {
+    const std::string key = split_definition(definition).first;
+    if (key.starts_with(kTuning)) throw UsageError(fmt::format("-D {}: nothing runs on a device here", key));
+  }
+}
+
 std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
   std::map<std::string, std::string> out;
   for (const std::string& definition : definitions) {

@@ -154,6 +154,8 @@ struct ConfigOptions {
   void refuse_config_definitions(const std::string& why) const;
   // Of the definitions named device.KEY. Throws UsageError.
   DeviceTuning tuning() const;
+  // Throws UsageError where there are some: of verbs that run nothing on a device.
+  void refuse_tuning() const;
   // The other definitions: parameters of the scene file ("<default name=...>"). A name with a dot is a configuration
   // key.
   std::map<std::string, std::string> scene_definitions() const;

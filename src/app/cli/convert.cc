@@ -20,6 +20,7 @@ struct ConvertOptions {
 
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
+  o.definitions.refuse_tuning();
   o.definitions.refuse_config_definitions(
       "sets a parameter of the scene file here, and those have no dot in their names");
   LoadOptions options;

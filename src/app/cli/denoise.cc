@@ -34,6 +34,7 @@ void denoise_verb(const CommonOptions& common, const DenoiseVerbOptions& o) {
   require_writable(o.output);
   refuse_input_as_output("-o", o.output, {o.input, o.layers_from});
   Image image = read_linear(o.input);
+  require_format_size(o.output, image.width, image.height);
   Image layers;
   if (!o.layers_from.empty()) layers = read_linear(o.layers_from);
   const bool again = image.metadata.count("octrad.denoise") > 0;

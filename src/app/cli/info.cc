@@ -213,6 +213,44 @@ OctreeLevels octree_levels(const Scene& scene, const Domain& domain, const Confi
   return out;
 }
 
+// A sensor with what its type has, and its film's filter.
+nlohmann::json camera_json(const Camera& c, const Film& film) {
+  static const char* const axes[] = {"x", "y", "diagonal", "smaller", "larger"};  // of Camera::FovAxis
+  const auto pair = [](Vec2f v) { return nlohmann::json::array({v.x, v.y}); };
+  nlohmann::json filter = {{"type", rfilter_types().at(static_cast<std::size_t>(film.filter))}};
+  switch (film.filter) {
+    case Film::Filter::gaussian: filter["stddev"] = film.filter_stddev; break;
+    case Film::Filter::mitchell: filter["B"] = film.filter_b, filter["C"] = film.filter_c; break;
+    case Film::Filter::tent: filter["radius"] = film.filter_radius; break;
+    case Film::Filter::lanczos: filter["lobes"] = film.filter_radius; break;
+    case Film::Filter::box:
+    case Film::Filter::catmullrom: break;
+  }
+  nlohmann::json out = {{"type", sensor_types().at(static_cast<std::size_t>(c.kind))},
+                        {"origin", vector_json(c.origin)},
+                        {"forward", vector_json(c.forward)},
+                        {"up", vector_json(c.up)},
+                        {"fov", c.fov_degrees},
+                        {"width", c.film_width},
+                        {"height", c.film_height},
+                        {"near_clip", c.near_clip},
+                        {"far_clip", c.far_clip},
+                        {"crop_offset", pair(c.crop_offset)},
+                        {"crop_size", pair(c.crop_size)},
+                        {"filter", filter}};
+  if (c.kind == CameraKind::orthographic) {
+    out["half_size"] = pair(c.half_size);
+    return out;
+  }
+  out["fov_axis"] = axes[static_cast<int>(c.fov_axis)];
+  out["principal_point_offset"] = pair(c.principal_point_offset);
+  if (c.kind == CameraKind::thinlens) {
+    out["aperture_radius"] = c.aperture_radius;
+    out["focus_distance"] = c.focus_distance;
+  }
+  return out;
+}
+
 // Counts, bounds, lights, and the size of the cache that training would make.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const Config config = options.config.resolve();
@@ -234,14 +272,8 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const std::size_t lights = scene.area_lights.size() + scene.delta_lights.size() + scene.environments.size();
   if (common.json) {
     nlohmann::json cameras = nlohmann::json::array();
-    for (const Camera& c : scene.cameras) {
-      cameras.push_back({{"origin", vector_json(c.origin)},
-                         {"forward", vector_json(c.forward)},
-                         {"up", vector_json(c.up)},
-                         {"fov", c.fov_degrees},
-                         {"width", c.film_width},
-                         {"height", c.film_height}});
-    }
+    for (std::size_t i = 0; i < scene.cameras.size(); ++i)
+      cameras.push_back(camera_json(scene.cameras[i], scene.film_of(i)));
     print_json({{"file", scene.file},
                 {"fingerprint", scene.fingerprint},
                 {"triangles", scene.triangle_count()},
@@ -408,6 +440,7 @@ void info_model(const CommonOptions& common, const std::string& file) {
 }
 
 void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
+  options.config.refuse_tuning();
   if (options.plugins) {
     if (!options.file.empty() || options.keys)
       throw UsageError("--plugins lists what scenes may hold and takes nothing else");

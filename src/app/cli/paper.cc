@@ -42,9 +42,11 @@ void paper_verb(const CommonOptions& common, paper::PaperOptions o) {
              s.unavailable > 0 ? fmt::format(", {} are not available", s.unavailable) : "", format_duration(s.seconds));
     if (s.interrupted) log_info("interrupted: the same command continues it");
   }
-  if (s.failed > 0)
-    throw InputError(fmt::format("{} pictures failed, the others are in {}/index.html; the first: {}", s.failed,
-                                 o.output, s.first_failure));
+  if (s.failed == 0) return;
+  const std::string failures = fmt::format("{} pictures failed, the others are in {}/index.html; the first: {}",
+                                           s.failed, o.output, s.first_failure);
+  if (!s.interrupted) throw InputError(failures);
+  log_warning(failures);  // the exit code says that it was interrupted
 }
 
 }  // namespace

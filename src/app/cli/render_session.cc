@@ -135,6 +135,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
 }
 
 void RenderSession::start(const View& view) {
+  require_format_size(o.output, view.width, view.height);
   require_picture_memory(common, view, o.resume);
   log_event("start", {{"scene", o.scene},
                       {"integrator", o.integrator},

@@ -141,6 +141,8 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   refuse_input_as_output("--log-json", common.log_json, inputs);
   refuse_input_as_output("--log-json", common.log_json, {o.output});
   warn_of_ignored_keys(o.config, config);
+  const double validate_every = o.validate_every.empty() ? 0.0 : parse_duration(o.validate_every);
+  if (!o.validate_every.empty() && validate_every <= 0.0) throw UsageError("--validate-every must be above 0");
 
   std::optional<Model> resumed;
   std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
@@ -172,7 +174,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   options.output = o.output;
   options.save_optimizer = !o.no_optimizer;
   options.reference = o.reference.empty() ? nullptr : &reference;
-  if (!o.validate_every.empty()) options.validation_seconds = parse_duration(o.validate_every);
+  if (!o.validate_every.empty()) options.validation_seconds = validate_every;
   options.max_memory = static_cast<double>(common.memory_budget());
   if (!stream) {  // what training takes of the scene, before it is measured
     scene.tracer();

@@ -13,6 +13,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
+#include "octrad/scene/camera.h"
 
 namespace octrad::paper {
 namespace {
@@ -209,6 +210,28 @@ nlohmann::json sideways(const PaperScene& scene) {
   return {{"keys", keys}};
 }
 
+// Cameras as hashes take them. What `info` came to say of them later counts where it is another than that of most
+// scenes, so that those keep their folders.
+nlohmann::json hashed_cameras(const nlohmann::json& cameras) {
+  const auto pair = [](Vec2f v) { return nlohmann::json::array({v.x, v.y}); };
+  static const Camera usual;
+  static const nlohmann::json later = {{"type", "perspective"},
+                                       {"fov_axis", "x"},
+                                       {"near_clip", usual.near_clip},
+                                       {"far_clip", usual.far_clip},
+                                       {"principal_point_offset", pair(usual.principal_point_offset)},
+                                       {"crop_offset", pair(usual.crop_offset)},
+                                       {"crop_size", pair(usual.crop_size)},
+                                       {"filter", {{"type", "box"}}}};
+  nlohmann::json out = cameras;
+  for (nlohmann::json& camera : out) {
+    for (const auto& [key, value] : later.items()) {
+      if (camera.contains(key) && camera[key] == value) camera.erase(key);
+    }
+  }
+  return out;
+}
+
 // Makes the cells of one matrix and scene; what has the same settings as something there is that.
 struct Planner {
   Plan& plan;
@@ -220,7 +243,7 @@ struct Planner {
   const Matrix& matrix() const { return plan.matrices[m]; }
   const PaperScene& scene() const { return plan.scenes[s]; }
   nlohmann::json fingerprint() const {
-    nlohmann::json seen = {scene().info.at("fingerprint"), scene().info.at("cameras")};
+    nlohmann::json seen = {scene().info.at("fingerprint"), hashed_cameras(scene().info.at("cameras"))};
     if (scene().info.at("hide_emitters").get<bool>()) seen.push_back("emitters hidden");
     return seen;
   }
@@ -281,7 +304,10 @@ struct Planner {
     for (const std::size_t r : references) {
       if (plan.references[r].view.first_sensor) t.reference = r;
     }
-    const std::string hash = hash_of({fingerprint(), t.field, t.preset, t.keys, seed, t.seconds, t.steps});
+    // With every value: presets change from version to version.
+    nlohmann::json values = nlohmann::json::array();
+    for (const ConfigKey& key : describe(config)) values.push_back(key.key + "=" + key.value);
+    const std::string hash = hash_of({fingerprint(), values, t.keys, seed, t.seconds, t.steps});
     t.folder = fmt::format("models/{}/{}-{}s{}-{}.{}", scene().name, t.field, sw.keys.empty() ? "" : sw.name + "-",
                            seed, budget_text(t), hash);
     return find_or_add(plan.trainings, t);

@@ -81,6 +81,14 @@ PictureFormat picture_format(const std::string& file) {
       file + ": the ending says what is written: .exr, .hdr or .pfm (linear radiance), .png or .jpg (for the screen)");
 }
 
+void require_format_size(const std::string& file, int width, int height) {
+  constexpr int kMostOfJpeg = 65500;
+  if (picture_format(file) != PictureFormat::jpeg || std::max(width, height) <= kMostOfJpeg) return;
+  throw UsageError(
+      fmt::format("{}: JPEG has at most {} pixels a side, and the picture is of {} x {}; take .png or .exr", file,
+                  kMostOfJpeg, width, height));
+}
+
 void write_image(const std::string& file, const Image& image, const ToneMapping& mapping, const ExrSettings& exr) {
   const PictureFormat format = picture_format(file);
   if (format == PictureFormat::exr) return write_exr(file, image, exr);

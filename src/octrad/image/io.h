@@ -53,6 +53,8 @@ enum class PictureFormat { exr, hdr, pfm, png, jpeg };
 // By the ending of the name, in any case: .exr, .hdr, .pfm, .png, .jpg, .jpeg. A device such as /dev/null counts as
 // EXR. Throws UsageError that lists the endings; call it before long work whose result goes to `file`.
 PictureFormat picture_format(const std::string& file);
+// Throws UsageError where a picture of this size cannot be such a file: JPEG has at most 65500 pixels a side.
+void require_format_size(const std::string& file, int width, int height);
 // PNG and JPEG: 8 bits a channel for the screen, where EXR, HDR and PFM hold linear radiance.
 inline bool is_display_format(PictureFormat format) {
   return format == PictureFormat::png || format == PictureFormat::jpeg;

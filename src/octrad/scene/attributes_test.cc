@@ -5,6 +5,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/frame.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/texture.h"
@@ -105,6 +106,50 @@ TEST_F(AttributesTest, AreInterpolatedOverTriangles) {
   EXPECT_EQ(mesh.normals.size(), mesh.positions.size());
 }
 
+// Anisotropic surfaces and normal maps turn with the coordinates of the file, not from triangle to triangle.
+TEST_F(AttributesTest, CoordinatesKeepTheirDirections) {
+  // Of the last triangle all corners have the same coordinates.
+  folder_.write("uv.ply",
+                "ply\nformat ascii 1.0\nelement vertex 7\nproperty float x\nproperty float y\nproperty float z\n"
+                "property float u\nproperty float v\nproperty float weight_0\n"
+                "element face 3\nproperty list uchar int vertex_indices\nend_header\n"
+                "0 0 0 0.2 0.3 0.1\n1 0 0 0.9 0.1 0.2\n1 1 0 0.6 1.7 0.3\n0 1 0 -0.5 0.8 0.9\n"
+                "3 0 0 0.5 0.5 0.2\n4 0 1 0.5 0.5 0.4\n3 1 0 0.5 0.5 0.7\n3 0 1 2\n3 0 2 3\n3 4 5 6\n");
+  const auto shape_of = [](const std::string& bsdf) {
+    return "<shape type=\"ply\"><string name=\"filename\" value=\"uv.ply\"/>" + bsdf + "</shape>";
+  };
+  const Scene scene = load(
+      shape_of(
+          R"(<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"><string name="name" value="vertex_weight"/></texture></bsdf>)") +
+      shape_of(R"(<bsdf type="diffuse"/>)"));
+  const float weights[3][3] = {{0.1f, 0.2f, 0.3f}, {0.1f, 0.3f, 0.9f}, {0.2f, 0.4f, 0.7f}};
+  // Directions in which the position moves along u and along v.
+  const auto along = [](const TriangleMesh& mesh, int triangle, Vec3f& u, Vec3f& v) {
+    const Vec3i t = mesh.triangles.at(static_cast<std::size_t>(triangle));
+    const auto p = [&](int i) { return mesh.positions.at(static_cast<std::size_t>(i)); };
+    const auto uv = [&](int i) { return mesh.uvs.at(static_cast<std::size_t>(i)); };
+    const Vec2f d1 = uv(t.y) - uv(t.x), d2 = uv(t.z) - uv(t.x);
+    const float determinant = d1.x * d2.y - d1.y * d2.x;
+    const Frame frame = make_frame(normalize(cross(p(t.y) - p(t.x), p(t.z) - p(t.x))));
+    u = frame.s;
+    v = frame.t;
+    if (determinant == 0.0f) return;
+    u = normalize(((p(t.y) - p(t.x)) * d2.y - (p(t.z) - p(t.x)) * d1.y) / determinant);
+    v = normalize(((p(t.z) - p(t.x)) * d1.x - (p(t.y) - p(t.x)) * d2.x) / determinant);
+  };
+  const int texture = scene.materials.at(static_cast<std::size_t>(scene.shapes.at(0).material)).reflectance;
+  for (int i = 0; i < 3; ++i) {
+    Vec3f u[2], v[2];
+    for (std::size_t k = 0; k < 2; ++k) along(scene.meshes[k], i, u[k], v[k]);
+    EXPECT_LT(length(u[0] - u[1]), 1e-4f) << i;
+    EXPECT_LT(length(v[0] - v[1]), 1e-4f) << i;
+    for (const Vec2f b : {Vec2f{0, 0}, Vec2f{1, 0}, Vec2f{0, 1}, Vec2f{0.25f, 0.5f}}) {
+      const float* w = weights[i];
+      expect_near(at(scene, texture, 0, i, b.x, b.y), Vec3f(w[0] * (1.0f - b.x - b.y) + w[1] * b.x + w[2] * b.y));
+    }
+  }
+}
+
 TEST_F(AttributesTest, Mistakes) {
   const auto bad = [&](const std::string& body, const std::string& part) {
     const std::string message = error(body);
@@ -154,6 +199,25 @@ TEST_F(AttributesTest, MaterialsOfFailedShapesAreNotUsedAgain) {
     const int texture = scene.materials[static_cast<std::size_t>(scene.shapes.back().material)].reflectance;
     EXPECT_FALSE(scene.textures[static_cast<std::size_t>(texture)].pixels.empty());
   }
+}
+
+// Files that several shapes name are read once; what each makes of them is its own.
+TEST_F(AttributesTest, FilesAreShared) {
+  const std::string small = "<transform name=\"to_world\"><scale value=\"0.5\"/></transform>";
+  const std::string mesh = "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/>";
+  const Scene scene =
+      load(mesh + "</shape>" + shape("face_tint_color") + mesh + small + "</shape>" + mesh + "</shape>");
+  ASSERT_EQ(scene.meshes.size(), 4u);
+  EXPECT_EQ(scene.meshes[0].positions, scene.meshes[3].positions);
+  EXPECT_EQ(scene.meshes[0].normals, scene.meshes[3].normals);
+  EXPECT_EQ(scene.meshes[2].positions.at(1), Vec3f(0.5f, 0, 0));
+  folder_.write("m.ply", "ply\nformat");
+  LoadOptions options;
+  options.permissive = true;
+  const std::string file =
+      folder_.write("s.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><shape type=\"cube\"/>\n" + mesh +
+                                 "</shape>\n" + mesh + "</shape></scene>");
+  EXPECT_EQ(load_scene(file, options).refused.size(), 2u);  // a mistake of each shape
 }
 
 // `merge` of Mitsuba 3.9 is a remedy for many small shapes.

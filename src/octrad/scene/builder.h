@@ -9,10 +9,12 @@
 #include <vector>
 
 #include "octrad/base/memory_limit.h"
+#include "octrad/image/image.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/params.h"
 #include "octrad/scene/scene.h"
+#include "octrad/scene/shared_file.h"
 #include "octrad/scene/spectrum.h"
 #include "octrad/scene/texture_roles.h"
 
@@ -45,6 +47,7 @@ class SceneBuilder {
   void check_complete() const;
   void add_integrator(const Element& element);
   void load_files();
+  void share_files();
 
   // load_sensors.cc
   void add_sensor(const Element& element);
@@ -78,7 +81,9 @@ class SceneBuilder {
     Location where;
     std::vector<AttributeUse> attributes;
     bool failed = false;
+    SharedFile<RawMesh>* file = nullptr;  // of `path`
   };
+  static void read_mesh(MeshJob& job);  // load.cc
 
   // load_shapes.cc
   // A sphere as its file gives it.
@@ -183,6 +188,9 @@ class SceneBuilder {
   MemoryMeter shape_meter_{"the shapes of the scene"};
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
+  // What load_files() reads: by path, and of meshes what else decides their content.
+  std::map<std::string, SharedFile<Image>> picture_files_;
+  std::map<std::tuple<std::string, MeshJob::Format, int, std::set<std::string>>, SharedFile<RawMesh>> mesh_files_;
   std::vector<Projector> projectors_;
   std::map<const Element*, Group> groups_;
   std::vector<const Element*> group_order_;  // in which they were made

@@ -118,6 +118,42 @@ TEST_F(CheckTest, BrokenFiles) {
   EXPECT_THROW(load_scene(file), InputError);
 }
 
+// Whatever is refused by its type says what to do instead.
+TEST_F(CheckTest, WaysOut) {
+  const auto refused = [this](const std::string& version, const std::string& body) {
+    std::string all;
+    for (const SceneIssue& issue : check_scene_file(write(body + "<shape type=\"cube\"/>", version)).refused)
+      all += issue.what + "\n";
+    return all;
+  };
+  const auto bsdf = [](const std::string& inside) { return "<shape type=\"cube\">" + inside + "</shape>"; };
+  const auto texture = [&](const std::string& inside) { return bsdf("<bsdf type=\"diffuse\">" + inside + "</bsdf>"); };
+  const std::vector<std::array<std::string, 3>> cases = {
+      {"3.0.0", bsdf(R"(<bsdf type="phong"/>)"), "read in files that say so: <scene version=\"0.6.0\">"},
+      {"0.6.0", texture(R"(<texture name="reflectance" type="scale"/>)"), "multiply the picture"},
+      {"0.6.0", texture(R"(<texture name="reflectance" type="gridtexture"/>)"), "bake it into a bitmap"},
+      {"0.6.0",
+       texture(
+           R"(<texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/><string name="channel" value="a"/></texture>)"),
+       "save the channel \"a\" as a picture of its own"},
+      {"3.0.0",
+       texture(
+           R"(<texture name="reflectance" type="checkerboard"><texture name="color0" type="checkerboard"/></texture>)"),
+       "bake one of textures into a bitmap"},
+      {"3.0.0", bsdf(R"(<bsdf type="roughplastic"><texture name="alpha" type="checkerboard"/></bsdf>)"),
+       "give a number, not a texture"},
+      {"0.6.0", R"(<shape type="heightfield"/>)", "turn it into triangles"},
+      {"3.0.0", bsdf(R"(<emitter type="directionalarea"/>)"), "directional outside of shapes"},
+      {"0.6.0", R"(<emitter type="collimated"/>)", "small cutoff_angle"},
+      {"3.0.0", R"(<sensor type="batch"/>)", "one by one at the top level"},
+      {"3.0.0", R"(<sensor type="radiancemeter"/>)", "octrad query"},
+  };
+  for (const auto& [version, body, text] : cases) {
+    const std::string all = refused(version, body);
+    EXPECT_NE(all.find(text), std::string::npos) << body << "\n" << all;
+  }
+}
+
 TEST_F(CheckTest, Assumptions) {
   const Scene scene = load_scene(folder_.write("s.xml", R"(<scene version="3.0.0">
 <integrator type="$integrator"><integer name="max_depth" value="$depth"/></integrator>

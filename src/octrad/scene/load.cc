@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <memory>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -192,7 +193,38 @@ void SceneBuilder::add_integrator(const Element& element) {
   params.ignore_rest();  // the integrator is chosen on the command line
 }
 
+// Each job reads its file, or takes what another one has read.
+void SceneBuilder::share_files() {
+  for (const BitmapJob& job : bitmaps_) {
+    if (!job.built && !job.path.empty()) picture_files_[job.path].expect();
+  }
+  for (MeshJob& job : mesh_jobs_) {
+    if (job.path.empty()) continue;
+    std::set<std::string> attributes;
+    for (const AttributeUse& use : job.attributes) attributes.insert(use.name);
+    job.file = &mesh_files_[{job.path, job.format, job.index, std::move(attributes)}];
+    job.file->expect();
+  }
+}
+
+void SceneBuilder::read_mesh(MeshJob& job) {
+  const std::shared_ptr<RawMesh> content = job.file->take([&] {
+    std::vector<std::string> wanted;
+    for (const AttributeUse& use : job.attributes) wanted.push_back(use.name);
+    return job.format == MeshJob::Format::ply   ? read_ply(job.path, wanted)
+           : job.format == MeshJob::Format::obj ? read_obj(job.path)
+                                                : read_serialized(job.path, job.index);
+  });
+  if (!job.file->is_shared()) {
+    job.raw = std::move(*content);
+    return;
+  }
+  ask_memory(content->bytes(), job.path);
+  job.raw = *content;
+}
+
 void SceneBuilder::load_files() {
+  share_files();
   // Large files first would balance better, but the order decides which of several errors is reported: keep it.
   const std::size_t jobs = bitmaps_.size() + mesh_jobs_.size();
   std::vector<std::exception_ptr> errors(jobs);
@@ -204,13 +236,7 @@ void SceneBuilder::load_files() {
         return;
       }
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
-      std::vector<std::string> wanted;
-      for (const AttributeUse& use : job.attributes) wanted.push_back(use.name);
-      if (!job.path.empty()) {
-        job.raw = job.format == MeshJob::Format::ply   ? read_ply(job.path, wanted)
-                  : job.format == MeshJob::Format::obj ? read_obj(job.path)
-                                                       : read_serialized(job.path, job.index);
-      }
+      if (job.file) read_mesh(job);
       const std::vector<MeshAttribute> attributes = std::move(job.raw.attributes);
       // Normals as doubles, then as floats.
       if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);

@@ -1,10 +1,11 @@
 // Textures that show attributes of a mesh (`mesh_attribute`). They become pictures: every triangle gets two by two
 // texels, whose bilinear interpolation is the linear one of the triangle's corners, and the mesh gets the coordinates
-// of these texels instead of its own. So shading knows nothing of attributes.
+// of these texels instead of its own, which run along the same directions. So shading knows nothing of attributes.
 #include <algorithm>
 #include <cmath>
 
 #include "octrad/base/error.h"
+#include "octrad/base/frame.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/scene/builder.h"
@@ -13,6 +14,47 @@ namespace octrad {
 namespace {
 
 constexpr int kDeepest = 256;  // objects in objects; bsdfs are refused earlier
+
+// The corners of a triangle in the square between the centres of its four texels. u and v run as the mesh's own do, so
+// that anisotropic surfaces and normal maps keep their directions: each is scaled by itself, which turns neither.
+struct Corners {
+  double x[3] = {0.0, 1.0, 0.0}, y[3] = {0.0, 0.0, 1.0};
+  // Barycentric coordinates of a point: what belongs to the second corner, and to the third.
+  void barycentric(double px, double py, double& second, double& third) const {
+    const double d = determinant();
+    second = ((px - x[0]) * (y[2] - y[0]) - (py - y[0]) * (x[2] - x[0])) / d;
+    third = ((x[1] - x[0]) * (py - y[0]) - (y[1] - y[0]) * (px - x[0])) / d;
+  }
+  double determinant() const { return (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]); }
+};
+
+Corners corners_of(const TriangleMesh& mesh, const Vec3i& triangle) {
+  if (mesh.uvs.empty()) return {};  // surfaces without coordinates have those of the corners
+  Vec2f uv[3];
+  for (int c = 0; c < 3; ++c) uv[c] = mesh.uvs[static_cast<std::size_t>(triangle[c])];
+  const Vec2f d1 = uv[1] - uv[0], d2 = uv[2] - uv[0];
+  if (d1.x * d2.y - d1.y * d2.x == 0.0f) {  // there they run along any frame: interaction_math.h
+    Vec3f p[3];
+    for (int c = 0; c < 3; ++c) p[c] = mesh.positions[static_cast<std::size_t>(triangle[c])];
+    const Vec3d n = cross(Vec3d(p[1] - p[0]), Vec3d(p[2] - p[0]));
+    if (!(length(n) > 0.0)) return {};
+    const Frame frame = make_frame(Vec3f(normalize(n)));
+    for (int c = 0; c < 3; ++c) uv[c] = {dot(p[c] - p[0], frame.s), dot(p[c] - p[0], frame.t)};
+  }
+  constexpr double kMargin = 0.01;  // rounding must not lead to the next triangle's texels
+  Corners out;
+  const auto spread = [&](double* to, float Vec2f::*axis) {
+    const auto [low, high] = std::minmax({uv[0].*axis, uv[1].*axis, uv[2].*axis});
+    const double size = static_cast<double>(high) - static_cast<double>(low);
+    for (int c = 0; c < 3; ++c)
+      to[c] = kMargin + (1.0 - 2.0 * kMargin) * (static_cast<double>(uv[c].*axis) - static_cast<double>(low)) / size;
+  };
+  spread(out.x, &Vec2f::x);
+  spread(out.y, &Vec2f::y);
+  // Values at the texels are continued from the triangle; from one that is hardly wider than a line that is too far.
+  constexpr double kNarrow = 1e-3;
+  return std::fabs(out.determinant()) > kNarrow ? out : Corners();
+}
 
 }  // namespace
 
@@ -107,11 +149,14 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
     for (std::size_t i = 0; i < triangles; ++i) {
       Vec3f v[3];
       for (int c = 0; c < 3; ++c) v[c] = value(of_faces ? i : corner(i, c));
-      Vec3f* texels = t.pixels.data() + 2 * (i / columns) * width + 2 * (i % columns);
-      texels[0] = v[0];
-      texels[1] = v[1];
-      texels[width] = v[2];
-      texels[width + 1] = v[1] + v[2] - v[0];
+      const Corners corners = corners_of(mesh, mesh.triangles[i]);
+      for (std::size_t k = 0; k < 4; ++k) {
+        double second = 0.0, third = 0.0;
+        corners.barycentric(static_cast<double>(k % 2), static_cast<double>(k / 2), second, third);
+        t.pixels[(2 * (i / columns) + k / 2) * width + 2 * (i % columns) + k % 2] =
+            of_faces ? v[0]
+                     : v[0] + (v[1] - v[0]) * static_cast<float>(second) + (v[2] - v[0]) * static_cast<float>(third);
+      }
     }
   }
   TriangleMesh apart;
@@ -119,11 +164,12 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
   for (std::size_t i = 0; i < triangles; ++i) {
     const auto x = static_cast<float>(2 * (i % columns)), y = static_cast<float>(2 * (i / columns));
     const auto first = static_cast<int>(apart.positions.size());
+    const Corners corners = corners_of(mesh, mesh.triangles[i]);
     for (int c = 0; c < 3; ++c) {
       apart.positions.push_back(mesh.positions[corner(i, c)]);
       if (!mesh.normals.empty()) apart.normals.push_back(mesh.normals[corner(i, c)]);
-      apart.uvs.push_back({(x + (c == 1 ? 1.5f : 0.5f)) / static_cast<float>(width),
-                           (y + (c == 2 ? 1.5f : 0.5f)) / static_cast<float>(height)});
+      apart.uvs.push_back({(x + 0.5f + static_cast<float>(corners.x[c])) / static_cast<float>(width),
+                           (y + 0.5f + static_cast<float>(corners.y[c])) / static_cast<float>(height)});
     }
     apart.triangles.push_back({first, first + 1, first + 2});
   }

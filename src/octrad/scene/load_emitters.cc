@@ -45,7 +45,9 @@ void SceneBuilder::add_emitter(const Element& element) {
     fail(element.location,
          "emitter \"directionalarea\" is not supported; take \"directional\" for light from far away");
   if (std::find(kEmitters.begin(), kEmitters.end(), type) == kEmitters.end())
-    params.fail_type(kEmitters, "", ", and area inside a shape");
+    params.fail_type(kEmitters, "",
+                     std::string(", and area inside a shape") +
+                         (type == "collimated" ? "; use spot with a small cutoff_angle, or directional" : ""));
   add_delta_light(params);
 }
 

@@ -32,6 +32,11 @@ std::string bsdf_advice(const std::string& type) {
   for (const auto& [name, way] : ways) {
     if (type == name) return std::string("; ") + way;
   }
+  static const char* const old[] = {"phong", "ward", "coating", "roughcoating", "mixturebsdf", "difftrans"};
+  for (const char* name : old) {
+    if (type == name)
+      return "; it is one of Mitsuba 0.6, and read in files that say so: <scene version=\"0.6.0\">; or use principled";
+  }
   return "";
 }
 
@@ -120,7 +125,15 @@ Material SceneBuilder::read_bsdf(const Element& element) {
     m = flatten(*parts[0]);
     if (m.opacity >= 0)
       fail(element.location, "a mask inside a mask is not supported; multiply the opacities into one");
-    m.opacity = opacity;
+    // An opaque mask is none: upgrade.cc makes such.
+    const Texture& t = scene_.textures[static_cast<std::size_t>(opacity)];
+    m.opacity = t.kind == Texture::Kind::constant && t.color0.x >= 1.0f ? -1 : opacity;
+    if (m.back >= 0) {  // other materials may refer to the same one
+      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
+      back.opacity = m.opacity;
+      m.back = static_cast<int>(scene_.materials.size());
+      scene_.materials.push_back(std::move(back));
+    }
   } else if (params.type() == "bumpmap") {
     const auto parts = nested_bsdfs(params, 1);
     Material map;
@@ -213,6 +226,12 @@ void SceneBuilder::read_plastic(Params& params, Material& m) {
 void SceneBuilder::read_roughplastic(Params& params, Material& m) {
   read_plastic(params, m);
   microfacets(params, m);
+  const auto& children = params.element().children;
+  const auto varies = std::find_if(children.begin(), children.end(), [](const std::unique_ptr<Element>& child) {
+    return child->get("name") == "alpha" && (child->tag == "texture" || child->tag == "ref");
+  });
+  if (varies != children.end())
+    fail((*varies)->location, "roughplastic has one alpha all over, as in Mitsuba 3: give a number, not a texture");
   float alpha = params.float_in("alpha", 0.1f, 0.0f, 10.0f);
   if (params.given("alpha_u") && params.given("alpha_v") && !params.given("alpha")) {
     alpha = params.float_in("alpha_u", 0.1f, 0.0f, 10.0f);

@@ -14,6 +14,16 @@ constexpr float kMaxFilterRadius = 8.0f;
 const std::vector<std::string> kSensors = {"perspective", "thinlens", "orthographic"};
 const std::vector<std::string> kFilters = {"box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"};
 
+// What can be written instead of sensors that there are not.
+std::string sensor_advice(const std::string& type) {
+  if (type == "batch") return "; give its sensors one by one at the top level";
+  if (type == "distant" || type == "telecentric") return "; use orthographic";
+  if (type == "perspective_rdist") return "; use perspective, which does not distort";
+  if (type == "irradiancemeter" || type == "radiancemeter" || type == "mradiancemeter" || type == "fluencemeter")
+    return "; octrad query gives values at points";
+  return "";
+}
+
 // Whether the linear part only rotates and mirrors, and with `scaled` also scales its axes, each by its own factor.
 bool keeps_angles(const Transform& t, bool scaled) {
   for (int i = 0; i < 3; ++i) {
@@ -57,7 +67,7 @@ void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis
 void SceneBuilder::add_sensor(const Element& element) {
   Params params(description_, element, scene_.warnings);
   const auto kind = std::find(kSensors.begin(), kSensors.end(), params.type());
-  if (kind == kSensors.end()) params.fail_type(kSensors);
+  if (kind == kSensors.end()) params.fail_type(kSensors, "", sensor_advice(params.type()));
   Camera camera;
   camera.kind = static_cast<CameraKind>(kind - kSensors.begin());
   const bool lens = camera.kind == CameraKind::thinlens, orthographic = camera.kind == CameraKind::orthographic;

@@ -38,6 +38,8 @@ Placement make_placement(const Transform& t) {
 std::string shape_advice(const std::string& type) {
   if (type == "bsplinecurve" || type == "linearcurve") return "; turn its curves into triangles and load them as ply";
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
+  if (type == "hair" || type == "heightfield" || type == "deformable")
+    return "; turn it into triangles and load them as ply";
   if (type == "ellipsoids" || type == "ellipsoidsmesh") return "; use instances of a mesh";
   return "";
 }
@@ -84,7 +86,10 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
     add(*emitters[0], [&] {
       Params emitter(description_, *emitters[0], scene_.warnings);
       if (emitter.type() != "area")
-        fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area");
+        fail(emitters[0]->location, "emitter \"" + emitter.type() + "\" cannot stand inside a shape; supported: area" +
+                                        (emitter.type() == "directionalarea"
+                                             ? ", which shines into all directions, and directional outside of shapes"
+                                             : ""));
       AreaLight light;
       light.radiance = texture_or(emitter, "radiance", TextureRole::radiance, 1.0f);
       light.sampling_weight = sampling_weight(emitter);
@@ -134,9 +139,7 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
     if (const RawMesh* built = description_.built_mesh(file)) {
-      ask_memory(
-          built->positions.size() * (2 * sizeof(Vec3f) + sizeof(Vec2f)) + built->triangles.size() * sizeof(Vec3i),
-          "a mesh of the scene");
+      ask_memory(built->bytes(), "a mesh of the scene");
       job.raw = *built;
     } else {
       job.path = description_.resolve(file, job.where);

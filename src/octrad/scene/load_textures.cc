@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -16,6 +17,15 @@ namespace octrad {
 namespace {
 
 const std::vector<std::string> kTextures = {"bitmap", "checkerboard", "mesh_attribute"};
+
+// What can be written instead of textures that there are not.
+std::string texture_advice(const std::string& type) {
+  if (type == "volume") return "; bake what the volume shows on the surface into a bitmap";
+  if (type == "scale") return "; Mitsuba 3 has none: multiply the picture or the colours in it by the factor";
+  if (type == "gridtexture" || type == "wireframe" || type == "curvature") return "; bake it into a bitmap";
+  if (type == "vertexcolors") return "; use mesh_attribute with the name vertex_color";
+  return "";
+}
 
 }  // namespace
 
@@ -39,7 +49,7 @@ int SceneBuilder::texture(Params& params, const std::string& name, TextureRole r
   const bool usable = report().attempt(parameter->location, [&] {
     const Element& target = follow_reference(description_, *parameter);
     if (const auto value = constant_value(target, role)) {
-      index = constant_texture(is_scalar(role) ? Vec3f(luminance(*value)) : *value);
+      index = constant_texture(is_scalar(role) ? Vec3f(number_of(*value)) : *value);
     } else if (target.tag == "texture") {
       index = texture_object(target, role);
     } else {
@@ -103,14 +113,14 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
       const auto value = constant_value(follow_reference(description_, *parameter), role);
       if (!value)
         fail(parameter->location, std::string("parameter \"") + name +
-                                      "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>");
-      *color = is_scalar(role) ? Vec3f(luminance(*value)) : *value;
+                                      "\" of a checkerboard must be a constant: <rgb>, <float> or <spectrum>; bake "
+                                      "one of textures into a bitmap");
+      *color = is_scalar(role) ? Vec3f(number_of(*value)) : *value;
     }
     // As Mitsuba's eval_1, which exchanges the colours that its eval shows.
     if (is_scalar(role)) std::swap(t.color0, t.color1);
   } else {
-    params.fail_type(kTextures, "",
-                     params.type() == "volume" ? "; bake what the volume shows on the surface into a bitmap" : "");
+    params.fail_type(kTextures, "", texture_advice(params.type()));
   }
   params.finish();
   textures_.emplace(key, index);
@@ -120,7 +130,10 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
 
 void SceneBuilder::load_bitmap(std::size_t number) {
   const BitmapJob& job = bitmaps_[number];
-  const Image image = job.built ? job.built->read() : read_image(job.path);
+  const std::shared_ptr<const Image> picture =
+      job.built ? std::make_shared<Image>(job.built->read())
+                : picture_files_.at(job.path).take([&] { return read_image(job.path); });
+  const Image& image = *picture;
   const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   if (pixels == 0) fail(job.where, "the picture " + job.path + " is empty");
   // Alpha is not used (Mitsuba drops it as well); one or two channels are grey.

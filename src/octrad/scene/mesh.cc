@@ -17,6 +17,13 @@ double angle_between(Vec3d a, Vec3d b) {
 
 }  // namespace
 
+std::size_t RawMesh::bytes() const {
+  std::size_t sum = (positions.size() + normals.size()) * sizeof(Vec3f) + uvs.size() * sizeof(Vec2f) +
+                    triangles.size() * sizeof(Vec3i);
+  for (const MeshAttribute& a : attributes) sum += a.values.size() * sizeof(float);
+  return sum;
+}
+
 std::vector<Vec3f> smooth_normals(const std::vector<Vec3f>& positions, const std::vector<Vec3i>& triangles) {
   std::vector<Vec3d> sums(positions.size());
   for (const Vec3i& triangle : triangles) {

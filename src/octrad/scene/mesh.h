@@ -23,6 +23,8 @@ struct RawMesh {
   std::vector<Vec2f> uvs;      // empty, or one per vertex
   std::vector<Vec3i> triangles;
   std::vector<MeshAttribute> attributes;  // those that were asked for
+
+  std::size_t bytes() const;  // that its arrays take
 };
 
 // Wavefront OBJ: v, vt, vn and f (any polygon, negative indices); other statements are skipped. Polygons become fans.

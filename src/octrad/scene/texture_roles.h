@@ -1,4 +1,4 @@
-// What a texture's values mean: decides the permitted range and whether colours are reduced to luminance. Internal to
+// What a texture's values mean: decides the permitted range and whether colours are reduced to a number. Internal to
 // the module.
 #pragma once
 
@@ -22,6 +22,13 @@ enum class TextureRole {
 
 inline bool is_scalar(TextureRole role) {
   return role != TextureRole::reflectance && role != TextureRole::radiance && role != TextureRole::normal;
+}
+
+// What a constant colour is where it serves as a number: the mean of its channels, as in Mitsuba, whose pictures count
+// by their luminance there.
+inline float number_of(Vec3f color) {
+  const Vec3d c(color);  // three times the same is exactly that
+  return static_cast<float>((c.x + c.y + c.z) / 3.0);
 }
 
 struct Range {

@@ -156,6 +156,12 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
       report.assume(gamma->location, "gamma " + gamma->get("value") + " of a bitmap read as sRGB");
     }
   }
+  if (const Element* channel = child(e, "channel")) {
+    report.refuse(channel->location,
+                  "\"channel\" of a bitmap: Mitsuba 3 has none, and alpha is not used; save the channel \"" +
+                      channel->get("value") + "\" as a picture of its own");
+    take(e, "channel");
+  }
   for (const char* name : {"max_anisotropy", "cache"}) take(e, name);
 }
 
@@ -251,8 +257,15 @@ void upgrade_ward(Element& e, SceneReport& report) {
   upgrade_glossy(e, "ward", {{"alpha_u", alpha}, {"alpha_v", alpha}}, report);
 }
 
-// Makes a bsdf stand for the one in it, which may be a reference: as an opaque mask around it.
+// Makes a bsdf stand for the one in it: takes its place, or is an opaque mask around it where it is a reference or has
+// a name of its own.
 void stand_for(Element& e, std::unique_ptr<Element> nested) {
+  if (nested->tag == "bsdf" && !nested->find("id")) {
+    set(e, "type", nested->get("type"));
+    std::vector<std::unique_ptr<Element>> inside = std::move(nested->children);
+    e.children = std::move(inside);
+    return;
+  }
   e.children.clear();
   e.children.push_back(std::move(nested));
   e.children.push_back(property("float", "opacity", "1", e));

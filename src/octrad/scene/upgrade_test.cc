@@ -152,6 +152,14 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
       R"(<bsdf type="principledthin"><rgb name="base_color" value="0.1 0.2 0.3"/><float name="diff_trans" value="2"/><float name="roughness" value="1"/></bsdf>)");
   assumes(R"(<bsdf type="phong"/>)", "bsdf \"phong\" read as a blend");
   assumes(R"(<bsdf type="coating"><bsdf type="conductor"/></bsdf>)", "the coat of bsdf \"coating\" left out");
+  // What is under a coat takes its place, also where no mask may stand.
+  same(R"(<bsdf type="twosided"><bsdf type="coating"><bsdf type="roughconductor"/></bsdf></bsdf>)",
+       R"(<bsdf type="twosided"><bsdf type="roughconductor"/></bsdf>)");
+  const Scene coated =
+      load(R"(<bsdf type="conductor" id="c"/><bsdf type="twosided"><bsdf type="coating"><ref id="c"/></bsdf></bsdf>)",
+           "0.6.0");
+  EXPECT_EQ(coated.materials.back().type, BsdfType::conductor);
+  EXPECT_TRUE(coated.materials.back().two_sided && coated.materials.back().opacity < 0);
   EXPECT_THROW(load(R"(<bsdf type="irawan"/>)", "0.6.0"), InputError);
   EXPECT_THROW(load(R"(<bsdf type="hk"/>)", "0.6.0"), InputError);
   EXPECT_THROW(load(R"(<bsdf type="mixturebsdf"><string name="weights" value="1"/></bsdf>)", "0.6.0"), InputError);
