@@ -10,6 +10,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/huge_pages.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
@@ -119,6 +120,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       log(common.open_log()),
       tev(open_tev(o.tev)),
       progress_(o.integrator) {
+  use_huge_pages();
   if (model) {
     check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
     config = model_config(model->info, o.definitions);

@@ -13,6 +13,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/huge_pages.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
@@ -166,6 +167,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   if (!o.reference.empty()) reference = read_image(o.reference);
   PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,
                                  {{"-o", o.output}, {"--log-json", common.log_json}}));
+  use_huge_pages();
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());

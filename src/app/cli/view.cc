@@ -14,6 +14,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/huge_pages.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
@@ -151,6 +152,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   }
   std::unique_ptr<Stream> stream;  // outlives the scene's copy on it
   PreparedScene prepared(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
+  use_huge_pages();
   const Scene& scene = prepared.scene();
   Studio studio{prepared, open_models(o, scene), {}};
   const DeviceChoice device =

@@ -13,6 +13,19 @@ namespace {
 // state stays in the near caches.
 constexpr std::size_t kGroup = 128;
 
+#if defined(__x86_64__)
+#define OCTRAD_AVX512 [[gnu::target("avx2,bmi,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]]
+bool has_avx512() {
+  static const bool has = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                          __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
+                          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("bmi2");
+  return has;
+}
+#else
+#define OCTRAD_AVX512
+constexpr bool has_avx512() { return false; }
+#endif
+
 struct Walker {
   PathSample* out = nullptr;
   PathState path;
@@ -37,9 +50,19 @@ class Group {
         counters_(counters),
         environment_(context.lights.has_environment()) {}
 
-  // Flat: all that it calls and whose body is known becomes part of it. By themselves compilers leave small functions
-  // of the definitions apart, and the linker may then take a copy that another part of the program compiled for size.
-  [[gnu::flatten]] void run(std::span<PathSample> paths) {
+  void run(std::span<PathSample> paths) {
+    if (has_avx512()) run_avx512(paths);
+    else run_baseline(paths);
+  }
+
+ private:
+  // Flat: all that they call and whose body is known becomes part of them. By themselves compilers leave small
+  // functions of the definitions apart, and the linker may then take a copy that another part of the program compiled
+  // for size. Both have the same bits: no instruction rounds otherwise, as products and sums are never fused.
+  [[gnu::flatten]] void run_baseline(std::span<PathSample> paths) { advance(paths); }
+  [[gnu::flatten]] OCTRAD_AVX512 void run_avx512(std::span<PathSample> paths) { advance(paths); }
+
+  void advance(std::span<PathSample> paths) {
     for (std::size_t i = 0; i < paths.size(); ++i) {
       Walker& w = walkers_[i];
       std::construct_at(&w);
@@ -81,7 +104,6 @@ class Group {
     }
   }
 
- private:
   void hide_emitters(Walker& w) {
     int rays = 0;
     w.hit = behind_emitters(context_, w.out->ray, w.hit, rays);
