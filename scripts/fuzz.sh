@@ -35,7 +35,9 @@ python=python3
 [ -d "$corpus/scene" ] || "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"
 
 if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
-export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
+# Each run writes a file: into memory, where that is a file system.
+[ -w /dev/shm ] && export TMPDIR=${TMPDIR:-/dev/shm}
+export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=1:quarantine_size_mb=64 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 bad=0 passed=0
 for name in $names; do
   log=build-fuzz/$name.log

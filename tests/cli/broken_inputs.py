@@ -482,6 +482,19 @@ cost("deep-mixture", scene('<bsdf type="mixturebsdf"><string name="weights" valu
 for name, weights in (("weights", "1, 1"), ("no-weights", "none")):
     bad(f"old-mixture-{name}-listed", scene(SENSOR + f'<shape type="cube"><bsdf type="mixturebsdf"><string name="weights" value="{weights}"/><bsdf type="diffuse"/></bsdf></shape>', "0.6.0"), "things cannot be used", 2, ["--check"])
 
+# Objects that hold themselves, or others again and again, through references
+MANY = repeated('<float name="p{}" value="1"/>', 990)
+cost("merge-of-itself", scene(SENSOR + CUBE + '<shape type="merge" id="m"><ref id="m"/></shape>'), 2, "nested more than 200 deep")
+cost("merge-of-itself-twice", scene(SENSOR + CUBE + '<shape type="merge" id="m"><ref id="m"/><ref id="m"/></shape>'), 2, "things cannot be used", ["--check"])
+cost("merges-of-merges", scene(SENSOR + CUBE + '<shape type="merge" id="m0"/>' + "".join(f'<shape type="merge" id="m{i}">' + f'<ref id="m{i - 1}"/>' * 30 + "</shape>" for i in range(1, 10))), 2, "referred to too often")
+cost("integrator-of-itself", scene(SENSOR + CUBE + '<integrator type="aov" id="i"><ref id="i"/></integrator>'), 2, "nested more than 200 deep")
+cost("sampler-used-often", scene('<sampler type="independent" id="s">' + MANY + "</sampler>" + '<sensor type="perspective"><ref id="s"/></sensor>' * 6000 + CUBE), 2, "referred to too often")
+cost("emitter-used-often", scene(SENSOR + '<emitter type="area" id="e">' + MANY + "</emitter>" + CUBE + '<shape type="cube"><transform name="to_world"><scale value="0.01"/></transform><ref id="e"/></shape>' * 6000), 2, "things cannot be used", ["--check"])
+cost("long-folders", scene(SENSOR + CUBE + ('<path value="' + "./" * 2000 + '"/>') * 99 + repeated('<bsdf type="diffuse"><spectrum name="reflectance" filename="a{}"/></bsdf>', 1000)), 2, "more than 8192 bytes")
+cost("long-file-included-often", scene('<include filename="t.xml"/>' * 999 + SENSOR + CUBE), 2, "more than a gigabyte", t_xml="<!--" + "a" * 1010000 + "-->" + scene(""))
+cost("ply-lines", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>'), m_ply=b"ply\nformat ascii 1.0\n" + b"element a 0\n" * 100001, code=2, text="more than 100000 lines")
+cost("serialized-name", scene(SENSOR + '<shape type="serialized"><string name="filename" value="m.serialized"/></shape>'), m_serialized=serialized(struct.pack("<I", 0x1000) + b"a" * 70000 + b"\0" + struct.pack("<QQ", 3, 1) + TRIANGLE + struct.pack("<3I", 0, 1, 2)), code=2, text="a name of more than 65536 bytes")
+
 ONE_PIXEL = png(1, 1, b"\0\1")
 TEXTS = b"".join(chunk(b"zTXt", b"k%d\0\0" % i + zlib.compress(bytes(7900000), 9)) for i in range(60))
 case("cost-png-texts", {"a.png": ONE_PIXEL[:33] + TEXTS + ONE_PIXEL[33:]}, ["info", "a.png"], 0, "")
@@ -519,6 +532,17 @@ for name, attributes in (("channels", exr_attribute("channels", "chlist", b"".jo
     case(f"cost-exr-{name}", {"a.exr": EXR_START + attributes + b"\0"}, ["info", "a.exr"], 4, "its header")
 
 
+def exr_window(name, width, height):
+    return exr_attribute(name, "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1))
+
+
+# A picture of one line, whose block may inflate to 16.
+case("cost-exr-one-line", {"a.exr": EXR_START + exr_attribute("channels", "chlist", b"".join(b"c%03d\0" % i + struct.pack("<iBBBBii", 2, 0, 0, 0, 0, 1, 1) for i in range(100)) + b"\0")
+     + exr_attribute("compression", "compression", b"\3") + exr_window("dataWindow", 50000, 1) + exr_window("displayWindow", 50000, 1) + exr_attribute("lineOrder", "lineOrder", b"\0")
+     + exr_attribute("pixelAspectRatio", "float", struct.pack("<f", 1)) + exr_attribute("screenWindowCenter", "v2f", bytes(8)) + exr_attribute("screenWindowWidth", "float", struct.pack("<f", 1))
+     + b"\0" + bytes(16)}, ["info", "a.exr"], 4, "picture of 50000 x 1 pixels")
+
+
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):
     gltf("cost-" + name, change, text, code, **files)
     case_name, inputs, said, code, text = CASES.pop()
@@ -541,6 +565,23 @@ LONG_URI = "data:image/png;base64," + base64.b64encode(ONE_PIXEL[:33] + chunk(b"
 cost_gltf("picture-of-many-materials", lambda g: (textured({"uri": LONG_URI})(g), g.json.update(materials=[
     {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [i / 1000, 1, 1, 1]}} for i in range(200)]), put("meshes", 0, "primitives", value=[
         {**g.json["meshes"][0]["primitives"][0], "material": i} for i in range(200)])(g), None)[-1])
+def posed(more, count):
+    """The triangle with a skin, in `count` places; `more` changes the list of its primitives."""
+    def change(g):
+        g.json["meshes"][0]["primitives"][0]["attributes"].update(JOINTS_0=g.accessor("VEC4", [0] * 12, 5121), WEIGHTS_0=g.accessor("VEC4", [1] * 12))
+        g.json.update(skins=[{"joints": [0]}])
+        more(g.json["meshes"][0]["primitives"])
+        for _ in range(count):
+            g.node(mesh=0, skin=0)
+    return change
+
+
+cost_gltf("primitives-in-many-poses", posed(lambda primitives: primitives.extend([{"mode": 0}] * 3000), 3000), 2, "used too often")
+cost_gltf("targets-in-many-poses", posed(lambda primitives: primitives[0].update(targets=[{}] * 100000), 200), 2, "used too often")
+# A list of many objects: of each that ended, all others were looked at.
+cost_gltf("many-objects", lambda g: g.json.update(extras=[{}] * 300000))
+case("cost-json-objects", {"s.xml": ROOM, "c.json": "[" + '{"a":0},' * 300000 + "{}]"}, ["render", "s.xml", "--camera", "c.json", "-o", "a.exr", "-q"], 2, "c.json")
+case("cost-model-objects", {"m.octrad": tensors("{" + ",".join('"%d":{}' % i for i in range(150000)) + "}")}, ["info", "m.octrad"], 2, "lacks dtype")
 
 # What is odd and right
 odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))

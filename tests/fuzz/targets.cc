@@ -110,6 +110,8 @@ void read_message(const std::string& bytes) {
 
 template <void (*read)(const std::string&)>
 void guarded(const std::string& bytes) {
+  // Beside what the fuzzer and the sanitizers keep, which grows with every run.
+  set_memory_limit(resident_bytes() + (std::uint64_t{400} << 20));
   try {
     read(bytes);
   } catch (const Error&) {
@@ -180,7 +182,6 @@ void prepare() {
   Image8 picture(2, 2, 3);
   picture.data[0] = 200;
   write_image("t.png", picture);
-  set_memory_limit(resident_bytes() + (std::uint64_t{400} << 20));
 }
 
 }  // namespace octrad::fuzz

@@ -8,7 +8,7 @@ namespace octrad::fuzz {
 
 struct Target {
   const char* name;
-  // Reads `bytes`; what a user would be told (octrad::Error) ends inside. Everything else is a finding.
+  // Reads `bytes`, with 400 MB; what a user would be told (octrad::Error) ends inside. Everything else is a finding.
   void (*run)(const std::string& bytes);
 };
 
@@ -17,7 +17,6 @@ std::span<const Target> targets();
 const Target& find_target(const std::string& name);
 
 // Goes into a new temporary folder that holds what seeds refer to: meshes, a texture, a spectrum, a part of a scene.
-// Limits memory.
 void prepare();
 
 }  // namespace octrad::fuzz

@@ -14,19 +14,41 @@
 
 namespace octrad {
 
+namespace {
+
+// Lists and objects in each other, of text that is JSON with comments.
+int deepest_nesting(const std::string& text) {
+  int open = 0, most = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i], next = i + 1 < text.size() ? text[i + 1] : '\0';
+    if (c == '"') {
+      for (++i; i < text.size() && text[i] != '"'; ++i) i += text[i] == '\\' ? 1 : 0;
+    } else if (c == '/' && next == '/') {
+      i = std::min(text.find_first_of("\r\n", i), text.size());
+    } else if (c == '/' && next == '*') {
+      i = std::min(text.find("*/", i + 2), text.size());
+    } else if (c == '[' || c == '{') {
+      most = std::max(most, ++open);
+    } else if (c == ']' || c == '}') {
+      --open;
+    }
+  }
+  return most;
+}
+
+}  // namespace
+
 nlohmann::json parse_json(const std::string& text, const std::string& name) {
-  using Event = nlohmann::json::parse_event_t;
   // A list "[]," of 3 bytes is a value, a vector and what its parent's vector has in reserve; a text is a copy.
   const auto marks =
       std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == ':' || c == '[' || c == '{'; });
   ask_memory(text.size() * 2 + static_cast<std::uint64_t>(marks) * 48, name);
   // Values of any depth can be parsed, but neither copied nor written: those functions call themselves for each level.
-  const auto limit_depth = [&](int depth, Event, nlohmann::json&) {
-    if (depth > 100) throw InputError(fmt::format("{}: lists or objects are nested more than 100 deep", name));
-    return true;
-  };
+  // Not by the library's callback: with one, each object that ends is looked for among all that are beside it.
+  if (deepest_nesting(text) > 100)
+    throw InputError(fmt::format("{}: lists or objects are nested more than 100 deep", name));
   try {
-    return nlohmann::json::parse(text, limit_depth, true, true);  // comments allowed
+    return nlohmann::json::parse(text, nullptr, true, true);  // comments allowed
   } catch (const nlohmann::json::parse_error& error) {
     const std::size_t end = std::min(text.size(), error.byte > 0 ? error.byte - 1 : 0);
     const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');

@@ -47,6 +47,13 @@ TEST(Json, DepthIsLimited) {
   EXPECT_NE(refusal(nested(1'000'000, "[", "]")), "");
   EXPECT_NE(refusal(nested(200'000, "{\"a\":", "}")), "");
   EXPECT_NE(refusal(std::string(1'000'000, '[')), "");
+  const std::string open(200, '['), inside = nested(102, "[", "]");
+  EXPECT_EQ(refusal("[\"" + open + "\", \"\\\"" + open + "\"]"), "") << "in texts";
+  EXPECT_EQ(refusal("[1, // " + open + "\n2, /* " + open + " */ 3]"), "") << "in comments";
+  for (const std::string before : {"// \"\r", "// \"\n", "/* \" */", "/**/", "[\"\\\\\"],"}) {
+    const std::string text = before[0] == '[' ? "[" + before + inside + "]" : before + inside;
+    EXPECT_EQ(refusal(text), "a.json: lists or objects are nested more than 100 deep") << before;
+  }
 }
 
 TEST(Json, WholeNumbers) {

@@ -185,6 +185,21 @@ void check_headers(const std::string& file, const std::string& bytes) {
   ask_memory(kept, file + ": its header");
 }
 
+// Lines that are in memory twice while they are read, compressed and uncompressed. A block of lines may inflate to its
+// full height also where the picture ends before; of tiles, which the library cuts first, a row.
+long long lines_at_once(const Imf::Header& header, long long height) {
+  if (header.hasTileDescription()) return std::min<long long>(header.tileDescription().ySize, height);
+  switch (header.compression()) {
+    case Imf::NO_COMPRESSION:
+    case Imf::RLE_COMPRESSION:
+    case Imf::ZIPS_COMPRESSION: return 1;
+    case Imf::ZIP_COMPRESSION:
+    case Imf::PXR24_COMPRESSION: return 16;
+    case Imf::DWAB_COMPRESSION: return 256;
+    default: return 32;
+  }
+}
+
 // A part of a file, and its channels by their names there and in the picture.
 struct Part {
   const Imf::Header* header;
@@ -286,13 +301,10 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
     const std::vector<std::string> written(known.begin(), known.end());
     const std::map<std::string, std::string> short_names =
         main_picture(written, parts[0].header->findTypedAttribute<Imf::StringAttribute>("octrad.version") != nullptr);
-    // Compressed and uncompressed, a block of lines or a row of tiles is in memory twice.
-    long long lines = 256;
-    for (const Part& part : parts) {
-      if (part.header->hasTileDescription()) lines = std::max<long long>(lines, part.header->tileDescription().ySize);
-    }
+    long long lines = 1;
+    for (const Part& part : parts) lines = std::max(lines, lines_at_once(*part.header, height));
     check_size(file, width, height, static_cast<long long>(written.size()),
-               2 * sizeof(float) * static_cast<std::uint64_t>(width * std::min(lines, height)) * written.size());
+               2 * sizeof(float) * static_cast<std::uint64_t>(width * lines) * written.size());
     for (const Part& part : parts) {
       if (!part.complete)
         throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");

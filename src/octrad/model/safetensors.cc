@@ -55,6 +55,42 @@ std::size_t product(const std::vector<std::int64_t>& shape) {
   return n;
 }
 
+// Two levels of objects with one list inside are all that a header has; a key twice would hide what was checked. Not by
+// the callback of the library's parse(): with one, each object that ends is looked for among all that are beside it.
+class HeaderKeys : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  std::vector<std::string> top;  // of the outer object
+  bool too_deep = false;
+  std::string error;
+
+  bool null() override { return true; }
+  bool boolean(bool) override { return true; }
+  bool number_integer(number_integer_t) override { return true; }
+  bool number_unsigned(number_unsigned_t) override { return true; }
+  bool number_float(number_float_t, const string_t&) override { return true; }
+  bool string(string_t&) override { return true; }
+  bool binary(binary_t&) override { return true; }
+  bool start_object(std::size_t) override { return start(); }
+  bool start_array(std::size_t) override { return start(); }
+  bool end_object() override { return --open_ >= 0; }
+  bool end_array() override { return --open_ >= 0; }
+  bool key(string_t& name) override {
+    if (open_ == 1) top.push_back(name);
+    return true;
+  }
+  bool parse_error(std::size_t, const std::string&, const nlohmann::json::exception& e) override {
+    error = e.what();
+    return false;
+  }
+
+ private:
+  bool start() {
+    too_deep = ++open_ > 4;
+    return !too_deep;
+  }
+  int open_ = 0;
+};
+
 }  // namespace
 
 std::size_t size_of(DType type) {
@@ -183,29 +219,15 @@ void TensorReader::Impl::parse_header() {
   in.read(text.data(), text.size(), sizeof(length));
   if (length == 0 || text[0] != '{') refuse("its header is not a JSON object");
 
-  // Two levels of objects with one list inside are all that a header has; a key twice would hide what was checked.
-  std::vector<std::vector<std::string>> names;
-  const auto check = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-    using Event = nlohmann::json::parse_event_t;
-    if (depth > 4) refuse("its header is nested too deeply");
-    if (event == Event::object_start) names.emplace_back();
-    if (event == Event::object_end) names.pop_back();
-    if (event == Event::key) names.back().push_back(parsed.get<std::string>());
-    return true;
-  };
-  nlohmann::json header;
-  std::vector<std::string> top;
-  try {
-    header = nlohmann::json::parse(text, [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-      if (event == nlohmann::json::parse_event_t::object_end && names.size() == 1) top = names.back();
-      return check(depth, event, parsed);
-    });
-  } catch (const nlohmann::json::exception& error) {
-    refuse(fmt::format("its header is not valid JSON ({})", error.what()));
+  HeaderKeys keys;
+  if (!nlohmann::json::sax_parse(text, &keys)) {
+    if (keys.too_deep) refuse("its header is nested too deeply");
+    refuse(fmt::format("its header is not valid JSON ({})", keys.error));
   }
+  const nlohmann::json header = nlohmann::json::parse(text);
   if (!header.is_object()) refuse("its header is not a JSON object");
-  std::sort(top.begin(), top.end());
-  if (const auto twice = std::adjacent_find(top.begin(), top.end()); twice != top.end())
+  std::sort(keys.top.begin(), keys.top.end());
+  if (const auto twice = std::adjacent_find(keys.top.begin(), keys.top.end()); twice != keys.top.end())
     refuse(fmt::format("\"{}\" appears twice in its header", *twice));
 
   const std::size_t data_bytes = size - sizeof(length) - length;

@@ -22,13 +22,14 @@ namespace {
 // Limits on the expansion of one scene, so that files that include each other end with a message and do not exhaust
 // memory.
 constexpr int kMaxIncludes = 1000;
+constexpr std::uint64_t kMaxIncludedBytes = 1'000'000'000;
 constexpr int kMaxIncludeDepth = 16;
 constexpr int kMaxElementDepth = 64;
 constexpr std::size_t kMaxElements = 4'000'000;
 constexpr std::size_t kMaxValueLength = 1 << 16;
 constexpr std::size_t kMaxAttributes = 64;
-constexpr std::size_t kMaxNameLength = 200;   // of parameters: each $ is compared with their beginnings
-constexpr std::size_t kMaxSearchPaths = 100;  // each is asked for each file
+constexpr std::size_t kMaxNameLength = 200;  // of parameters: each $ is compared with their beginnings
+constexpr std::size_t kMaxSearchPaths = 100, kMaxPathBytes = 1 << 13;  // each is asked for each file
 
 // Of the tree that pugixml makes: nodes of 64 bytes, attributes of 40, a copy of the text; and of line_starts.
 std::uint64_t parsing_bytes(const std::string& text) {
@@ -191,6 +192,10 @@ class XmlReader {
       if (std::filesystem::is_directory(path, code)) {
         if (description_.search_paths.size() == kMaxSearchPaths)
           fail(where, "<path>: more than " + std::to_string(kMaxSearchPaths) + " folders");
+        path_bytes_ += path.string().size();
+        if (path_bytes_ > kMaxPathBytes)
+          fail(where,
+               "<path>: the names of all folders together have more than " + std::to_string(kMaxPathBytes) + " bytes");
         description_.search_paths.insert(description_.search_paths.begin(), path.string());
       } else {
         report_.refuse(where, "<path>: \"" + path.string() + "\" is not a folder");
@@ -252,7 +257,12 @@ class XmlReader {
       fail(element.location, "<include>: more than " + std::to_string(kMaxIncludes) + " files");
     including_.push_back(identity);
     const bool old = old_;
-    report_.attempt(element.location, [&] { read_document(file, read_file(file), &parent); });
+    report_.attempt(element.location, [&] {
+      std::string text = read_file(file);
+      included_bytes_ += text.size();
+      if (included_bytes_ > kMaxIncludedBytes) fail(element.location, "<include>: more than a gigabyte in all");
+      read_document(file, std::move(text), &parent);
+    });
     old_ = old;
     including_.pop_back();
   }
@@ -374,6 +384,8 @@ class XmlReader {
   std::vector<std::unique_ptr<Element>> aliases_;
   std::vector<std::string> including_;
   int includes_ = 0;
+  std::uint64_t included_bytes_ = 0;
+  std::size_t path_bytes_ = 0;
   std::size_t elements_ = 0;
   MemoryMeter meter_{"the tree of the scene file"};
 };

@@ -2,6 +2,7 @@
 // ids collected. Nothing is interpreted yet; every element and attribute keeps its line and column.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <set>
@@ -19,7 +20,8 @@ struct Element {
   std::vector<std::pair<std::string, std::string>> attributes;  // values substituted, in file order
   std::vector<std::unique_ptr<Element>> children;
   Location location;
-  bool old = false;  // of a file whose version is below 2
+  bool old = false;               // of a file whose version is below 2
+  mutable bool was_read = false;  // by a Params
 
   const std::string* find(std::string_view attribute) const;
   // Value of the attribute or "" when absent.
@@ -45,7 +47,10 @@ struct Description {
   SceneReport* report = nullptr;              // where mistakes and assumptions go
   Understood* understood = nullptr;           // where not null, filled by those who read the elements
   mutable std::vector<std::string> files;     // found by resolve()
-  std::shared_ptr<BuiltFiles> built;          // what names of files stand for that are in no file; or null
+  mutable int open = 0;                       // objects that are being read, each inside of the one before
+  // Parameters of objects that were read: for the first time, and again through references.
+  mutable std::uint64_t read_once = 0, read_again = 0;
+  std::shared_ptr<BuiltFiles> built;  // what names of files stand for that are in no file; or null
   // What the name of a file stands for where it is built, or null.
   const RawMesh* built_mesh(const std::string& name) const;
   const BuiltPicture* built_picture(const std::string& name) const;

@@ -22,6 +22,8 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr std::size_t kMaxUri = 1 << 14;  // of a file: no name is that long, and many may refer to it
 constexpr std::uint64_t kNumbersRead = 1 << 28, kNumbersReadPerByte = 64;  // from accessors, in all
+// Objects of lists, in all. Those of a mesh are read again for each node that poses it.
+constexpr std::uint64_t kItemsRead = 1'000'000, kBytesPerItem = 8;
 constexpr std::uint64_t kMaxZeros = 1 << 24;  // elements of an accessor without data, which the file need not hold
 
 enum Component { kByte = 5120, kUnsignedByte, kShort, kUnsignedShort, kUnsignedInt = 5125, kFloat };
@@ -102,6 +104,7 @@ std::vector<GltfObject> GltfObject::objects(const std::string& key) const {
   const nlohmann::json* found = member(key);
   if (!found) return result;
   if (!found->is_array()) wrong(key, "a list of objects");
+  file_->count_items(found->size(), *this);
   for (std::size_t i = 0; i < found->size(); ++i) {
     if (!(*found)[i].is_object()) wrong(key, "a list of objects");
     result.push_back({file_, &(*found)[i], (path_.empty() ? key : path_ + "." + key) + "[" + std::to_string(i) + "]"});
@@ -218,7 +221,8 @@ int GltfObject::index(const std::string& key, const std::string& list) const {
 
 GltfFile::GltfFile(const std::string& file, std::string bytes, const Description& description)
     : name_(file),
-      description_(description) {
+      description_(description),
+      most_items_(kItemsRead + bytes.size() / kBytesPerItem) {
   if (bytes.starts_with("glTF")) read_binary(bytes);
   else json_ = parse_json(bytes, name_);
   bytes = {};
@@ -443,6 +447,13 @@ void GltfFile::count_read(std::uint64_t numbers, const GltfObject& accessor) con
   if (numbers_read_ > most)
     accessor.fail("the accessors are used too often: more than " + std::to_string(most) +
                   " numbers would be read from buffers of " + std::to_string(buffer_bytes_) + " bytes");
+}
+
+void GltfFile::count_items(std::uint64_t items, const GltfObject& owner) const {
+  items_read_ += items;
+  if (items_read_ > most_items_)
+    owner.fail("the lists of meshes are used too often: more than " + std::to_string(most_items_) +
+               " primitives and targets would be read");
 }
 
 std::vector<std::uint32_t> GltfFile::indices(int accessor) const {

@@ -95,6 +95,7 @@ class GltfFile {
   static std::string decode(const std::string& uri, const GltfObject& user);
 
  private:
+  friend class GltfObject;
   struct Elements {
     const char* first = nullptr;
     std::size_t count = 0, stride = 0;
@@ -102,6 +103,7 @@ class GltfFile {
   void read_binary(const std::string& bytes);
   void load_buffers();
   void count_read(std::uint64_t numbers, const GltfObject& accessor) const;
+  void count_items(std::uint64_t items, const GltfObject& owner) const;
   // `count` elements of `size` bytes from `offset` in a view, all inside.
   Elements elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size, bool packed,
                     const GltfObject& user) const;
@@ -113,6 +115,8 @@ class GltfFile {
   std::vector<std::string> buffers_;
   std::uint64_t buffer_bytes_ = 0;
   mutable std::uint64_t numbers_read_ = 0;  // by values() and indices()
+  std::uint64_t most_items_;
+  mutable std::uint64_t items_read_ = 0;  // by GltfObject::objects()
 };
 
 }  // namespace octrad

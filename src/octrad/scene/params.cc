@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <utility>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -42,7 +43,10 @@ const char* read_number(const char* p, const char* end, double& value) {
   return result.ec == std::errc() && std::isfinite(value) ? result.ptr : nullptr;
 }
 
-constexpr std::size_t kMaxParameters = 1000;  // of one object: each is compared with the others
+constexpr std::size_t kMaxParameters = 1000;  // of one object: each is looked for among the others
+constexpr int kMaxOpen = 200;                 // objects in objects
+// A few words refer to an object again, and reading it takes time.
+constexpr std::uint64_t kReadAgain = 1'000'000, kReadAgainEach = 16;
 
 const std::string& value_of(const Element& element) {
   const std::string* value = element.find("value");
@@ -254,14 +258,22 @@ Params::Params(const Description& description, const Element& element, std::vect
   type_ = *type;
   if (element.children.size() > kMaxParameters)
     fail(element.location, what() + " has more than " + std::to_string(kMaxParameters) + " parameters");
+  if (description.open > kMaxOpen)
+    fail(element.location, what() + " is nested more than " + std::to_string(kMaxOpen) +
+                               " deep: it may contain itself through its references");
+  (std::exchange(element.was_read, true) ? description.read_again : description.read_once) += element.children.size();
+  if (description.read_again > kReadAgain + kReadAgainEach * description.read_once)
+    fail(element.location, "objects are referred to too often: " + std::to_string(description.read_again) +
+                               " of their parameters would be read again");
+  std::set<std::string_view> names;
   for (std::size_t i = 0; i < element.children.size(); ++i) {
     const Element& child = *element.children[i];
-    used_[i] = !report().attempt(child.location, [&] { check_child(i); });
+    used_[i] = !report().attempt(child.location, [&] { check_child(i, names); });
     if (used_[i]) leave_out(child);
   }
 }
 
-void Params::check_child(std::size_t i) const {
+void Params::check_child(std::size_t i, std::set<std::string_view>& names) const {
   const Element& child = *element_.children[i];
   if (child.tag == "animation")
     fail(child.location, "<animation> inside " + what() + " is not supported: nothing moves; give one <transform>");
@@ -278,10 +290,8 @@ void Params::check_child(std::size_t i) const {
   if (is_property(child.tag) && !child.find("name"))
     fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
   const std::string& name = child.get("name");
-  for (std::size_t j = 0; j < i && !name.empty(); ++j) {
-    if (element_.children[j]->get("name") == name)
-      fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
-  }
+  if (!name.empty() && !names.insert(name).second)
+    fail(child.location, "parameter \"" + name + "\" of " + what() + " is given twice");
 }
 
 const Element* Params::take(const std::string& name) {
@@ -451,16 +461,17 @@ std::vector<const Element*> Params::nested(const std::string& tag) {
 }
 
 void Params::finish() {
+  if (std::find(used_.begin(), used_.end(), false) == used_.end()) return;
+  std::vector<std::string> parameters;
+  for (const std::string& word : asked_) {
+    if (std::find(parameters.begin(), parameters.end(), word) == parameters.end()) parameters.push_back(word);
+  }
+  std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
+  if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
   for (std::size_t i = 0; i < used_.size(); ++i) {
     if (used_[i]) continue;
     const Element& child = *element_.children[i];
     const std::string& name = child.get("name");
-    std::vector<std::string> parameters;
-    for (const std::string& word : asked_) {
-      if (std::find(parameters.begin(), parameters.end(), word) == parameters.end()) parameters.push_back(word);
-    }
-    std::string supported = "; supported: " + (parameters.empty() ? std::string("none") : join(parameters));
-    if (!asked_tags_.empty()) supported += "; nested: <" + join(asked_tags_, ">, <") + ">";
     leave_out(child);
     // Mitsuba 0.6 warned of these; Mitsuba 3 takes them for mistakes.
     if (element_.old && is_property(child.tag)) {

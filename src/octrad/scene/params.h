@@ -3,7 +3,9 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "octrad/base/vec.h"
@@ -64,7 +66,8 @@ class Params {
  private:
   SceneReport& report() const { return *description_.report; }
   void refuse(const Location& where, const std::string& message);
-  void check_child(std::size_t index) const;
+  // `names`: those of the children before.
+  void check_child(std::size_t index, std::set<std::string_view>& names) const;
   void leave_out(const Element& child) const;
   void leave_out(const std::string& name) const;
   // What `get` returns; where that fails and mistakes are collected, the fallback.
@@ -76,7 +79,20 @@ class Params {
   const Element* take(const std::string& name);
   const Element* take(const std::string& name, const std::vector<std::string>& tags);
 
+  // Counts the objects that are being read.
+  class Nesting {
+   public:
+    explicit Nesting(const Description& description) : description_(description) { ++description_.open; }
+    ~Nesting() { --description_.open; }
+    Nesting(const Nesting&) = delete;
+    Nesting& operator=(const Nesting&) = delete;
+
+   private:
+    const Description& description_;
+  };
+
   const Description& description_;
+  const Nesting nesting_{description_};
   const Element& element_;
   std::vector<std::string>& warnings_;
   std::string type_;

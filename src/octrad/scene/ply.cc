@@ -51,6 +51,8 @@ struct PlyElement {
   std::vector<Property> properties;
 };
 
+constexpr std::size_t kMostHeaderLines = 100000;  // each takes ten times its bytes, and attributes look at all
+
 enum class Format { ascii, little, big };
 
 // The attribute that a property is a channel of, as Mitsuba 3 groups them: "weight_0" and "weight_x" are of "weight",
@@ -145,8 +147,11 @@ class PlyReader {
     std::vector<std::string> words = header_line(begin);
     if (words.size() != 1 || words[0] != "ply") fail_at(begin, "not a PLY file (the first line must be \"ply\")");
     bool format = false;
+    std::size_t lines = 0;
     while (true) {
       words = header_line(begin);
+      if (++lines > kMostHeaderLines)
+        fail_at(begin, "the PLY header has more than " + std::to_string(kMostHeaderLines) + " lines");
       if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
       if (words[0] == "end_header") break;
       if (words[0] == "format" && words.size() == 3) {

@@ -20,6 +20,7 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr std::uint16_t kMagic = 0x041c;
 enum Flag : std::uint32_t { kNormals = 1, kTexcoords = 2, kColors = 8, kDouble = 0x2000 };
+constexpr std::uint64_t kMostName = 1 << 16;    // read byte by byte
 constexpr std::uint64_t kMostExpansion = 1100;  // of deflate, rounded up
 
 class SerializedReader {
@@ -39,7 +40,8 @@ class SerializedReader {
     start(begin + 4, end);
     const auto flags = inflated<std::uint32_t>();
     if (version == 4) {
-      while (inflated<char>() != '\0') {
+      for (std::uint64_t length = 0; inflated<char>() != '\0'; ++length) {
+        if (length == kMostName) fail_here("the mesh has a name of more than " + std::to_string(kMostName) + " bytes");
       }
     }
     const auto vertices = inflated<std::uint64_t>(), triangles = inflated<std::uint64_t>();
