@@ -15,7 +15,8 @@ class SharedFile {
   void expect() { ++users_, ++left_; }           // one more who will take it; before any does
   bool is_shared() const { return users_ > 1; }  // otherwise the content may be changed
 
-  // A mistake in the file is one of each who takes it.
+  // A mistake in the file is one of each who takes it. `read` must not wait for parallel work: a thread that waits may
+  // take up another object's, and come back here.
   template <typename Read>
   std::shared_ptr<T> take(Read&& read) {
     const std::lock_guard lock(mutex_);
