@@ -26,7 +26,7 @@ int deepest_nesting(const std::string& text) {
     } else if (c == '/' && next == '/') {
       i = std::min(text.find_first_of("\r\n", i), text.size());
     } else if (c == '/' && next == '*') {
-      i = std::min(text.find("*/", i + 2), text.size());
+      i = std::min(text.find("*/", i + 2), text.size() - 1) + 1;  // its last character begins no other comment
     } else if (c == '[' || c == '{') {
       most = std::max(most, ++open);
     } else if (c == ']' || c == '}') {

@@ -50,7 +50,7 @@ TEST(Json, DepthIsLimited) {
   const std::string open(200, '['), inside = nested(102, "[", "]");
   EXPECT_EQ(refusal("[\"" + open + "\", \"\\\"" + open + "\"]"), "") << "in texts";
   EXPECT_EQ(refusal("[1, // " + open + "\n2, /* " + open + " */ 3]"), "") << "in comments";
-  for (const std::string before : {"// \"\r", "// \"\n", "/* \" */", "/**/", "[\"\\\\\"],"}) {
+  for (const std::string before : {"// \"\r", "// \"\n", "/* \" */", "/**/", "/**//*x*/", "[\"\\\\\"],"}) {
     const std::string text = before[0] == '[' ? "[" + before + inside + "]" : before + inside;
     EXPECT_EQ(refusal(text), "a.json: lists or objects are nested more than 100 deep") << before;
   }
