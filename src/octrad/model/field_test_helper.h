@@ -61,14 +61,14 @@ inline std::vector<SurfacePoint> random_points(std::size_t n, unsigned long long
     p.albedo = Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 0.8f + Vec3f(0.1f);
     p.alpha = i % 2 ? 0.05f : 1.0f;
     p.disparity = 2.0f * rng.uniform();
-    // Some rays of the offset meet nothing, some something rough.
-    p.reflected = {i % 5 == 0 ? 0.0f : 1.0f, rng.uniform() < 0.5f ? 1.0f : 0.3f, direction(),
-                   Vec3f(rng.uniform(), rng.uniform(), rng.uniform()),
-                   Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 3.0f};
     // Of four clusters the second is often empty; the shares add up to less than 1.
     for (int k = 0; k < kHitClusters; ++k)
       p.lobe[k] = {0.2f * static_cast<float>(k) + 0.3f * rng.uniform(), 0.1f * rng.uniform(),
                    k == 1 && i % 4 < 3 ? 0.0f : 0.3f * rng.uniform()};
+    // Some rays of the offset meet nothing, some something rough.
+    p.reflected = {i % 5 == 0 ? 0.0f : 1.0f, rng.uniform() < 0.5f ? 1.0f : 0.3f, direction(),
+                   Vec3f(rng.uniform(), rng.uniform(), rng.uniform()),
+                   Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 3.0f};
   }
   return points;
 }
