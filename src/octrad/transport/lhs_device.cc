@@ -9,6 +9,7 @@
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
 #include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/trace_offsets_device.h"
 
 namespace octrad {
 namespace lhs_kernels {
@@ -166,10 +167,7 @@ struct TracePointOffsets : Kernel {
   const ShadingPoint* points;
   SurfacePointArray surface_points;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    SurfacePoint point = surface_points.load(i);
-    trace_offset(world, offset, points[i].surface.geometric_normal, point);
-    surface_points.set(kDisparityNumber, i, point.disparity);
-    if (offset.reflected) surface_points.reflected.set(i, point.reflected);
+    trace_offset_at(world, offset, surface_points, i, points[i].surface.geometric_normal);
   }
 };
 

@@ -9,6 +9,17 @@
 
 namespace octrad {
 
+// The ray of `offset` from point `i`, and what it fills in.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline void trace_offset_at(const World& world, const OffsetRay& offset, const SurfacePointArray& points,
+                                      std::uint32_t i, Vec3f geometric_normal) {
+  SurfacePoint point = points.load(i);
+  trace_offset(world, offset, geometric_normal, point);
+  points.set(kDisparityNumber, i, point.disparity);
+  if (offset.reflected) points.reflected.set(i, point.reflected);
+}
+
 // A ray for each query whose look-up has an offset.
 template <typename World>
 struct TraceOffsets : Kernel {
@@ -22,11 +33,8 @@ struct TraceOffsets : Kernel {
 
   OCTRAD_HD void operator()(std::uint32_t q) const {
     if (q >= *count) return;
-    SurfacePoint point = queries.load(q);
-    if (offset.rule.has_offset(point.alpha)) atomic_add(rays, 1ull);
-    trace_offset(world, offset, normals.get3(0, q), point);
-    queries.set(kDisparityNumber, q, point.disparity);
-    if (offset.reflected) queries.reflected.set(q, point.reflected);
+    if (offset.rule.has_offset(queries.get(kAlphaNumber, q))) atomic_add(rays, 1ull);
+    trace_offset_at(world, offset, queries, q, normals.get3(0, q));
   }
 };
 
