@@ -4,7 +4,12 @@
     bench/quality.py SCENE.xml --time 5m --view scene=ref1.exr --view mirror=ref2.exr,mirror.json -o results.json
 
 A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own sensor. References need the roughness layer
-(octrad merge makes them). Prints a table and writes everything, commands included, as JSON. Nothing else should run on
+(octrad merge makes them). A REFERENCE that is a folder of bench/sparse_reference.py has few pixels and little noise, and its own view:
+
+    bench/sparse_reference.py SCENE.xml --spp 65536 -o refs/own
+    bench/quality.py SCENE.xml --time 5m --spp 64 --view own=refs/own
+
+Prints a table and writes everything, commands included, as JSON. Nothing else should run on
 the machine meanwhile if the budget is wall-clock time.
 """
 import argparse
@@ -45,17 +50,26 @@ def main():
         for view in args.view:
             name, rest = view.split("=", 1)
             reference, _, camera = rest.partition(",")
-            size = run([args.octrad, "info", reference, "--json"])
+            options = ["--camera", camera] if camera else []
             picture = os.path.join(folder, f"{field}_{name}.exr")
+            counted, noise = [], None  # which pixels, and how far the reference is off itself
+            if os.path.isdir(reference):
+                with open(os.path.join(reference, "about.json")) as about:
+                    size = json.load(about)
+                counted = ["--mask", os.path.join(reference, "mask.pfm"), "--aux", picture]
+                options, noise = size["view"], size["noise"]
+                reference = os.path.join(reference, "reference.pfm")
+            else:
+                size = run([args.octrad, "info", reference, "--json"])
             command = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--spp", args.spp, "--width", str(size["width"]),
-                       "--height", str(size["height"]), "--device", args.device, "-o", picture, "--json", "-q"] + (["--camera", camera] if camera else [])
+                       "--height", str(size["height"]), "--device", args.device, "-o", picture, "--json", "-q"] + options
             rendered = run(command)
-            everything = run([args.octrad, "compare", reference, picture, "--json"])["images"][0]
-            glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json"])["images"][0]
+            everything = run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted)["images"][0]
+            glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json", "-q"] + counted)["images"][0]
             rows.append({"field": field, "view": name, "steps": trained["steps"], "seconds": trained["seconds"],
                          "rhs_queries_per_s": trained["rhs_queries_per_s"], "mape": everything["mape"], "mape_trimmed": everything["mape_trimmed"],
                          "mape_glossy": glossy["mape"], "mean_ratio": everything["mean_ratio"], "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"],
-                         "pixels_glossy": glossy["pixels"]})
+                         "pixels_glossy": glossy["pixels"], "noise": noise})
     print(f"{'field':<12}{'view':<10}{'steps':>8}{'seconds':>9}{'MAPE':>8}{'trimmed':>9}{'glossy':>8}{'mean':>8}{'Mq/s':>7}")
     for r in rows:
         glossy = "-" if r["mape_glossy"] is None else f"{r['mape_glossy']:.4f}"
