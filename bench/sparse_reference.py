@@ -72,6 +72,8 @@ def main():
     blocks = places(args.width, args.height, args.blocks, args.seed)
     halves = [np.zeros((args.height, args.width, 3)) for _ in range(2)]
     mask = np.zeros((args.height, args.width, 3))
+    for x, y in blocks:
+        mask[y:y + BLOCK, x:x + BLOCK] = 1
     with tempfile.TemporaryDirectory() as folder:
         def render(job):
             number, half = job
@@ -81,7 +83,6 @@ def main():
                             "--width", str(args.width), "--height", str(args.height), "--crop", f"{x},{y},{BLOCK},{BLOCK}",
                             "--spp", str(max(1, args.spp // 2)), "--seed", str(2 * (args.seed * 100003 + number) + half + 1), "-o", path, "-q"] + view, check=True)
             halves[half][y:y + BLOCK, x:x + BLOCK] = read_pfm(path)
-            mask[y:y + BLOCK, x:x + BLOCK] = 1
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(render, [(n, h) for n in range(len(blocks)) for h in range(2)]))
     reference = (halves[0] + halves[1]) / 2

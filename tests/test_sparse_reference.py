@@ -8,6 +8,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "cli"))
+import exr  # noqa: E402
+
 try:
     import numpy as np
 except ImportError:
@@ -24,11 +27,7 @@ def bench(script, *words):
 
 
 def read_pfm(path):
-    with open(path, "rb") as f:
-        f.readline()
-        width, height = map(int, f.readline().split())
-        f.readline()
-        return np.frombuffer(f.read(), "<f4").reshape(height, width, 3)[::-1]
+    return np.array(exr.read_pfm(path)).reshape(-1, 48, 3)
 
 
 @unittest.skipIf(np is None, "SKIPPED: no numpy")
