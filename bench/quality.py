@@ -7,7 +7,10 @@ A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own s
 (octrad merge makes them). A REFERENCE that is a folder of bench/sparse_reference.py has few pixels and little noise, and its own view:
 
     bench/sparse_reference.py SCENE.xml --spp 65536 -o refs/own
-    bench/quality.py SCENE.xml --time 5m --spp 64 --view own=refs/own
+    bench/quality.py SCENE.xml --time 5m --view own=refs/own
+
+There the field's picture has --block-spp samples, so that what is measured is the field and not the noise of its picture: 64 samples
+of a blurred mirror have more of it than the field has errors. The whole picture, with --spp samples, is for the eye.
 
 Prints a table and writes everything, commands included, as JSON. Nothing else should run on
 the machine meanwhile if the budget is wall-clock time.
@@ -23,6 +26,20 @@ def run(command):
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
 
 
+def train(command, done):
+    """JSON of a training; of one that was made already by the same command, what `done` says of it."""
+    if os.path.exists(done):
+        with open(done) as before:
+            training = json.load(before)
+        if training["command"][1:] == command[1:]:
+            return training["result"]
+    result = run(command)
+    with open(done, "w") as out:
+        json.dump({"command": command, "result": result}, out, indent=1)
+        out.write("\n")
+    return result
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
@@ -32,10 +49,11 @@ def main():
     parser.add_argument("--steps", help="train so many steps instead of --time: what a busy machine does not change")
     parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
     parser.add_argument("--seed", default="0")
-    parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures")
+    parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures (default: 16)")
+    parser.add_argument("--block-spp", default="1024", help="the same where a reference has blocks (default: 1024)")
     parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for all fields")
     parser.add_argument("--view", action="append", required=True, metavar="NAME=REFERENCE[,CAMERA]")
-    parser.add_argument("--pictures", help="folder that keeps the pictures and models")
+    parser.add_argument("--pictures", help="folder that keeps pictures and models: a training that is there is not made again")
     parser.add_argument("-o", "--output")
     args = parser.parse_args()
     folder = args.pictures or tempfile.mkdtemp()
@@ -45,25 +63,32 @@ def main():
     rows = []
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
-        trained = run([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, *budget, "--seed", args.seed,
-                       "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions)
+        trained = train([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, *budget, "--seed", args.seed,
+                         "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions, os.path.join(folder, field + ".json"))
         for view in args.view:
             name, rest = view.split("=", 1)
             reference, _, camera = rest.partition(",")
             options = ["--camera", camera] if camera else []
             picture = os.path.join(folder, f"{field}_{name}.exr")
-            counted, noise = [], None  # which pixels, and how far the reference is off itself
+            counted, noise, blocks = [], None, None  # which pixels, and how far the reference is off itself
             if os.path.isdir(reference):
                 with open(os.path.join(reference, "about.json")) as about:
                     size = json.load(about)
                 counted = ["--mask", os.path.join(reference, "mask.pfm"), "--aux", picture]
-                options, noise = size["view"], size["noise"]
+                options, noise, blocks = size["view"], size["noise"], size["blocks"]
                 reference = os.path.join(reference, "reference.pfm")
             else:
                 size = run([args.octrad, "info", reference, "--json"])
             command = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--spp", args.spp, "--width", str(size["width"]),
                        "--height", str(size["height"]), "--device", args.device, "-o", picture, "--json", "-q"] + options
             rendered = run(command)
+            if blocks:
+                import sparse_reference  # wants numpy
+
+                measured = sparse_reference.render_blocks(args.octrad, args.scene, size["width"], size["height"], blocks, args.block_spp,
+                                                          [args.seed] * len(blocks), command[3:7] + ["--device", args.device] + options)
+                picture = os.path.join(folder, f"{field}_{name}_blocks.pfm")
+                sparse_reference.write_pfm(picture, measured)
             everything = run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted)["images"][0]
             glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json", "-q"] + counted)["images"][0]
             rows.append({"field": field, "view": name, "steps": trained["steps"], "seconds": trained["seconds"],

@@ -53,6 +53,21 @@ def places(width, height, count, seed):
     return result
 
 
+def render_blocks(octrad, scene, width, height, blocks, spp, seeds, options):
+    """The blocks of a view, one process of octrad render on one thread each, in a picture that is black elsewhere; seeds: one a block."""
+    picture = np.zeros((height, width, 3))
+    with tempfile.TemporaryDirectory() as folder:
+        def render(number):
+            x, y = blocks[number]
+            path = os.path.join(folder, f"{number}.pfm")
+            subprocess.run([octrad, "render", scene, "--threads", "1", "--width", str(width), "--height", str(height),
+                            "--crop", f"{x},{y},{BLOCK},{BLOCK}", "--spp", str(spp), "--seed", str(seeds[number]), "-o", path, "-q"] + options, check=True)
+            picture[y:y + BLOCK, x:x + BLOCK] = read_pfm(path)
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(render, range(len(blocks))))
+    return picture
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
@@ -70,21 +85,12 @@ def main():
         return
     os.makedirs(args.output, exist_ok=True)
     blocks = places(args.width, args.height, args.blocks, args.seed)
-    halves = [np.zeros((args.height, args.width, 3)) for _ in range(2)]
     mask = np.zeros((args.height, args.width, 3))
     for x, y in blocks:
         mask[y:y + BLOCK, x:x + BLOCK] = 1
-    with tempfile.TemporaryDirectory() as folder:
-        def render(job):
-            number, half = job
-            x, y = blocks[number]
-            path = os.path.join(folder, f"{number}-{half}.pfm")
-            subprocess.run([args.octrad, "render", args.scene, "--integrator", "path", "--max-depth", "-1", "--device", "cpu", "--threads", "1",
-                            "--width", str(args.width), "--height", str(args.height), "--crop", f"{x},{y},{BLOCK},{BLOCK}",
-                            "--spp", str(max(1, args.spp // 2)), "--seed", str(2 * (args.seed * 100003 + number) + half + 1), "-o", path, "-q"] + view, check=True)
-            halves[half][y:y + BLOCK, x:x + BLOCK] = read_pfm(path)
-        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(render, [(n, h) for n in range(len(blocks)) for h in range(2)]))
+    halves = [render_blocks(args.octrad, args.scene, args.width, args.height, blocks, max(1, args.spp // 2),
+                            [2 * (args.seed * 100003 + number) + half + 1 for number in range(len(blocks))],
+                            ["--integrator", "path", "--max-depth", "-1", "--device", "cpu"] + view) for half in range(2)]
     reference = (halves[0] + halves[1]) / 2
     # The halves differ by twice the reference's own error, as independent errors add in squares.
     seen = mask > 0

@@ -68,16 +68,30 @@ class SparseReference(unittest.TestCase):
 
     def test_fields_are_measured_there(self):
         self.make("few", "--spp", 16, *VIEW)
-        rows = self.folder / "rows.json"
-        done = bench("quality.py", SCENE, "--octrad", PROGRAM, "--fields", "octaoctree", "--steps", 3, "--spp", 4,
-                     "--view", f"own={self.folder / 'few'}", "--pictures", self.folder / "pictures", "-o", rows)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        row, = json.loads(rows.read_text())["rows"]
-        compared = json.loads(subprocess.run([PROGRAM, "compare", self.folder / "few" / "reference.pfm", self.folder / "pictures" / "octaoctree_own.exr",
+        pictures, rows = self.folder / "pictures", self.folder / "rows.json"
+
+        def measure(*words):
+            done = bench("quality.py", SCENE, "--octrad", PROGRAM, "--fields", "octaoctree", "--steps", 3, "--spp", 4, "--block-spp", 8,
+                         "--view", f"own={self.folder / 'few'}", "--pictures", pictures, "-o", rows, *words)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            row, = json.loads(rows.read_text())["rows"]
+            return row
+
+        row = measure()
+        blocks, mask = read_pfm(pictures / "octaoctree_own_blocks.pfm"), read_pfm(self.folder / "few" / "mask.pfm")
+        self.assertTrue(blocks[mask > 0].all())
+        self.assertFalse(blocks[mask == 0].any())
+        compared = json.loads(subprocess.run([PROGRAM, "compare", self.folder / "few" / "reference.pfm", pictures / "octaoctree_own_blocks.pfm",
                                               "--mask", self.folder / "few" / "mask.pfm", "--json", "-q"], check=True, stdout=subprocess.PIPE).stdout)["images"][0]
         self.assertEqual(compared["pixels"], 6 * 64)
         self.assertEqual(row["mape"], compared["mape"])
         self.assertGreater(row["noise"], 0)
+
+        trained = (pictures / "octaoctree.octrad").stat().st_mtime_ns
+        self.assertEqual(measure()["mape"], row["mape"])
+        self.assertEqual((pictures / "octaoctree.octrad").stat().st_mtime_ns, trained)  # not again
+        measure("-D", "adam.beta2=0.9")
+        self.assertNotEqual((pictures / "octaoctree.octrad").stat().st_mtime_ns, trained)  # another training
 
     def test_what_octrad_refuses(self):
         done = bench("sparse_reference.py", SCENE, "--octrad", PROGRAM, "--blocks", 1, "--spp", 1, "-o", self.folder / "bad", "--camera", "nowhere.json")
