@@ -26,13 +26,14 @@ def run(command):
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
 
 
-def train(command, done):
+def train(command, model, done):
     """JSON of a training; of one that was made already by the same command, what `done` says of it."""
     if os.path.exists(done):
         with open(done) as before:
             training = json.load(before)
-        if training["command"][1:] == command[1:]:
+        if training["command"][1:] == command[1:] and os.path.exists(model):
             return training["result"]
+        os.remove(done)  # what is in `model` from now on, also if this training is interrupted, is of another command
     result = run(command)
     with open(done, "w") as out:
         json.dump({"command": command, "result": result}, out, indent=1)
@@ -53,7 +54,7 @@ def main():
     parser.add_argument("--block-spp", default="1024", help="the same where a reference has blocks (default: 1024)")
     parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for all fields")
     parser.add_argument("--view", action="append", required=True, metavar="NAME=REFERENCE[,CAMERA]")
-    parser.add_argument("--pictures", help="folder that keeps pictures and models: a training that is there is not made again")
+    parser.add_argument("--pictures", help="folder that keeps pictures and models: a training that is there, by the same command, is not made again")
     parser.add_argument("-o", "--output")
     args = parser.parse_args()
     folder = args.pictures or tempfile.mkdtemp()
@@ -64,7 +65,7 @@ def main():
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
         trained = train([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, *budget, "--seed", args.seed,
-                         "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions, os.path.join(folder, field + ".json"))
+                         "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions, model, os.path.join(folder, field + ".json"))
         for view in args.view:
             name, rest = view.split("=", 1)
             reference, _, camera = rest.partition(",")
@@ -79,14 +80,14 @@ def main():
                 reference = os.path.join(reference, "reference.pfm")
             else:
                 size = run([args.octrad, "info", reference, "--json"])
-            command = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--spp", args.spp, "--width", str(size["width"]),
-                       "--height", str(size["height"]), "--device", args.device, "-o", picture, "--json", "-q"] + options
-            rendered = run(command)
+            options = ["--integrator", "lhs", "--model", model, "--device", args.device] + options
+            rendered = run([args.octrad, "render", args.scene, "--spp", args.spp, "--width", str(size["width"]), "--height", str(size["height"]),
+                            "-o", picture, "--json", "-q"] + options)
             if blocks:
                 import sparse_reference  # wants numpy
 
                 measured = sparse_reference.render_blocks(args.octrad, args.scene, size["width"], size["height"], blocks, args.block_spp,
-                                                          [args.seed] * len(blocks), command[3:7] + ["--device", args.device] + options)
+                                                          [args.seed] * len(blocks), options)
                 picture = os.path.join(folder, f"{field}_{name}_blocks.pfm")
                 sparse_reference.write_pfm(picture, measured)
             everything = run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted)["images"][0]

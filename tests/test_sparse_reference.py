@@ -93,6 +93,16 @@ class SparseReference(unittest.TestCase):
         measure("-D", "adam.beta2=0.9")
         self.assertNotEqual((pictures / "octaoctree.octrad").stat().st_mtime_ns, trained)  # another training
 
+        # After a training that failed nothing says what the model is.
+        refused = bench("quality.py", SCENE, "--octrad", PROGRAM, "--fields", "octaoctree", "--steps", 3, "-D", "adam.beta2=7",
+                        "--view", f"own={self.folder / 'few'}", "--pictures", pictures)
+        self.assertNotEqual(refused.returncode, 0)
+        self.assertIn("adam.beta2", refused.stderr)
+        self.assertFalse((pictures / "octaoctree.json").exists())
+        measure()
+        (pictures / "octaoctree.octrad").unlink()
+        self.assertEqual(measure()["mape"], row["mape"])
+
     def test_what_octrad_refuses(self):
         done = bench("sparse_reference.py", SCENE, "--octrad", PROGRAM, "--blocks", 1, "--spp", 1, "-o", self.folder / "bad", "--camera", "nowhere.json")
         self.assertNotEqual(done.returncode, 0)
