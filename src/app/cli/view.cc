@@ -47,6 +47,7 @@ std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scen
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
     ViewerModel made{file, model.info, model_config(model.info, o.definitions)};
     made.own = std::move(model.field);
+    made.trained = std::move(model.trained);
     made.field = made.own.get();
     models.push_back(std::move(made));
   }
@@ -110,7 +111,7 @@ ViewState first_state(const ViewVerbOptions& o, const Scene& scene, const viewer
 // Trains the model on, from where it is.
 std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVerbOptions& o, const PreparedScene& scene,
                                       ViewerModel& model, Stream* stream) {
-  Model resumed{model.info, std::move(model.own)};
+  Model resumed{.info = model.info, .field = std::move(model.own), .trained = std::move(model.trained)};
   TrainOptions options;
   options.output = o.output;
   options.stream = stream;

@@ -20,7 +20,7 @@ struct ViewerModel {
   ModelInfo info;
   Config config;                   // with the keys render.* as they were asked for
   RadianceField* field = nullptr;  // `own`, or the trainer's
-  std::unique_ptr<RadianceField> own = {};
+  std::unique_ptr<RadianceField> own = {}, trained = {};  // as Model has them
   Trainer* trainer = nullptr;  // that trains it: it is looked at in between (view/live.h)
 };
 

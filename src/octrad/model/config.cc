@@ -262,6 +262,8 @@ const std::vector<Key>& keys() {
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
              "perfectly specular surfaces that a right-hand-side ray passes"),
+      number("train.average", &C::train_average, {0, 0.5},
+             "what is shown and saved: means of the weights over about this share of the steps so far; 0: the weights"),
 
       choice("loss.normalizer", &C::loss_normalizer,
              {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},
@@ -465,6 +467,7 @@ Config preset(const std::string& name) {
   c.train_glossy_boost = 1.0;
   c.train_stop_probability = 0.3;
   c.train_walks = 1.0;
+  c.train_average = 0.0;
   c.loss_normalizer = LossNormalizer::symmetric;
   c.loss_power = 2.0;
   c.loss_epsilon_first = 0.1;

@@ -27,6 +27,7 @@ struct DeviceFieldOptions {
   std::size_t max_train_points = 0;               // of a step; 0: no training
   bool deterministic = false;  // training repeats bit for bit: contributions are sorted before they are summed
   bool half_features = true;   // look-ups read tables of halves
+  bool averages = false;       // not trained, but approach() and download_to() are possible
   DeviceTuning tuning = {};    // the stream's: chunks, order of queries, list of touched entries
 };
 
@@ -65,9 +66,13 @@ class DeviceField {
   virtual float target_scale() const = 0;
 
   // Weights, exposure and, where there is any, the optimiser's state of the field it was made from, or of one of the
-  // same configuration and domain (InputError otherwise). download_to needs max_train_points > 0.
+  // same configuration and domain (InputError otherwise). download_to needs max_train_points > 0 or `averages`.
   virtual void upload_from(RadianceField& field) = 0;
   virtual void download_to(RadianceField& field) = 0;
+
+  // As approach() of fields; `to` is of the same configuration and domain, on the same stream, and has
+  // max_train_points > 0 or `averages`, as this one does.
+  virtual void approach(const DeviceField& to, float share) = 0;
 };
 
 // A device copy of `field`, which was made with `config`. Throws MemoryError, InputError for a field that has no device

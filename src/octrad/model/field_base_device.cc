@@ -227,6 +227,7 @@ DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const De
   DeviceTableOptions table;
   table.halves = options.half_features;
   table.training = options.max_train_points > 0;
+  table.masters = options.averages;
   table.dense = config.adam_mode == AdamMode::dense;
   table.sorted = table.training && options.deterministic;
   // The list of touched entries is that of a whole step, the sort works on a chunk.
@@ -276,6 +277,12 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
   counters_ = DeviceArray<TrainCounters>(stream, 1, "training points in flight");
   counters_.fill(0);
   sum_workspace_ = SortWorkspace(stream, n, "training points in flight");
+}
+
+void DeviceFieldBase::holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables) {
+  all_networks_ = {&decoder_};
+  all_networks_.insert(all_networks_.end(), networks);
+  all_tables_ = tables;
 }
 
 void DeviceFieldBase::learns(DeviceMlp& network, DeviceDenseAdam& adam) {
@@ -444,6 +451,17 @@ void DeviceFieldBase::inspect(SurfacePointArray points, std::size_t n, FloatRows
   }
 }
 
+void DeviceFieldBase::approach(const DeviceField& to, float share) {
+  const auto* other = dynamic_cast<const DeviceFieldBase*>(&to);
+  if (other == nullptr || other->all_networks_.size() != all_networks_.size() ||
+      other->all_tables_.size() != all_tables_.size())
+    throw InputError("a field on the device approaches one of its own kind");
+  for (std::size_t i = 0; i < all_networks_.size(); ++i)
+    octrad::approach(stream_, all_networks_[i]->weights(), other->all_networks_[i]->weights(), share);
+  DeviceMlp::refresh_all(stream_, all_networks_);
+  for (std::size_t i = 0; i < all_tables_.size(); ++i) all_tables_[i]->approach(stream_, *other->all_tables_[i], share);
+}
+
 void DeviceFieldBase::set_target_scale(float scale) {
   target_scale_ = scale;
   scalars_.upload(std::span<const float>(&target_scale_, 1));
@@ -452,16 +470,16 @@ void DeviceFieldBase::set_target_scale(float scale) {
 void DeviceFieldBase::upload_decoder(DecoderHead& head) {
   decoder_.weights().upload(head.mlp().weights());
   decoder_.refresh(stream_);
-  if (options_.max_train_points > 0) decoder_adam_.upload(head.adam());
+  if (trains()) decoder_adam_.upload(head.adam());
   set_target_scale(head.target_scale());
 }
 
 void DeviceFieldBase::download_decoder(DecoderHead& head) {
-  if (options_.max_train_points == 0)
+  if (!trains() && !options_.averages)
     throw DeviceError("a field that is not trained on the device is not copied back from it");
   decoder_.weights().download(head.mlp().weights());
   head.mlp().prepare();
-  decoder_adam_.download(head.adam());
+  if (trains()) decoder_adam_.download(head.adam());
   head.set_target_scale(target_scale_);
 }
 

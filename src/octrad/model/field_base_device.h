@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <vector>
@@ -51,6 +52,7 @@ class DeviceFieldBase : public DeviceField {
   void train(SurfacePointArray points, const Vec3f* targets, std::size_t n, const StepConstants* constants) override;
   DeviceTrainReport collect() override;
   void inspect(SurfacePointArray points, std::size_t n, FloatRows features, float* disparity) override;
+  void approach(const DeviceField& to, float share) override;
   void set_target_scale(float scale) override;
   float target_scale() const override { return target_scale_; }
 
@@ -79,6 +81,9 @@ class DeviceFieldBase : public DeviceField {
   virtual LookupRule rule() const = 0;
 
   DeviceQueries queries(const Chunk& chunk) const;
+  // In constructors: what has weights beside the decoder, all of it.
+  void holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);
+  bool trains() const { return options_.max_train_points > 0; }
   // In constructors of fields that are trained: what learns beside the decoder. counted: its entries are reported.
   void learns(DeviceMlp& network, DeviceDenseAdam& adam);
   void learns(DeviceTable& table, double rate, bool counted);
@@ -134,7 +139,9 @@ class DeviceFieldBase : public DeviceField {
   void prepare(const Chunk& chunk);
 
   DeviceOptimizers optimizers_;
-  std::vector<DeviceMlp*> networks_;
+  std::vector<DeviceMlp*> networks_;   // that learn
+  std::vector<DeviceMlp*> all_networks_;
+  std::vector<DeviceTable*> all_tables_;
   DeviceArray<float> sorted_points_;  // only where queries are sorted
   DeviceArray<std::uint32_t> keys_, sorted_keys_, places_, order_;
   SortWorkspace sort_workspace_;

@@ -88,29 +88,33 @@ bool has_optimizer(const TensorReader& in) {
                      [](const std::string& name) { return name.starts_with("optimizer."); });
 }
 
-void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
+void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp) {
   for (int i = 0; i < mlp.layer_count(); ++i) {
     out.add(prefix + "." + std::to_string(i) + ".weight", DType::f32, {mlp.layer_outputs(i), mlp.layer_inputs(i)},
             mlp.layer(i).data());
   }
-  if (!adam) return;
-  const auto n = static_cast<std::int64_t>(mlp.parameter_count());
-  out.add("optimizer." + prefix + ".m", DType::f32, {n}, adam->m().data());
-  out.add("optimizer." + prefix + ".v", DType::f32, {n}, adam->v().data());
-  out.add("optimizer." + prefix + ".count", DType::i64, {1}, &adam->count());
 }
 
-void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam) {
+void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp) {
   for (int i = 0; i < mlp.layer_count(); ++i) {
     read_floats(in, prefix + "." + std::to_string(i) + ".weight", {mlp.layer_outputs(i), mlp.layer_inputs(i)},
                 mlp.layer(i));
   }
   mlp.prepare();
-  if (!adam) return;
-  const auto n = static_cast<std::int64_t>(mlp.parameter_count());
-  read_floats(in, "optimizer." + prefix + ".m", {n}, adam->m());
-  read_floats(in, "optimizer." + prefix + ".v", {n}, adam->v());
-  read_count(in, "optimizer." + prefix + ".count", adam->count());
+}
+
+void save_adam(TensorWriter& out, const std::string& prefix, DenseAdam& adam) {
+  const auto n = static_cast<std::int64_t>(adam.m().size());
+  out.add("optimizer." + prefix + ".m", DType::f32, {n}, adam.m().data());
+  out.add("optimizer." + prefix + ".v", DType::f32, {n}, adam.v().data());
+  out.add("optimizer." + prefix + ".count", DType::i64, {1}, &adam.count());
+}
+
+void load_adam(const TensorReader& in, const std::string& prefix, DenseAdam& adam) {
+  const auto n = static_cast<std::int64_t>(adam.m().size());
+  read_floats(in, "optimizer." + prefix + ".m", {n}, adam.m());
+  read_floats(in, "optimizer." + prefix + ".v", {n}, adam.v());
+  read_count(in, "optimizer." + prefix + ".count", adam.count());
 }
 
 void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid) {
@@ -156,13 +160,14 @@ void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span
 }
 
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
-                      bool training) {
+                      const Config& config, bool training) {
   const auto add = [&](std::string_view of, double bytes) {
     parts.push_back({what + std::string(of), static_cast<std::uint64_t>(bytes)});
   };
   add(kFeaturesPart, entries * features * 4.0);
   // Floats an entry: two moments, and a step count (dense Adam has the same state).
   if (training) add(kOptimizerPart, entries * (features * 8.0 + 2.0));
+  if (training && config.train_average > 0.0) add(kAveragesPart, entries * features * 4.0);
 }
 
 void add_batch_memory(std::vector<MemoryPart>& parts, const Config& config, double taps) {

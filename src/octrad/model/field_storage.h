@@ -55,9 +55,12 @@ void read_floats(const TensorReader& in, const std::string& name, const std::vec
 // Whether the file holds what --resume needs.
 bool has_optimizer(const TensorReader& in);
 
-// "prefix.{i}.weight" and, with an optimiser, "optimizer.prefix.m", ".v", ".count".
-void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp, DenseAdam* adam);
-void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp, DenseAdam* adam);
+// "prefix.{i}.weight".
+void save_mlp(TensorWriter& out, const std::string& prefix, Mlp& mlp);
+void load_mlp(const TensorReader& in, const std::string& prefix, Mlp& mlp);
+// "optimizer.prefix.m", ".v", ".count".
+void save_adam(TensorWriter& out, const std::string& prefix, DenseAdam& adam);
+void load_adam(const TensorReader& in, const std::string& prefix, DenseAdam& adam);
 // "prefix.table", "prefix.offsets".
 void save_hash_grid(TensorWriter& out, const std::string& prefix, HashGrid& grid);
 void load_hash_grid(const TensorReader& in, const std::string& prefix, HashGrid& grid);
@@ -71,10 +74,12 @@ void load_adam(const TensorReader& in, const std::string& prefix, SparseAdam& ad
 void add_grid_taps(const HashGrid& grid, const std::vector<Tap>& taps, std::span<const float> d_inputs, int stride,
                    std::size_t points, std::size_t first, std::vector<float>& upstream, std::vector<SparseTap>& out);
 
-// Memory of a table of features, with its optimiser's state when training: two parts, whose names end with these.
-inline constexpr std::string_view kFeaturesPart = " features", kOptimizerPart = " optimiser state";
+// Memory of a table of features and, when training, of its optimiser's state and of its averages (train.average): parts
+// whose names end with these.
+inline constexpr std::string_view kFeaturesPart = " features", kOptimizerPart = " optimiser state",
+                                  kAveragesPart = " averages";
 void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, double entries, int features,
-                      bool training);
+                      const Config& config, bool training);
 // Memory of a batch: shaded points with their targets, `taps` contributions of each to the tables, and gradients.
 void add_batch_memory(std::vector<MemoryPart>& parts, const Config& config, double taps);
 

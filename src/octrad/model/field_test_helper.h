@@ -89,7 +89,8 @@ class SavedField {
     if (descriptor < 0) throw IoError("no temporary file " + name);
     ::close(descriptor);
     TensorWriter out;
-    field.save(out, true);
+    field.save(out);
+    field.save_optimizer(out);
     out.write(name);
     reader_ = std::make_unique<TensorReader>(name);
     std::filesystem::remove(name);
@@ -158,7 +159,8 @@ void check_rates(Config config, const FieldDomain& domain, const TrainOneStep& t
   for (const std::string& rate : rates) {
     for (const std::string& other : rates) set(config, "adam.rate." + other, other == rate ? "1e-3" : "0");
     const auto field = make_field(config, domain);
-    field->load(saved.reader(), true);
+    field->load(saved.reader());
+    field->load_optimizer(saved.reader());
     const auto before = tensors_of(*field);
     train_one_step(*field, config);
     for (const auto& [name, tensor] : tensors_of(*field)) {

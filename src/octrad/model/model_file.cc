@@ -43,6 +43,7 @@ ModelInfo info_of(const TensorReader& in) {
     if (!config.contains("/lookup/reflected"_json_pointer)) info.config.lookup_reflected = Reflected::none;
     if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
     if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
+    if (!config.contains("/train/average"_json_pointer)) info.config.train_average = 0.0;
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
@@ -98,6 +99,15 @@ FieldDomain read_domain(const TensorReader& in, const Config& config) {
   return domain;
 }
 
+// Of the field that steps move, where the weights of the file are averages of its own.
+constexpr const char* kTrained = "optimizer.trained.";
+
+void load_trained(const TensorReader& in, RadianceField& field) {
+  for (const WeightArray& array : field.weights())
+    read_floats(in, kTrained + array.name, {static_cast<std::int64_t>(array.values.size())}, array.values);
+  field.weights_changed();
+}
+
 constexpr const char* kFarEndRays = "optimizer.far_ends.rays";
 constexpr const char* kFarEndHits = "optimizer.far_ends.hits";
 
@@ -118,7 +128,8 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
 
 }  // namespace
 
-void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer) {
+void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
+                RadianceField* trained) {
   TensorWriter out;
   out.metadata("format", kFormat);
   out.metadata("version", kFormatVersion);
@@ -135,7 +146,12 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
                           {"rhs_queries", info.state.rhs_queries}};
   if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
   out.metadata("state", state.dump());
-  field.save(out, optimizer);
+  field.save(out);
+  if (optimizer && trained != nullptr) {
+    for (const WeightArray& array : trained->weights())
+      out.add(kTrained + array.name, DType::f32, {static_cast<std::int64_t>(array.values.size())}, array.values.data());
+  }
+  if (optimizer) (trained != nullptr ? *trained : field).save_optimizer(out);
   if (const auto count = static_cast<std::int64_t>(info.state.far_end_rays.size()); optimizer && count > 0) {
     out.add(kFarEndRays, DType::f32, {count, 9}, info.state.far_end_rays.data());
     out.add(kFarEndHits, DType::i32, {count, 3}, info.state.far_end_hits.data());
@@ -158,7 +174,7 @@ ModelFileSize estimate_model_file_size(const Config& config, const std::vector<l
   ModelFileSize size;
   for (const MemoryPart& part : estimate_memory(config, cells_per_level, true)) {
     if (part.name.ends_with(kFeaturesPart)) size.features += static_cast<double>(part.bytes);
-    if (part.name.ends_with(kOptimizerPart)) size.optimizer += static_cast<double>(part.bytes);
+    if (part.name.ends_with(kOptimizerPart) || part.name.ends_with(kAveragesPart)) size.optimizer += static_cast<double>(part.bytes);
   }
   size.total = size.features + size.optimizer;
   for (const long long cells : cells_per_level) size.total += static_cast<double>(cells) * sizeof(Vec3i);
@@ -189,15 +205,23 @@ Model load_model(const std::string& file, bool optimizer) {
   model.info = info_of(in);
   model.has_optimizer = optimizer && has_optimizer(in);
   const FieldDomain domain = read_domain(in, model.info.config);
-  check_memory(in, model.info.config, domain, model.has_optimizer);
+  const bool averaged = optimizer && model.info.config.train_average > 0.0;
+  check_memory(in, model.info.config, domain, model.has_optimizer || averaged);
   try {
     model.field = make_field(model.info.config, domain);
+    if (averaged) model.trained = make_field(model.info.config, domain);
   } catch (const InputError& error) {
     throw InputError(in.file() + " is not a usable model file: " + error.what());
   }
-  model.field->set_target_scale(static_cast<float>(model.info.config.target_scale));
-  model.field->load(in, model.has_optimizer);
-  if (model.has_optimizer) read_far_ends(in, model.info.state);
+  model.field->load(in);
+  if (averaged && model.has_optimizer) load_trained(in, *model.trained);
+  else if (averaged) approach(*model.trained, *model.field, 1.0f);
+  if (model.has_optimizer) {
+    (averaged ? model.trained : model.field)->load_optimizer(in);
+    read_far_ends(in, model.info.state);
+  }
+  for (RadianceField* field : {model.field.get(), model.trained.get()})
+    if (field != nullptr) field->set_target_scale(static_cast<float>(model.info.config.target_scale));
   in.require_unchanged();
   return model;
 }

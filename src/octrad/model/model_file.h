@@ -37,12 +37,18 @@ struct Model {
   ModelInfo info;
   std::unique_ptr<RadianceField> field;
   bool has_optimizer = false;
+  // Loaded to be trained on, and `field` holds averages of weights (train.average): the field that steps move, with the
+  // optimiser's state. Null otherwise: they move `field`.
+  std::unique_ptr<RadianceField> trained = {};
 };
 
-// Atomic: an interrupted or failed write leaves the old file. Throws IoError.
-void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer);
+// `trained`: as Model::trained; written with the optimiser's state only. Atomic: an interrupted or failed write leaves
+// the old file. Throws IoError.
+void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
+                RadianceField* trained = nullptr);
 
-// Throws IoError, or InputError for a file that is no model, broken, or of another format version.
+// `optimizer`: to be trained on. Throws IoError, or InputError for a file that is no model, broken, or of another format
+// version.
 Model load_model(const std::string& file, bool optimizer = false);
 
 // Bytes of a file's tensors; the header adds little.

@@ -26,9 +26,9 @@ constexpr std::string_view kNcrKeys[] = {"ncr."};
 std::vector<MemoryPart> ncr_memory(const Config& config, const std::vector<long long>&, bool training) {
   std::vector<MemoryPart> parts;
   add_table_memory(parts, "diffuse grid", static_cast<double>(hash_grid_entries(ncr_grid_options(config))),
-                   config.ncr_features, training);
+                   config.ncr_features, config, training);
   add_table_memory(parts, "cone grid", static_cast<double>(hash_grid_entries(ncr_cone_grid_options(config))),
-                   config.ncr_cone_features, training);
+                   config.ncr_cone_features, config, training);
   if (training) add_batch_memory(parts, config, config.ncr_levels * 8.0 + config.ncr_clusters * 16.0);
   return parts;
 }
@@ -398,33 +398,50 @@ FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const 
   return step;
 }
 
-std::size_t NcrField::parameter_count() const {
-  return grid_.table().size() + decoder_.mlp().parameter_count() + cone_grid_.table().size() +
-         cone_mlp_.parameter_count() + merge_mlp_.parameter_count();
+std::vector<WeightArray> NcrField::weights() {
+  return {{"ncr.grid.table", grid_.table()},
+          {"ncr.mlp", decoder_.mlp().weights()},
+          {"ncr.cone.grid.table", cone_grid_.table()},
+          {"ncr.cone.mlp", cone_mlp_.weights()},
+          {"ncr.merge.mlp", merge_mlp_.weights()}};
 }
 
-void NcrField::save(TensorWriter& out, bool optimizer) {
-  if (optimizer) make_optimizers();
+void NcrField::weights_changed() {
+  for (Mlp* mlp : {&decoder_.mlp(), &cone_mlp_, &merge_mlp_}) mlp->prepare();
+}
+
+void NcrField::save(TensorWriter& out) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   save_hash_grid(out, "ncr.grid", grid_);
-  save_mlp(out, "ncr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
+  save_mlp(out, "ncr.mlp", decoder_.mlp());
   save_hash_grid(out, "ncr.cone.grid", cone_grid_);
-  save_mlp(out, "ncr.cone.mlp", cone_mlp_, optimizer ? &cone_adam_ : nullptr);
-  save_mlp(out, "ncr.merge.mlp", merge_mlp_, optimizer ? &merge_adam_ : nullptr);
-  if (!optimizer) return;
+  save_mlp(out, "ncr.cone.mlp", cone_mlp_);
+  save_mlp(out, "ncr.merge.mlp", merge_mlp_);
+}
+
+void NcrField::save_optimizer(TensorWriter& out) {
+  make_optimizers();
+  save_adam(out, "ncr.mlp", decoder_.adam());
+  save_adam(out, "ncr.cone.mlp", cone_adam_);
+  save_adam(out, "ncr.merge.mlp", merge_adam_);
   save_adam(out, "ncr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
   save_adam(out, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
 }
 
-void NcrField::load(const TensorReader& in, bool optimizer) {
+void NcrField::load(const TensorReader& in) {
   load_hash_grid(in, "ncr.grid", grid_);
-  load_mlp(in, "ncr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
+  load_mlp(in, "ncr.mlp", decoder_.mlp());
   load_hash_grid(in, "ncr.cone.grid", cone_grid_);
-  load_mlp(in, "ncr.cone.mlp", cone_mlp_, optimizer ? &cone_adam_ : nullptr);
-  load_mlp(in, "ncr.merge.mlp", merge_mlp_, optimizer ? &merge_adam_ : nullptr);
-  if (!optimizer) return;
+  load_mlp(in, "ncr.cone.mlp", cone_mlp_);
+  load_mlp(in, "ncr.merge.mlp", merge_mlp_);
+}
+
+void NcrField::load_optimizer(const TensorReader& in) {
   make_optimizers();
+  load_adam(in, "ncr.mlp", decoder_.adam());
+  load_adam(in, "ncr.cone.mlp", cone_adam_);
+  load_adam(in, "ncr.merge.mlp", merge_adam_);
   load_adam(in, "ncr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
   load_adam(in, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
 }

@@ -247,7 +247,8 @@ class DeviceNcrField : public DeviceFieldBase {
         merge_linear_(stream, 3 * items_, "glossy points in flight") {
     glossy_activation_ = field.merged_activation();
     chroma_ = static_cast<float>(config.ncr_chroma);
-    if (options.max_train_points > 0) {
+    holds({&cone_, &merge_}, {&table_, &cone_table_});
+    if (trains()) {
       const std::string glossy = "glossy training points in flight";
       const std::size_t n = train_rows_;
       cone_adam_ = DeviceDenseAdam(stream, cone_.parameter_count(), adam_options(config), "cone network");
@@ -274,7 +275,7 @@ class DeviceNcrField : public DeviceFieldBase {
     merge_.weights().upload(field.merge_mlp().weights());
     cone_.refresh(stream_);
     merge_.refresh(stream_);
-    if (options_.max_train_points == 0) return;
+    if (!trains()) return;
     cone_adam_.upload(field.cone_adam());
     merge_adam_.upload(field.merge_adam());
   }
@@ -282,13 +283,14 @@ class DeviceNcrField : public DeviceFieldBase {
   void download_to(RadianceField& to) override {
     NcrField& field = same_kind(to);
     download_decoder(field.decoder());
-    field.make_optimizers();
+    if (trains()) field.make_optimizers();
     table_.download(field.grid().table(), field.grid_adam());
     cone_table_.download(field.cone_grid().table(), field.cone_grid_adam());
     cone_.weights().download(field.cone_mlp().weights());
     merge_.weights().download(field.merge_mlp().weights());
     field.cone_mlp().prepare();
     field.merge_mlp().prepare();
+    if (!trains()) return;
     cone_adam_.download(field.cone_adam());
     merge_adam_.download(field.merge_adam());
   }

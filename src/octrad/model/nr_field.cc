@@ -13,7 +13,7 @@ constexpr std::string_view kNrKeys[] = {"nr."};
 std::vector<MemoryPart> nr_memory(const Config& config, const std::vector<long long>&, bool training) {
   std::vector<MemoryPart> parts;
   add_table_memory(parts, "hash grid", static_cast<double>(hash_grid_entries(nr_grid_options(config))),
-                   config.nr_features, training);
+                   config.nr_features, config, training);
   if (training) add_batch_memory(parts, config, config.nr_levels * 8.0);
   return parts;
 }
@@ -154,21 +154,33 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
   return step;
 }
 
-void NrField::save(TensorWriter& out, bool optimizer) {
-  if (optimizer) make_optimizer();
+std::vector<WeightArray> NrField::weights() {
+  return {{"nr.grid.table", grid_.table()}, {"nr.mlp", decoder_.mlp().weights()}};
+}
+
+void NrField::weights_changed() { decoder_.mlp().prepare(); }
+
+void NrField::save(TensorWriter& out) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   save_hash_grid(out, "nr.grid", grid_);
-  const bool training = optimizer;
-  save_mlp(out, "nr.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
-  if (training) save_adam(out, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+  save_mlp(out, "nr.mlp", decoder_.mlp());
 }
 
-void NrField::load(const TensorReader& in, bool optimizer) {
-  load_hash_grid(in, "nr.grid", grid_);
-  load_mlp(in, "nr.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return;
+void NrField::save_optimizer(TensorWriter& out) {
   make_optimizer();
+  save_adam(out, "nr.mlp", decoder_.adam());
+  save_adam(out, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
+}
+
+void NrField::load(const TensorReader& in) {
+  load_hash_grid(in, "nr.grid", grid_);
+  load_mlp(in, "nr.mlp", decoder_.mlp());
+}
+
+void NrField::load_optimizer(const TensorReader& in) {
+  make_optimizer();
+  load_adam(in, "nr.mlp", decoder_.adam());
   load_adam(in, "nr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }
 

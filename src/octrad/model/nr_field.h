@@ -28,9 +28,12 @@ class NrField : public RadianceField {
   int levels() const override { return grid_.options().levels; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
-  void save(TensorWriter& out, bool optimizer) override;
-  void load(const TensorReader& in, bool optimizer) override;
-  std::size_t parameter_count() const override { return grid_.table().size() + decoder_.mlp().parameter_count(); }
+  std::vector<WeightArray> weights() override;
+  void weights_changed() override;
+  void save(TensorWriter& out) override;
+  void save_optimizer(TensorWriter& out) override;
+  void load(const TensorReader& in) override;
+  void load_optimizer(const TensorReader& in) override;
 
   // What the field is made of, for its counterpart on a device.
   Vec3f origin() const { return origin_; }

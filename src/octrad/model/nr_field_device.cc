@@ -13,7 +13,8 @@ class DeviceNrField : public DeviceFieldBase {
         grid_(field.grid(), field.origin(), field.size()),
         table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
                table_options(config, options, field.levels(), kHashGridTaps), "hash grid") {
-    if (options.max_train_points > 0) learns(table_, config.adam_rate_grids, true);
+    holds({}, {&table_});
+    if (trains()) learns(table_, config.adam_rate_grids, true);
     upload_from(field);
   }
 
@@ -25,7 +26,7 @@ class DeviceNrField : public DeviceFieldBase {
   void download_to(RadianceField& to) override {
     NrField& field = same_kind(to);
     download_decoder(field.decoder());
-    field.make_optimizer();
+    if (trains()) field.make_optimizer();
     table_.download(field.grid().table(), field.grid_adam());
   }
 

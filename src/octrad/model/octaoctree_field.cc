@@ -29,10 +29,11 @@ std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vecto
     entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
     cells += static_cast<double>(cells_per_level[l]);
   }
-  add_table_memory(parts, "octree", entries, config.octree_features, training);
+  add_table_memory(parts, "octree", entries, config.octree_features, config, training);
   add_table_memory(parts, "disparity grid", static_cast<double>(hash_grid_entries(disparity_grid_options(config))),
-                   config.disparity_features, training);
-  parts.push_back({"octree cells and index", static_cast<std::uint64_t>(cells * 28.0)});
+                   config.disparity_features, config, training);
+  const bool averages = training && config.train_average > 0.0;  // have an octree of their own
+  parts.push_back({"octree cells and index", static_cast<std::uint64_t>(cells * (averages ? 56.0 : 28.0))});
   // About 40 of the 64 cells of a query hold surfaces.
   const double lookups = looks_up_reflected(config) ? 2.0 : 1.0;
   if (training)
@@ -370,13 +371,19 @@ std::vector<long long> OctaOctreeField::cells_per_level() const {
   return counts;
 }
 
-std::size_t OctaOctreeField::parameter_count() const {
-  return octree_.features().size() + grid_.table().size() + disparity_.parameter_count() +
-         decoder_.mlp().parameter_count();
+std::vector<WeightArray> OctaOctreeField::weights() {
+  return {{"octree.features", octree_.features()},
+          {"disparity.grid.table", grid_.table()},
+          {"disparity.mlp", disparity_.weights()},
+          {"decoder.mlp", decoder_.mlp().weights()}};
 }
 
-void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
-  if (optimizer) make_optimizers();  // a run stopped before its first step can be resumed too
+void OctaOctreeField::weights_changed() {
+  disparity_.prepare();
+  decoder_.mlp().prepare();
+}
+
+void OctaOctreeField::save(TensorWriter& out) {
   const int width = octree_.options().features;
   octree_.canonicalize_rims();
   for (int l = 1; l <= levels(); ++l) {
@@ -392,15 +399,19 @@ void OctaOctreeField::save(TensorWriter& out, bool optimizer) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   save_hash_grid(out, "disparity.grid", grid_);
-  const bool training = optimizer;
-  save_mlp(out, "disparity.mlp", disparity_, training ? &disparity_adam_ : nullptr);
-  save_mlp(out, "decoder.mlp", decoder_.mlp(), training ? &decoder_.adam() : nullptr);
-  if (!training) return;
-  save_adam(out, "octree", *octree_adam_, octree_.entry_count(), width);
+  save_mlp(out, "disparity.mlp", disparity_);
+  save_mlp(out, "decoder.mlp", decoder_.mlp());
+}
+
+void OctaOctreeField::save_optimizer(TensorWriter& out) {
+  make_optimizers();  // a run stopped before its first step can be resumed too
+  save_adam(out, "disparity.mlp", disparity_adam_);
+  save_adam(out, "decoder.mlp", decoder_.adam());
+  save_adam(out, "octree", *octree_adam_, octree_.entry_count(), octree_.options().features);
   save_adam(out, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }
 
-void OctaOctreeField::load(const TensorReader& in, bool optimizer) {
+void OctaOctreeField::load(const TensorReader& in) {
   const int width = octree_.options().features;
   for (int l = 1; l <= levels(); ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".features";
@@ -409,11 +420,15 @@ void OctaOctreeField::load(const TensorReader& in, bool optimizer) {
                 octree_.features().subspan(static_cast<std::size_t>(octree_.level_offset(l) * width)));
   }
   load_hash_grid(in, "disparity.grid", grid_);
-  load_mlp(in, "disparity.mlp", disparity_, optimizer ? &disparity_adam_ : nullptr);
-  load_mlp(in, "decoder.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return;
+  load_mlp(in, "disparity.mlp", disparity_);
+  load_mlp(in, "decoder.mlp", decoder_.mlp());
+}
+
+void OctaOctreeField::load_optimizer(const TensorReader& in) {
   make_optimizers();
-  load_adam(in, "octree", *octree_adam_, octree_.entry_count(), width);
+  load_adam(in, "disparity.mlp", disparity_adam_);
+  load_adam(in, "decoder.mlp", decoder_.adam());
+  load_adam(in, "octree", *octree_adam_, octree_.entry_count(), octree_.options().features);
   load_adam(in, "disparity.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
 }
 

@@ -158,7 +158,8 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     }
     distance_.fill(0);
     empty_.fill(0);
-    if (options.max_train_points > 0) {
+    holds({&disparity_}, {&table_, &grid_table_});
+    if (trains()) {
       disparity_adam_ =
           DeviceDenseAdam(stream, disparity_.parameter_count(), adam_options(config), "disparity network");
       parts_ = DeviceArray<float>(stream, static_cast<std::size_t>(field.levels()) * train_rows_,
@@ -183,18 +184,18 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     grid_table_.upload(stream_, field.grid().table(), field.grid_adam());
     disparity_.weights().upload(field.disparity().weights());
     disparity_.refresh(stream_);
-    if (options_.max_train_points > 0) disparity_adam_.upload(field.disparity_adam());
+    if (trains()) disparity_adam_.upload(field.disparity_adam());
   }
 
   void download_to(RadianceField& to) override {
     OctaOctreeField& field = same_kind(to);
     download_decoder(field.decoder());
-    field.make_optimizers();
+    if (trains()) field.make_optimizers();
     table_.download(field.octree().features(), field.octree_adam());
     grid_table_.download(field.grid().table(), field.grid_adam());
     disparity_.weights().download(field.disparity().weights());
     field.disparity().prepare();
-    disparity_adam_.download(field.disparity_adam());
+    if (trains()) disparity_adam_.download(field.disparity_adam());
   }
 
   long long take_empty_lookups() override {
@@ -320,14 +321,11 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     if (octree == nullptr || octree->octree().entry_count() != entries_ ||
         octree->feature_count() != octree_.feature_count() ||
         static_cast<std::size_t>(octree->grid().entry_count()) != grid_table_.entries() ||
-        octree->parameter_count() != parameters(*octree)) {
+        octree->disparity().parameter_count() != disparity_.parameter_count() ||
+        octree->decoder().mlp().parameter_count() != decoder_.parameter_count()) {
       throw InputError("the field on the device and the field given have different shapes");
     }
     return *octree;
-  }
-  std::size_t parameters(OctaOctreeField& field) const {
-    return field.octree().features().size() + field.grid().table().size() + disparity_.parameter_count() +
-           decoder_.parameter_count();
   }
 
   LookupOffset offset_;

@@ -26,6 +26,12 @@ struct FieldStep {
   long long touched = 0;     // table entries updated
 };
 
+// An array of what training changes; named in docs/formats.md.
+struct WeightArray {
+  std::string name;
+  std::span<float> values;
+};
+
 class RadianceField {
  public:
   virtual ~RadianceField() = default;
@@ -58,13 +64,23 @@ class RadianceField {
   virtual void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                        std::span<float> disparity) const = 0;
 
-  // Adds tensors under the names of docs/formats.md. The memory they view belongs to the field.
-  virtual void save(TensorWriter& out, bool optimizer) = 0;
-  // Reads weights and, with `optimizer`, the optimiser's state. Throws InputError where something of it is missing, has
-  // another shape, or is not finite.
-  virtual void load(const TensorReader& in, bool optimizer) = 0;
-  virtual std::size_t parameter_count() const = 0;
+  // All weights, the same arrays in the same order for every field of a configuration and domain. Call
+  // weights_changed() after writing to them, before anything else is asked of the field.
+  virtual std::vector<WeightArray> weights() = 0;
+  virtual void weights_changed() = 0;
+
+  // Add tensors under the names of docs/formats.md: the weights with what they belong to, and the optimiser's state. The
+  // memory they view belongs to the field.
+  virtual void save(TensorWriter& out) = 0;
+  virtual void save_optimizer(TensorWriter& out) = 0;
+  // Throw InputError where something is missing, has another shape, or is not finite.
+  virtual void load(const TensorReader& in) = 0;
+  virtual void load_optimizer(const TensorReader& in) = 0;
 };
+
+// Moves every weight of a field by `share` of the way to that of `to`, which has the same configuration and domain; from
+// a share of 1 on it is a copy, bit for bit. Parallel inside.
+void approach(RadianceField& field, RadianceField& to, float share);
 
 // The field that config.field names. Throws UsageError with the list of known fields.
 std::unique_ptr<RadianceField> make_field(const Config& config, const FieldDomain& domain);

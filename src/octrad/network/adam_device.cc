@@ -10,6 +10,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
 #include "octrad/device/launch.h"
+#include "octrad/network/approach_math.h"
 #include "octrad/network/packed_moments_math.h"
 
 namespace octrad {
@@ -216,6 +217,17 @@ struct ToHalves : Kernel {
   OCTRAD_HD void operator()(std::uint32_t i) const { out[i] = to_half(in[i]); }
 };
 
+struct Approach : Kernel {
+  float* values;
+  const float* to;
+  float share;
+  Half* halves;  // of the values; may be null
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    const float value = values[i] = approached(values[i], to[i], share);
+    if (halves != nullptr) halves[i] = to_half(value);
+  }
+};
+
 // The item of the first of several equal rows sums all of them.
 template <int C>
 struct SumRun : Kernel {
@@ -286,6 +298,10 @@ bool packs_moments(const DeviceTableOptions& options) {
   return options.training && options.dense && options.half_moments;
 }
 
+bool keeps_floats(const DeviceTableOptions& options) {
+  return options.training || options.masters || !options.halves;
+}
+
 std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
   return options.training && !options.dense ? std::min(entries, options.touches) : 0;
 }
@@ -322,7 +338,7 @@ std::vector<MemoryPart> DeviceTable::memory(std::size_t entries, int features, c
       static_cast<std::uint64_t>(entries) * static_cast<std::uint64_t>(features) * sizeof(float);
   std::vector<MemoryPart> parts;
   if (options.halves) parts.push_back({what + " (halves)", floats / 2});
-  if (options.training || !options.halves) parts.push_back({what + " (floats)", floats});
+  if (keeps_floats(options)) parts.push_back({what + " (floats)", floats});
   if (!options.training) return parts;
   parts.push_back(
       {what + " optimiser state", (packs_moments(options) ? 1 : 2) * floats + entries * sizeof(std::uint16_t)});
@@ -341,7 +357,7 @@ DeviceTable::DeviceTable(Stream& stream, std::size_t entries, int features, cons
       capacity_(list_capacity(entries, options)) {
   const std::size_t floats = entries * static_cast<std::size_t>(features);
   if (options.halves) halves_ = DeviceArray<Half>(stream, floats, what);
-  if (options.training || !options.halves) values_ = DeviceArray<float>(stream, floats, what);
+  if (keeps_floats(options)) values_ = DeviceArray<float>(stream, floats, what);
   if (!options.training) return;
   if (packs_moments(options)) packed_moments_ = DeviceArray<std::uint32_t>(stream, floats, what + " optimiser state");
   else moments_ = DeviceArray<float>(stream, 2 * floats, what + " optimiser state");
@@ -412,6 +428,17 @@ void DeviceTable::download(std::span<float> values, SparseAdam* adam) const {
   else download_packed(packed_moments_, adam->moments(), static_cast<std::size_t>(features_));
   counts_.download(adam->counts());
   adam->global_count() = step_.download()[0].count;
+}
+
+void DeviceTable::approach(Stream& stream, const DeviceTable& to, float share) {
+  if (values_.empty() || to.values_.size() != values_.size())
+    throw DeviceError("a table approaches one of the same size, and both have floats");
+  launch(stream, values_.size(), Approach{{}, values_.data(), to.values_.data(), share, halves_.data()});
+}
+
+void approach(Stream& stream, DeviceArray<float>& values, const DeviceArray<float>& to, float share) {
+  if (to.size() != values.size()) throw DeviceError("weights approach those of a network of the same size");
+  launch(stream, values.size(), Approach{{}, values.data(), to.data(), share, nullptr});
 }
 
 TouchedRows DeviceTable::marked() const {

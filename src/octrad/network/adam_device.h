@@ -45,6 +45,7 @@ class DeviceDenseAdam {
 struct DeviceTableOptions {
   bool halves = true;  // look-ups read halves
   bool training = false;
+  bool masters = false;       // without training: floats beside the halves all the same, for approach() and download()
   bool dense = false;         // Adam over every entry
   bool half_moments = false;  // with `dense`: both moments in 32 bits (packed_moments_math.h), of a step's own rounding
   bool sorted = false;        // contributions summed in a fixed order
@@ -69,8 +70,10 @@ class DeviceTable {
 
   // The optimiser's state may be null: zeros.
   void upload(Stream& stream, std::span<const float> values, SparseAdam* adam);
-  // Needs `training`, or a table of floats.
+  // Needs `training`, `masters`, or a table of floats, as does approach().
   void download(std::span<float> values, SparseAdam* adam) const;
+  // Every value by `share` of the way to that of `to`, a table of the same size.
+  void approach(Stream& stream, const DeviceTable& to, float share);
 
   // The sink of a step's contributions: add(), or with options.sorted keep() after begin_sorted().
   AddNow add() const;
@@ -103,6 +106,9 @@ class DeviceTable {
   DeviceArray<float> slot_scales_;
   SortWorkspace workspace_;
 };
+
+// Each of `values` by `share` of the way to that of `to`, of the same size.
+void approach(Stream& stream, DeviceArray<float>& values, const DeviceArray<float>& to, float share);
 
 // All optimisers of a model. They step together, so that what takes a thread or few parameters takes one launch for all
 // of them. What is added stays where it is.

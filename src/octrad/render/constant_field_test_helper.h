@@ -29,9 +29,12 @@ class ConstantField : public RadianceField {
       if (!disparity.empty()) disparity[i] = 0.25f;
     }
   }
-  void save(TensorWriter&, bool) override {}
-  void load(const TensorReader&, bool) override {}
-  std::size_t parameter_count() const override { return 0; }
+  std::vector<WeightArray> weights() override { return {}; }
+  void weights_changed() override {}
+  void save(TensorWriter&) override {}
+  void save_optimizer(TensorWriter&) override {}
+  void load(const TensorReader&) override {}
+  void load_optimizer(const TensorReader&) override {}
 
  private:
   Vec3f value_;

@@ -6,9 +6,11 @@ namespace {
 
 class CpuEngine : public TrainEngine {
  public:
-  CpuEngine(std::unique_ptr<BatchSource> batches, std::unique_ptr<RadianceField> field)
+  CpuEngine(std::unique_ptr<BatchSource> batches, std::unique_ptr<RadianceField> field,
+            std::unique_ptr<RadianceField> averages)
       : batches_(std::move(batches)),
-        field_(std::move(field)) {
+        field_(std::move(field)),
+        averages_(std::move(averages)) {
     query_ = [this](std::span<const SurfacePoint> points, std::span<Vec3f> out) { field_->radiance(points, out); };
   }
 
@@ -27,14 +29,21 @@ class CpuEngine : public TrainEngine {
   }
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     parallel_blocks(points.size(), 512, [&](std::size_t begin, std::size_t end) {
-      field_->radiance(points.subspan(begin, end - begin), out.subspan(begin, end - begin));
+      field().radiance(points.subspan(begin, end - begin), out.subspan(begin, end - begin));
     });
   }
-  RadianceField& field() override { return *field_; }
-  std::unique_ptr<RadianceField> release_field() override { return std::move(field_); }
+  RadianceField& field() override { return averages_ ? *averages_ : *field_; }
+  std::unique_ptr<RadianceField> release_field() override { return std::move(averages_ ? averages_ : field_); }
+  RadianceField* trained() override { return averages_ ? field_.get() : nullptr; }
+  void average(double share) override {
+    if (averages_) approach(*averages_, *field_, static_cast<float>(share));
+  }
   std::vector<FarEnd> far_ends() override { return batches_->far_ends(); }
   void set_far_ends(const std::vector<FarEnd>& far_ends) override { batches_->far_ends() = far_ends; }
-  void set_target_scale(float scale) override { field_->set_target_scale(scale); }
+  void set_target_scale(float scale) override {
+    field_->set_target_scale(scale);
+    if (averages_) averages_->set_target_scale(scale);
+  }
   void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) override {
     batches_->set_changed(std::move(changed), share);
   }
@@ -45,16 +54,16 @@ class CpuEngine : public TrainEngine {
 
  private:
   std::unique_ptr<BatchSource> batches_;
-  std::unique_ptr<RadianceField> field_;
+  std::unique_ptr<RadianceField> field_, averages_;
   RadianceQuery query_;
   StepReport report_;
 };
 
 }  // namespace
 
-std::unique_ptr<TrainEngine> make_cpu_engine(std::unique_ptr<BatchSource> batches,
-                                             std::unique_ptr<RadianceField> field) {
-  return std::make_unique<CpuEngine>(std::move(batches), std::move(field));
+std::unique_ptr<TrainEngine> make_cpu_engine(std::unique_ptr<BatchSource> batches, std::unique_ptr<RadianceField> field,
+                                             std::unique_ptr<RadianceField> averages) {
+  return std::make_unique<CpuEngine>(std::move(batches), std::move(field), std::move(averages));
 }
 
 }  // namespace octrad

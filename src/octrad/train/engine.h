@@ -31,11 +31,15 @@ class TrainEngine {
   virtual StepReport collect() = 0;
   // Milliseconds that the stages of a step took, means over the steps that were timed: some, on a device.
   virtual StageSplit stages() const { return {}; }
-  // Radiance as learnt so far.
+  // Of the field that is shown: the one that steps move, or where there is one that of the averages of its weights.
   virtual void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) = 0;
-  // The field, brought up to date with everything learnt.
+  // The field that is shown, brought up to date.
   virtual RadianceField& field() = 0;
   virtual std::unique_ptr<RadianceField> release_field() = 0;
+  // The field that steps move, brought up to date, where another one is shown; null otherwise.
+  virtual RadianceField* trained() = 0;
+  // approach() of the averages towards the weights as they are after the steps so far. Nothing where there are none.
+  virtual void average(double share) = 0;
   // Points of the next step that the last one chose (train.far_ends): with the field, all that a run is in the middle
   // of.
   virtual std::vector<FarEnd> far_ends() = 0;
@@ -48,7 +52,8 @@ class TrainEngine {
   virtual void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) = 0;
 };
 
-std::unique_ptr<TrainEngine> make_cpu_engine(std::unique_ptr<BatchSource> batches,
-                                             std::unique_ptr<RadianceField> field);
+// `averages` as Model::field beside Model::trained; may be null.
+std::unique_ptr<TrainEngine> make_cpu_engine(std::unique_ptr<BatchSource> batches, std::unique_ptr<RadianceField> field,
+                                             std::unique_ptr<RadianceField> averages);
 
 }  // namespace octrad

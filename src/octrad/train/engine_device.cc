@@ -38,6 +38,7 @@ constexpr int kStepsBetweenReports = 16;
 // graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;  // of radiance(), for validation
+constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
 constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};     // of the schedule: in each all steps have the same shape
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
@@ -80,10 +81,20 @@ DeviceFieldOptions field_options(const Config& config, const DeviceEngineOptions
   return field;
 }
 
+// Of the averages: only validation asks them on the device.
+DeviceFieldOptions averages_options(const Config& config, const DeviceEngineOptions& options) {
+  DeviceFieldOptions averages = field_options(config, options);
+  averages.max_points = std::min(averages.max_points, kAveragesPoints);
+  averages.max_train_points = 0;
+  averages.averages = true;
+  return averages;
+}
+
 class DeviceEngine : public TrainEngine {
  public:
   DeviceEngine(Stream& stream, const PreparedScene& scene, const Config& config, const LhsSampler& sampler,
-               std::unique_ptr<RadianceField> field, const DeviceEngineOptions& options)
+               std::unique_ptr<RadianceField> field, std::unique_ptr<RadianceField> averages,
+               const DeviceEngineOptions& options)
       : stream_(stream),
         times_(stream),
         config_(config),
@@ -97,6 +108,9 @@ class DeviceEngine : public TrainEngine {
         rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
+        averages_(std::move(averages)),
+        device_averages_(
+            averages_ ? make_device_field(stream, *averages_, config, averages_options(config, options)) : nullptr),
         input_(stream, 1, "a step's constants"),
         ahead_input_(stream, 1, "a step's constants"),
         responses_(stream, most_slots(config), "responses of the cache"),
@@ -166,19 +180,26 @@ class DeviceEngine : public TrainEngine {
       const std::size_t n = std::min(kQueryChunk, points.size() - begin);
       for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);
       stream_.upload(there.data, planes.data(), planes.size() * sizeof(float));
-      device_field_->radiance(there, nullptr, n, query_radiance_.data());
+      (device_averages_ ? device_averages_ : device_field_)->radiance(there, nullptr, n, query_radiance_.data());
       query_radiance_.download(out.subspan(begin, n));
     }
   }
 
   RadianceField& field() override {
-    if (stale_) device_field_->download_to(*field_);
-    stale_ = false;
-    return *field_;
+    if (!averages_) return moved();
+    if (averages_stale_) device_averages_->download_to(*averages_);
+    averages_stale_ = false;
+    return *averages_;
   }
   std::unique_ptr<RadianceField> release_field() override {
     field();
-    return std::move(field_);
+    return std::move(averages_ ? averages_ : field_);
+  }
+  RadianceField* trained() override { return averages_ ? &moved() : nullptr; }
+  void average(double share) override {
+    if (!averages_) return;
+    device_averages_->approach(*device_field_, static_cast<float>(share));
+    averages_stale_ = true;
   }
 
   std::vector<FarEnd> far_ends() override {
@@ -196,6 +217,9 @@ class DeviceEngine : public TrainEngine {
   void set_target_scale(float scale) override {
     device_field_->set_target_scale(scale);
     field_->set_target_scale(scale);
+    if (!averages_) return;
+    device_averages_->set_target_scale(scale);
+    averages_->set_target_scale(scale);
   }
   // Points are drawn as always; those that were drawn ahead know the old materials.
   void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = next_ = {}; }
@@ -225,6 +249,12 @@ class DeviceEngine : public TrainEngine {
   static bool is_recorded(const Graphs<Key>& graphs, const Key& key) {
     const auto found = graphs.find(key);
     return found != graphs.end() && found->second;
+  }
+
+  RadianceField& moved() {
+    if (stale_) device_field_->download_to(*field_);
+    stale_ = false;
+    return *field_;
   }
 
   SurfacePointArray training_points() const {
@@ -301,7 +331,9 @@ class DeviceEngine : public TrainEngine {
   DeviceRhsOptions rhs_options_;
   std::unique_ptr<RadianceField> field_;
   std::unique_ptr<DeviceField> device_field_;
-  bool stale_ = false;  // field_ lacks what the device learnt since
+  std::unique_ptr<RadianceField> averages_;  // null: none
+  std::unique_ptr<DeviceField> device_averages_;
+  bool stale_ = false, averages_stale_ = false;  // field_ or averages_ lacks what the device learnt since
   DeviceArray<StepInput> input_, ahead_input_;
   DeviceArray<Vec3f> responses_, targets_;
   DeviceArray<FarEnd> far_ends_;  // of the last step
@@ -320,6 +352,10 @@ class DeviceEngine : public TrainEngine {
 std::vector<MemoryPart> estimate_device_training(const Config& config, const std::vector<long long>& cells_per_level,
                                                  const DeviceEngineOptions& options) {
   std::vector<MemoryPart> parts = estimate_device_memory(config, cells_per_level, field_options(config, options));
+  if (config.train_average > 0.0) {
+    for (MemoryPart& part : estimate_device_memory(config, cells_per_level, averages_options(config, options)))
+      parts.push_back({"averages: " + part.name, part.bytes});
+  }
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step",
                    DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds) + slots * sizeof(Vec3f)});
@@ -333,8 +369,9 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
 
 std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const PreparedScene& scene, const Config& config,
                                                 const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
+                                                std::unique_ptr<RadianceField> averages,
                                                 const DeviceEngineOptions& options) {
-  return std::make_unique<DeviceEngine>(stream, scene, config, sampler, std::move(field), options);
+  return std::make_unique<DeviceEngine>(stream, scene, config, sampler, std::move(field), std::move(averages), options);
 }
 
 }  // namespace octrad

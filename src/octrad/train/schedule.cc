@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "octrad/train/trainer.h"
@@ -22,6 +23,15 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
         config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846));
   }
   return s;
+}
+
+double average_share(const Config& config, long long steps) {
+  // An average passes over all weights: at most every 64 steps, and three to six times a window.
+  const double window = config.train_average * static_cast<double>(steps);
+  const auto interval =
+      static_cast<long long>(std::max<std::uint64_t>(64, std::bit_floor(static_cast<std::uint64_t>(window / 3.0))));
+  if (window <= static_cast<double>(interval)) return 1.0;
+  return steps % interval == 0 ? static_cast<double>(interval) / window : 0.0;
 }
 
 double spent_budget(const Config& config, const TrainingState& state) {

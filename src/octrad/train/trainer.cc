@@ -119,9 +119,10 @@ class Trainer::Run {
         config_(config),
         options_(options) {
     auto batches = std::make_unique<BatchSource>(scene, config_, options.cameras);
-    std::unique_ptr<RadianceField> field;
+    std::unique_ptr<RadianceField> field, averages;  // averages: null without train.average
     if (options.resume) {
       field = std::move(options.resume->field);
+      if (options.resume->trained) averages = std::exchange(field, std::move(options.resume->trained));
       state_ = options.resume->info.state;
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
@@ -131,15 +132,17 @@ class Trainer::Run {
       const FieldDomain domain = field_domain(scene.scene(), config, fit.box);
       bytes_ = check_memory(options, config, cell_counts(domain));
       field = make_field(config, domain);
-      field->set_target_scale(
-          static_cast<float>(config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_)));
+      if (config.train_average > 0.0) averages = make_field(config, domain);
+      const double scale = config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_);
+      for (RadianceField* f : {field.get(), averages.get()})
+        if (f != nullptr) f->set_target_scale(static_cast<float>(scale));
     }
     exposure_ = static_cast<double>(field->target_scale());
     if (options.stream) {
       engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
-                                   engine_options(options));
+                                   std::move(averages), engine_options(options));
     } else {
-      engine_ = make_cpu_engine(std::move(batches), std::move(field));
+      engine_ = make_cpu_engine(std::move(batches), std::move(field), std::move(averages));
     }
     engine_->set_far_ends(far_ends(state_, scene.scene()));
     if (options.reference) {
@@ -161,7 +164,10 @@ class Trainer::Run {
   void step();
   bool done() const { return (fraction() >= 1.0 || out_of_time()) && change_steps_left() == 0; }
   void aside(const std::function<void()>& work);
-  RadianceField& field() { return engine_->field(); }
+  RadianceField& field() {
+    bring_up_averages();
+    return engine_->field();
+  }
   const TrainingState& state() const { return state_; }
   TrainProgress progress() const;
   const Config& config() const { return config_; }
@@ -178,6 +184,8 @@ class Trainer::Run {
   double fraction() const { return spent_budget(config_, state_); }
   bool out_of_time() const { return options_.time_limit > 0.0 && state_.seconds >= options_.time_limit; }
   ScheduleState schedule_now() const;
+  void average();
+  void bring_up_averages();
   void settle();
   void report();
   std::vector<Vec3f> emission() const;
@@ -200,6 +208,7 @@ class Trainer::Run {
   double mape_ = -1.0;
   int waiting_ = 0;  // steps launched and not yet collected
   double rate_scale_ = 0.0;
+  long long averages_of_ = -1;  // the last step after which bring_up_averages() copied the weights
   long long non_finite_ = 0;  // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
@@ -218,7 +227,7 @@ void Trainer::Run::checkpoint(bool optimizer) {
   info.scene_fingerprint = scene_.fingerprint();
   info.state = state_;
   if (optimizer) set_far_ends(engine_->far_ends(), info.state);
-  save_model(options_.output, engine_->field(), info, optimizer);
+  save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
   saved_step_ = state_.step;
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
@@ -306,6 +315,22 @@ ScheduleState Trainer::Run::schedule_now() const {
   return s;
 }
 
+// After a step. Averages begin anew where a change of the scene began to be learnt.
+void Trainer::Run::average() {
+  const long long steps = state_.step - change_began_;
+  const double share = average_share(config_, steps);
+  if (share >= 1.0) return;  // brought up when they are looked at
+  if (average_share(config_, steps - 1) >= 1.0) engine_->average(1.0);
+  else if (share > 0.0) engine_->average(share);
+}
+
+// Before the averages are looked at.
+void Trainer::Run::bring_up_averages() {
+  if (averages_of_ == state_.step || average_share(config_, state_.step - change_began_) < 1.0) return;
+  engine_->average(1.0);
+  averages_of_ = state_.step;
+}
+
 void Trainer::Run::step() {
   if (!std::exchange(started_, true)) clock_.back_to(0.0);  // what came before was no training
   if (dark_) return;
@@ -314,6 +339,7 @@ void Trainer::Run::step() {
   engine_->step(state_.step, s);
   ++state_.step;
   state_.lhs_samples += s.points;
+  average();
   if (change_ends_ == state_.step) engine_->scene_changed(nullptr, 0.0);
   if (++waiting_ < engine_->steps_between_reports() && fraction() < 1.0) return;
   settle();
@@ -324,6 +350,7 @@ void Trainer::Run::report() {
   const double seconds = clock_.seconds();
   state_.seconds = earlier_seconds_ + seconds;
   if (validation_ && seconds >= next_validation_) {
+    bring_up_averages();
     mape_ = validation_->mape(*engine_);
     if (options_.validated) options_.validated(state_.step, state_.seconds, mape_);
     clock_.back_to(seconds);  // this was no training
@@ -410,6 +437,7 @@ TrainResult Trainer::Run::finish(bool interrupted) {
   if (waiting_ > 0) settle();
   TrainResult result;
   result.interrupted = interrupted;
+  bring_up_averages();
   save_result(options_.save_optimizer || interrupted);
   if (options_.reference && validation_)
     result.validation_mape = Validation(scene_.context(), *options_.reference, config_, 1 << 20, 4).mape(*engine_);
