@@ -27,7 +27,7 @@ constinit const FieldEntry kPlanesField = {
     .memory =
         [](const Config& config, const std::vector<long long>&, bool training) {
           std::vector<MemoryPart> parts;
-          add_table_memory(parts, "planes", entries(config), kFeatures, training);
+          add_table_memory(parts, "planes", entries(config), kFeatures, config, training);
           if (training) add_batch_memory(parts, config, kPlaneTaps);
           return parts;
         },
@@ -151,20 +151,33 @@ FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<con
   return step;
 }
 
-void PlanesField::save(TensorWriter& out, bool optimizer) {
+std::vector<WeightArray> PlanesField::weights() {
+  return {{"planes.grid.table", planes_.table()}, {"planes.mlp", decoder_.mlp().weights()}};
+}
+
+void PlanesField::weights_changed() { decoder_.mlp().prepare(); }
+
+void PlanesField::save(TensorWriter& out) {
   out.add("octree.origin", DType::f32, {3}, &origin_);
   out.add("octree.size", DType::f32, {3}, &size_);
   out.add("planes.grid.table", DType::f32, {planes_.entry_count(), kFeatures}, planes_.table().data());
-  if (optimizer) make_optimizer();
-  save_mlp(out, "planes.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (optimizer) save_adam(out, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
+  save_mlp(out, "planes.mlp", decoder_.mlp());
 }
 
-void PlanesField::load(const TensorReader& in, bool optimizer) {
-  read_floats(in, "planes.grid.table", {planes_.entry_count(), kFeatures}, planes_.table());
-  load_mlp(in, "planes.mlp", decoder_.mlp(), optimizer ? &decoder_.adam() : nullptr);
-  if (!optimizer) return;
+void PlanesField::save_optimizer(TensorWriter& out) {
   make_optimizer();
+  save_adam(out, "planes.mlp", decoder_.adam());
+  save_adam(out, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
+}
+
+void PlanesField::load(const TensorReader& in) {
+  read_floats(in, "planes.grid.table", {planes_.entry_count(), kFeatures}, planes_.table());
+  load_mlp(in, "planes.mlp", decoder_.mlp());
+}
+
+void PlanesField::load_optimizer(const TensorReader& in) {
+  make_optimizer();
+  load_adam(in, "planes.mlp", decoder_.adam());
   load_adam(in, "planes.grid", *adam_, planes_.entry_count(), kFeatures);
 }
 

@@ -26,9 +26,12 @@ class PlanesField : public RadianceField {
   int levels() const override { return 1; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
-  void save(TensorWriter& out, bool optimizer) override;
-  void load(const TensorReader& in, bool optimizer) override;
-  std::size_t parameter_count() const override { return planes_.table().size() + decoder_.mlp().parameter_count(); }
+  std::vector<WeightArray> weights() override;
+  void weights_changed() override;
+  void save(TensorWriter& out) override;
+  void save_optimizer(TensorWriter& out) override;
+  void load(const TensorReader& in) override;
+  void load_optimizer(const TensorReader& in) override;
 
  private:
   struct Encoded;

@@ -18,10 +18,10 @@ namespace octrad::viewer {
 struct ViewerModel {
   std::string file;
   ModelInfo info;
-  Config config;                   // with the keys render.* as they were asked for
-  RadianceField* field = nullptr;  // `own`, or the trainer's
+  Config config;                                          // with the keys render.* as they were asked for
+  RadianceField* field = nullptr;                         // `own`, or the trainer's
   std::unique_ptr<RadianceField> own = {}, trained = {};  // as Model has them
-  Trainer* trainer = nullptr;  // that trains it: it is looked at in between (view/live.h)
+  Trainer* trainer = nullptr;                             // that trains it: it is looked at in between (view/live.h)
 };
 
 // A picture with what it is of.

@@ -139,7 +139,7 @@ class DeviceFieldBase : public DeviceField {
   void prepare(const Chunk& chunk);
 
   DeviceOptimizers optimizers_;
-  std::vector<DeviceMlp*> networks_;   // that learn
+  std::vector<DeviceMlp*> networks_;  // that learn
   std::vector<DeviceMlp*> all_networks_;
   std::vector<DeviceTable*> all_tables_;
   DeviceArray<float> sorted_points_;  // only where queries are sorted

@@ -311,6 +311,43 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
   EXPECT_THROW(device->upload_from(*wrong), InputError);
 }
 
+TEST_P(DeviceFields, ApproachAsTheCpu) {
+  const auto field = trained_field(config()), to = make_field(config(), shell(kLevels));
+  testing::fill_tables(*to, 9);
+  for (const bool halves : {true, false}) {
+    DeviceFieldOptions options = training_options();
+    options.max_train_points = 0;
+    options.averages = true;
+    options.half_features = halves;
+    const auto averages = make_device_field(*stream_, *field, config(), options),
+               trained = make_device_field(*stream_, *to, config(), training_options());
+    const auto expected = make_field(config(), shell(kLevels)), got = make_field(config(), shell(kLevels));
+    approach(*expected, *field, 1.0f);
+    for (const float share : {0.25f, 0.5f, 1.0f}) {
+      averages->approach(*trained, share);
+      approach(*expected, *to, share);
+      averages->download_to(*got);
+      const std::vector<WeightArray> want = expected->weights(), have = got->weights();
+      for (std::size_t a = 0; a < want.size(); ++a) {
+        for (std::size_t i = 0; i < want[a].values.size(); ++i)
+          ASSERT_NEAR(have[a].values[i], want[a].values[i], 1e-6f) << want[a].name << ' ' << i << ' ' << share;
+      }
+      // What the device answers follows: as a field does that was made from these weights.
+      const auto points = random_points(300, 8);
+      const auto fresh = make_device_field(*stream_, *got, config(), options);
+      EXPECT_EQ(ask(*stream_, *averages, points), ask(*stream_, *fresh, points)) << share;
+    }
+    const Batch batch(*stream_, random_points(10, 1));
+    EXPECT_THROW(averages->train(batch.points(), nullptr, 10, nullptr), DeviceError);
+  }
+  // Halves without floats have nothing to move.
+  DeviceFieldOptions options = training_options();
+  options.max_train_points = 0;
+  const auto plain = make_device_field(*stream_, *field, config(), options),
+             trained = make_device_field(*stream_, *to, config(), training_options());
+  EXPECT_THROW(plain->approach(*trained, 0.5f), DeviceError);
+}
+
 TEST_P(DeviceFields, DeterministicTrainingRepeatsBitForBit) {
   for (const bool dense : {false, true}) {
     Config c = config();
@@ -440,13 +477,14 @@ TEST_P(DeviceFields, LaunchesOfAStepAreCounted) {
 }
 
 TEST_P(DeviceFields, MemoryIsWhatWasEstimated) {
-  for (const bool training : {false, true}) {
+  for (const auto& [training, averages] : {std::pair{false, false}, {false, true}, {true, false}}) {
     Config c = config();
     c.disparity_log2_table = 15;
     const FieldDomain domain = shell(kLevels);
     const auto field = make_field(c, domain);
     DeviceFieldOptions options = training_options(true);
     if (!training) options.max_train_points = 0;
+    options.averages = averages;
     options.max_points = 10'000;
     const std::size_t before = stream_->allocated_bytes();
     const auto device = make_device_field(*stream_, *field, c, options);

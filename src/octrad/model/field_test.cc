@@ -84,6 +84,7 @@ TEST_P(AllFields, LearnsAPattern) {
 
 TEST_P(AllFields, SaveThenLoadGivesTheSamePicturesAndTheSameNextStep) {
   Config config = small_config(GetParam());
+  config.train_average = 0.0;
   const auto field = make_field(config, shell(3));
   field->set_target_scale(1.7f);
   train_steps(*field, 20);
@@ -111,6 +112,88 @@ TEST_P(AllFields, SaveThenLoadGivesTheSamePicturesAndTheSameNextStep) {
   EXPECT_NO_THROW(check_scene(file, small.info, "scene.xml", "0123456789abcdef", false));
   EXPECT_THROW(check_scene(file, small.info, "other.xml", "fedcba9876543210", false), InputError);
   EXPECT_NO_THROW(check_scene(file, small.info, "other.xml", "fedcba9876543210", true));
+  std::filesystem::remove(file);
+}
+
+TEST_P(AllFields, ApproachMovesEveryWeight) {
+  const Config config = small_config(GetParam());
+  const auto points = random_points(300, 1);
+  const auto field = make_field(config, shell(3)), to = make_field(config, shell(3));
+  train_steps(*field, 10);
+  testing::fill_tables(*to, 7);
+  train_steps(*to, 10, 10);
+  const auto before = testing::tensors_of(*field), target = testing::tensors_of(*to);
+  approach(*field, *to, 0.25f);
+  // Tensors are what a file holds: what weights() leaves out would not move.
+  int moved = 0;
+  for (const auto& [name, tensor] : testing::tensors_of(*field)) {
+    const std::vector<double>&a = before.at(name).values, &b = target.at(name).values;
+    if (name.starts_with("optimizer.")) {
+      EXPECT_EQ(tensor.values, a) << name;
+      continue;
+    }
+    moved += a != b;
+    for (std::size_t i = 0; i < a.size(); ++i)
+      ASSERT_NEAR(tensor.values[i], a[i] + 0.25 * (b[i] - a[i]), 1e-6 * (std::abs(a[i]) + std::abs(b[i])))
+          << name << ' ' << i;
+  }
+  EXPECT_EQ(moved, static_cast<int>(std::count_if(before.begin(), before.end(), [](const auto& tensor) {
+              const std::string& name = tensor.first;
+              return !name.starts_with("optimizer.") &&
+                     (name.ends_with(".weight") || name.ends_with(".table") || name.ends_with(".features"));
+            })));
+  // What is asked follows the weights.
+  const testing::SavedField saved(*field);
+  const auto loaded = make_field(config, shell(3));
+  loaded->load(saved.reader());
+  EXPECT_TRUE(evaluate(*field, points) == evaluate(*loaded, points));
+  EXPECT_FALSE(evaluate(*field, points) == evaluate(*to, points));
+  approach(*field, *to, 1.0f);
+  EXPECT_TRUE(evaluate(*field, points) == evaluate(*to, points));
+}
+
+TEST_P(AllFields, FilesHoldAveragesAndTheWeightsThatStepsMove) {
+  Config config = small_config(GetParam());
+  config.train_average = 0.1;
+  config.target_scale = 1.7;
+  const auto averages = make_field(config, shell(3)), trained = make_field(config, shell(3));
+  for (RadianceField* field : {averages.get(), trained.get()}) field->set_target_scale(1.7f);
+  train_steps(*averages, 8);
+  train_steps(*trained, 20);
+  ModelInfo info;
+  info.config = config;
+  const std::string file = temporary("averages.octrad");
+  const auto points = random_points(300, 1);
+  save_model(file, *averages, info, true, trained.get());
+  EXPECT_EQ(load_model(file).trained, nullptr);
+  EXPECT_TRUE(evaluate(*load_model(file).field, points) == evaluate(*averages, points));
+  Model loaded = load_model(file, true);
+  ASSERT_NE(loaded.trained, nullptr);
+  EXPECT_TRUE(evaluate(*loaded.field, points) == evaluate(*averages, points));
+  EXPECT_TRUE(evaluate(*loaded.trained, points) == evaluate(*trained, points));
+  train_steps(*trained, 5, 20);
+  train_steps(*loaded.trained, 5, 20);
+  EXPECT_TRUE(evaluate(*loaded.trained, points) == evaluate(*trained, points));
+
+  // Without the optimiser's state there are only the averages to begin with.
+  save_model(file, *averages, info, false, trained.get());
+  loaded = load_model(file, true);
+  EXPECT_FALSE(loaded.has_optimizer);
+  ASSERT_NE(loaded.trained, nullptr);
+  EXPECT_TRUE(evaluate(*loaded.trained, points) == evaluate(*averages, points));
+
+  // A file that says so and does not have them, and one whose weights are not numbers.
+  save_model(file, *averages, info, true);
+  try {
+    load_model(file, true);
+    ADD_FAILURE() << "weights were missing";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("optimizer.trained."), std::string::npos) << error.what();
+  }
+  trained->weights().back().values[3] = std::nanf("");
+  save_model(file, *averages, info, true, trained.get());
+  EXPECT_THROW(load_model(file, true), InputError);
+  EXPECT_NO_THROW(load_model(file));
   std::filesystem::remove(file);
 }
 

@@ -174,7 +174,8 @@ ModelFileSize estimate_model_file_size(const Config& config, const std::vector<l
   ModelFileSize size;
   for (const MemoryPart& part : estimate_memory(config, cells_per_level, true)) {
     if (part.name.ends_with(kFeaturesPart)) size.features += static_cast<double>(part.bytes);
-    if (part.name.ends_with(kOptimizerPart) || part.name.ends_with(kAveragesPart)) size.optimizer += static_cast<double>(part.bytes);
+    if (part.name.ends_with(kOptimizerPart) || part.name.ends_with(kAveragesPart))
+      size.optimizer += static_cast<double>(part.bytes);
   }
   size.total = size.features + size.optimizer;
   for (const long long cells : cells_per_level) size.total += static_cast<double>(cells) * sizeof(Vec3i);

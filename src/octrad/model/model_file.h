@@ -47,8 +47,8 @@ struct Model {
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
                 RadianceField* trained = nullptr);
 
-// `optimizer`: to be trained on. Throws IoError, or InputError for a file that is no model, broken, or of another format
-// version.
+// `optimizer`: to be trained on. Throws IoError, or InputError for a file that is no model, broken, or of another
+// format version.
 Model load_model(const std::string& file, bool optimizer = false);
 
 // Bytes of a file's tensors; the header adds little.

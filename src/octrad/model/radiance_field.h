@@ -69,8 +69,8 @@ class RadianceField {
   virtual std::vector<WeightArray> weights() = 0;
   virtual void weights_changed() = 0;
 
-  // Add tensors under the names of docs/formats.md: the weights with what they belong to, and the optimiser's state. The
-  // memory they view belongs to the field.
+  // Add tensors under the names of docs/formats.md: the weights with what they belong to, and the optimiser's state.
+  // The memory they view belongs to the field.
   virtual void save(TensorWriter& out) = 0;
   virtual void save_optimizer(TensorWriter& out) = 0;
   // Throw InputError where something is missing, has another shape, or is not finite.
@@ -78,8 +78,8 @@ class RadianceField {
   virtual void load_optimizer(const TensorReader& in) = 0;
 };
 
-// Moves every weight of a field by `share` of the way to that of `to`, which has the same configuration and domain; from
-// a share of 1 on it is a copy, bit for bit. Parallel inside.
+// Moves every weight of a field by `share` of the way to that of `to`, which has the same configuration and domain;
+// from a share of 1 on it is a copy, bit for bit. Parallel inside.
 void approach(RadianceField& field, RadianceField& to, float share);
 
 // The field that config.field names. Throws UsageError with the list of known fields.

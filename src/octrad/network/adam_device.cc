@@ -298,9 +298,7 @@ bool packs_moments(const DeviceTableOptions& options) {
   return options.training && options.dense && options.half_moments;
 }
 
-bool keeps_floats(const DeviceTableOptions& options) {
-  return options.training || options.masters || !options.halves;
-}
+bool keeps_floats(const DeviceTableOptions& options) { return options.training || options.masters || !options.halves; }
 
 std::size_t list_capacity(std::size_t entries, const DeviceTableOptions& options) {
   return options.training && !options.dense ? std::min(entries, options.touches) : 0;

@@ -37,9 +37,9 @@ constexpr int kStepsBetweenReports = 16;
 // Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a
 // graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
-constexpr std::size_t kQueryChunk = std::size_t{1} << 18;  // of radiance(), for validation
+constexpr std::size_t kQueryChunk = std::size_t{1} << 18;      // of radiance(), for validation
 constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
-constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};     // of the schedule: in each all steps have the same shape
+constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};         // of the schedule: in each all steps have the same shape
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
 
@@ -109,8 +109,8 @@ class DeviceEngine : public TrainEngine {
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
         averages_(std::move(averages)),
-        device_averages_(
-            averages_ ? make_device_field(stream, *averages_, config, averages_options(config, options)) : nullptr),
+        device_averages_(averages_ ? make_device_field(stream, *averages_, config, averages_options(config, options))
+                                   : nullptr),
         input_(stream, 1, "a step's constants"),
         ahead_input_(stream, 1, "a step's constants"),
         responses_(stream, most_slots(config), "responses of the cache"),

@@ -19,8 +19,8 @@ struct DeviceEngineOptions {
 std::vector<MemoryPart> estimate_device_training(const Config& config, const std::vector<long long>& cells_per_level,
                                                  const DeviceEngineOptions& options);
 
-// `sampler` gives poses and rules of left-hand-side points; `averages` as in make_cpu_engine(). The stream and the scene must outlive the engine. Throws
-// MemoryError, DeviceError.
+// `sampler` gives poses and rules of left-hand-side points; `averages` as in make_cpu_engine(). The stream and the
+// scene must outlive the engine. Throws MemoryError, DeviceError.
 std::unique_ptr<TrainEngine> make_device_engine(Stream& stream, const PreparedScene& scene, const Config& config,
                                                 const LhsSampler& sampler, std::unique_ptr<RadianceField> field,
                                                 std::unique_ptr<RadianceField> averages,

@@ -35,6 +35,35 @@ TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {
   }
 }
 
+TEST(Schedule, AveragesAreOfTheLastTenthOfTheSteps) {
+  Config config = preset("cpu");
+  ASSERT_EQ(config.train_average, 0.1);
+  for (const long long step : {0LL, 1LL, 100LL, 640LL}) EXPECT_EQ(average_share(config, step), 1.0) << step;
+  int passes = 0;  // over all weights
+  for (long long step = 641; step <= 100000; ++step) {
+    const double share = average_share(config, step);
+    ASSERT_GE(share, 0.0);
+    ASSERT_LT(share, 1.0);
+    passes += share > 0.0 && step > 50000;
+  }
+  EXPECT_GE(passes, 20);
+  EXPECT_LE(passes, 50);
+  // What the average holds of the weights before some step has fallen to 1 / e a tenth later, and it tells how old the
+  // weights are that it holds.
+  for (const long long step : {5000LL, 20000LL, 100000LL}) {
+    double held = 1.0, age = 0.0;
+    for (long long i = step; i < step + step / 10; ++i) held *= 1.0 - average_share(config, i);
+    EXPECT_NEAR(held, std::exp(-1.0), 0.1) << step;
+    for (long long i = 641; i <= step; ++i) {
+      const double share = average_share(config, i);
+      age = (age + 1.0) * (1.0 - share);
+    }
+    EXPECT_NEAR(age / static_cast<double>(step), 0.08, 0.03) << step;
+  }
+  config.train_average = 0.0;
+  for (const long long step : {0LL, 64LL, 100000LL}) EXPECT_EQ(average_share(config, step), 1.0) << step;
+}
+
 TEST(Schedule, SpentBudget) {
   Config config = preset("cpu");
   TrainingState state;

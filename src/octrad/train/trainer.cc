@@ -209,7 +209,7 @@ class Trainer::Run {
   int waiting_ = 0;  // steps launched and not yet collected
   double rate_scale_ = 0.0;
   long long averages_of_ = -1;  // the last step after which bring_up_averages() copied the weights
-  long long non_finite_ = 0;  // gradients dropped
+  long long non_finite_ = 0;    // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
   std::vector<Vec3f> emission_;                   // factors of the lights that the field stands for

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "octrad/base/error.h"
@@ -54,29 +55,102 @@ void expect_same_tensors(const std::string& a, const std::string& b) {
 
 TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
   Box box;
+  // Long enough that averages are no longer the weights, and so short that they are.
+  for (const auto& [steps, stop] : {std::pair{12, 5}, std::pair{200, 150}}) {
+    for (const std::string& field : field_names()) {
+      SCOPED_TRACE(field);
+      const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
+      Config config = short_run(steps, field);
+      config.train_average = 0.5;
+      TrainOptions options;
+      options.output = whole;
+      const double loss = train(box.scene, config, options).loss;
+
+      options.output = broken;
+      int taken = 0;
+      options.interrupted = [&, stop = stop] { return ++taken > stop; };
+      EXPECT_TRUE(train(box.scene, config, options).interrupted);
+      Model model = load_model(broken, true);
+      EXPECT_EQ(model.info.state.step, stop);
+      ASSERT_TRUE(model.has_optimizer);
+      options.interrupted = nullptr;
+      options.resume = &model;
+      const TrainResult result = train(box.scene, model.info.config, options);
+      EXPECT_EQ(result.steps, steps);
+      EXPECT_EQ(result.loss, loss);  // its smoothing continues too
+      expect_same_tensors(whole, broken);
+      std::filesystem::remove(whole);
+      std::filesystem::remove(broken);
+    }
+  }
+}
+
+// Of the arrays that a field names, as the file of a run has them.
+std::map<std::string, std::vector<double>> weights_in(const std::string& file, bool trained) {
+  const Model model = load_model(file, true);
+  std::map<std::string, std::vector<double>> result;
+  for (const WeightArray& array : (trained ? model.trained : model.field)->weights())
+    result[array.name].assign(array.values.begin(), array.values.end());
+  return result;
+}
+
+TEST(Train, WhatIsSavedIsARunningMeanOfTheWeights) {
+  Box box;
+  const std::string file = temporary("averages.octrad"), plain = temporary("plain.octrad");
   for (const std::string& field : field_names()) {
     SCOPED_TRACE(field);
-    const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
+    Config config = short_run(400, field);
+    config.train_average = 0.25;
     TrainOptions options;
-    options.output = whole;
-    const double loss = train(box.scene, short_run(12, field), options).loss;
+    options.output = file;
+    Trainer trainer(box.scene, config, options);
+    std::map<std::string, std::vector<double>> mean;
+    int looks = 0;
+    while (!trainer.done()) {
+      trainer.step();
+      const long long step = trainer.state().step;
+      const double share = average_share(config, step);
+      if (share >= 1.0 || (share <= 0.0 && !mean.empty())) continue;
+      trainer.checkpoint(true);
+      const auto weights = weights_in(file, true);
+      if (mean.empty()) mean = weights;
+      for (auto& [name, values] : mean) {
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] += share * (weights.at(name)[i] - values[i]);
+      }
+      looks += share > 0.0;
+    }
+    EXPECT_EQ(looks, 2);  // after 320 and 384 steps
+    trainer.finish(false);
+    const auto saved = weights_in(file, false), last = weights_in(file, true);
+    double apart = 0.0;
+    for (const auto& [name, values] : mean) {
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        // Rims are not looked up and stay 0 while a field learns; files have what other vertices of the map have.
+        if (name == "octree.features" && last.at(name)[i] == 0.0) continue;
+        ASSERT_NEAR(saved.at(name)[i], values[i], 2e-6 * std::max(1.0, std::abs(values[i]))) << name << ' ' << i;
+        apart = std::max(apart, std::abs(saved.at(name)[i] - last.at(name)[i]));
+      }
+    }
+    EXPECT_GT(apart, 1e-4);  // they are not the weights
 
-    options.output = broken;
-    int steps = 0;
-    options.interrupted = [&] { return ++steps > 5; };
-    EXPECT_TRUE(train(box.scene, short_run(12, field), options).interrupted);
-    Model model = load_model(broken, true);
-    EXPECT_EQ(model.info.state.step, 5);
-    ASSERT_TRUE(model.has_optimizer);
-    options.interrupted = nullptr;
-    options.resume = &model;
-    const TrainResult result = train(box.scene, model.info.config, options);
-    EXPECT_EQ(result.steps, 12);
-    EXPECT_EQ(result.loss, loss);  // its smoothing continues too
-    expect_same_tensors(whole, broken);
-    std::filesystem::remove(whole);
-    std::filesystem::remove(broken);
+    // Steps do not notice, nor does it matter who looks and when.
+    config.train_average = 0.0;
+    options.output = plain;
+    train(box.scene, config, options);
+    const TensorReader with(file), without(plain);
+    for (const std::string& name : without.names()) {
+      if (!name.starts_with("optimizer.")) continue;
+      std::vector<char> one(with.get(name).bytes), other(without.get(name).bytes);
+      with.read(with.get(name), one.data());
+      without.read(without.get(name), other.data());
+      EXPECT_TRUE(one == other) << name;
+    }
+    config.train_average = 0.25;
+    train(box.scene, config, options);
+    expect_same_tensors(file, plain);
   }
+  std::filesystem::remove(file);
+  std::filesystem::remove(plain);
 }
 
 TEST(Train, ACheckpointThatFailsIsTriedAgain) {

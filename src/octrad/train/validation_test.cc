@@ -26,6 +26,8 @@ class Ones : public TrainEngine {
   StepReport collect() override { return {}; }
   RadianceField& field() override { throw std::logic_error("there is no field"); }
   std::unique_ptr<RadianceField> release_field() override { return nullptr; }
+  RadianceField* trained() override { return nullptr; }
+  void average(double) override {}
   std::vector<FarEnd> far_ends() override { return {}; }
   void set_far_ends(const std::vector<FarEnd>&) override {}
   void set_target_scale(float) override {}
