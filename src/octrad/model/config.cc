@@ -262,8 +262,9 @@ const std::vector<Key>& keys() {
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
              "perfectly specular surfaces that a right-hand-side ray passes"),
-      number("train.average", &C::train_average, {0, 0.5},
-             "what is shown and saved: means of the weights over about this share of the steps so far; 0: the weights"),
+      number(
+          "train.average", &C::train_average, {0, 0.5},
+          "shown and saved are means of the weights over this share of the steps, less as rates fall; 0: the weights"),
 
       choice("loss.normalizer", &C::loss_normalizer,
              {{"symmetric", LossNormalizer::symmetric}, {"prediction", LossNormalizer::prediction}},

@@ -109,7 +109,7 @@ struct Config {
   std::string train_cameras;  // JSON file with more camera poses
   TrainSampler train_sampler = TrainSampler::mixture;
   int train_max_chain = 16;    // delta surfaces passed by right-hand-side rays
-  double train_average = 0.1;  // share of the steps so far whose weights are averaged; 0: none
+  double train_average = 0.1;  // share of the steps whose weights are averaged; 0: none
 
   // Loss and optimiser.
   LossNormalizer loss_normalizer = LossNormalizer::prediction;

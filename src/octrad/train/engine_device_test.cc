@@ -220,6 +220,7 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
        {std::pair{"octaoctree", true}, {"octaoctree", false}, {"ncr", true}, {"ncr", false}}) {
     Config config = short_run(field, 200);  // averages are no longer the weights
     config.train_average = 0.5;
+    config.adam_decay_to = 0.8;
     config.train_points = 128;
     const TrainResult whole = train(box.scene, config, TrainOptions{});
     TrainOptions options;

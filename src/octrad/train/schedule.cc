@@ -25,9 +25,9 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
   return s;
 }
 
-double average_share(const Config& config, long long steps) {
+double average_share(const Config& config, long long steps, double rate_scale) {
   // An average passes over all weights: at most every 64 steps, and three to six times a window.
-  const double window = config.train_average * static_cast<double>(steps);
+  const double window = config.train_average * static_cast<double>(steps) * std::sqrt(rate_scale);
   const auto interval =
       static_cast<long long>(std::max<std::uint64_t>(64, std::bit_floor(static_cast<std::uint64_t>(window / 3.0))));
   if (window <= static_cast<double>(interval)) return 1.0;

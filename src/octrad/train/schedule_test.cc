@@ -38,10 +38,10 @@ TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {
 TEST(Schedule, AveragesAreOfTheLastTenthOfTheSteps) {
   Config config = preset("cpu");
   ASSERT_EQ(config.train_average, 0.1);
-  for (const long long step : {0LL, 1LL, 100LL, 640LL}) EXPECT_EQ(average_share(config, step), 1.0) << step;
+  for (const long long step : {0LL, 1LL, 100LL, 640LL}) EXPECT_EQ(average_share(config, step, 1.0), 1.0) << step;
   int passes = 0;  // over all weights
   for (long long step = 641; step <= 100000; ++step) {
-    const double share = average_share(config, step);
+    const double share = average_share(config, step, 1.0);
     ASSERT_GE(share, 0.0);
     ASSERT_LT(share, 1.0);
     passes += share > 0.0 && step > 50000;
@@ -52,16 +52,22 @@ TEST(Schedule, AveragesAreOfTheLastTenthOfTheSteps) {
   // weights are that it holds.
   for (const long long step : {5000LL, 20000LL, 100000LL}) {
     double held = 1.0, age = 0.0;
-    for (long long i = step; i < step + step / 10; ++i) held *= 1.0 - average_share(config, i);
+    for (long long i = step; i < step + step / 10; ++i) held *= 1.0 - average_share(config, i, 1.0);
     EXPECT_NEAR(held, std::exp(-1.0), 0.1) << step;
     for (long long i = 641; i <= step; ++i) {
-      const double share = average_share(config, i);
+      const double share = average_share(config, i, 1.0);
       age = (age + 1.0) * (1.0 - share);
     }
     EXPECT_NEAR(age / static_cast<double>(step), 0.08, 0.03) << step;
   }
+  // At a hundredth of the rates they are of a tenth of the steps.
+  double held = 1.0;
+  for (long long i = 50000; i < 50500; ++i) held *= 1.0 - average_share(config, i, 0.01);
+  EXPECT_NEAR(held, std::exp(-1.0), 0.1);
+  EXPECT_EQ(average_share(config, 6400, 0.01), 1.0);
+  EXPECT_LT(average_share(config, 6401, 0.01), 1.0);
   config.train_average = 0.0;
-  for (const long long step : {0LL, 64LL, 100000LL}) EXPECT_EQ(average_share(config, step), 1.0) << step;
+  for (const long long step : {0LL, 64LL, 100000LL}) EXPECT_EQ(average_share(config, step, 1.0), 1.0) << step;
 }
 
 TEST(Schedule, SpentBudget) {

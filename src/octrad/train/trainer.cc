@@ -184,6 +184,7 @@ class Trainer::Run {
   double fraction() const { return spent_budget(config_, state_); }
   bool out_of_time() const { return options_.time_limit > 0.0 && state_.seconds >= options_.time_limit; }
   ScheduleState schedule_now() const;
+  double average_share_now(long long less) const;
   void average();
   void bring_up_averages();
   void settle();
@@ -315,18 +316,22 @@ ScheduleState Trainer::Run::schedule_now() const {
   return s;
 }
 
+// With as many steps less. Rates do not rise while there are averages: no beginning is missed.
+double Trainer::Run::average_share_now(long long less) const {
+  return average_share(config_, std::max(0LL, state_.step - change_began_ - less), schedule_now().rate_scale);
+}
+
 // After a step. Averages begin anew where a change of the scene began to be learnt.
 void Trainer::Run::average() {
-  const long long steps = state_.step - change_began_;
-  const double share = average_share(config_, steps);
+  const double share = average_share_now(0);
   if (share >= 1.0) return;  // brought up when they are looked at
-  if (average_share(config_, steps - 1) >= 1.0) engine_->average(1.0);
+  if (average_share_now(1) >= 1.0) engine_->average(1.0);
   else if (share > 0.0) engine_->average(share);
 }
 
 // Before the averages are looked at.
 void Trainer::Run::bring_up_averages() {
-  if (averages_of_ == state_.step || average_share(config_, state_.step - change_began_) < 1.0) return;
+  if (averages_of_ == state_.step || average_share_now(0) < 1.0) return;
   engine_->average(1.0);
   averages_of_ = state_.step;
 }

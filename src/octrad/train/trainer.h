@@ -120,8 +120,9 @@ ScheduleState schedule(const Config& config, long long step, double fraction);
 
 // What train.average does after `steps` steps: by what share the averages approach the weights. 0: nothing; 1: they are
 // the weights, as long as the steps to average over are few. In between their weight falls as exp(-age / window), with
-// a window of train.average * steps.
-double average_share(const Config& config, long long steps);
+// a window of train.average * steps * sqrt(rate_scale): at lower rates weights spread less, and old ones are further
+// off.
+double average_share(const Config& config, long long steps, double rate_scale);
 
 // Share of the budget that is spent, in [0, 1]: of train.steps, or of train.time where that is 0.
 double spent_budget(const Config& config, const TrainingState& state);

@@ -62,6 +62,7 @@ TEST(Train, ResumedRunEndsWithTheBitsOfAnUnbrokenOne) {
       const std::string whole = temporary("whole.octrad"), broken = temporary("broken.octrad");
       Config config = short_run(steps, field);
       config.train_average = 0.5;
+      config.adam_decay_to = 0.8;  // averages last
       TrainOptions options;
       options.output = whole;
       const double loss = train(box.scene, config, options).loss;
@@ -101,6 +102,7 @@ TEST(Train, WhatIsSavedIsARunningMeanOfTheWeights) {
     SCOPED_TRACE(field);
     Config config = short_run(400, field);
     config.train_average = 0.25;
+    config.adam_decay_start = 1.0;
     TrainOptions options;
     options.output = file;
     Trainer trainer(box.scene, config, options);
@@ -109,7 +111,7 @@ TEST(Train, WhatIsSavedIsARunningMeanOfTheWeights) {
     while (!trainer.done()) {
       trainer.step();
       const long long step = trainer.state().step;
-      const double share = average_share(config, step);
+      const double share = average_share(config, step, 1.0);
       if (share >= 1.0 || (share <= 0.0 && !mean.empty())) continue;
       trainer.checkpoint(true);
       const auto weights = weights_in(file, true);
