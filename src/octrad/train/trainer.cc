@@ -123,6 +123,8 @@ class Trainer::Run {
     if (options.resume) {
       field = std::move(options.resume->field);
       if (options.resume->trained) averages = std::exchange(field, std::move(options.resume->trained));
+      else if (config.train_average > 0.0)
+        throw InputError("the model that training continues was not loaded to be trained on: its weights are missing");
       state_ = options.resume->info.state;
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
@@ -159,6 +161,7 @@ class Trainer::Run {
     next_validation_ = std::min(5.0, between_validations_);
     next_checkpoint_ = config_.checkpoint_seconds;
     emission_ = emission();
+    averages_are_weights_ = average_share_now() >= 1.0;
   }
 
   void step();
@@ -184,7 +187,7 @@ class Trainer::Run {
   double fraction() const { return spent_budget(config_, state_); }
   bool out_of_time() const { return options_.time_limit > 0.0 && state_.seconds >= options_.time_limit; }
   ScheduleState schedule_now() const;
-  double average_share_now(long long less) const;
+  double average_share_now() const;
   void average();
   void bring_up_averages();
   void settle();
@@ -209,8 +212,9 @@ class Trainer::Run {
   double mape_ = -1.0;
   int waiting_ = 0;  // steps launched and not yet collected
   double rate_scale_ = 0.0;
-  long long averages_of_ = -1;  // the last step after which bring_up_averages() copied the weights
-  long long non_finite_ = 0;    // gradients dropped
+  bool averages_are_weights_ = true;  // average_share() after the last step was 1
+  long long averages_of_ = -1;        // the last step after which bring_up_averages() copied the weights
+  long long non_finite_ = 0;          // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
   std::vector<Vec3f> emission_;                   // factors of the lights that the field stands for
@@ -316,22 +320,23 @@ ScheduleState Trainer::Run::schedule_now() const {
   return s;
 }
 
-// With as many steps less. Rates do not rise while there are averages: no beginning is missed.
-double Trainer::Run::average_share_now(long long less) const {
-  return average_share(config_, std::max(0LL, state_.step - change_began_ - less), schedule_now().rate_scale);
+// Averages begin anew where a change of the scene began to be learnt.
+double Trainer::Run::average_share_now() const {
+  return average_share(config_, state_.step - change_began_, schedule_now().rate_scale);
 }
 
-// After a step. Averages begin anew where a change of the scene began to be learnt.
+// After a step.
 void Trainer::Run::average() {
-  const double share = average_share_now(0);
-  if (share >= 1.0) return;  // brought up when they are looked at
-  if (average_share_now(1) >= 1.0) engine_->average(1.0);
+  const double share = average_share_now();
+  const bool was_weights = std::exchange(averages_are_weights_, share >= 1.0);
+  if (averages_are_weights_) return;  // copied when they are looked at
+  if (was_weights) engine_->average(1.0);
   else if (share > 0.0) engine_->average(share);
 }
 
 // Before the averages are looked at.
 void Trainer::Run::bring_up_averages() {
-  if (averages_of_ == state_.step || average_share_now(0) < 1.0) return;
+  if (!averages_are_weights_ || averages_of_ == state_.step) return;
   engine_->average(1.0);
   averages_of_ = state_.step;
 }
@@ -433,6 +438,7 @@ void Trainer::Run::scene_changed(const SceneChange& changed) {
   emission_ = now;
   if (same && !change.materials) return;
   change_began_ = state_.step;
+  averages_are_weights_ = true;
   change_ends_ = state_.step + kChangeSteps;
   auto points = std::make_unique<ChangedPoints>(scene_, lhs_options(config_), change);
   engine_->scene_changed(points->empty() ? nullptr : std::move(points), kChangeShare);

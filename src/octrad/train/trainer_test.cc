@@ -222,6 +222,39 @@ TEST(Train, UnitsOfRadianceDoNotMatter) {
   }
 }
 
+// Rates that rise, averages that begin late, and someone who looks every few steps.
+TEST(Train, AveragesDoNotDependOnWhoLooks) {
+  Box box;
+  const std::string alone = temporary("alone.octrad"), watched = temporary("watched.octrad");
+  Config config = short_run(300);
+  config.train_average = 0.5;
+  config.adam_warmup = 200;
+  config.adam_decay_start = 1.0;
+  TrainOptions options;
+  options.output = alone;
+  train(box.scene, config, options);
+  options.output = watched;
+  Trainer trainer(box.scene, config, options);
+  while (!trainer.done()) {
+    trainer.step();
+    if (trainer.state().step % 7 == 0) trainer.field();
+  }
+  trainer.finish(false);
+  expect_same_tensors(alone, watched);
+  const TensorReader file(alone);
+  std::vector<float> average(static_cast<std::size_t>(file.get("decoder.mlp.0.weight").count)),
+      last(static_cast<std::size_t>(file.get("optimizer.trained.decoder.mlp").count));
+  file.read(file.get("decoder.mlp.0.weight"), average.data());
+  file.read(file.get("optimizer.trained.decoder.mlp"), last.data());
+  EXPECT_FALSE(std::equal(average.begin(), average.end(), last.begin()));
+
+  Model model = load_model(alone);  // as for pictures
+  options.resume = &model;
+  EXPECT_THROW(train(box.scene, config, options), InputError);
+  std::filesystem::remove(alone);
+  std::filesystem::remove(watched);
+}
+
 TEST(Train, SameBitsAtAnyThreadCount) {
   Box box;
   for (const std::string& field : field_names()) {
