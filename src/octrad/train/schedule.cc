@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "octrad/train/trainer.h"
@@ -26,10 +25,9 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
 }
 
 double average_share(const Config& config, long long steps, double rate_scale) {
-  // An average passes over all weights: at most every 64 steps, and three to six times a window.
+  // An average passes over all weights, which takes about as long as a step.
+  constexpr long long interval = 64;
   const double window = config.train_average * static_cast<double>(steps) * std::sqrt(rate_scale);
-  const auto interval =
-      static_cast<long long>(std::max<std::uint64_t>(64, std::bit_floor(static_cast<std::uint64_t>(window / 3.0))));
   if (window <= static_cast<double>(interval)) return 1.0;
   return steps % interval == 0 ? static_cast<double>(interval) / window : 0.0;
 }
