@@ -186,7 +186,20 @@ TEST_P(AllFields, FilesHoldAveragesAndTheWeightsThatStepsMove) {
   EXPECT_TRUE(evaluate(*loaded.trained, points) == evaluate(*averages, points));
 
   // A file that says so and does not have them, and one whose weights are not numbers.
+  EXPECT_THROW(save_model(file, *averages, info, true), InputError);
+  info.config.train_average = 0.0;
   save_model(file, *averages, info, true);
+  EXPECT_EQ(load_model(file, true).trained, nullptr);
+  // The same file with the key's value changed in place.
+  {
+    std::ifstream in(file, std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)), {});
+    const std::size_t at = bytes.find("average\\\":0.0");
+    ASSERT_NE(at, std::string::npos);
+    bytes[at + 12] = '1';
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  info.config.train_average = 0.1;
   try {
     load_model(file, true);
     ADD_FAILURE() << "weights were missing";

@@ -130,6 +130,8 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
 
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
                 RadianceField* trained) {
+  if (optimizer && trained == nullptr && info.config.train_average > 0.0)
+    throw InputError(file + ": averages (train.average) cannot be trained on without the weights that steps move");
   TensorWriter out;
   out.metadata("format", kFormat);
   out.metadata("version", kFormatVersion);

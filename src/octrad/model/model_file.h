@@ -42,7 +42,7 @@ struct Model {
   std::unique_ptr<RadianceField> trained = {};
 };
 
-// `trained`: as Model::trained; written with the optimiser's state only. Atomic: an interrupted or failed write leaves
+// `trained`: as Model::trained; written with the optimiser's state only, which needs it where train.average is above 0 (InputError). Atomic: an interrupted or failed write leaves
 // the old file. Throws IoError.
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
                 RadianceField* trained = nullptr);

@@ -92,6 +92,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
+        EXPECT_EQ(config["train"].erase("average"), 1u);
         text = config.dump();
       }
       out.metadata(key, text);
@@ -101,6 +102,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   }
   info.config.lookup_coats = Coats::joined;
   info.config.lookup_rough_offset = true;
+  info.config.train_average = 0.0;
   EXPECT_EQ(load_model(file + ".older").info.config, info.config);
   std::filesystem::remove(file + ".older");
   std::filesystem::remove(file);

@@ -60,6 +60,7 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   std::string advice;
   auto changes = field_entry(config.field).smaller(config);
   if (config.train_points > 1024) changes.emplace_back("train.points", std::to_string(config.train_points / 2));
+  if (config.train_average > 0.0) changes.emplace_back("train.average", "0");
   for (const auto& [key, value] : changes) {
     Config changed = config;
     set(changed, key, value);
@@ -124,7 +125,7 @@ class Trainer::Run {
       field = std::move(options.resume->field);
       if (options.resume->trained) averages = std::exchange(field, std::move(options.resume->trained));
       else if (config.train_average > 0.0)
-        throw InputError("the model that training continues was not loaded to be trained on: its weights are missing");
+        throw InputError("train.average is above 0 and the model to be trained on has averages alone: load it with its optimiser's state");
       state_ = options.resume->info.state;
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
@@ -438,7 +439,6 @@ void Trainer::Run::scene_changed(const SceneChange& changed) {
   emission_ = now;
   if (same && !change.materials) return;
   change_began_ = state_.step;
-  averages_are_weights_ = true;
   change_ends_ = state_.step + kChangeSteps;
   auto points = std::make_unique<ChangedPoints>(scene_, lhs_options(config_), change);
   engine_->scene_changed(points->empty() ? nullptr : std::move(points), kChangeShare);
