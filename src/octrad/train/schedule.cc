@@ -25,7 +25,7 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
 }
 
 double average_share(const Config& config, long long steps, double rate_scale) {
-  // An average passes over all weights, which takes about as long as a step.
+  // An average passes over all weights.
   constexpr long long interval = 64;
   const double window = config.train_average * static_cast<double>(steps) * std::sqrt(rate_scale);
   if (window <= static_cast<double>(interval)) return 1.0;
