@@ -42,8 +42,8 @@ struct Model {
   std::unique_ptr<RadianceField> trained = {};
 };
 
-// `trained`: as Model::trained; written with the optimiser's state only, which needs it where train.average is above 0 (InputError). Atomic: an interrupted or failed write leaves
-// the old file. Throws IoError.
+// `trained`: as Model::trained; written with the optimiser's state only, which needs it where train.average is above 0
+// (InputError). Atomic: an interrupted or failed write leaves the old file. Throws IoError.
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
                 RadianceField* trained = nullptr);
 

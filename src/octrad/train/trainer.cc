@@ -125,7 +125,8 @@ class Trainer::Run {
       field = std::move(options.resume->field);
       if (options.resume->trained) averages = std::exchange(field, std::move(options.resume->trained));
       else if (config.train_average > 0.0)
-        throw InputError("train.average is above 0 and the model to be trained on has averages alone: load it with its optimiser's state");
+        throw InputError(
+            "train.average is above 0 and the model to be trained on has averages alone: load it with its optimiser's state");
       state_ = options.resume->info.state;
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
