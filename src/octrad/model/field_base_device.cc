@@ -456,10 +456,11 @@ void DeviceFieldBase::approach(const DeviceField& to, float share) {
   if (other == nullptr || other->all_networks_.size() != all_networks_.size() ||
       other->all_tables_.size() != all_tables_.size())
     throw InputError("a field on the device approaches one of its own kind");
+  // Tables first: they may have no floats to move, which is found before anything has moved.
+  for (std::size_t i = 0; i < all_tables_.size(); ++i) all_tables_[i]->approach(stream_, *other->all_tables_[i], share);
   for (std::size_t i = 0; i < all_networks_.size(); ++i)
     octrad::approach(stream_, all_networks_[i]->weights(), other->all_networks_[i]->weights(), share);
   DeviceMlp::refresh_all(stream_, all_networks_);
-  for (std::size_t i = 0; i < all_tables_.size(); ++i) all_tables_[i]->approach(stream_, *other->all_tables_[i], share);
 }
 
 void DeviceFieldBase::set_target_scale(float scale) {

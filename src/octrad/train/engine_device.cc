@@ -186,7 +186,7 @@ class DeviceEngine : public TrainEngine {
   }
 
   RadianceField& field() override {
-    if (!averages_) return moved();
+    if (!averages_) return up_to_date();
     if (averages_stale_) device_averages_->download_to(*averages_);
     averages_stale_ = false;
     return *averages_;
@@ -195,7 +195,7 @@ class DeviceEngine : public TrainEngine {
     field();
     return std::move(averages_ ? averages_ : field_);
   }
-  RadianceField* trained() override { return averages_ ? &moved() : nullptr; }
+  RadianceField* trained() override { return averages_ ? &up_to_date() : nullptr; }
   void average(double share) override {
     if (!averages_) return;
     device_averages_->approach(*device_field_, static_cast<float>(share));
@@ -251,7 +251,7 @@ class DeviceEngine : public TrainEngine {
     return found != graphs.end() && found->second;
   }
 
-  RadianceField& moved() {
+  RadianceField& up_to_date() {
     if (stale_) device_field_->download_to(*field_);
     stale_ = false;
     return *field_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
 #include "octrad/device/stream_test_helper.h"
@@ -92,6 +93,42 @@ void set_all_lights(PreparedScene& scene, Trainer& trainer, Vec3f factor) {
   SceneChange change;
   for (int i = 0; i < scene.light_count(); ++i) change += scene.set_light_factor(i, factor);
   trainer.scene_changed(change);
+}
+
+// Means of weights that were right for another scene would be in the way.
+TEST(Trainer, AveragesBeginAnewWhereAChangeIsLearnt) {
+  PreparedScene scene(testing::closed_room());
+  Config config = small_run(200);
+  config.train_average = 0.5;
+  config.adam_decay_start = 1.0;
+  TestFolder folder;
+  TrainOptions options;
+  options.output = folder.file("change.octrad");
+  Trainer trainer(scene, config, options);
+  while (!trainer.done()) trainer.step();
+  const std::vector<SurfacePoint> probes = surface_probes(scene, 200, 1, config);
+  const auto of = [&](const RadianceField& field) {
+    std::vector<Vec3f> radiance(probes.size());
+    field.radiance(probes, radiance);
+    return radiance;
+  };
+  const auto saved_are_weights = [&] {
+    trainer.checkpoint(true);
+    const Model model = load_model(options.output, true);
+    return of(*model.field) == of(*model.trained);
+  };
+  EXPECT_FALSE(saved_are_weights());
+  const std::vector<Vec3f> before = ask(trainer, probes);
+  trainer.scene_changed(scene.set_light_factor(0, {1.0f, 0.5f, 0.25f}));
+  EXPECT_GT(trainer.change_steps_left(), 0);
+  // Nothing is learnt yet, and the exposure is the same.
+  EXPECT_EQ(ask(trainer, probes), before);
+  trainer.step();
+  EXPECT_TRUE(saved_are_weights());
+  for (int i = 1; i < 128; ++i) trainer.step();
+  EXPECT_TRUE(saved_are_weights());
+  for (int i = 0; i < 32; ++i) trainer.step();
+  EXPECT_FALSE(saved_are_weights());
 }
 
 TEST(Trainer, LampsComeBackFromTheDarkInAnotherColour) {

@@ -126,7 +126,8 @@ class Trainer::Run {
       if (options.resume->trained) averages = std::exchange(field, std::move(options.resume->trained));
       else if (config.train_average > 0.0)
         throw InputError(
-            "train.average is above 0 and the model to be trained on has averages alone: load it with its optimiser's state");
+            "train.average is above 0 and the model to be trained on has averages alone: load it with its optimiser's "
+            "state");
       state_ = options.resume->info.state;
       saved_step_ = state_.step;
       bytes_ = check_memory(options, config, field->cells_per_level());
@@ -215,7 +216,7 @@ class Trainer::Run {
   int waiting_ = 0;  // steps launched and not yet collected
   double rate_scale_ = 0.0;
   bool averages_are_weights_ = true;  // average_share() after the last step was 1
-  long long averages_of_ = -1;        // the last step after which bring_up_averages() copied the weights
+  long long copied_after_step_ = -1;  // the last step after which bring_up_averages() copied the weights
   long long non_finite_ = 0;          // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
@@ -338,9 +339,9 @@ void Trainer::Run::average() {
 
 // Before the averages are looked at.
 void Trainer::Run::bring_up_averages() {
-  if (!averages_are_weights_ || averages_of_ == state_.step) return;
+  if (!averages_are_weights_ || copied_after_step_ == state_.step) return;
   engine_->average(1.0);
-  averages_of_ = state_.step;
+  copied_after_step_ = state_.step;
 }
 
 void Trainer::Run::step() {
