@@ -62,7 +62,7 @@ struct Plan {
   std::vector<std::size_t> transmittance;  // of the materials
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
-              environment_cells = kAbsent;
+              environment_cells = kAbsent, environment_factors = kAbsent;
   std::size_t delta_lights = kAbsent, light_cdf = kAbsent, placements = kAbsent;
   std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent, placed_meshes = kAbsent;
   std::vector<std::size_t> placed_areas;
@@ -111,6 +111,7 @@ struct Plan {
       environment_sines = layout.add(e.sines, height);
       environment_rows = layout.add(e.rows, height - 1);
       environment_cells = layout.add(e.cells, width * (height - 1));
+      environment_factors = layout.add(e.factors, static_cast<std::size_t>(kEnvironmentParts));
     }
     if (t.surfaces != nullptr) {
       const SurfaceSamplerView& s = t.surfaces->view();
@@ -258,6 +259,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.lights.environment.sines = block.at<float>(plan.environment_sines);
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);
   world_.lights.environment.cells = block.at<AliasEntry>(plan.environment_cells);
+  world_.lights.environment.factors = block.at<float>(plan.environment_factors);
   if (tables.surfaces != nullptr) {
     world_.surfaces = tables.surfaces->view();
     world_.surfaces.elements = block.at<SurfaceElement>(plan.elements);

@@ -1,6 +1,7 @@
 #include "octrad/shading/environment_map.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "octrad/base/memory_limit.h"
@@ -48,6 +49,22 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
   view_.sines = sines_.data();
   view_.rows = rows_.data();
   view_.cells = cells_.data();
+  factors_.fill(1.0f);
+  view_.factors = factors_.data();
+  view_.part_columns = static_cast<float>(kEnvironmentColumns) / static_cast<float>(w);
+  view_.part_rows = static_cast<float>(kEnvironmentRows) / static_cast<float>(h);
+  build_tables();
+}
+
+void EnvironmentMap::set_factors(std::span<const float> factors) {
+  assert(factors.size() == factors_.size());
+  if (view_.height < 2) return;
+  std::copy(factors.begin(), factors.end(), factors_.begin());
+  build_tables();
+}
+
+void EnvironmentMap::build_tables() {
+  const std::size_t w = static_cast<std::size_t>(view_.width), h = static_cast<std::size_t>(view_.height);
   std::vector<double> row_weights(h - 1);
   parallel_for(h - 1, [&](std::size_t y) {
     std::vector<double> weights(w);

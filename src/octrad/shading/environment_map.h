@@ -3,9 +3,11 @@
 // Layout as Mitsuba 3's `envmap`: direction (in the map's own space, +Y up) -> u = atan2(x, -z) / 2 pi, v = acos(y) /
 // pi. Pixel column i is centred at u = (i + 1/2) / width and periodic; pixel row j lies at v = j / (height - 1), so
 // that the first and last rows are the poles. Radiance is bilinear in between, and so is the sampling density in (u,
-// v): luminance times sin(theta) at the pixels.
+// v): luminance times sin(theta) at the pixels, times a factor of the part of the map (set_factors()).
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "octrad/scene/scene.h"
@@ -19,6 +21,10 @@ class EnvironmentMap {
   explicit EnvironmentMap(const Environment& environment);
   EnvironmentMap(const EnvironmentMap&) = delete;
   EnvironmentMap& operator=(const EnvironmentMap&) = delete;
+
+  // Makes sample() draw directions of each part of the map (EnvironmentView::part()) that many times as often, beside
+  // the others; 1 at first. [kEnvironmentParts], above 0. For maps of one row nothing changes.
+  void set_factors(std::span<const float> factors);
 
   using Sample = EnvironmentSample;
   Vec3f radiance(Vec3f direction) const { return environment_radiance(view_, direction); }
@@ -34,9 +40,11 @@ class EnvironmentMap {
   const EnvironmentView& view() const { return view_; }
 
  private:
+  void build_tables();
   static void build_alias(const double* weights, int count, AliasEntry* out);
 
   std::vector<float> sines_;
+  std::array<float, kEnvironmentParts> factors_;
   std::vector<AliasEntry> rows_, cells_;
   EnvironmentView view_;
 };

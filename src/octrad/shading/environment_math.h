@@ -16,6 +16,10 @@ struct AliasEntry {
   int other;
 };
 
+// Parts of a map that each have a factor of the sampling density: columns of longitude and rows of latitude.
+inline constexpr int kEnvironmentColumns = 16, kEnvironmentRows = 8,
+                     kEnvironmentParts = kEnvironmentColumns * kEnvironmentRows;
+
 struct EnvironmentView {
   const Vec3f* pixels = nullptr;  // [height][width]; null: no environment
   int width = 0, height = 0;
@@ -24,10 +28,12 @@ struct EnvironmentView {
   bool rotates = true;       // or mirrors: keeps solid angles
   float determinant = 1.0f;  // of to_map_rows, absolute
   // For maps of two rows and more; others are sampled uniformly.
-  const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
-  const AliasEntry* rows = nullptr;   // [height - 1] of cells
-  const AliasEntry* cells = nullptr;  // [height - 1][width] of each row
-  float inv_integral = 0.0f;          // density in (u, v) = weight x inv_integral
+  const float* sines = nullptr;                 // [height] sin(theta) of the rows of pixels
+  const AliasEntry* rows = nullptr;             // [height - 1] of cells
+  const AliasEntry* cells = nullptr;            // [height - 1][width] of each row
+  const float* factors = nullptr;               // [kEnvironmentParts]
+  float part_columns = 0.0f, part_rows = 0.0f;  // parts a pixel
+  float inv_integral = 0.0f;                    // density in (u, v) = weight x inv_integral
 
   OCTRAD_HD Vec3f to_world(Vec3f v) const {
     const float* m = to_world_rows;
@@ -50,10 +56,14 @@ struct EnvironmentView {
     v = v / l;
     return determinant / (l * l * l);
   }
-  // Luminance times sin(theta) at a pixel.
+  OCTRAD_HD int part(int x, int y) const {
+    return static_cast<int>(static_cast<float>(y) * part_rows) * kEnvironmentColumns +
+           static_cast<int>(static_cast<float>(x) * part_columns);
+  }
+  // Luminance times sin(theta) at a pixel, times the factor of its part.
   OCTRAD_HD float weight(int x, int y) const {
     const float l = luminance(texel(x, y));
-    return l > 0.0f ? l * sines[y] : 0.0f;
+    return l > 0.0f ? l * sines[y] * factors[part(x, y)] : 0.0f;
   }
 };
 
@@ -151,6 +161,13 @@ OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f direction
   const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
   if (!(sin_theta > 0.0f)) return 0.0f;
   return bilinear_weight(e, cell(e, direction_to_uv(d))) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) * stretch;
+}
+
+// The part of the map, of two rows and more, that a direction is in.
+OCTRAD_HD inline int environment_part(const EnvironmentView& e, Vec3f direction) {
+  const environment_detail::Cell c =
+      environment_detail::cell(e, environment_detail::direction_to_uv(e.to_map(direction)));
+  return e.part(c.x, c.y);
 }
 
 // Both at once.

@@ -164,6 +164,12 @@ void Lights::set_weights(std::span<const float> weights) {
   if (impl_->environment) view_.environment_pick = light_pick(view_, view_.count - 1);
 }
 
+void Lights::set_environment_factors(std::span<const float> factors) {
+  if (!impl_->environment) return;
+  impl_->environment->set_factors(factors);
+  view_.environment = impl_->environment->view();
+}
+
 void Lights::set_factor(int index, Vec3f factor) {
   const int delta = index - view_.area_count;
   if (delta < 0) {

@@ -13,7 +13,7 @@ namespace octrad {
 // All emitters of a scene. They are picked by the `sampling_weight` of the scene's file, as in Mitsuba 3; where it has
 // none, with equal probability until set_weights(). Mesh lights are sampled uniformly by area (a
 // parallelogram that shows one whole picture by that), spheres by the cone they subtend, the environment by its
-// radiance. The scene must outlive this object.
+// radiance, times the factors of set_environment_factors(). The scene must outlive this object.
 //
 // Meshes with vertex normals emit from the side of the interpolated normal, and densities per area are turned into
 // densities per solid angle by its cosine, both as Mitsuba 3 does. The second is exact for flat lights and as good as
@@ -41,6 +41,8 @@ class Lights {
   // Emitters are picked in proportion to `weights` from now on: one for each, in the order of set_factor(), not
   // negative, not all 0. One of weight 0 is never picked.
   void set_weights(std::span<const float> weights);
+  // How often parts of the environment are drawn from now on (EnvironmentMap::set_factors()).
+  void set_environment_factors(std::span<const float> factors);
   // The probability of the emitter that `u_pick` picks.
   float pick(float u_pick) const { return light_pick(view_, pick_light(view_, u_pick)); }
   // Multiplies the emission that the scene gives light `index`: area lights come first, then lights without extent,

@@ -26,10 +26,21 @@ Environment speckled_environment(int width, int height) {
   return e;
 }
 
-TEST(EnvironmentMap, SamplesFollowTheirDensity) {
-  for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {1, 1}}) {
+// Factors from .01 to 10.
+std::vector<float> speckled_factors() {
+  std::vector<float> factors(kEnvironmentParts);
+  Rng rng(4, RngPurpose::test, 7);
+  for (float& f : factors) f = std::pow(10.0f, 1.0f - 3.0f * rng.uniform());
+  return factors;
+}
+
+class EnvironmentSamples : public ::testing::TestWithParam<bool> {};
+
+TEST_P(EnvironmentSamples, FollowTheirDensity) {
+  for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {5, 3}, {1, 1}}) {
     const Environment e = speckled_environment(width, height);
-    const EnvironmentMap map(e);
+    EnvironmentMap map(e);
+    if (GetParam()) map.set_factors(speckled_factors());
     const auto result = testing::chi_square(
         [&](Rng& rng, Vec3f& w) {
           const EnvironmentMap::Sample s = map.sample(rng.uniform2());
@@ -46,12 +57,43 @@ TEST(EnvironmentMap, SamplesFollowTheirDensity) {
   }
 }
 
+INSTANTIATE_TEST_SUITE_P(Factors, EnvironmentSamples, ::testing::Bool());
+
+TEST(EnvironmentMap, FactorsSayHowOftenPartsAreDrawn) {
+  Environment e;
+  e.width = 64;
+  e.height = 33;
+  e.pixels.assign(64 * 33, Vec3f(1.0f));
+  EnvironmentMap map(e);
+  const auto share_of = [&map](int part) {
+    Rng rng(1, RngPurpose::test, 5);
+    int inside = 0;
+    for (int i = 0; i < 100000; ++i)
+      inside += environment_part(map.view(), map.sample(rng.uniform2()).direction) == part;
+    return inside / 100000.0;
+  };
+  const int part = 4 * kEnvironmentColumns + 3;
+  const double before = share_of(part);
+  std::vector<float> factors(kEnvironmentParts, 1.0f);
+  factors[part] = 5.0f;
+  map.set_factors(factors);
+  // Densities are linear from one pixel to the next, so that the border of the part is soft: it has 4 x 4 pixels.
+  EXPECT_NEAR(share_of(part), 5.0 * before / (1.0 + 4.0 * before), 0.25 * 5.0 * before);
+  EXPECT_GT(share_of(part), 3.0 * before);
+  // Estimates of what the map radiates do not change: 4 pi.
+  Rng rng(2, RngPurpose::test, 5);
+  double sum = 0.0;
+  for (int i = 0; i < 100000; ++i) sum += 1.0 / static_cast<double>(map.sample(rng.uniform2()).pdf);
+  EXPECT_NEAR(sum / 100000.0, 4.0 * static_cast<double>(kPi), 0.1);
+}
+
 // Stretched and sheared skies: densities per solid angle of the world.
 TEST(EnvironmentMap, AnyLinearMapKeepsDensitiesTrue) {
   Environment e = speckled_environment(16, 9);
   const float m[9] = {1.0f, 0.4f, 0.0f, 0.0f, 0.6f, 0.1f, -0.2f, 0.0f, 0.5f};
   std::copy(m, m + 9, e.to_world);
-  const EnvironmentMap map(e);
+  EnvironmentMap map(e);
+  map.set_factors(speckled_factors());
   const auto result = testing::chi_square(
       [&](Rng& rng, Vec3f& w) {
         const EnvironmentMap::Sample s = map.sample(rng.uniform2());

@@ -78,6 +78,79 @@ TEST(LightWeights, WithoutSensorsOrLightAllAreAlike) {
   EXPECT_EQ(weights_of(Lamps({{0, 2, 0}}).scene), std::vector<float>{1.0f});
 }
 
+// A box around the sensor, with a window towards -z, under a sky that is alike everywhere.
+class Window : public SceneMaker {
+ public:
+  explicit Window(float radiance = 1.0f) {
+    const int grey = diffuse(Vec3f(0.5f));
+    quad({-2, -2, 2}, {4, 0, 0}, {0, 0, -4}, grey);                                     // floor
+    quad({-2, 2, -2}, {4, 0, 0}, {0, 0, 4}, grey);                                      // ceiling
+    quad({-2, -2, 2}, {0, 0, -4}, {0, 4, 0}, grey);                                     // left
+    quad({2, -2, -2}, {0, 0, 4}, {0, 4, 0}, grey);                                      // right
+    quad({2, -2, 2}, {-4, 0, 0}, {0, 4, 0}, grey);                                      // behind
+    for (const float x : {-2.0f, 1.0f}) quad({x, -2, -2}, {1, 0, 0}, {0, 4, 0}, grey);  // beside the window
+    for (const float y : {-2.0f, 1.0f}) quad({-1, y, -2}, {2, 0, 0}, {0, 1, 0}, grey);  // below and above it
+    Environment sky;
+    sky.width = 32;
+    sky.height = 17;
+    sky.pixels.assign(32 * 17, Vec3f(radiance));
+    scene.environments = {sky};
+    scene.cameras = {look_at({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 90.0f, Camera::FovAxis::x)};
+    scene.cameras[0].film_width = scene.cameras[0].film_height = 16;
+  }
+};
+
+std::vector<float> factors_of(const Scene& scene) {
+  const auto tracer = make_embree_tracer(scene);
+  const Materials materials(scene);
+  const Lights lights(scene);
+  return environment_factors({scene, *tracer, materials, lights});
+}
+
+TEST(EnvironmentFactors, DirectionsThroughWindowsAreDrawnMoreOftenThanThoseOfWalls) {
+  for (const float unit : {1e-3f, 1.0f, 1e5f}) {
+    const Window window(unit);
+    const std::vector<float> factors = factors_of(window.scene);
+    ASSERT_EQ(factors.size(), static_cast<std::size_t>(kEnvironmentParts));
+    const Lights lights(window.scene);
+    const auto factor = [&](Vec3f direction) {
+      return factors[static_cast<std::size_t>(environment_part(lights.view().environment, normalize(direction)))];
+    };
+    EXPECT_GT(factor({0.05f, 0.05f, -1}), 1.5f) << unit;
+    EXPECT_GT(factor({-0.05f, -0.05f, -1}), 1.5f) << unit;
+    for (const Vec3f blind : {Vec3f(0, 1, 0), Vec3f(0, -1, 0), Vec3f(0, 0, 1), Vec3f(1, 0, 0.1f), Vec3f(-1, 0, 0.1f)}) {
+      EXPECT_GE(factor(blind), static_cast<float>(kUniformPicks)) << unit;
+      EXPECT_LT(factor(blind), 0.4f) << unit;
+    }
+  }
+}
+
+TEST(EnvironmentFactors, ThereAreNoneWhereNothingIsToBeMeasured) {
+  Window window;
+  window.scene.cameras.clear();
+  EXPECT_TRUE(factors_of(window.scene).empty());
+  Window dark(0.0f);
+  EXPECT_TRUE(factors_of(dark.scene).empty());
+  Window constant;
+  constant.scene.environments[0].width = constant.scene.environments[0].height = 1;
+  constant.scene.environments[0].pixels.resize(1);
+  EXPECT_TRUE(factors_of(constant.scene).empty());
+  EXPECT_TRUE(factors_of(Lamps({{0, 2, 0}}).scene).empty());
+}
+
+TEST(EnvironmentFactors, AScenePreparesThemUnlessItsFileHasSamplingWeights) {
+  Window window;
+  const std::vector<float> factors = factors_of(window.scene);
+  const auto prepared = [](const Scene& scene) {
+    const PreparedScene p(scene);
+    const float* f = p.lights().view().environment.factors;
+    return std::vector<float>(f, f + kEnvironmentParts);
+  };
+  EXPECT_EQ(prepared(window.scene), factors);
+  window.scene.environments[0].sampling_weight = 1.0f;
+  EXPECT_EQ(prepared(window.scene), std::vector<float>(kEnvironmentParts, 1.0f));
+}
+
 TEST(LightWeights, AScenePreparesThemUnlessItsFileHasSome) {
   Lamps lamps({{-3, 2, 0}, {3, 2, 0}, {0, -5, 0}});
   const std::vector<float> w = weights_of(lamps.scene);

@@ -33,9 +33,9 @@ struct PreparedScene::Impl {
   const CpuTree tree;
   Materials materials{scene};
   Lights lights{scene};
-  bool picks_are_known = lights.view().count < 2 || !scene.sampling_weights().empty();
-  std::vector<Vec3f> factors;       // of the lights
-  std::vector<MaterialEdit> edits;  // of the materials
+  bool lights_are_measured;         // or need not be
+  std::vector<Vec3f> factors;                                    // of the lights
+  std::vector<MaterialEdit> edits;                               // of the materials
 
   std::recursive_mutex building;  // one part may ask for another
   std::unique_ptr<Tracer> tracer;
@@ -46,6 +46,9 @@ struct PreparedScene::Impl {
   Impl(Scene s, CpuTree t) : scene(std::move(s)), tree(t) {
     factors.resize(static_cast<std::size_t>(lights.view().count), Vec3f(1.0f));
     edits.resize(scene.materials.size());
+    const LightsView& view = lights.view();
+    const bool needed = view.count > 1 || (view.has_environment() && view.environment.height > 1);
+    lights_are_measured = !needed || !scene.sampling_weights().empty();
   }
 };
 
@@ -58,8 +61,12 @@ const Scene& PreparedScene::scene() const { return impl_->scene; }
 const Materials& PreparedScene::materials() const { return impl_->materials; }
 const Lights& PreparedScene::lights() const {
   const std::lock_guard lock(impl_->building);
-  if (!std::exchange(impl_->picks_are_known, true))
-    impl_->lights.set_weights(light_weights({scene(), tracer(), materials(), impl_->lights}));
+  if (!std::exchange(impl_->lights_are_measured, true)) {
+    const TransportContext world{scene(), tracer(), materials(), impl_->lights};
+    if (const std::vector<float> factors = environment_factors(world); !factors.empty())
+      impl_->lights.set_environment_factors(factors);
+    if (impl_->lights.view().count > 1) impl_->lights.set_weights(light_weights(world));
+  }
   return impl_->lights;
 }
 

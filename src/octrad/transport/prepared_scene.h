@@ -24,9 +24,10 @@ struct SceneChange {
 // Whether material `of` is `material`, has it on its back, or blends it.
 bool uses_material(const Scene& scene, int of, int material);
 
-// Materials and lights are prepared by the constructor. Probabilities of picking emitters (light_weights()),
-// acceleration structures, the surface sampler and a stream's copy are built when they are first asked for, once each,
-// whoever asks. Thread-safe. What it hands out lives as long as it does, also when it is moved.
+// Materials and lights are prepared by the constructor. Probabilities of picking emitters and directions of
+// the environment (light_weights.h), acceleration structures, the surface sampler and a stream's copy are built when
+// they are first asked for, once each, whoever asks. Thread-safe. What it hands out lives as long as it does, also when
+// it is moved.
 class PreparedScene {
  public:
   // What rays of the CPU traverse. Hits agree up to rounding; `bvh8` is the tree that devices traverse.
