@@ -62,7 +62,7 @@ struct Plan {
   std::vector<std::size_t> transmittance;  // of the materials
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
-              environment_cells = kAbsent, environment_factors = kAbsent;
+              environment_cells = kAbsent, environment_densities = kAbsent, environment_cdf = kAbsent;
   std::size_t delta_lights = kAbsent, light_cdf = kAbsent, placements = kAbsent;
   std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent, placed_meshes = kAbsent;
   std::vector<std::size_t> placed_areas;
@@ -109,9 +109,11 @@ struct Plan {
       const auto width = static_cast<std::size_t>(e.width), height = static_cast<std::size_t>(e.height);
       environment_pixels = layout.add(e.pixels, width * height);
       environment_sines = layout.add(e.sines, height);
-      environment_rows = layout.add(e.rows, height - 1);
+      environment_rows = layout.add(e.rows, kEnvironmentColumns * (height - 1));
       environment_cells = layout.add(e.cells, width * (height - 1));
-      environment_factors = layout.add(e.factors, static_cast<std::size_t>(kEnvironmentParts));
+      environment_densities = layout.add(e.densities, static_cast<std::size_t>(kEnvironmentParts));
+      const auto places = static_cast<std::size_t>(e.place_side * e.place_side * e.place_side);
+      environment_cdf = layout.add(e.cdf, places * kEnvironmentParts);
     }
     if (t.surfaces != nullptr) {
       const SurfaceSamplerView& s = t.surfaces->view();
@@ -259,7 +261,8 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.lights.environment.sines = block.at<float>(plan.environment_sines);
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);
   world_.lights.environment.cells = block.at<AliasEntry>(plan.environment_cells);
-  world_.lights.environment.factors = block.at<float>(plan.environment_factors);
+  world_.lights.environment.densities = block.at<float>(plan.environment_densities);
+  world_.lights.environment.cdf = block.at<float>(plan.environment_cdf);
   if (tables.surfaces != nullptr) {
     world_.surfaces = tables.surfaces->view();
     world_.surfaces.elements = block.at<SurfaceElement>(plan.elements);

@@ -45,8 +45,12 @@ struct DeviceWorld {
     return octrad::light_pdf(lights, x, surface);
   }
   OCTRAD_HD Vec3f environment(Vec3f direction) const { return light_environment(lights, direction); }
-  OCTRAD_HD float environment_pdf(Vec3f direction) const { return light_environment_pdf(lights, direction); }
-  OCTRAD_HD Vec3f environment(Vec3f direction, float& pdf) const { return light_environment(lights, direction, pdf); }
+  OCTRAD_HD float environment_pdf(Vec3f x, Vec3f direction) const {
+    return light_environment_pdf(lights, x, direction);
+  }
+  OCTRAD_HD Vec3f environment(Vec3f x, Vec3f direction, float& pdf) const {
+    return light_environment(lights, x, direction, pdf);
+  }
   OCTRAD_HD bool has_environment() const { return lights.has_environment(); }
   OCTRAD_HD bool has_lights() const { return lights.count > 0; }
   OCTRAD_HD bool hides_emitters() const { return hidden_emitters; }

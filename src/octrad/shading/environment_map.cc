@@ -44,28 +44,13 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
     sines_[y] = std::max(0.0f, static_cast<float>(std::sin(3.14159265358979323846 * static_cast<double>(y) /
                                                            static_cast<double>(h - 1))));
   }
-  rows_.resize(h - 1);
+  rows_.resize((h - 1) * kEnvironmentColumns);
   cells_.resize((h - 1) * w);
   view_.sines = sines_.data();
   view_.rows = rows_.data();
   view_.cells = cells_.data();
-  factors_.fill(1.0f);
-  view_.factors = factors_.data();
-  view_.part_columns = static_cast<float>(kEnvironmentColumns) / static_cast<float>(w);
-  view_.part_rows = static_cast<float>(kEnvironmentRows) / static_cast<float>(h);
-  build_tables();
-}
-
-void EnvironmentMap::set_factors(std::span<const float> factors) {
-  assert(factors.size() == factors_.size());
-  if (view_.height < 2) return;
-  std::copy(factors.begin(), factors.end(), factors_.begin());
-  build_tables();
-}
-
-void EnvironmentMap::build_tables() {
-  const std::size_t w = static_cast<std::size_t>(view_.width), h = static_cast<std::size_t>(view_.height);
-  std::vector<double> row_weights(h - 1);
+  // Sums of weights over the cells of a row in each column of parts.
+  std::vector<double> sums((h - 1) * kEnvironmentColumns, 0.0);
   parallel_for(h - 1, [&](std::size_t y) {
     std::vector<double> weights(w);
     const int iy = static_cast<int>(y);
@@ -73,14 +58,62 @@ void EnvironmentMap::build_tables() {
       const int ix = static_cast<int>(x), n = x + 1 == w ? 0 : ix + 1;
       const auto weight = [this](int column, int row) { return static_cast<double>(view_.weight(column, row)); };
       weights[x] = 0.25 * (weight(ix, iy) + weight(n, iy) + weight(ix, iy + 1) + weight(n, iy + 1));
-      row_weights[y] += weights[x];
     }
-    build_alias(weights.data(), view_.width, cells_.data() + y * w);
+    for (int c = 0; c < kEnvironmentColumns; ++c) {
+      const int first = view_.first_column(c), end = view_.first_column(c + 1);
+      for (int x = first; x < end; ++x)
+        sums[y * kEnvironmentColumns + static_cast<std::size_t>(c)] += weights[static_cast<std::size_t>(x)];
+      build_alias(weights.data() + first, end - first, cells_.data() + y * w + first);
+    }
   });
-  build_alias(row_weights.data(), view_.height - 1, rows_.data());
-  double total = 0.0;
-  for (const double r : row_weights) total += r;
-  if (total > 0.0) view_.inv_integral = static_cast<float>(static_cast<double>((h - 1) * w) / total);
+  integrals_.resize(kEnvironmentParts);
+  densities_.resize(kEnvironmentParts);
+  for (int r = 0; r < kEnvironmentRows; ++r) {
+    const int first = view_.first_row(r), rows = view_.first_row(r + 1) - first;
+    for (int c = 0; c < kEnvironmentColumns; ++c) {
+      std::vector<double> weights;
+      double total = 0.0;
+      for (int y = first; y < first + rows; ++y) {
+        weights.push_back(sums[static_cast<std::size_t>(y * kEnvironmentColumns + c)]);
+        total += weights.back();
+      }
+      build_alias(weights.data(), rows, rows_.data() + first * kEnvironmentColumns + c * rows);
+      const auto part = static_cast<std::size_t>(r * kEnvironmentColumns + c);
+      const auto cells = static_cast<double>((h - 1) * w);
+      integrals_[part] = static_cast<float>(total / cells);
+      densities_[part] = total > 0.0 ? static_cast<float>(cells / total) : 0.0f;
+    }
+  }
+  view_.densities = densities_.data();
+  set_places({{}, 1, integrals_});
+}
+
+void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
+  if (view_.height < 2) return;
+  const auto count = static_cast<std::size_t>(places.side * places.side * places.side);
+  assert(places.shares.size() == count * kEnvironmentParts);
+  cdf_.assign(places.shares.size(), 0.0f);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto fill = [&](const float* shares) {
+      const auto share = [&](std::size_t p) { return integrals_[p] > 0.0f ? static_cast<double>(shares[p]) : 0.0; };
+      double total = 0.0, sum = 0.0;
+      for (std::size_t p = 0; p < kEnvironmentParts; ++p) total += share(p);
+      for (std::size_t p = 0; p < kEnvironmentParts && total > 0.0; ++p) {
+        sum += share(p);
+        cdf_[i * kEnvironmentParts + p] = static_cast<float>(sum / total);
+      }
+      return total > 0.0;
+    };
+    if (!fill(places.shares.data() + i * kEnvironmentParts)) fill(integrals_.data());
+  }
+  view_.cdf = cdf_.data();
+  view_.place_side = places.side;
+  view_.places_lower = places.box.lower;
+  view_.places_per_unit = Vec3f(0.0f);
+  for (int a = 0; a < 3; ++a) {
+    const float extent = places.box.upper[a] - places.box.lower[a];
+    if (extent > 0.0f) view_.places_per_unit[a] = static_cast<float>(places.side) / extent;
+  }
 }
 
 void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* out) {
@@ -109,18 +142,18 @@ void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* o
   }
 }
 
-void EnvironmentMap::prefetch_table(Vec2f u) const {
+void EnvironmentMap::prefetch_table(Vec3f p, Vec2f u) const {
   if (view_.height < 2) return;
-  const int y = pick_alias(rows_.data(), view_.height - 1, u.y);
-  const int x = std::min(static_cast<int>(u.x * static_cast<float>(view_.width)), view_.width - 1);
-  prefetch_line(cells_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) + x);
+  const EnvironmentRow row = pick_row(view_, p, u.y);
+  const int x = row.x0 + static_cast<int>(u.x * static_cast<float>(row.columns));
+  prefetch_line(cells_.data() + static_cast<std::size_t>(row.y) * static_cast<std::size_t>(view_.width) + x);
 }
 
-void EnvironmentMap::prefetch_pixels(Vec2f u) const {
+void EnvironmentMap::prefetch_pixels(Vec3f p, Vec2f u) const {
   if (view_.height < 2) return;
-  const std::size_t y = static_cast<std::size_t>(pick_alias(rows_.data(), view_.height - 1, u.y)),
-                    w = static_cast<std::size_t>(view_.width);
-  const std::size_t x = static_cast<std::size_t>(pick_alias(cells_.data() + y * w, view_.width, u.x));
+  const EnvironmentRow picked = pick_row(view_, p, u.y);
+  const std::size_t x = static_cast<std::size_t>(pick_column(view_, picked, u.x)),
+                    y = static_cast<std::size_t>(picked.y), w = static_cast<std::size_t>(view_.width);
   for (const std::size_t row : {y * w, (y + 1) * w}) {  // two pixels each, which may lie in two lines
     prefetch_line(view_.pixels + row + x);
     prefetch_line(&view_.pixels[row + (x + 1 == w ? 0 : x + 1)].z);

@@ -3,17 +3,24 @@
 // Layout as Mitsuba 3's `envmap`: direction (in the map's own space, +Y up) -> u = atan2(x, -z) / 2 pi, v = acos(y) /
 // pi. Pixel column i is centred at u = (i + 1/2) / width and periodic; pixel row j lies at v = j / (height - 1), so
 // that the first and last rows are the poles. Radiance is bilinear in between, and so is the sampling density in (u,
-// v): luminance times sin(theta) at the pixels, times a factor of the part of the map (set_factors()).
+// v) inside each of 16 x 8 parts of the map: luminance times sin(theta) at the pixels. How likely a part is depends on
+// the place that is lit (set_places()).
 #pragma once
 
-#include <array>
-#include <span>
 #include <vector>
 
 #include "octrad/scene/scene.h"
 #include "octrad/shading/environment_math.h"
 
 namespace octrad {
+
+// Probabilities of the parts of the map, for each of side^3 places in a box of the world; x varies slowest.
+struct EnvironmentPlaces {
+  Bounds3f box;
+  int side = 1;
+  // [side^3][kEnvironmentParts], not negative; those of a place need not sum to 1. Parts without light have none.
+  std::vector<float> shares;
+};
 
 // The environment must outlive this object.
 class EnvironmentMap {
@@ -22,29 +29,31 @@ class EnvironmentMap {
   EnvironmentMap(const EnvironmentMap&) = delete;
   EnvironmentMap& operator=(const EnvironmentMap&) = delete;
 
-  // Makes sample() draw directions of each part of the map (EnvironmentView::part()) that many times as often, beside
-  // the others; 1 at first. [kEnvironmentParts], above 0. For maps of one row nothing changes.
-  void set_factors(std::span<const float> factors);
+  // The probabilities of the parts from now on; before, they are in proportion to the parts' integrals everywhere. For
+  // maps of one row nothing changes.
+  void set_places(const EnvironmentPlaces& places);
+  // Integrals of the parts, [kEnvironmentParts]; all 0 for a black map, empty for maps of one row.
+  const std::vector<float>& integrals() const { return integrals_; }
 
   using Sample = EnvironmentSample;
   Vec3f radiance(Vec3f direction) const { return environment_radiance(view_, direction); }
-  // Solid-angle density of sample().
-  float pdf(Vec3f direction) const { return environment_pdf(view_, direction); }
+  // Solid-angle density of sample() for light that arrives at `p`.
+  float pdf(Vec3f p, Vec3f direction) const { return environment_pdf(view_, p, direction); }
   // Both at once.
-  Vec3f radiance(Vec3f direction, float& density) const { return environment_radiance(view_, direction, density); }
-  Sample sample(Vec2f u) const { return sample_environment(view_, u); }
-  // Start loading what sample(u) will read: first the table entry, then (once that is there) the pixels.
-  void prefetch_table(Vec2f u) const;
-  void prefetch_pixels(Vec2f u) const;
+  Vec3f radiance(Vec3f p, Vec3f direction, float& density) const {
+    return environment_radiance(view_, p, direction, density);
+  }
+  Sample sample(Vec3f p, Vec2f u) const { return sample_environment(view_, p, u); }
+  // Start loading what sample(p, u) will read: first the table entry, then (once that is there) the pixels.
+  void prefetch_table(Vec3f p, Vec2f u) const;
+  void prefetch_pixels(Vec3f p, Vec2f u) const;
   // The tables as environment_math.h reads them.
   const EnvironmentView& view() const { return view_; }
 
  private:
-  void build_tables();
   static void build_alias(const double* weights, int count, AliasEntry* out);
 
-  std::vector<float> sines_;
-  std::array<float, kEnvironmentParts> factors_;
+  std::vector<float> sines_, integrals_, densities_, cdf_;
   std::vector<AliasEntry> rows_, cells_;
   EnvironmentView view_;
 };

@@ -16,7 +16,7 @@ struct AliasEntry {
   int other;
 };
 
-// Parts of a map that each have a factor of the sampling density: columns of longitude and rows of latitude.
+// Parts of a map, whose probabilities depend on the place that is lit: columns of longitude and rows of latitude.
 inline constexpr int kEnvironmentColumns = 16, kEnvironmentRows = 8,
                      kEnvironmentParts = kEnvironmentColumns * kEnvironmentRows;
 
@@ -27,13 +27,14 @@ struct EnvironmentView {
   float to_map_rows[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   bool rotates = true;       // or mirrors: keeps solid angles
   float determinant = 1.0f;  // of to_map_rows, absolute
-  // For maps of two rows and more; others are sampled uniformly.
-  const float* sines = nullptr;                 // [height] sin(theta) of the rows of pixels
-  const AliasEntry* rows = nullptr;             // [height - 1] of cells
-  const AliasEntry* cells = nullptr;            // [height - 1][width] of each row
-  const float* factors = nullptr;               // [kEnvironmentParts]
-  float part_columns = 0.0f, part_rows = 0.0f;  // parts a pixel
-  float inv_integral = 0.0f;                    // density in (u, v) = weight x inv_integral
+  // For maps of two rows and more; others are sampled uniformly. A cell lies between four pixels.
+  const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
+  const AliasEntry* rows = nullptr;   // of cells, in each part: [kEnvironmentColumns (height - 1)], part after part
+  const AliasEntry* cells = nullptr;  // [height - 1][width]: those of a row that are in one part
+  const float* densities = nullptr;   // [kEnvironmentParts] density in (u, v) of a part's points by themselves / weight
+  const float* cdf = nullptr;         // [place_side^3][kEnvironmentParts] of the probabilities of the parts
+  int place_side = 1;                 // places along each axis of a box of the world
+  Vec3f places_lower{0, 0, 0}, places_per_unit{0, 0, 0};
 
   OCTRAD_HD Vec3f to_world(Vec3f v) const {
     const float* m = to_world_rows;
@@ -56,14 +57,33 @@ struct EnvironmentView {
     v = v / l;
     return determinant / (l * l * l);
   }
-  OCTRAD_HD int part(int x, int y) const {
-    return static_cast<int>(static_cast<float>(y) * part_rows) * kEnvironmentColumns +
-           static_cast<int>(static_cast<float>(x) * part_columns);
-  }
-  // Luminance times sin(theta) at a pixel, times the factor of its part.
+  // Luminance times sin(theta) at a pixel.
   OCTRAD_HD float weight(int x, int y) const {
     const float l = luminance(texel(x, y));
-    return l > 0.0f ? l * sines[y] * factors[part(x, y)] : 0.0f;
+    return l > 0.0f ? l * sines[y] : 0.0f;
+  }
+  // First column of cells of a column of parts, and first row.
+  OCTRAD_HD int first_column(int part_column) const {
+    return static_cast<int>(static_cast<long long>(part_column) * width / kEnvironmentColumns);
+  }
+  OCTRAD_HD int first_row(int part_row) const {
+    return static_cast<int>(static_cast<long long>(part_row) * (height - 1) / kEnvironmentRows);
+  }
+  // The part that a cell is in.
+  OCTRAD_HD int part(int x, int y) const {
+    const auto last = [](int at, int parts, int size) {
+      return static_cast<int>((static_cast<long long>(at) * parts + parts - 1) / size);
+    };
+    return last(y, kEnvironmentRows, height - 1) * kEnvironmentColumns + last(x, kEnvironmentColumns, width);
+  }
+  // The probabilities of the parts, cumulative, for the place where `p` is; beyond the box for that at its border.
+  OCTRAD_HD const float* cdf_at(Vec3f p) const {
+    int place = 0;
+    for (int a = 0; a < 3; ++a) {
+      const float at = (p[a] - places_lower[a]) * places_per_unit[a];
+      place = place * place_side + static_cast<int>(std::fmin(std::fmax(at, 0.0f), static_cast<float>(place_side - 1)));
+    }
+    return cdf + place * kEnvironmentParts;
   }
 };
 
@@ -152,17 +172,6 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f dire
   return bilinear_radiance(e, cell(e, direction_to_uv(e.to_map(direction))));
 }
 
-// Solid-angle density of sample_environment().
-OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f direction) {
-  using namespace environment_detail;
-  if (e.height < 2) return 0.25f * kInvPi;
-  Vec3f d = e.to_map(direction);
-  const float stretch = e.normalize_in_map(d);
-  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
-  if (!(sin_theta > 0.0f)) return 0.0f;
-  return bilinear_weight(e, cell(e, direction_to_uv(d))) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) * stretch;
-}
-
 // The part of the map, of two rows and more, that a direction is in.
 OCTRAD_HD inline int environment_part(const EnvironmentView& e, Vec3f direction) {
   const environment_detail::Cell c =
@@ -170,8 +179,19 @@ OCTRAD_HD inline int environment_part(const EnvironmentView& e, Vec3f direction)
   return e.part(c.x, c.y);
 }
 
-// Both at once.
-OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f direction, float& density) {
+namespace environment_detail {
+
+// Density in (u, v) at a point of a cell, seen from `p`.
+OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cell& c) {
+  const float* cdf = e.cdf_at(p);
+  const int part = e.part(c.x, c.y);
+  return (cdf[part] - (part > 0 ? cdf[part - 1] : 0.0f)) * e.densities[part] * bilinear_weight(e, c);
+}
+
+}  // namespace environment_detail
+
+// Radiance along `direction`, and the solid-angle density with which sample_environment() draws it from `p`.
+OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f p, Vec3f direction, float& density) {
   using namespace environment_detail;
   if (e.height < 2) {
     density = 0.25f * kInvPi;
@@ -181,11 +201,49 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f dire
   const float stretch = e.normalize_in_map(d);
   const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
   const Cell c = cell(e, direction_to_uv(d));
-  density = sin_theta > 0.0f ? bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta) * stretch : 0.0f;
+  density = sin_theta > 0.0f ? cell_density(e, p, c) / (2.0f * kPi * kPi * sin_theta) * stretch : 0.0f;
   return bilinear_radiance(e, c);
 }
 
-OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, Vec2f u) {
+// The density alone.
+OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f p, Vec3f direction) {
+  using namespace environment_detail;
+  if (e.height < 2) return 0.25f * kInvPi;
+  Vec3f d = e.to_map(direction);
+  const float stretch = e.normalize_in_map(d);
+  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+  if (!(sin_theta > 0.0f)) return 0.0f;
+  return cell_density(e, p, cell(e, direction_to_uv(d))) / (2.0f * kPi * kPi * sin_theta) * stretch;
+}
+
+// Cells of a row that are in one part.
+struct EnvironmentRow {
+  int x0, columns, y;
+};
+
+// The row that `u` draws for light that arrives at `p`; `u` is replaced by its uniform remainder.
+OCTRAD_HD inline EnvironmentRow pick_row(const EnvironmentView& e, Vec3f p, float& u) {
+  constexpr float kOneMinus = 0.99999994f;
+  const float* cdf = e.cdf_at(p);
+  int part = 0;
+  for (int step = kEnvironmentParts / 2; step > 0; step /= 2) part += u >= cdf[part + step - 1] ? step : 0;
+  const float below = part > 0 ? cdf[part - 1] : 0.0f, share = cdf[part] - below;
+  u = share > 0.0f ? std::min((u - below) / share, kOneMinus) : 0.5f;
+  const int column = part % kEnvironmentColumns, row = part / kEnvironmentColumns;
+  const int x0 = e.first_column(column), y0 = e.first_row(row);
+  const int columns = e.first_column(column + 1) - x0, rows = e.first_row(row + 1) - y0;
+  const AliasEntry* table = e.rows + static_cast<std::size_t>(y0) * kEnvironmentColumns + column * rows;
+  return {x0, columns, y0 + pick_alias(table, rows, u)};
+}
+
+// Its cell that `u` draws, likewise.
+OCTRAD_HD inline int pick_column(const EnvironmentView& e, const EnvironmentRow& row, float& u) {
+  const std::size_t first = static_cast<std::size_t>(row.y) * static_cast<std::size_t>(e.width);
+  return row.x0 + pick_alias(e.cells + first + row.x0, row.columns, u);
+}
+
+// Draws a direction for light that arrives at `p`.
+OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, Vec3f p, Vec2f u) {
   using namespace environment_detail;
   EnvironmentSample s;
   if (e.height < 2) {
@@ -195,12 +253,13 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
     s.radiance = environment_radiance(e, s.direction);
     return s;
   }
-  if (!(e.inv_integral > 0.0f)) return s;
-  // A cell in proportion to its integral (its four corners' mean), then a point of the bilinear density inside it. The
-  // remainder of each random number is used again.
+  if (!(e.cdf[kEnvironmentParts - 1] > 0.0f)) return s;  // black
+  // A part, a cell in it in proportion to its integral (its four corners' mean), then a point of the bilinear density
+  // inside it. The remainder of each random number is used again.
+  const EnvironmentRow row = pick_row(e, p, u.y);
   Cell c;
-  c.y = pick_alias(e.rows, e.height - 1, u.y);
-  c.x = pick_alias(e.cells + static_cast<std::size_t>(c.y) * static_cast<std::size_t>(e.width), e.width, u.x);
+  c.y = row.y;
+  c.x = pick_column(e, row, u.x);
   const int n = c.x + 1 == e.width ? 0 : c.x + 1;
   const float w00 = e.weight(c.x, c.y), w10 = e.weight(n, c.y), w01 = e.weight(c.x, c.y + 1),
               w11 = e.weight(n, c.y + 1);
@@ -212,7 +271,7 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
   if (!(sin_theta > 0.0f)) return s;
   s.direction = e.to_world({std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta});
   s.radiance = bilinear_radiance(e, c);
-  s.pdf = bilinear_weight(e, c) * e.inv_integral / (2.0f * kPi * kPi * sin_theta);
+  s.pdf = cell_density(e, p, c) / (2.0f * kPi * kPi * sin_theta);
   if (!e.rotates) {
     s.direction = normalize(s.direction);
     Vec3f d = e.to_map(s.direction);

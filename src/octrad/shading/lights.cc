@@ -164,9 +164,11 @@ void Lights::set_weights(std::span<const float> weights) {
   if (impl_->environment) view_.environment_pick = light_pick(view_, view_.count - 1);
 }
 
-void Lights::set_environment_factors(std::span<const float> factors) {
+const EnvironmentMap* Lights::environment_map() const { return impl_->environment ? &*impl_->environment : nullptr; }
+
+void Lights::set_environment_places(const EnvironmentPlaces& places) {
   if (!impl_->environment) return;
-  impl_->environment->set_factors(factors);
+  impl_->environment->set_places(places);
   view_.environment = impl_->environment->view();
 }
 
@@ -187,15 +189,17 @@ LightSample Lights::sample(Vec3f x, float u_pick, Vec2f u) const { return sample
 Vec3f Lights::emitted(const SurfaceInteraction& surface, Vec3f wo) const { return light_emitted(view_, surface, wo); }
 float Lights::pdf(Vec3f x, const SurfaceInteraction& surface) const { return light_pdf(view_, x, surface); }
 Vec3f Lights::environment(Vec3f direction) const { return light_environment(view_, direction); }
-float Lights::environment_pdf(Vec3f direction) const { return light_environment_pdf(view_, direction); }
-Vec3f Lights::environment(Vec3f direction, float& pdf) const { return light_environment(view_, direction, pdf); }
-
-void Lights::prefetch_first(float u_pick, Vec2f u) const {
-  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_table(u);
+float Lights::environment_pdf(Vec3f x, Vec3f direction) const { return light_environment_pdf(view_, x, direction); }
+Vec3f Lights::environment(Vec3f x, Vec3f direction, float& pdf) const {
+  return light_environment(view_, x, direction, pdf);
 }
 
-void Lights::prefetch_second(float u_pick, Vec2f u) const {
-  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_pixels(u);
+void Lights::prefetch_first(Vec3f x, float u_pick, Vec2f u) const {
+  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_table(x, u);
+}
+
+void Lights::prefetch_second(Vec3f x, float u_pick, Vec2f u) const {
+  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_pixels(x, u);
 }
 
 }  // namespace octrad

@@ -10,10 +10,13 @@
 
 namespace octrad {
 
+class EnvironmentMap;
+struct EnvironmentPlaces;
+
 // All emitters of a scene. They are picked by the `sampling_weight` of the scene's file, as in Mitsuba 3; where it has
 // none, with equal probability until set_weights(). Mesh lights are sampled uniformly by area (a
 // parallelogram that shows one whole picture by that), spheres by the cone they subtend, the environment by its
-// radiance, times the factors of set_environment_factors(). The scene must outlive this object.
+// radiance until set_environment_places(). The scene must outlive this object.
 //
 // Meshes with vertex normals emit from the side of the interpolated normal, and densities per area are turned into
 // densities per solid angle by its cosine, both as Mitsuba 3 does. The second is exact for flat lights and as good as
@@ -27,22 +30,24 @@ class Lights {
   LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
   // Start loading what sample() will read for these numbers: call the first some hundred cycles before the second, and
   // that as long before sample(). They do nothing for lights that need little.
-  void prefetch_first(float u_pick, Vec2f u) const;
-  void prefetch_second(float u_pick, Vec2f u) const;
+  void prefetch_first(Vec3f x, float u_pick, Vec2f u) const;
+  void prefetch_second(Vec3f x, float u_pick, Vec2f u) const;
   // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
   Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;
   float pdf(Vec3f x, const SurfaceInteraction& surface) const;
-  // Environment radiance and density along a unit direction that hit nothing.
+  // Environment radiance and density, from `x`, along a unit direction that hit nothing.
   Vec3f environment(Vec3f direction) const;
-  float environment_pdf(Vec3f direction) const;
-  Vec3f environment(Vec3f direction, float& pdf) const;
+  float environment_pdf(Vec3f x, Vec3f direction) const;
+  Vec3f environment(Vec3f x, Vec3f direction, float& pdf) const;
   bool has_environment() const { return view_.has_environment(); }
   bool empty() const { return view_.count == 0; }
   // Emitters are picked in proportion to `weights` from now on: one for each, in the order of set_factor(), not
   // negative, not all 0. One of weight 0 is never picked.
   void set_weights(std::span<const float> weights);
-  // How often parts of the environment are drawn from now on (EnvironmentMap::set_factors()).
-  void set_environment_factors(std::span<const float> factors);
+  // Where from the environment is drawn from now on (EnvironmentMap::set_places()).
+  void set_environment_places(const EnvironmentPlaces& places);
+  // Null: no environment.
+  const EnvironmentMap* environment_map() const;
   // The probability of the emitter that `u_pick` picks.
   float pick(float u_pick) const { return light_pick(view_, pick_light(view_, u_pick)); }
   // Multiplies the emission that the scene gives light `index`: area lights come first, then lights without extent,

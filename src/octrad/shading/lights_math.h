@@ -218,7 +218,7 @@ OCTRAD_HD inline LightSample sample_picked_light(const LightsView& view, int i, 
   if (i - view.area_count < view.delta_count)
     return sample_delta_light(view.delta[i - view.area_count], view.textures, pick, x);
   LightSample s;
-  const EnvironmentSample e = sample_environment(view.environment, u);
+  const EnvironmentSample e = sample_environment(view.environment, x, u);
   s.direction = e.direction;
   s.distance = kEnvironmentDistance;
   s.radiance = e.radiance * view.environment_factor;
@@ -261,20 +261,21 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
   return l.grid == nullptr ? pdf : pdf * lights_detail::grid_density(l, surface.uv);
 }
 
-// Radiance of the environment along a unit direction that hit nothing, and the density of sample_light() for it.
+// Radiance of the environment along a unit direction that hit nothing, and the density of sample_light() from `x` for
+// it.
 OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction) {
   return view.has_environment() ? environment_radiance(view.environment, direction) * view.environment_factor
                                 : Vec3f(0.0f);
 }
-OCTRAD_HD inline float light_environment_pdf(const LightsView& view, Vec3f direction) {
-  return view.has_environment() ? view.environment_pick * environment_pdf(view.environment, direction) : 0.0f;
+OCTRAD_HD inline float light_environment_pdf(const LightsView& view, Vec3f x, Vec3f direction) {
+  return view.has_environment() ? view.environment_pick * environment_pdf(view.environment, x, direction) : 0.0f;
 }
-OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f direction, float& pdf) {
+OCTRAD_HD inline Vec3f light_environment(const LightsView& view, Vec3f x, Vec3f direction, float& pdf) {
   if (!view.has_environment()) {
     pdf = 0.0f;
     return Vec3f(0.0f);
   }
-  const Vec3f radiance = environment_radiance(view.environment, direction, pdf);
+  const Vec3f radiance = environment_radiance(view.environment, x, direction, pdf);
   pdf *= view.environment_pick;
   return radiance * view.environment_factor;
 }

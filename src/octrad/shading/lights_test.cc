@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/chi_square_test_helper.h"
 #include "octrad/shading/environment_map.h"
@@ -26,65 +28,82 @@ Environment speckled_environment(int width, int height) {
   return e;
 }
 
-// Factors from .01 to 10.
-std::vector<float> speckled_factors() {
-  std::vector<float> factors(kEnvironmentParts);
+// For 2 x 2 x 2 places of the unit cube. The expected numbers of samples below are integrals that jumps spoil, so
+// shares are alike within a factor of 3.
+EnvironmentPlaces speckled_places() {
+  EnvironmentPlaces places{{{0, 0, 0}, {1, 1, 1}}, 2, {}};
   Rng rng(4, RngPurpose::test, 7);
-  for (float& f : factors) f = std::pow(10.0f, 1.0f - 3.0f * rng.uniform());
-  return factors;
+  for (int i = 0; i < 8 * kEnvironmentParts; ++i) places.shares.push_back(1.0f + 2.0f * rng.uniform());
+  return places;
 }
 
-class EnvironmentSamples : public ::testing::TestWithParam<bool> {};
+void expect_density_of_samples(const EnvironmentMap& map, Vec3f p, std::uint64_t seed) {
+  int elsewhere = 0;
+  const auto result = testing::chi_square(
+      [&](Rng& rng, Vec3f& w) {
+        const EnvironmentMap::Sample s = map.sample(p, rng.uniform2());
+        w = s.direction;
+        if (s.pdf > 0.0f) {
+          EXPECT_NEAR(length(w), 1.0f, 1e-5f);
+          float density = 0.0f;
+          EXPECT_NEAR(map.radiance(p, w, density).y, s.radiance.y, 2e-3f);
+          EXPECT_NEAR(map.radiance(w).x, map.radiance(p, w, density).x, 1e-4f);
+          EXPECT_EQ(density, map.pdf(p, w));
+          elsewhere += std::fabs(s.pdf - density) > 2e-3f * s.pdf + 1e-5f;
+        }
+        return s.pdf > 0.0f;
+      },
+      [&](Vec3f w) { return static_cast<double>(map.pdf(p, w)); }, 200000, seed);
+  EXPECT_GT(result.p_value, 0.001) << result.text;
+  EXPECT_NEAR(result.integral, 1.0, 0.01);
+  EXPECT_LE(elsewhere, 4) << "samples that rounding puts across the border of a part";
+}
 
-TEST_P(EnvironmentSamples, FollowTheirDensity) {
-  for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {5, 3}, {1, 1}}) {
+TEST(EnvironmentMap, SamplesFollowTheirDensity) {
+  for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {5, 3}, {1, 2}, {1, 1}}) {
     const Environment e = speckled_environment(width, height);
     EnvironmentMap map(e);
-    if (GetParam()) map.set_factors(speckled_factors());
-    const auto result = testing::chi_square(
-        [&](Rng& rng, Vec3f& w) {
-          const EnvironmentMap::Sample s = map.sample(rng.uniform2());
-          w = s.direction;
-          if (s.pdf > 0.0f) {
-            EXPECT_NEAR(s.pdf, map.pdf(w), 2e-3f * s.pdf + 1e-5f);
-            EXPECT_NEAR(s.radiance.y, map.radiance(w).y, 2e-3f);
-          }
-          return s.pdf > 0.0f;
-        },
-        [&](Vec3f w) { return static_cast<double>(map.pdf(w)); }, 200000, static_cast<std::uint64_t>(width));
-    EXPECT_GT(result.p_value, 0.001) << result.text;
-    EXPECT_NEAR(result.integral, 1.0, 0.005) << width;
+    expect_density_of_samples(map, Vec3f(0.3f), static_cast<std::uint64_t>(width));
+    map.set_places(speckled_places());
+    for (const float at : {0.3f, 0.7f}) expect_density_of_samples(map, Vec3f(at), static_cast<std::uint64_t>(width));
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Factors, EnvironmentSamples, ::testing::Bool());
-
-TEST(EnvironmentMap, FactorsSayHowOftenPartsAreDrawn) {
+TEST(EnvironmentMap, PlacesSayHowOftenPartsAreDrawn) {
   Environment e;
   e.width = 64;
   e.height = 33;
   e.pixels.assign(64 * 33, Vec3f(1.0f));
   EnvironmentMap map(e);
-  const auto share_of = [&map](int part) {
+  const auto share_of = [&map](Vec3f p, int part) {
     Rng rng(1, RngPurpose::test, 5);
     int inside = 0;
     for (int i = 0; i < 100000; ++i)
-      inside += environment_part(map.view(), map.sample(rng.uniform2()).direction) == part;
+      inside += environment_part(map.view(), map.sample(p, rng.uniform2()).direction) == part;
     return inside / 100000.0;
   };
+  const std::vector<float> integrals = map.integrals();
+  ASSERT_EQ(integrals.size(), static_cast<std::size_t>(kEnvironmentParts));
+  const double total = std::accumulate(integrals.begin(), integrals.end(), 0.0);
+  EXPECT_NEAR(total, 2.0 / static_cast<double>(kPi), 1e-3);  // the mean of sin(theta) over (u, v)
   const int part = 4 * kEnvironmentColumns + 3;
-  const double before = share_of(part);
-  std::vector<float> factors(kEnvironmentParts, 1.0f);
-  factors[part] = 5.0f;
-  map.set_factors(factors);
-  // Densities are linear from one pixel to the next, so that the border of the part is soft: it has 4 x 4 pixels.
-  EXPECT_NEAR(share_of(part), 5.0 * before / (1.0 + 4.0 * before), 0.25 * 5.0 * before);
-  EXPECT_GT(share_of(part), 3.0 * before);
+  EXPECT_NEAR(share_of(Vec3f(0.0f), part), static_cast<double>(integrals[part]) / total, 0.002);
+  // Place 0 draws nothing else, place 1 (upper z) as before.
+  EnvironmentPlaces places{{{-1, -1, -1}, {1, 1, 1}}, 2, {}};
+  for (int i = 0; i < 8; ++i) places.shares.insert(places.shares.end(), integrals.begin(), integrals.end());
+  for (int i = 0; i < kEnvironmentParts; ++i) places.shares[static_cast<std::size_t>(i)] = i == part ? 3.0f : 0.0f;
+  map.set_places(places);
+  for (const float beyond : {0.5f, 9.0f}) {  // outside of the box as at its border
+    EXPECT_GT(share_of(Vec3f(-beyond), part), 0.999);
+    EXPECT_NEAR(share_of({-beyond, -beyond, beyond}, part), static_cast<double>(integrals[part]) / total, 0.002);
+  }
   // Estimates of what the map radiates do not change: 4 pi.
-  Rng rng(2, RngPurpose::test, 5);
-  double sum = 0.0;
-  for (int i = 0; i < 100000; ++i) sum += 1.0 / static_cast<double>(map.sample(rng.uniform2()).pdf);
-  EXPECT_NEAR(sum / 100000.0, 4.0 * static_cast<double>(kPi), 0.1);
+  for (const auto& p : {Vec3f(-0.5f, -0.5f, 0.5f), Vec3f(0.5f)}) {
+    Rng rng(2, RngPurpose::test, 5);
+    double sum = 0.0;
+    for (int i = 0; i < 100000; ++i) sum += 1.0 / static_cast<double>(map.sample(p, rng.uniform2()).pdf);
+    EXPECT_NEAR(sum / 100000.0, 4.0 * static_cast<double>(kPi), 0.1);
+  }
 }
 
 // Stretched and sheared skies: densities per solid angle of the world.
@@ -93,23 +112,9 @@ TEST(EnvironmentMap, AnyLinearMapKeepsDensitiesTrue) {
   const float m[9] = {1.0f, 0.4f, 0.0f, 0.0f, 0.6f, 0.1f, -0.2f, 0.0f, 0.5f};
   std::copy(m, m + 9, e.to_world);
   EnvironmentMap map(e);
-  map.set_factors(speckled_factors());
-  const auto result = testing::chi_square(
-      [&](Rng& rng, Vec3f& w) {
-        const EnvironmentMap::Sample s = map.sample(rng.uniform2());
-        w = s.direction;
-        if (s.pdf > 0.0f) {
-          EXPECT_NEAR(length(w), 1.0f, 1e-5f);
-          float density = 0.0f;
-          EXPECT_NEAR(map.radiance(w, density).y, s.radiance.y, 2e-3f);
-          EXPECT_NEAR(density, s.pdf, 2e-3f * s.pdf + 1e-5f);
-          EXPECT_EQ(density, map.pdf(w));
-        }
-        return s.pdf > 0.0f;
-      },
-      [&](Vec3f w) { return static_cast<double>(map.pdf(w)); }, 200000, 5);
-  EXPECT_GT(result.p_value, 0.001) << result.text;
-  EXPECT_NEAR(result.integral, 1.0, 0.01);
+  expect_density_of_samples(map, Vec3f(0.3f), 5);
+  map.set_places(speckled_places());
+  expect_density_of_samples(map, Vec3f(0.7f), 5);
   // The radiance towards M d is that of the map towards d.
   Environment plain = e;
   const float one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -125,12 +130,12 @@ TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
   e.width = e.height = 64;
   e.pixels.assign(64 * 64, Vec3f(2.0f, 3.0f, 4.0f));
   const EnvironmentMap map(e);
-  EXPECT_NEAR(map.pdf(normalize(Vec3f(0.3f, 0.1f, -0.6f))) * 4.0f * kPi, 1.0f, 1e-3f);
+  EXPECT_NEAR(map.pdf(Vec3f(0.0f), normalize(Vec3f(0.3f, 0.1f, -0.6f))) * 4.0f * kPi, 1.0f, 1e-3f);
   EXPECT_EQ(map.radiance({0, 1, 0}), Vec3f(2.0f, 3.0f, 4.0f));
   Environment black = e;
   black.pixels.assign(64 * 64, Vec3f(0.0f));
-  EXPECT_EQ(EnvironmentMap(black).sample({0.5f, 0.5f}).pdf, 0.0f);
-  EXPECT_EQ(EnvironmentMap(black).pdf({0, 0, 1}), 0.0f);
+  EXPECT_EQ(EnvironmentMap(black).sample(Vec3f(0.0f), {0.5f, 0.5f}).pdf, 0.0f);
+  EXPECT_EQ(EnvironmentMap(black).pdf(Vec3f(0.0f), {0, 0, 1}), 0.0f);
 }
 
 struct Estimate {
@@ -286,7 +291,7 @@ TEST(Lights, WeightsOfTheFile) {
   EXPECT_EQ(maker.scene.sampling_weights(), (std::vector<float>{1.0f, 1.0f, 2.0f, 0.0f}));
   const Lights lights(maker.scene);
   EXPECT_FLOAT_EQ(light_pick(lights.view(), 2), 0.5f);
-  EXPECT_EQ(lights.environment_pdf({0, 0, 1}), 0.0f);
+  EXPECT_EQ(lights.environment_pdf(Vec3f(0.0f), {0, 0, 1}), 0.0f);
   EXPECT_GT(max_component(lights.environment({0, 0, 1})), 0.0f) << "BSDF rays find it";
 }
 
@@ -308,7 +313,7 @@ TEST(Lights, DensityOfHitAgreesWithSampling) {
     if (s.distance >= kEnvironmentDistance) {
       if (hit.valid()) continue;
       ++misses;
-      EXPECT_NEAR(lights.environment_pdf(s.direction), s.pdf, 5e-3f * s.pdf + 1e-5f);
+      EXPECT_NEAR(lights.environment_pdf(x, s.direction), s.pdf, 5e-3f * s.pdf + 1e-5f);
       EXPECT_NEAR(lights.environment(s.direction).x, s.radiance.x, 1e-2f);
       continue;
     }

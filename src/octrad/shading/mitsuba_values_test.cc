@@ -92,7 +92,7 @@ TEST(MitsubaValues, Environment) {
     const std::string what = "direction " + std::to_string(v.direction.x) + " " + std::to_string(v.direction.y) + " " +
                              std::to_string(v.direction.z);
     for (int c = 0; c < 3; ++c) expect_close(map.radiance(v.direction)[c], v.radiance[c], 1e-3f, what);
-    expect_close(map.pdf(v.direction), v.pdf, 2e-3f, "pdf " + what);
+    expect_close(map.pdf(Vec3f(0.0f), v.direction), v.pdf, 2e-3f, "pdf " + what);
   }
 }
 

@@ -38,8 +38,12 @@ struct TransportContext {
     return octrad::light_pdf(lights.view(), x, surface);
   }
   Vec3f environment(Vec3f direction) const { return light_environment(lights.view(), direction); }
-  float environment_pdf(Vec3f direction) const { return light_environment_pdf(lights.view(), direction); }
-  Vec3f environment(Vec3f direction, float& pdf) const { return light_environment(lights.view(), direction, pdf); }
+  float environment_pdf(Vec3f x, Vec3f direction) const {
+    return light_environment_pdf(lights.view(), x, direction);
+  }
+  Vec3f environment(Vec3f x, Vec3f direction, float& pdf) const {
+    return light_environment(lights.view(), x, direction, pdf);
+  }
   bool has_environment() const { return lights.has_environment(); }
   bool has_lights() const { return !lights.empty(); }
   bool hides_emitters() const { return scene.hide_emitters; }

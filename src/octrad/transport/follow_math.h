@@ -110,9 +110,10 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
     const Vec3f radiance = world.environment(direction);
     if (start) {
       end.first_emitted = radiance;
-      end.first_light_pdf = world.environment_pdf(direction);
+      end.first_light_pdf = world.environment_pdf(position, direction);
     } else {
-      const float mis = segment.pdf > 0.0f ? segment.pdf / (segment.pdf + world.environment_pdf(direction)) : 1.0f;
+      const float mis =
+          segment.pdf > 0.0f ? segment.pdf / (segment.pdf + world.environment_pdf(segment.vertex, direction)) : 1.0f;
       end.emitted += end.throughput * radiance * mis;
     }
     end.escaped = true;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "octrad/base/threads.h"
+#include "octrad/shading/environment_map.h"
 #include "octrad/transport/lhs_math.h"
 
 namespace octrad {
@@ -15,7 +16,8 @@ constexpr int kPasses = 16;       // masks, mirrors and glass of a path, at most
 constexpr int kMostSampled = 32;  // emitters at a vertex
 constexpr int kDirections = 32;   // of the environment at a vertex
 constexpr std::size_t kEnvironmentPaths = 1024;
-constexpr double kFewSamples = 8.0;  // of an emitter: half of what is left is picked uniformly
+constexpr int kPlaces = 4;           // along each axis
+constexpr double kFewSamples = 8.0;  // half of the weight is then that of what is assumed without them
 // Of the mean radiance of all vertices: where less arrives directly, most light is indirect.
 constexpr double kIndirect = 0.3;
 
@@ -102,6 +104,7 @@ std::vector<CameraView> sensor_views(const Scene& scene) {
 // Directions sampled at a vertex: which part of the environment each is of (-1: none), and what it brings, with the
 // weight of the balance heuristic.
 struct Directions {
+  Vec3f position;
   int part[kDirections] = {};
   float brought[kDirections] = {};
   double radiance = 0.0;  // of the environment
@@ -112,6 +115,7 @@ Directions sample_directions(const TransportContext& world, const ShadingPoint& 
   const LightsView& lights = world.lights.view();
   const EnvironmentView& environment = lights.environment;
   const SurfaceInteraction& surface = point.surface;
+  directions.position = surface.position;
   for (int k = 0; k < kDirections; ++k) {
     const LightSample light = sample_picked_light(lights, lights.count - 1, 1.0f, surface.position, rng.uniform2());
     directions.part[k] = -1;
@@ -167,9 +171,40 @@ std::vector<float> light_weights(const TransportContext& world) {
   return weights;
 }
 
-std::vector<float> environment_factors(const TransportContext& world) {
-  const EnvironmentView& environment = world.lights.view().environment;
-  if (!world.lights.has_environment() || environment.height < 2 || world.scene.cameras.empty()) return {};
+namespace {
+
+// Bounds of all but a few of the positions.
+Bounds3f most_of(const std::vector<std::vector<Directions>>& paths) {
+  constexpr double kLeftOut = 0.02;  // at each end of an axis
+  Bounds3f box;
+  for (int a = 0; a < 3; ++a) {
+    std::vector<float> along;
+    for (const std::vector<Directions>& path : paths) {
+      for (const Directions& d : path) along.push_back(d.position[a]);
+    }
+    std::sort(along.begin(), along.end());
+    const auto skipped = static_cast<std::size_t>(kLeftOut * static_cast<double>(along.size()));
+    box.lower[a] = along[skipped];
+    box.upper[a] = along[along.size() - 1 - skipped];
+  }
+  return box;
+}
+
+int place_of(const EnvironmentPlaces& places, Vec3f p) {
+  int place = 0;
+  for (int a = 0; a < 3; ++a) {
+    const float extent = places.box.upper[a] - places.box.lower[a];
+    const float at = extent > 0.0f ? (p[a] - places.box.lower[a]) / extent * static_cast<float>(places.side) : 0.0f;
+    place = place * places.side + static_cast<int>(std::clamp(at, 0.0f, static_cast<float>(places.side - 1)));
+  }
+  return place;
+}
+
+}  // namespace
+
+std::optional<EnvironmentPlaces> environment_places(const TransportContext& world) {
+  const EnvironmentMap* map = world.lights.environment_map();
+  if (map == nullptr || map->integrals().empty() || world.scene.cameras.empty()) return std::nullopt;
   const std::vector<CameraView> views = sensor_views(world.scene);
   std::vector<std::vector<Directions>> paths(kEnvironmentPaths);
   parallel_blocks(paths.size(), 16, [&](std::size_t begin, std::size_t end) {
@@ -184,33 +219,54 @@ std::vector<float> environment_factors(const TransportContext& world) {
   for (const std::vector<Directions>& path : paths) {
     for (const Directions& d : path) mean += d.radiance, ++vertices;
   }
-  if (!(mean > 0.0)) return {};
+  if (!(mean > 0.0)) return std::nullopt;
   mean /= vertices;
-  std::vector<double> samples(kEnvironmentParts, 0.0), squares(kEnvironmentParts, 0.0);
-  double all = 0.0;
+
+  EnvironmentPlaces places;
+  places.box = most_of(paths);
+  places.side = kPlaces;
+  const std::size_t count = kPlaces * kPlaces * kPlaces;
+  constexpr std::size_t parts = kEnvironmentParts;
+  // Samples, and sums of the squares of their relative contributions: of the parts at each place, and everywhere.
+  struct Squares {
+    double samples = 0.0, sum = 0.0;
+    void add(double square) {
+      samples += 1.0;
+      sum += square;
+    }
+    // Their mean, where that of few samples is taken towards `otherwise`.
+    double mean(double otherwise) const { return (sum + kFewSamples * otherwise) / (samples + kFewSamples); }
+  };
+  std::vector<Squares> here(count * parts), everywhere(parts);
+  Squares all;
   for (const std::vector<Directions>& path : paths) {
     for (const Directions& d : path) {
+      const auto place = static_cast<std::size_t>(place_of(places, d.position));
       for (int k = 0; k < kDirections; ++k) {
         if (d.part[k] < 0) continue;
         const double share = static_cast<double>(d.brought[k]) / (d.radiance + kIndirect * mean);
         const auto part = static_cast<std::size_t>(d.part[k]);
-        samples[part] += 1.0;
-        squares[part] += share * share;
-        all += 1.0;
+        here[place * parts + part].add(share * share);
+        everywhere[part].add(share * share);
+        all.add(share * share);
       }
     }
   }
-  // Of all samples a share of samples[i] / all is in part i; with the factor sqrt(squares[i] / samples[i]), and another
-  // for all so that these shares sum to 1, the expected square of the relative error is least.
-  double sum = 0.0;
-  for (std::size_t i = 0; i < samples.size(); ++i) sum += std::sqrt(squares[i] * samples[i]);
-  std::vector<float> factors(samples.size(), 1.0f);
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    if (!(samples[i] > 0.0)) continue;
-    const double uniform = kUniformPicks + (1.0 - kUniformPicks) * kFewSamples / (kFewSamples + samples[i]);
-    factors[i] = static_cast<float>(uniform + (1.0 - uniform) * std::sqrt(squares[i] / samples[i]) * all / sum);
+  const double mean_square = all.mean(0.0);
+  double total = 0.0;
+  for (const float integral : map->integrals()) total += static_cast<double>(integral);
+  for (std::size_t place = 0; place < count; ++place) {
+    double wanted[parts], sum = 0.0;
+    for (std::size_t part = 0; part < parts; ++part) {
+      const double square = here[place * parts + part].mean(everywhere[part].mean(mean_square));
+      sum += wanted[part] = static_cast<double>(map->integrals()[part]) / total * std::sqrt(square);
+    }
+    for (std::size_t part = 0; part < parts; ++part) {
+      places.shares.push_back(static_cast<float>(kUniformPicks * static_cast<double>(map->integrals()[part]) / total +
+                                                 (1.0 - kUniformPicks) * wanted[part] / sum));
+    }
   }
-  return factors;
+  return places;
 }
 
 }  // namespace octrad

@@ -2,8 +2,10 @@
 // 7).
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "octrad/shading/environment_map.h"
 #include "octrad/transport/context.h"
 
 namespace octrad {
@@ -19,10 +21,10 @@ namespace octrad {
 inline constexpr double kUniformPicks = 0.2;
 std::vector<float> light_weights(const TransportContext& world);
 
-// Factors for Lights::set_environment_factors(), by the same rule: directions from which light reaches few of the
-// vertices, as those of walls without a window, are drawn less often. A fifth of the samples, and more in parts of the
-// map that were sampled seldom, stay as they were. Empty where there is nothing to measure. Parallel; same bits at any
-// thread count. At most 131,072 shadow rays.
-std::vector<float> environment_factors(const TransportContext& world);
+// Where from the environment is drawn, for Lights::set_environment_places(), by the same rule in each of 4^3 places of
+// the box where paths are: directions of walls are drawn less often than those of windows. A fifth of the samples stays
+// as it was; a part of the map that was sampled seldom at a place is taken to be there as it is everywhere. Nothing
+// where there is nothing to measure. Parallel; same bits at any thread count. At most 131,072 shadow rays.
+std::optional<EnvironmentPlaces> environment_places(const TransportContext& world);
 
 }  // namespace octrad

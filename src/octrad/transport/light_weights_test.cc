@@ -100,55 +100,61 @@ class Window : public SceneMaker {
   }
 };
 
-std::vector<float> factors_of(const Scene& scene) {
+std::optional<EnvironmentPlaces> places_of(const Scene& scene) {
   const auto tracer = make_embree_tracer(scene);
   const Materials materials(scene);
   const Lights lights(scene);
-  return environment_factors({scene, *tracer, materials, lights});
+  return environment_places({scene, *tracer, materials, lights});
 }
 
-TEST(EnvironmentFactors, DirectionsThroughWindowsAreDrawnMoreOftenThanThoseOfWalls) {
+// Solid-angle density from `p` along `direction`, over that of all directions alike.
+float density(const EnvironmentMap& map, Vec3f p, Vec3f direction) {
+  return map.pdf(p, normalize(direction)) * 4.0f * kPi;
+}
+
+TEST(EnvironmentPlaces, DirectionsThroughWindowsAreDrawnMoreOftenThanThoseOfWalls) {
   for (const float unit : {1e-3f, 1.0f, 1e5f}) {
     const Window window(unit);
-    const std::vector<float> factors = factors_of(window.scene);
-    ASSERT_EQ(factors.size(), static_cast<std::size_t>(kEnvironmentParts));
-    const Lights lights(window.scene);
-    const auto factor = [&](Vec3f direction) {
-      return factors[static_cast<std::size_t>(environment_part(lights.view().environment, normalize(direction)))];
-    };
-    EXPECT_GT(factor({0.05f, 0.05f, -1}), 1.5f) << unit;
-    EXPECT_GT(factor({-0.05f, -0.05f, -1}), 1.5f) << unit;
-    for (const Vec3f blind : {Vec3f(0, 1, 0), Vec3f(0, -1, 0), Vec3f(0, 0, 1), Vec3f(1, 0, 0.1f), Vec3f(-1, 0, 0.1f)}) {
-      EXPECT_GE(factor(blind), static_cast<float>(kUniformPicks)) << unit;
-      EXPECT_LT(factor(blind), 0.4f) << unit;
+    const auto places = places_of(window.scene);
+    ASSERT_TRUE(places);
+    EnvironmentMap map(window.scene.environments[0]);
+    map.set_places(*places);
+    for (const Vec3f p : {Vec3f(0, 0, 1.9f), Vec3f(0.1f, -1.9f, 1.0f)})
+      EXPECT_GT(density(map, p, Vec3f(0, 0, -1.99f) - p), 3.0f) << unit;
+    for (const Vec3f p : {Vec3f(0, 0, 1.9f), Vec3f(1.9f, 0, 0), Vec3f(0.1f, -1.9f, 1.0f)}) {
+      for (const Vec3f blind : {Vec3f(0, 1, 0.01f), Vec3f(0, -1, 0.01f), Vec3f(0, 0, 1), Vec3f(1, 0, 0.1f)}) {
+        EXPECT_GT(density(map, p, blind), 0.9f * static_cast<float>(kUniformPicks)) << unit;
+        EXPECT_LT(density(map, p, blind), 0.5f) << unit;
+      }
     }
+    // From the left the window is seen to the right, and the other way round.
+    const Vec3f left(-1.9f, 0, -1), right(1.9f, 0, -1), to_right(0.86f, 0, -0.5f), to_left(-0.86f, 0, -0.5f);
+    EXPECT_GT(density(map, left, to_right), 1.5f * density(map, left, to_left)) << unit;
+    EXPECT_GT(density(map, right, to_left), 1.5f * density(map, right, to_right)) << unit;
   }
 }
 
-TEST(EnvironmentFactors, ThereAreNoneWhereNothingIsToBeMeasured) {
+TEST(EnvironmentPlaces, ThereAreNoneWhereNothingIsToBeMeasured) {
   Window window;
   window.scene.cameras.clear();
-  EXPECT_TRUE(factors_of(window.scene).empty());
-  Window dark(0.0f);
-  EXPECT_TRUE(factors_of(dark.scene).empty());
+  EXPECT_FALSE(places_of(window.scene));
+  EXPECT_FALSE(places_of(Window(0.0f).scene));
   Window constant;
   constant.scene.environments[0].width = constant.scene.environments[0].height = 1;
   constant.scene.environments[0].pixels.resize(1);
-  EXPECT_TRUE(factors_of(constant.scene).empty());
-  EXPECT_TRUE(factors_of(Lamps({{0, 2, 0}}).scene).empty());
+  EXPECT_FALSE(places_of(constant.scene));
+  EXPECT_FALSE(places_of(Lamps({{0, 2, 0}}).scene));
 }
 
-TEST(EnvironmentFactors, AScenePreparesThemUnlessItsFileHasSamplingWeights) {
+TEST(EnvironmentPlaces, AScenePreparesThemUnlessItsFileHasSamplingWeights) {
   Window window;
-  const std::vector<float> factors = factors_of(window.scene);
-  const auto prepared = [](const Scene& scene) {
-    const PreparedScene p(scene);
-    const float* f = p.lights().view().environment.factors;
-    return std::vector<float>(f, f + kEnvironmentParts);
-  };
-  EXPECT_EQ(prepared(window.scene), factors);
+  const EnvironmentMap plain(window.scene.environments[0]);
+  EnvironmentMap measured(window.scene.environments[0]);
+  measured.set_places(places_of(window.scene).value());
+  const Vec3f p(0, 0, 1.9f), through = normalize(Vec3f(0.1f, 0.1f, -1));
+  EXPECT_EQ(PreparedScene(window.scene).lights().environment_pdf(p, through), measured.pdf(p, through));
   window.scene.environments[0].sampling_weight = 1.0f;
-  EXPECT_EQ(prepared(window.scene), std::vector<float>(kEnvironmentParts, 1.0f));
+  EXPECT_EQ(PreparedScene(window.scene).lights().environment_pdf(p, through), plain.pdf(p, through));
 }
 
 TEST(LightWeights, AScenePreparesThemUnlessItsFileHasSome) {

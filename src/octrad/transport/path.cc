@@ -87,7 +87,8 @@ class Group {
       counters_.rays += static_cast<long long>(alive);
       for (std::size_t i = 0; i < alive; ++i) {
         prefetch_vertices(active_[i]->hit);
-        if (environment_) context_.lights.prefetch_second(active_[i]->numbers.u_pick, active_[i]->numbers.u);
+        if (environment_ && active_[i]->hit.valid())
+          context_.lights.prefetch_second(place_of(*active_[i]), active_[i]->numbers.u_pick, active_[i]->numbers.u);
       }
       for (std::size_t i = 0; i < alive; ++i) locate(*active_[i]);
       connections_ = 0;
@@ -131,10 +132,13 @@ class Group {
     }
   }
 
+  // About where the ray ends.
+  static Vec3f place_of(const Walker& w) { return w.path.origin + w.path.direction * w.hit.t; }
+
   // Environments are sampled from tables that do not fit into caches: their random numbers are drawn early.
   void prefetch_light(Walker& w) const {
     w.numbers = draw_light_numbers(w.out->rng);
-    context_.lights.prefetch_first(w.numbers.u_pick, w.numbers.u);
+    if (w.hit.valid()) context_.lights.prefetch_first(place_of(w), w.numbers.u_pick, w.numbers.u);
   }
 
   // The surface that was hit, or the light of the environment.

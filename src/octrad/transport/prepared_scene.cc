@@ -34,8 +34,8 @@ struct PreparedScene::Impl {
   Materials materials{scene};
   Lights lights{scene};
   bool lights_are_measured;         // or need not be
-  std::vector<Vec3f> factors;                                    // of the lights
-  std::vector<MaterialEdit> edits;                               // of the materials
+  std::vector<Vec3f> factors;       // of the lights
+  std::vector<MaterialEdit> edits;  // of the materials
 
   std::recursive_mutex building;  // one part may ask for another
   std::unique_ptr<Tracer> tracer;
@@ -63,8 +63,7 @@ const Lights& PreparedScene::lights() const {
   const std::lock_guard lock(impl_->building);
   if (!std::exchange(impl_->lights_are_measured, true)) {
     const TransportContext world{scene(), tracer(), materials(), impl_->lights};
-    if (const std::vector<float> factors = environment_factors(world); !factors.empty())
-      impl_->lights.set_environment_factors(factors);
+    if (const auto places = environment_places(world)) impl_->lights.set_environment_places(*places);
     if (impl_->lights.view().count > 1) impl_->lights.set_weights(light_weights(world));
   }
   return impl_->lights;

@@ -54,9 +54,9 @@ OCTRAD_HD int describe(const World& world, const SurfaceInteraction& sampled, co
   w.add(world.has_environment());
   w.add(world.has_lights());
   w.add(world.environment(p.direction));
-  w.add(world.environment_pdf(p.direction));
+  w.add(world.environment_pdf(p.origin, p.direction));
   float pdf = -1.0f;
-  w.add(world.environment(p.direction, pdf));
+  w.add(world.environment(p.origin, p.direction, pdf));
   w.add(pdf);
   if (!hit.valid()) return static_cast<int>(w.out - numbers);
   const SurfaceInteraction surface = world.interact(hit, p.origin, p.direction);
