@@ -17,7 +17,7 @@ constexpr int kMostSampled = 32;  // emitters at a vertex
 constexpr int kDirections = 32;   // of the environment at a vertex
 constexpr std::size_t kEnvironmentPaths = 1024;
 constexpr int kPlaces = 4;           // along each axis
-constexpr double kFewSamples = 8.0;  // half of the weight is then that of what is assumed without them
+constexpr double kFewSamples = 8.0;  // of an emitter: half of what is left is picked uniformly
 // Of the mean radiance of all vertices: where less arrives directly, most light is indirect.
 constexpr double kIndirect = 0.3;
 
@@ -235,7 +235,7 @@ std::optional<EnvironmentPlaces> environment_places(const TransportContext& worl
       sum += square;
     }
     // Their mean, where that of few samples is taken towards `otherwise`.
-    double mean(double otherwise) const { return (sum + kFewSamples * otherwise) / (samples + kFewSamples); }
+    double mean(double otherwise) const { return (sum + kFewDirections * otherwise) / (samples + kFewDirections); }
   };
   std::vector<Squares> here(count * parts), everywhere(parts);
   Squares all;
