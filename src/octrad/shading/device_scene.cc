@@ -62,7 +62,7 @@ struct Plan {
   std::vector<std::size_t> transmittance;  // of the materials
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
-              environment_cells = kAbsent, environment_densities = kAbsent, environment_cdf = kAbsent;
+              environment_cells = kAbsent, environment_densities = kAbsent, environment_parts = kAbsent;
   std::size_t delta_lights = kAbsent, light_cdf = kAbsent, placements = kAbsent;
   std::size_t elements = kAbsent, cumulative = kAbsent, guide = kAbsent, placed_meshes = kAbsent;
   std::vector<std::size_t> placed_areas;
@@ -111,9 +111,9 @@ struct Plan {
       environment_sines = layout.add(e.sines, height);
       environment_rows = layout.add(e.rows, kEnvironmentColumns * (height - 1));
       environment_cells = layout.add(e.cells, width * (height - 1));
-      environment_densities = layout.add(e.densities, static_cast<std::size_t>(kEnvironmentParts));
       const auto places = static_cast<std::size_t>(e.place_side * e.place_side * e.place_side);
-      environment_cdf = layout.add(e.cdf, places * kEnvironmentParts);
+      environment_parts = layout.add(e.parts, places * kEnvironmentParts);
+      environment_densities = layout.add(e.densities, places * kEnvironmentParts);
     }
     if (t.surfaces != nullptr) {
       const SurfaceSamplerView& s = t.surfaces->view();
@@ -262,7 +262,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);
   world_.lights.environment.cells = block.at<AliasEntry>(plan.environment_cells);
   world_.lights.environment.densities = block.at<float>(plan.environment_densities);
-  world_.lights.environment.cdf = block.at<float>(plan.environment_cdf);
+  world_.lights.environment.parts = block.at<AliasEntry>(plan.environment_parts);
   if (tables.surfaces != nullptr) {
     world_.surfaces = tables.surfaces->view();
     world_.surfaces.elements = block.at<SurfaceElement>(plan.elements);

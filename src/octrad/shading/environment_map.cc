@@ -67,7 +67,6 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
     }
   });
   integrals_.resize(kEnvironmentParts);
-  densities_.resize(kEnvironmentParts);
   for (int r = 0; r < kEnvironmentRows; ++r) {
     const int first = view_.first_row(r), rows = view_.first_row(r + 1) - first;
     for (int c = 0; c < kEnvironmentColumns; ++c) {
@@ -79,12 +78,9 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
       }
       build_alias(weights.data(), rows, rows_.data() + first * kEnvironmentColumns + c * rows);
       const auto part = static_cast<std::size_t>(r * kEnvironmentColumns + c);
-      const auto cells = static_cast<double>((h - 1) * w);
-      integrals_[part] = static_cast<float>(total / cells);
-      densities_[part] = total > 0.0 ? static_cast<float>(cells / total) : 0.0f;
+      integrals_[part] = static_cast<float>(total / static_cast<double>((h - 1) * w));
     }
   }
-  view_.densities = densities_.data();
   set_places({{}, 1, integrals_});
 }
 
@@ -92,21 +88,29 @@ void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
   if (view_.height < 2) return;
   const auto count = static_cast<std::size_t>(places.side * places.side * places.side);
   assert(places.shares.size() == count * kEnvironmentParts);
-  cdf_.assign(places.shares.size(), 0.0f);
+  densities_.assign(places.shares.size(), 0.0f);
+  parts_.resize(places.shares.size());
   for (std::size_t i = 0; i < count; ++i) {
     const auto fill = [&](const float* shares) {
-      const auto share = [&](std::size_t p) { return integrals_[p] > 0.0f ? static_cast<double>(shares[p]) : 0.0; };
-      double total = 0.0, sum = 0.0;
-      for (std::size_t p = 0; p < kEnvironmentParts; ++p) total += share(p);
-      for (std::size_t p = 0; p < kEnvironmentParts && total > 0.0; ++p) {
-        sum += share(p);
-        cdf_[i * kEnvironmentParts + p] = static_cast<float>(sum / total);
+      std::vector<double> weights(kEnvironmentParts);
+      double total = 0.0;
+      for (std::size_t p = 0; p < kEnvironmentParts; ++p) {
+        weights[p] = integrals_[p] > 0.0f ? static_cast<double>(shares[p]) : 0.0;
+        total += weights[p];
       }
-      return total > 0.0;
+      if (!(total > 0.0)) return false;
+      for (std::size_t p = 0; p < kEnvironmentParts; ++p) {
+        if (weights[p] > 0.0)
+          densities_[i * kEnvironmentParts + p] =
+              static_cast<float>(weights[p] / total / static_cast<double>(integrals_[p]));
+      }
+      build_alias(weights.data(), kEnvironmentParts, parts_.data() + i * kEnvironmentParts);
+      return true;
     };
-    if (!fill(places.shares.data() + i * kEnvironmentParts)) fill(integrals_.data());
+    if (!fill(places.shares.data() + i * kEnvironmentParts) && !fill(integrals_.data())) return;  // black
   }
-  view_.cdf = cdf_.data();
+  view_.parts = parts_.data();
+  view_.densities = densities_.data();
   view_.place_side = places.side;
   view_.places_lower = places.box.lower;
   view_.places_per_unit = Vec3f(0.0f);

@@ -53,8 +53,8 @@ class EnvironmentMap {
  private:
   static void build_alias(const double* weights, int count, AliasEntry* out);
 
-  std::vector<float> sines_, integrals_, densities_, cdf_;
-  std::vector<AliasEntry> rows_, cells_;
+  std::vector<float> sines_, integrals_, densities_;
+  std::vector<AliasEntry> rows_, cells_, parts_;
   EnvironmentView view_;
 };
 

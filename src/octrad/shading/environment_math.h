@@ -31,8 +31,8 @@ struct EnvironmentView {
   const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
   const AliasEntry* rows = nullptr;   // of cells, in each part: [kEnvironmentColumns (height - 1)], part after part
   const AliasEntry* cells = nullptr;  // [height - 1][width]: those of a row that are in one part
-  const float* densities = nullptr;   // [kEnvironmentParts] density in (u, v) of a part's points by themselves / weight
-  const float* cdf = nullptr;         // [place_side^3][kEnvironmentParts] of the probabilities of the parts
+  const AliasEntry* parts = nullptr;  // [place_side^3][kEnvironmentParts]
+  const float* densities = nullptr;   // likewise: density in (u, v) = weight x this
   int place_side = 1;                 // places along each axis of a box of the world
   Vec3f places_lower{0, 0, 0}, places_per_unit{0, 0, 0};
 
@@ -63,27 +63,20 @@ struct EnvironmentView {
     return l > 0.0f ? l * sines[y] : 0.0f;
   }
   // First column of cells of a column of parts, and first row.
-  OCTRAD_HD int first_column(int part_column) const {
-    return static_cast<int>(static_cast<long long>(part_column) * width / kEnvironmentColumns);
-  }
-  OCTRAD_HD int first_row(int part_row) const {
-    return static_cast<int>(static_cast<long long>(part_row) * (height - 1) / kEnvironmentRows);
-  }
+  OCTRAD_HD int first_column(int part_column) const { return part_column * width / kEnvironmentColumns; }
+  OCTRAD_HD int first_row(int part_row) const { return part_row * (height - 1) / kEnvironmentRows; }
   // The part that a cell is in.
   OCTRAD_HD int part(int x, int y) const {
-    const auto last = [](int at, int parts, int size) {
-      return static_cast<int>((static_cast<long long>(at) * parts + parts - 1) / size);
-    };
+    const auto last = [](int at, int count, int size) { return (at * count + count - 1) / size; };
     return last(y, kEnvironmentRows, height - 1) * kEnvironmentColumns + last(x, kEnvironmentColumns, width);
   }
-  // The probabilities of the parts, cumulative, for the place where `p` is; beyond the box for that at its border.
-  OCTRAD_HD const float* cdf_at(Vec3f p) const {
-    int place = 0;
-    for (int a = 0; a < 3; ++a) {
-      const float at = (p[a] - places_lower[a]) * places_per_unit[a];
-      place = place * place_side + static_cast<int>(std::fmin(std::fmax(at, 0.0f), static_cast<float>(place_side - 1)));
-    }
-    return cdf + place * kEnvironmentParts;
+  // Where the parts of the place that `p` is in begin; beyond the box those of the place at its border.
+  OCTRAD_HD int first_part(Vec3f p) const {
+    const Vec3f at = (p - places_lower) * places_per_unit;
+    const auto along = [last = static_cast<float>(place_side - 1)](float a) {
+      return static_cast<int>(lesser(greater(a, 0.0f), last));
+    };
+    return ((along(at.x) * place_side + along(at.y)) * place_side + along(at.z)) * kEnvironmentParts;
   }
 };
 
@@ -183,9 +176,7 @@ namespace environment_detail {
 
 // Density in (u, v) at a point of a cell, seen from `p`.
 OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cell& c) {
-  const float* cdf = e.cdf_at(p);
-  const int part = e.part(c.x, c.y);
-  return (cdf[part] - (part > 0 ? cdf[part - 1] : 0.0f)) * e.densities[part] * bilinear_weight(e, c);
+  return e.densities[e.first_part(p) + e.part(c.x, c.y)] * bilinear_weight(e, c);
 }
 
 }  // namespace environment_detail
@@ -223,12 +214,7 @@ struct EnvironmentRow {
 
 // The row that `u` draws for light that arrives at `p`; `u` is replaced by its uniform remainder.
 OCTRAD_HD inline EnvironmentRow pick_row(const EnvironmentView& e, Vec3f p, float& u) {
-  constexpr float kOneMinus = 0.99999994f;
-  const float* cdf = e.cdf_at(p);
-  int part = 0;
-  for (int step = kEnvironmentParts / 2; step > 0; step /= 2) part += u >= cdf[part + step - 1] ? step : 0;
-  const float below = part > 0 ? cdf[part - 1] : 0.0f, share = cdf[part] - below;
-  u = share > 0.0f ? std::min((u - below) / share, kOneMinus) : 0.5f;
+  const int part = pick_alias(e.parts + e.first_part(p), kEnvironmentParts, u);
   const int column = part % kEnvironmentColumns, row = part / kEnvironmentColumns;
   const int x0 = e.first_column(column), y0 = e.first_row(row);
   const int columns = e.first_column(column + 1) - x0, rows = e.first_row(row + 1) - y0;
@@ -253,7 +239,7 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
     s.radiance = environment_radiance(e, s.direction);
     return s;
   }
-  if (!(e.cdf[kEnvironmentParts - 1] > 0.0f)) return s;  // black
+  if (e.parts == nullptr) return s;  // black
   // A part, a cell in it in proportion to its integral (its four corners' mean), then a point of the bilinear density
   // inside it. The remainder of each random number is used again.
   const EnvironmentRow row = pick_row(e, p, u.y);

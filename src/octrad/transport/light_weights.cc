@@ -16,8 +16,9 @@ constexpr int kPasses = 16;       // masks, mirrors and glass of a path, at most
 constexpr int kMostSampled = 32;  // emitters at a vertex
 constexpr int kDirections = 32;   // of the environment at a vertex
 constexpr std::size_t kEnvironmentPaths = 1024;
-constexpr int kPlaces = 4;           // along each axis
-constexpr double kFewSamples = 8.0;  // of an emitter: half of what is left is picked uniformly
+constexpr int kPlaces = 4;              // along each axis
+constexpr double kFewDirections = 4.0;  // drawn of a part: half of the weight is that of all places
+constexpr double kFewSamples = 8.0;     // of an emitter: half of what is left is picked uniformly
 // Of the mean radiance of all vertices: where less arrives directly, most light is indirect.
 constexpr double kIndirect = 0.3;
 
