@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Picking emitters by what they bring, beside picking them all alike: noise of path tracing and errors of trained caches.
+"""Sampling emitters, and directions of environments, by what they bring, beside sampling them as Mitsuba does, all alike and by radiance: noise of path tracing and errors of trained caches.
 
     bench/picks.py [--octrad PROGRAM] [--train STEPS] SCENE_FOLDER ...
 
-Alike: a copy of scene.xml, in a folder of links, whose first emitter states the sampling_weight that it has without. A line a scene: ratios,
+Alike: a copy of scene.xml, in a folder of links, whose first emitter states the sampling_weight that it has without, so that nothing is measured. A line a scene: ratios,
 measured / alike, of the MAPE, the relative squared error and the processor seconds of two pictures of --spp samples with different seeds, each against the other. With --train, caches (preset cpu, one seed) after that many steps, of both, against a reference of --reference-spp samples: MAPE.
 """
 import argparse

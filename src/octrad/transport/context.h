@@ -38,9 +38,7 @@ struct TransportContext {
     return octrad::light_pdf(lights.view(), x, surface);
   }
   Vec3f environment(Vec3f direction) const { return light_environment(lights.view(), direction); }
-  float environment_pdf(Vec3f x, Vec3f direction) const {
-    return light_environment_pdf(lights.view(), x, direction);
-  }
+  float environment_pdf(Vec3f x, Vec3f direction) const { return light_environment_pdf(lights.view(), x, direction); }
   Vec3f environment(Vec3f x, Vec3f direction, float& pdf) const {
     return light_environment(lights.view(), x, direction, pdf);
   }

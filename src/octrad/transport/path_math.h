@@ -53,8 +53,8 @@ template <typename World>
 OCTRAD_HD inline Vec3f path_escape(const World& world, const PathState& path, bool met) {
   if (!met && world.hides_emitters()) return Vec3f(0.0f);
   float light_pdf = 0.0f;
-  const Vec3f radiance =
-      path.previous_delta ? world.environment(path.direction) : world.environment(path.vertex, path.direction, light_pdf);
+  const Vec3f radiance = path.previous_delta ? world.environment(path.direction)
+                                             : world.environment(path.vertex, path.direction, light_pdf);
   return path.throughput * radiance * (path.previous_pdf / (path.previous_pdf + light_pdf));
 }
 
