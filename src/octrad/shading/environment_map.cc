@@ -90,7 +90,8 @@ void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
   assert(places.shares.size() == count * kEnvironmentParts);
   densities_.assign(places.shares.size(), 0.0f);
   parts_.resize(places.shares.size());
-  for (std::size_t i = 0; i < count; ++i) {
+  bool black = false;
+  for (std::size_t i = 0; i < count && !black; ++i) {
     const auto fill = [&](const float* shares) {
       std::vector<double> weights(kEnvironmentParts);
       double total = 0.0;
@@ -107,9 +108,9 @@ void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
       build_alias(weights.data(), kEnvironmentParts, parts_.data() + i * kEnvironmentParts);
       return true;
     };
-    if (!fill(places.shares.data() + i * kEnvironmentParts) && !fill(integrals_.data())) return;  // black
+    black = !fill(places.shares.data() + i * kEnvironmentParts) && !fill(integrals_.data());
   }
-  view_.parts = parts_.data();
+  view_.parts = black ? nullptr : parts_.data();
   view_.densities = densities_.data();
   view_.place_side = places.side;
   view_.places_lower = places.box.lower;
