@@ -148,14 +148,14 @@ void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* o
 }
 
 void EnvironmentMap::prefetch_table(Vec3f p, Vec2f u) const {
-  if (view_.height < 2) return;
+  if (view_.parts == nullptr) return;
   const EnvironmentRow row = pick_row(view_, p, u.y);
   const int x = row.x0 + static_cast<int>(u.x * static_cast<float>(row.columns));
   prefetch_line(cells_.data() + static_cast<std::size_t>(row.y) * static_cast<std::size_t>(view_.width) + x);
 }
 
 void EnvironmentMap::prefetch_pixels(Vec3f p, Vec2f u) const {
-  if (view_.height < 2) return;
+  if (view_.parts == nullptr) return;
   const EnvironmentRow picked = pick_row(view_, p, u.y);
   const std::size_t x = static_cast<std::size_t>(pick_column(view_, picked, u.x)),
                     y = static_cast<std::size_t>(picked.y), w = static_cast<std::size_t>(view_.width);

@@ -31,7 +31,7 @@ struct EnvironmentView {
   const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
   const AliasEntry* rows = nullptr;   // of cells, in each part: [kEnvironmentColumns (height - 1)], part after part
   const AliasEntry* cells = nullptr;  // [height - 1][width]: those of a row that are in one part
-  const AliasEntry* parts = nullptr;  // [place_side^3][kEnvironmentParts]
+  const AliasEntry* parts = nullptr;  // [place_side^3][kEnvironmentParts]; null: black
   const float* densities = nullptr;   // likewise: density in (u, v) = weight x this
   int place_side = 1;                 // places along each axis of a box of the world
   Vec3f places_lower{0, 0, 0}, places_per_unit{0, 0, 0};

@@ -137,6 +137,9 @@ TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
   EXPECT_EQ(map.radiance({0, 1, 0}), Vec3f(2.0f, 3.0f, 4.0f));
   Environment black = e;
   black.pixels.assign(64 * 64, Vec3f(0.0f));
+  const EnvironmentMap dark(black);
+  dark.prefetch_table(Vec3f(0.0f), {0.5f, 0.5f});
+  dark.prefetch_pixels(Vec3f(0.0f), {0.5f, 0.5f});
   EXPECT_EQ(EnvironmentMap(black).sample(Vec3f(0.0f), {0.5f, 0.5f}).pdf, 0.0f);
   EXPECT_EQ(EnvironmentMap(black).pdf(Vec3f(0.0f), {0, 0, 1}), 0.0f);
 }
