@@ -111,7 +111,7 @@ struct Plan {
       environment_sines = layout.add(e.sines, height);
       environment_rows = layout.add(e.rows, kEnvironmentColumns * (height - 1));
       environment_cells = layout.add(e.cells, width * (height - 1));
-      const auto places = static_cast<std::size_t>(e.place_side * e.place_side * e.place_side);
+      const auto places = static_cast<std::size_t>(e.places.count());
       environment_parts = layout.add(e.parts, places * kEnvironmentParts);
       environment_densities = layout.add(e.densities, places * kEnvironmentParts);
     }

@@ -81,12 +81,12 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
       integrals_[part] = static_cast<float>(total / static_cast<double>((h - 1) * w));
     }
   }
-  set_places({{}, 1, integrals_});
+  set_places({{}, integrals_});
 }
 
 void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
   if (view_.height < 2) return;
-  const auto count = static_cast<std::size_t>(places.side * places.side * places.side);
+  const auto count = static_cast<std::size_t>(places.grid.count());
   assert(places.shares.size() == count * kEnvironmentParts);
   densities_.assign(places.shares.size(), 0.0f);
   parts_.resize(places.shares.size());
@@ -112,13 +112,7 @@ void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
   }
   view_.parts = black ? nullptr : parts_.data();
   view_.densities = densities_.data();
-  view_.place_side = places.side;
-  view_.places_lower = places.box.lower;
-  view_.places_per_unit = Vec3f(0.0f);
-  for (int a = 0; a < 3; ++a) {
-    const float extent = places.box.upper[a] - places.box.lower[a];
-    if (extent > 0.0f) view_.places_per_unit[a] = static_cast<float>(places.side) / extent;
-  }
+  view_.places = places.grid;
 }
 
 void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* out) {

@@ -14,11 +14,10 @@
 
 namespace octrad {
 
-// Probabilities of the parts of the map, for each of side^3 places in a box of the world; x varies slowest.
+// Probabilities of the parts of the map for each place.
 struct EnvironmentPlaces {
-  Bounds3f box;
-  int side = 1;
-  // [side^3][kEnvironmentParts], not negative; those of a place need not sum to 1. Parts without light have none.
+  PlaceGrid grid;
+  // [grid.count()][kEnvironmentParts], not negative; those of a place need not sum to 1. Parts without light have none.
   std::vector<float> shares;
 };
 

@@ -20,6 +20,28 @@ struct AliasEntry {
 inline constexpr int kEnvironmentColumns = 16, kEnvironmentRows = 8,
                      kEnvironmentParts = kEnvironmentColumns * kEnvironmentRows;
 
+// side^3 places in a box of the world; x varies slowest.
+struct PlaceGrid {
+  Vec3f lower{0, 0, 0}, per_unit{0, 0, 0};
+  int side = 1;
+
+  PlaceGrid() = default;
+  PlaceGrid(const Bounds3f& box, int side_) : lower(box.lower), side(side_) {
+    const auto along = [&](float extent) { return extent > 0.0f ? static_cast<float>(side) / extent : 0.0f; };
+    const Vec3f extent = box.upper - box.lower;
+    per_unit = {along(extent.x), along(extent.y), along(extent.z)};
+  }
+  OCTRAD_HD int count() const { return side * side * side; }
+  // The place that `p` is in; beyond the box the one at its border.
+  OCTRAD_HD int place(Vec3f p) const {
+    const Vec3f at = (p - lower) * per_unit;
+    const auto along = [last = static_cast<float>(side - 1)](float a) {
+      return static_cast<int>(lesser(greater(a, 0.0f), last));
+    };
+    return (along(at.x) * side + along(at.y)) * side + along(at.z);
+  }
+};
+
 struct EnvironmentView {
   const Vec3f* pixels = nullptr;  // [height][width]; null: no environment
   int width = 0, height = 0;
@@ -31,10 +53,9 @@ struct EnvironmentView {
   const float* sines = nullptr;       // [height] sin(theta) of the rows of pixels
   const AliasEntry* rows = nullptr;   // of cells, in each part: [kEnvironmentColumns (height - 1)], part after part
   const AliasEntry* cells = nullptr;  // [height - 1][width]: those of a row that are in one part
-  const AliasEntry* parts = nullptr;  // [place_side^3][kEnvironmentParts]; null: black
+  PlaceGrid places;
+  const AliasEntry* parts = nullptr;  // [places.count()][kEnvironmentParts]; null: black
   const float* densities = nullptr;   // likewise: density in (u, v) = weight x this
-  int place_side = 1;                 // places along each axis of a box of the world
-  Vec3f places_lower{0, 0, 0}, places_per_unit{0, 0, 0};
 
   OCTRAD_HD Vec3f to_world(Vec3f v) const {
     const float* m = to_world_rows;
@@ -69,14 +90,6 @@ struct EnvironmentView {
   OCTRAD_HD int part(int x, int y) const {
     const auto last = [](int at, int count, int size) { return (at * count + count - 1) / size; };
     return last(y, kEnvironmentRows, height - 1) * kEnvironmentColumns + last(x, kEnvironmentColumns, width);
-  }
-  // Where the parts of the place that `p` is in begin; beyond the box those of the place at its border.
-  OCTRAD_HD int first_part(Vec3f p) const {
-    const Vec3f at = (p - places_lower) * places_per_unit;
-    const auto along = [last = static_cast<float>(place_side - 1)](float a) {
-      return static_cast<int>(lesser(greater(a, 0.0f), last));
-    };
-    return ((along(at.x) * place_side + along(at.y)) * place_side + along(at.z)) * kEnvironmentParts;
   }
 };
 
@@ -176,7 +189,7 @@ namespace environment_detail {
 
 // Density in (u, v) at a point of a cell, seen from `p`.
 OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cell& c) {
-  return e.densities[e.first_part(p) + e.part(c.x, c.y)] * bilinear_weight(e, c);
+  return e.densities[e.places.place(p) * kEnvironmentParts + e.part(c.x, c.y)] * bilinear_weight(e, c);
 }
 
 }  // namespace environment_detail
@@ -214,7 +227,7 @@ struct EnvironmentRow {
 
 // The row that `u` draws for light that arrives at `p`; `u` is replaced by its uniform remainder.
 OCTRAD_HD inline EnvironmentRow pick_row(const EnvironmentView& e, Vec3f p, float& u) {
-  const int part = pick_alias(e.parts + e.first_part(p), kEnvironmentParts, u);
+  const int part = pick_alias(e.parts + e.places.place(p) * kEnvironmentParts, kEnvironmentParts, u);
   const int column = part % kEnvironmentColumns, row = part / kEnvironmentColumns;
   const int x0 = e.first_column(column), y0 = e.first_row(row);
   const int columns = e.first_column(column + 1) - x0, rows = e.first_row(row + 1) - y0;

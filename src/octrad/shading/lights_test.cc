@@ -31,7 +31,7 @@ Environment speckled_environment(int width, int height) {
 // For 2 x 2 x 2 places of the unit cube. The expected numbers of samples below are integrals that jumps spoil, so
 // shares are alike within a factor of 3.
 EnvironmentPlaces speckled_places() {
-  EnvironmentPlaces places{{{0, 0, 0}, {1, 1, 1}}, 2, {}};
+  EnvironmentPlaces places{PlaceGrid({{0, 0, 0}, {1, 1, 1}}, 2), {}};
   Rng rng(4, RngPurpose::test, 7);
   for (int i = 0; i < 8 * kEnvironmentParts; ++i) places.shares.push_back(1.0f + 2.0f * rng.uniform());
   return places;
@@ -89,7 +89,7 @@ TEST(EnvironmentMap, PlacesSayHowOftenPartsAreDrawn) {
   const int part = 4 * kEnvironmentColumns + 3;
   EXPECT_NEAR(share_of(Vec3f(0.0f), part), static_cast<double>(integrals[part]) / total, 0.002);
   // Place 0 draws nothing else, place 1 (upper z) as before.
-  EnvironmentPlaces places{{{-1, -1, -1}, {1, 1, 1}}, 2, {}};
+  EnvironmentPlaces places{PlaceGrid({{-1, -1, -1}, {1, 1, 1}}, 2), {}};
   for (int i = 0; i < 8; ++i) places.shares.insert(places.shares.end(), integrals.begin(), integrals.end());
   for (int i = 0; i < kEnvironmentParts; ++i) places.shares[static_cast<std::size_t>(i)] = i == part ? 3.0f : 0.0f;
   map.set_places(places);

@@ -191,16 +191,6 @@ Bounds3f most_of(const std::vector<std::vector<Directions>>& paths) {
   return box;
 }
 
-int place_of(const EnvironmentPlaces& places, Vec3f p) {
-  int place = 0;
-  for (int a = 0; a < 3; ++a) {
-    const float extent = places.box.upper[a] - places.box.lower[a];
-    const float at = extent > 0.0f ? (p[a] - places.box.lower[a]) / extent * static_cast<float>(places.side) : 0.0f;
-    place = place * places.side + static_cast<int>(std::clamp(at, 0.0f, static_cast<float>(places.side - 1)));
-  }
-  return place;
-}
-
 }  // namespace
 
 std::optional<EnvironmentPlaces> environment_places(const TransportContext& world) {
@@ -224,9 +214,8 @@ std::optional<EnvironmentPlaces> environment_places(const TransportContext& worl
   mean /= vertices;
 
   EnvironmentPlaces places;
-  places.box = most_of(paths);
-  places.side = kPlaces;
-  const std::size_t count = kPlaces * kPlaces * kPlaces;
+  places.grid = PlaceGrid(most_of(paths), kPlaces);
+  const auto count = static_cast<std::size_t>(places.grid.count());
   constexpr std::size_t parts = kEnvironmentParts;
   // Samples, and sums of the squares of their relative contributions: of the parts at each place, and everywhere.
   struct Squares {
@@ -242,7 +231,7 @@ std::optional<EnvironmentPlaces> environment_places(const TransportContext& worl
   Squares all;
   for (const std::vector<Directions>& path : paths) {
     for (const Directions& d : path) {
-      const auto place = static_cast<std::size_t>(place_of(places, d.position));
+      const auto place = static_cast<std::size_t>(places.grid.place(d.position));
       for (int k = 0; k < kDirections; ++k) {
         if (d.part[k] < 0) continue;
         const double share = static_cast<double>(d.brought[k]) / (d.radiance + kIndirect * mean);
