@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numeric>
 
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/prefetch.h"
@@ -90,29 +91,27 @@ void EnvironmentMap::set_places(const EnvironmentPlaces& places) {
   assert(places.shares.size() == count * kEnvironmentParts);
   densities_.assign(places.shares.size(), 0.0f);
   parts_.resize(places.shares.size());
-  bool black = false;
-  for (std::size_t i = 0; i < count && !black; ++i) {
-    const auto fill = [&](const float* shares) {
-      std::vector<double> weights(kEnvironmentParts);
-      double total = 0.0;
-      for (std::size_t p = 0; p < kEnvironmentParts; ++p) {
-        weights[p] = integrals_[p] > 0.0f ? static_cast<double>(shares[p]) : 0.0;
-        total += weights[p];
-      }
-      if (!(total > 0.0)) return false;
-      for (std::size_t p = 0; p < kEnvironmentParts; ++p) {
-        if (weights[p] > 0.0)
-          densities_[i * kEnvironmentParts + p] =
-              static_cast<float>(weights[p] / total / static_cast<double>(integrals_[p]));
-      }
-      build_alias(weights.data(), kEnvironmentParts, parts_.data() + i * kEnvironmentParts);
-      return true;
-    };
-    black = !fill(places.shares.data() + i * kEnvironmentParts) && !fill(integrals_.data());
-  }
-  view_.parts = black ? nullptr : parts_.data();
-  view_.densities = densities_.data();
   view_.places = places.grid;
+  view_.densities = densities_.data();
+  view_.parts = nullptr;
+  std::vector<double> weights(kEnvironmentParts);
+  const auto weigh = [&](const float* shares) {
+    for (std::size_t p = 0; p < weights.size(); ++p)
+      weights[p] = integrals_[p] > 0.0f ? static_cast<double>(shares[p]) : 0.0;
+    return std::accumulate(weights.begin(), weights.end(), 0.0);
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    double total = weigh(places.shares.data() + i * kEnvironmentParts);
+    if (!(total > 0.0)) total = weigh(integrals_.data());
+    if (!(total > 0.0)) return;  // black
+    for (std::size_t p = 0; p < weights.size(); ++p) {
+      if (weights[p] > 0.0)
+        densities_[i * kEnvironmentParts + p] =
+            static_cast<float>(weights[p] / total / static_cast<double>(integrals_[p]));
+    }
+    build_alias(weights.data(), kEnvironmentParts, parts_.data() + i * kEnvironmentParts);
+  }
+  view_.parts = parts_.data();
 }
 
 void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* out) {

@@ -17,7 +17,8 @@ namespace octrad {
 // Probabilities of the parts of the map for each place.
 struct EnvironmentPlaces {
   PlaceGrid grid;
-  // [grid.count()][kEnvironmentParts], not negative; those of a place need not sum to 1. Parts without light have none.
+  // [grid.count()][kEnvironmentParts], not negative; those of a place need not sum to 1. Parts without light have none,
+  // and a place that is left without any has the integrals.
   std::vector<float> shares;
 };
 

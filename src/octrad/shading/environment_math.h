@@ -194,6 +194,27 @@ OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cel
 
 }  // namespace environment_detail
 
+namespace environment_detail {
+
+// Where a direction looks in a map of two rows and more, and what makes densities in (u, v) there those per solid
+// angle.
+struct Look {
+  Cell cell;
+  float sin_theta, stretch;
+
+  OCTRAD_HD Look(const EnvironmentView& e, Vec3f direction) {
+    Vec3f d = e.to_map(direction);
+    stretch = e.normalize_in_map(d);
+    sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+    cell = environment_detail::cell(e, direction_to_uv(d));
+  }
+  OCTRAD_HD float per_solid_angle(float density) const {
+    return sin_theta > 0.0f ? density / (2.0f * kPi * kPi * sin_theta) * stretch : 0.0f;
+  }
+};
+
+}  // namespace environment_detail
+
 // Radiance along `direction`, and the solid-angle density with which sample_environment() draws it from `p`.
 OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f p, Vec3f direction, float& density) {
   using namespace environment_detail;
@@ -201,23 +222,16 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f p, V
     density = 0.25f * kInvPi;
     return environment_radiance(e, direction);
   }
-  Vec3f d = e.to_map(direction);
-  const float stretch = e.normalize_in_map(d);
-  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
-  const Cell c = cell(e, direction_to_uv(d));
-  density = sin_theta > 0.0f ? cell_density(e, p, c) / (2.0f * kPi * kPi * sin_theta) * stretch : 0.0f;
-  return bilinear_radiance(e, c);
+  const Look look(e, direction);
+  density = look.per_solid_angle(cell_density(e, p, look.cell));
+  return bilinear_radiance(e, look.cell);
 }
 
 // The density alone.
 OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f p, Vec3f direction) {
-  using namespace environment_detail;
   if (e.height < 2) return 0.25f * kInvPi;
-  Vec3f d = e.to_map(direction);
-  const float stretch = e.normalize_in_map(d);
-  const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
-  if (!(sin_theta > 0.0f)) return 0.0f;
-  return cell_density(e, p, cell(e, direction_to_uv(d))) / (2.0f * kPi * kPi * sin_theta) * stretch;
+  const environment_detail::Look look(e, direction);
+  return look.per_solid_angle(environment_detail::cell_density(e, p, look.cell));
 }
 
 // Cells of a row that are in one part.

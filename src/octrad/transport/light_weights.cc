@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "octrad/base/threads.h"
 #include "octrad/shading/environment_map.h"
@@ -95,11 +96,39 @@ void follow_path(const TransportContext& world, const CameraView& view, std::siz
   }
 }
 
-std::vector<CameraView> sensor_views(const Scene& scene) {
+// What `sample` (as at_vertex above) makes of the vertices of `paths` paths, in their order. Parallel.
+template <typename Sample>
+auto sample_vertices(const TransportContext& world, std::size_t paths, Sample sample) {
+  using Found = std::invoke_result_t<Sample, const ShadingPoint&, Vec3f, Rng&>;
   std::vector<CameraView> views;
-  for (const Camera& camera : scene.cameras)
+  for (const Camera& camera : world.scene.cameras)
     views.push_back(camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height)));
-  return views;
+  std::vector<std::vector<Found>> of_paths(paths);
+  parallel_blocks(paths, 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      follow_path(world, views[i % views.size()], i, [&](const ShadingPoint& point, Vec3f wo, Rng& rng) {
+        of_paths[i].push_back(sample(point, wo, rng));
+      });
+    }
+  });
+  std::vector<Found> vertices;
+  for (const std::vector<Found>& path : of_paths) vertices.insert(vertices.end(), path.begin(), path.end());
+  return vertices;
+}
+
+// 0 without vertices.
+template <typename Found>
+double mean_radiance(const std::vector<Found>& vertices) {
+  double sum = 0.0;
+  for (const Found& v : vertices) sum += v.radiance;
+  return vertices.empty() ? 0.0 : sum / static_cast<double>(vertices.size());
+}
+
+// A contribution beside all that arrives at a vertex, squared.
+template <typename Found>
+double relative_square(const Found& vertex, int k, double mean) {
+  const double share = static_cast<double>(vertex.brought[k]) / (vertex.radiance + kIndirect * mean);
+  return share * share;
 }
 
 // Directions sampled at a vertex: which part of the environment each is of (-1: none), and what it brings, with the
@@ -136,34 +165,19 @@ std::vector<float> light_weights(const TransportContext& world) {
   std::vector<float> weights(count, 1.0f / static_cast<float>(std::max<std::size_t>(1, count)));
   if (count < 2 || world.scene.cameras.empty()) return weights;
   const Emitters emitters(static_cast<int>(count));
-  const std::vector<CameraView> views = sensor_views(world.scene);
-  std::vector<std::vector<Vertex>> paths(std::clamp(2 * count, kFewestPaths, kMostPaths));
-  parallel_blocks(paths.size(), 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      follow_path(world, views[i % views.size()], i, [&](const ShadingPoint& point, Vec3f wo, Rng& rng) {
-        paths[i].push_back(sample_emitters(world, emitters, point, wo, rng));
-      });
-    }
-  });
-
-  double mean = 0.0, vertices = 0.0;
-  for (const std::vector<Vertex>& path : paths) {
-    for (const Vertex& v : path) mean += v.radiance, ++vertices;
-  }
+  const auto vertices = sample_vertices(
+      world, std::clamp(2 * count, kFewestPaths, kMostPaths),
+      [&](const ShadingPoint& point, Vec3f wo, Rng& rng) { return sample_emitters(world, emitters, point, wo, rng); });
+  const double mean = mean_radiance(vertices);
   if (!(mean > 0.0)) return weights;
-  mean /= vertices;
   std::vector<double> squares(count, 0.0);
-  for (const std::vector<Vertex>& path : paths) {
-    for (const Vertex& v : path) {
-      for (int k = 0; k < emitters.sampled; ++k) {
-        const double share = static_cast<double>(v.brought[k]) / (v.radiance + kIndirect * mean);
-        squares[static_cast<std::size_t>(emitters.at(v, k))] += share * share;
-      }
-    }
+  for (const Vertex& v : vertices) {
+    for (int k = 0; k < emitters.sampled; ++k)
+      squares[static_cast<std::size_t>(emitters.at(v, k))] += relative_square(v, k, mean);
   }
   double sum = 0.0;
   for (const double s : squares) sum += std::sqrt(s);
-  const double samples = vertices * emitters.sampled / static_cast<double>(count);
+  const double samples = static_cast<double>(vertices.size()) * emitters.sampled / static_cast<double>(count);
   const double uniform = kUniformPicks + (1.0 - kUniformPicks) * kFewSamples / (kFewSamples + samples);
   for (std::size_t i = 0; i < count; ++i) {
     weights[i] =
@@ -175,14 +189,12 @@ std::vector<float> light_weights(const TransportContext& world) {
 namespace {
 
 // Bounds of all but a few of the positions.
-Bounds3f most_of(const std::vector<std::vector<Directions>>& paths) {
+Bounds3f most_of(const std::vector<Directions>& vertices) {
   constexpr double kLeftOut = 0.02;  // at each end of an axis
   Bounds3f box;
   for (int a = 0; a < 3; ++a) {
     std::vector<float> along;
-    for (const std::vector<Directions>& path : paths) {
-      for (const Directions& d : path) along.push_back(d.position[a]);
-    }
+    for (const Directions& d : vertices) along.push_back(d.position[a]);
     std::sort(along.begin(), along.end());
     const auto skipped = static_cast<std::size_t>(kLeftOut * static_cast<double>(along.size()));
     box.lower[a] = along[skipped];
@@ -196,25 +208,14 @@ Bounds3f most_of(const std::vector<std::vector<Directions>>& paths) {
 std::optional<EnvironmentPlaces> environment_places(const TransportContext& world) {
   const EnvironmentMap* map = world.lights.environment_map();
   if (map == nullptr || map->integrals().empty() || world.scene.cameras.empty()) return std::nullopt;
-  const std::vector<CameraView> views = sensor_views(world.scene);
-  std::vector<std::vector<Directions>> paths(kEnvironmentPaths);
-  parallel_blocks(paths.size(), 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      follow_path(world, views[i % views.size()], i, [&](const ShadingPoint& point, Vec3f wo, Rng& rng) {
-        paths[i].push_back(sample_directions(world, point, wo, rng));
-      });
-    }
+  const auto vertices = sample_vertices(world, kEnvironmentPaths, [&](const ShadingPoint& point, Vec3f wo, Rng& rng) {
+    return sample_directions(world, point, wo, rng);
   });
-
-  double mean = 0.0, vertices = 0.0;
-  for (const std::vector<Directions>& path : paths) {
-    for (const Directions& d : path) mean += d.radiance, ++vertices;
-  }
+  const double mean = mean_radiance(vertices);
   if (!(mean > 0.0)) return std::nullopt;
-  mean /= vertices;
 
   EnvironmentPlaces places;
-  places.grid = PlaceGrid(most_of(paths), kPlaces);
+  places.grid = PlaceGrid(most_of(vertices), kPlaces);
   const auto count = static_cast<std::size_t>(places.grid.count());
   constexpr std::size_t parts = kEnvironmentParts;
   // Samples, and sums of the squares of their relative contributions: of the parts at each place, and everywhere.
@@ -229,31 +230,28 @@ std::optional<EnvironmentPlaces> environment_places(const TransportContext& worl
   };
   std::vector<Squares> here(count * parts), everywhere(parts);
   Squares all;
-  for (const std::vector<Directions>& path : paths) {
-    for (const Directions& d : path) {
-      const auto place = static_cast<std::size_t>(places.grid.place(d.position));
-      for (int k = 0; k < kDirections; ++k) {
-        if (d.part[k] < 0) continue;
-        const double share = static_cast<double>(d.brought[k]) / (d.radiance + kIndirect * mean);
-        const auto part = static_cast<std::size_t>(d.part[k]);
-        here[place * parts + part].add(share * share);
-        everywhere[part].add(share * share);
-        all.add(share * share);
-      }
+  for (const Directions& d : vertices) {
+    const auto place = static_cast<std::size_t>(places.grid.place(d.position));
+    for (int k = 0; k < kDirections; ++k) {
+      if (d.part[k] < 0) continue;
+      const auto part = static_cast<std::size_t>(d.part[k]);
+      for (Squares* squares : {&here[place * parts + part], &everywhere[part], &all})
+        squares->add(relative_square(d, k, mean));
     }
   }
   const double mean_square = all.mean(0.0);
   double total = 0.0;
   for (const float integral : map->integrals()) total += static_cast<double>(integral);
   for (std::size_t place = 0; place < count; ++place) {
-    double wanted[parts], sum = 0.0;
+    double by_radiance[parts], wanted[parts], sum = 0.0;
     for (std::size_t part = 0; part < parts; ++part) {
       const double square = here[place * parts + part].mean(everywhere[part].mean(mean_square));
-      sum += wanted[part] = static_cast<double>(map->integrals()[part]) / total * std::sqrt(square);
+      by_radiance[part] = static_cast<double>(map->integrals()[part]) / total;
+      sum += wanted[part] = by_radiance[part] * std::sqrt(square);
     }
     for (std::size_t part = 0; part < parts; ++part) {
-      places.shares.push_back(static_cast<float>(kUniformPicks * static_cast<double>(map->integrals()[part]) / total +
-                                                 (1.0 - kUniformPicks) * wanted[part] / sum));
+      places.shares.push_back(
+          static_cast<float>(kUniformPicks * by_radiance[part] + (1.0 - kUniformPicks) * wanted[part] / sum));
     }
   }
   return places;

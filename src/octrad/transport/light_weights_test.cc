@@ -24,11 +24,17 @@ class Lamps : public SceneMaker {
   }
 };
 
-std::vector<float> weights_of(const Scene& scene) {
+// What `measure` finds in a scene whose lights are not measured.
+template <typename Measure>
+auto found_in(const Scene& scene, Measure measure) {
   const auto tracer = make_embree_tracer(scene);
   const Materials materials(scene);
   const Lights lights(scene);
-  const std::vector<float> weights = light_weights({scene, *tracer, materials, lights});
+  return measure(TransportContext{scene, *tracer, materials, lights});
+}
+
+std::vector<float> weights_of(const Scene& scene) {
+  const std::vector<float> weights = found_in(scene, light_weights);
   EXPECT_NEAR(std::accumulate(weights.begin(), weights.end(), 0.0), 1.0, 1e-5);
   return weights;
 }
@@ -100,12 +106,7 @@ class Window : public SceneMaker {
   }
 };
 
-std::optional<EnvironmentPlaces> places_of(const Scene& scene) {
-  const auto tracer = make_embree_tracer(scene);
-  const Materials materials(scene);
-  const Lights lights(scene);
-  return environment_places({scene, *tracer, materials, lights});
-}
+std::optional<EnvironmentPlaces> places_of(const Scene& scene) { return found_in(scene, environment_places); }
 
 // Solid-angle density from `p` along `direction`, over that of all directions alike.
 float density(const EnvironmentMap& map, Vec3f p, Vec3f direction) {

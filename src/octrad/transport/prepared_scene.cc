@@ -48,7 +48,7 @@ struct PreparedScene::Impl {
     edits.resize(scene.materials.size());
     const LightsView& view = lights.view();
     const bool needed = view.count > 1 || (view.has_environment() && view.environment.height > 1);
-    lights_are_measured = !needed || !scene.sampling_weights().empty();
+    lights_are_measured = !needed || scene.cameras.empty() || !scene.sampling_weights().empty();
   }
 };
 
