@@ -2,10 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numeric>
 
 #include "octrad/scene/sample_scenes.h"
+#include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/mean_test_helper.h"
+#include "octrad/transport/path.h"
 #include "octrad/transport/prepared_scene.h"
+#include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
 namespace {
@@ -84,16 +89,17 @@ TEST(LightWeights, WithoutSensorsOrLightAllAreAlike) {
   EXPECT_EQ(weights_of(Lamps({{0, 2, 0}}).scene), std::vector<float>{1.0f});
 }
 
-// A box around the sensor, with a window towards -z, under a sky that is alike everywhere.
+// A box around the sensor, with a window towards -z, under a sky that is alike everywhere. A near mirror may face the
+// window.
 class Window : public SceneMaker {
  public:
-  explicit Window(float radiance = 1.0f) {
+  explicit Window(float radiance = 1.0f, bool mirror = false) {
     const int grey = diffuse(Vec3f(0.5f));
     quad({-2, -2, 2}, {4, 0, 0}, {0, 0, -4}, grey);                                     // floor
     quad({-2, 2, -2}, {4, 0, 0}, {0, 0, 4}, grey);                                      // ceiling
     quad({-2, -2, 2}, {0, 0, -4}, {0, 4, 0}, grey);                                     // left
     quad({2, -2, -2}, {0, 0, 4}, {0, 4, 0}, grey);                                      // right
-    quad({2, -2, 2}, {-4, 0, 0}, {0, 4, 0}, grey);                                      // behind
+    quad({2, -2, 2}, {-4, 0, 0}, {0, 4, 0}, mirror ? rough_metal(0.02f) : grey);        // behind
     for (const float x : {-2.0f, 1.0f}) quad({x, -2, -2}, {1, 0, 0}, {0, 4, 0}, grey);  // beside the window
     for (const float y : {-2.0f, 1.0f}) quad({-1, y, -2}, {2, 0, 0}, {0, 1, 0}, grey);  // below and above it
     Environment sky;
@@ -156,6 +162,58 @@ TEST(EnvironmentPlaces, AScenePreparesThemUnlessItsFileHasSamplingWeights) {
   EXPECT_EQ(PreparedScene(window.scene).lights().environment_pdf(p, through), measured.pdf(p, through));
   window.scene.environments[0].sampling_weight = 1.0f;
   EXPECT_EQ(PreparedScene(window.scene).lights().environment_pdf(p, through), plain.pdf(p, through));
+}
+
+// The mean of `estimates` of a scene whose places are measured and of one whose parts are alike everywhere. Densities
+// that were asked for another place than that of the sample would make them differ.
+template <typename Estimates>
+void expect_unbiased(const Window& window, Estimates estimates) {
+  Scene plain = window.scene;
+  plain.environments[0].sampling_weight = 1.0f;
+  const PreparedScene measured(window.scene), alike(plain);
+  const Vec3f p(-1.9f, 0, -1), q(1.9f, 0, -1), d(0.86f, 0, -0.5f);
+  ASSERT_GT(measured.lights().environment_pdf(p, d), 1.5f * measured.lights().environment_pdf(q, d));
+  ASSERT_EQ(alike.lights().environment_pdf(p, d), alike.lights().environment_pdf(q, d));
+  const std::vector<Vec3f> found = estimates(measured), expected = estimates(alike);
+  std::vector<Vec3f> differences;  // pairs have the same points or seeds
+  for (std::size_t i = 0; i < found.size(); ++i) differences.push_back(found[i] - expected[i]);
+  const testing::Mean difference = testing::mean(differences);
+  EXPECT_LT(difference.error, 0.01 * testing::mean(expected).value) << "too noisy to see anything";
+  EXPECT_NEAR(difference.value, 0.0, 4.0 * difference.error);
+}
+
+TEST(EnvironmentPlaces, PathsStayUnbiased) {
+  for (const Vec3f target : {Vec3f(-2, 0.5f, -1), Vec3f(2, 0.5f, -1), Vec3f(0.5f, -2, 1)}) {
+    expect_unbiased(Window(), [&](const PreparedScene& scene) {
+      const Ray ray{Vec3f(0.0f), normalize(target), 1e30f};
+      std::vector<PathSample> paths;
+      for (std::uint64_t i = 0; i < 200000; ++i) paths.push_back({ray, Rng(1, RngPurpose::test, i), {}, {}});
+      PathCounters counters;
+      trace_paths(scene.context(), {2, 5}, paths, counters);
+      std::vector<Vec3f> radiance;
+      for (const PathSample& path : paths) radiance.push_back(path.radiance);
+      return radiance;
+    });
+  }
+}
+
+TEST(EnvironmentPlaces, RightHandSidesStayUnbiasedAlsoBehindNearMirrors) {
+  for (const bool mirror : {false, true}) {
+    expect_unbiased(Window(1.0f, mirror), [&](const PreparedScene& scene) {
+      LhsOptions where;
+      where.walks = 0.0;
+      std::vector<ShadingPoint> points(8192);
+      LhsSampler(scene, where).sample(0, points);
+      // Mirrors themselves show the window, which few rays meet.
+      std::erase_if(points, [](const ShadingPoint& p) { return is_followed(p.bsdf, 0.03f); });
+      RhsOptions options;
+      options.directions = mirror ? 128 : 32;
+      options.follow_below = 0.03f;
+      std::vector<Vec3f> targets(points.size());
+      estimate_rhs(scene.context(), points, options, nullptr, targets);
+      return targets;
+    });
+  }
 }
 
 TEST(LightWeights, AScenePreparesThemUnlessItsFileHasSome) {

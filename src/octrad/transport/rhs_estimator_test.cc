@@ -7,6 +7,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/transport/furnace_test_helper.h"
 #include "octrad/transport/lhs_sampler.h"
+#include "octrad/transport/mean_test_helper.h"
 #include "octrad/transport/rhs_estimator.h"
 
 namespace octrad {
@@ -17,24 +18,9 @@ using testing::FurnaceScene;
 using testing::kGlow;
 using testing::kGrey;
 
-struct Mean {
-  double value = 0.0, error = 0.0;  // standard error
-};
-
-// Of the red channel.
-Mean mean(const std::vector<Vec3f>& values) {
-  const auto n = static_cast<double>(values.size());
-  double sum = 0.0, squares = 0.0;
-  for (const Vec3f& v : values) {
-    sum += static_cast<double>(v.x);
-    squares += static_cast<double>(v.x) * static_cast<double>(v.x);
-  }
-  return {sum / n, std::sqrt(std::max(0.0, squares / n - sum / n * sum / n) / n)};
-}
-
 // Within 4 standard errors, and what float arithmetic loses.
 void expect_mean(const std::vector<Vec3f>& values, double expected) {
-  const Mean found = mean(values);
+  const testing::Mean found = testing::mean(values);
   EXPECT_LT(found.error, 0.01 * expected) << "too noisy to see anything";
   EXPECT_NEAR(found.value, expected, 4.0 * found.error + 1e-5 * expected);
 }
@@ -114,7 +100,7 @@ TEST(RhsEstimator, RoughConductorFurnaceReflectsAtMostWhatArrives) {
   RhsOptions options;
   options.directions = 32;
   estimate_rhs(setup.context, points, options, nullptr, targets);
-  const Mean found = mean(targets);  // single scattering loses a little
+  const testing::Mean found = testing::mean(targets);  // single scattering loses a little
   EXPECT_GT(found.value, 0.9);
   EXPECT_LT(found.value, 1.0 + 4.0 * found.error);
 }
