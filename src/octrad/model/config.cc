@@ -237,6 +237,8 @@ const std::vector<Key>& keys() {
       number("train.steps", &C::train_steps, {0, 100000000}, "train this many steps; 0: until train.time is over"),
       number("train.points", &C::train_points, {64, 1 << 20}, "N, left-hand-side points a step"),
       number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
+      number("train.guide", &C::train_guide, {0, 0.95},
+             "share of these directions, at rough points, that are drawn by what arrived before; 0: by the BSDF alone"),
       flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
       number("train.far_ends", &C::train_far_ends, {0, 1},
@@ -469,6 +471,7 @@ Config preset(const std::string& name) {
   c.train_stop_probability = 0.3;
   c.train_walks = 1.0;
   c.train_average = 0.0;
+  c.train_guide = 0.0;
   c.loss_normalizer = LossNormalizer::symmetric;
   c.loss_power = 2.0;
   c.loss_epsilon_first = 0.1;

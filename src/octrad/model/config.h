@@ -96,6 +96,7 @@ struct Config {
   double train_seconds = 300.0;       // "train.time"; used when train_steps is 0
   int train_points = 512;             // N, left-hand-side points a step
   int train_directions = 8;           // M, right-hand-side directions a point
+  double train_guide = 0.5;           // share of these at rough points that are drawn by what arrived before
   bool train_quarters = false;        // halve N and double M every quarter
   double train_walks = 0.9;           // share of points from camera walks; the rest is area-uniform
   double train_far_ends = 0.0;        // share of points that are ends of the last step's rays, drawn by contribution

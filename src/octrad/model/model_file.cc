@@ -44,6 +44,7 @@ ModelInfo info_of(const TensorReader& in) {
     if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
     if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
     if (!config.contains("/train/average"_json_pointer)) info.config.train_average = 0.0;
+    if (!config.contains("/train/guide"_json_pointer)) info.config.train_guide = 0.0;
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
@@ -126,6 +127,38 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
   }
 }
 
+constexpr const char* kGuideBox = "optimizer.guide.box";
+constexpr const char* kGuideRowTables = "optimizer.guide.rows";
+constexpr const char* kGuideColumnTables = "optimizer.guide.columns";
+constexpr const char* kGuideSquares = "optimizer.guide.squares";
+constexpr const char* kGuideSamples = "optimizer.guide.samples";
+
+void read_guide(const TensorReader& in, TrainingState& state) {
+  if (!in.has(kGuideBox)) return;
+  in.read(in.get(kGuideBox, DType::f32, {6}), state.guide_box.data());
+  const auto numbers = [&](const char* name, DType type, auto& to) {
+    const auto tensor = in.get(name, type, {-1});
+    ask_memory(tensor.bytes, in.file());
+    to.resize(static_cast<std::size_t>(tensor.shape[0]));
+    in.read(tensor, to.data());
+  };
+  numbers(kGuideRowTables, DType::f32, state.guide_rows);
+  numbers(kGuideColumnTables, DType::f32, state.guide_columns);
+  numbers(kGuideSquares, DType::u64, state.guide_squares);
+  numbers(kGuideSamples, DType::u64, state.guide_samples);
+}
+
+void write_guide(TensorWriter& out, const TrainingState& state) {
+  const auto numbers = [&](const char* name, DType type, const auto& values) {
+    out.add(name, type, {static_cast<std::int64_t>(values.size())}, values.data());
+  };
+  numbers(kGuideBox, DType::f32, state.guide_box);
+  numbers(kGuideRowTables, DType::f32, state.guide_rows);
+  numbers(kGuideColumnTables, DType::f32, state.guide_columns);
+  numbers(kGuideSquares, DType::u64, state.guide_squares);
+  numbers(kGuideSamples, DType::u64, state.guide_samples);
+}
+
 }  // namespace
 
 void save_model(const std::string& file, RadianceField& field, const ModelInfo& info, bool optimizer,
@@ -158,6 +191,7 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
     out.add(kFarEndRays, DType::f32, {count, 9}, info.state.far_end_rays.data());
     out.add(kFarEndHits, DType::i32, {count, 3}, info.state.far_end_hits.data());
   }
+  if (optimizer && !info.state.guide_rows.empty()) write_guide(out, info.state);
   out.write(file);
 }
 
@@ -222,6 +256,7 @@ Model load_model(const std::string& file, bool optimizer) {
   if (model.has_optimizer) {
     (averaged ? model.trained : model.field)->load_optimizer(in);
     read_far_ends(in, model.info.state);
+    read_guide(in, model.info.state);
   }
   for (RadianceField* field : {model.field.get(), model.trained.get()})
     if (field != nullptr) field->set_target_scale(static_cast<float>(model.info.config.target_scale));

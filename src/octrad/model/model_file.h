@@ -23,6 +23,10 @@ struct TrainingState {
   // ray; shape and primitive that it hit, -1 for no point.
   std::vector<std::array<float, 9>> far_end_rays;
   std::vector<std::array<std::int32_t, 3>> far_end_hits;
+  // What directions are drawn by (train.guide), likewise: transport/direction_guide.h. Empty: nothing.
+  std::array<float, 6> guide_box{};
+  std::vector<float> guide_rows, guide_columns;
+  std::vector<unsigned long long> guide_squares, guide_samples;
 };
 
 struct ModelInfo {

@@ -8,6 +8,7 @@
 #include "octrad/model/config.h"
 #include "octrad/train/changed_points.h"
 #include "octrad/train/trainer.h"
+#include "octrad/transport/direction_guide.h"
 #include "octrad/transport/lhs_sampler.h"
 #include "octrad/transport/rhs_estimator.h"
 
@@ -35,10 +36,15 @@ class BatchSource {
   }
   // Of the last batch: points of the next one. Part of the state of a run (TrainEngine::far_ends).
   std::vector<FarEnd>& far_ends() { return far_ends_; }
+  // What directions are drawn by besides the BSDF, and what draws with a query teach. Empty: nothing.
+  GuideState& guide() { return guide_; }
+  void make_guide_tables(unsigned kept) { octrad::make_guide_tables(guides(), kept); }
   const std::vector<SurfacePoint>& points() const { return points_; }
   const std::vector<Vec3f>& targets() const { return targets_; }
 
  private:
+  GuideView guides() { return guide_.view(static_cast<float>(config_.train_guide)); }
+
   TransportContext context_;
   const Config& config_;
   LhsSampler sampler_;
@@ -48,6 +54,7 @@ class BatchSource {
   std::vector<SurfacePoint> points_;
   std::vector<Vec3f> targets_;
   std::vector<FarEnd> far_ends_;  // of the last batch
+  GuideState guide_;
 };
 
 // Mean luminance of direct light over a few batches (above 0): a scale with which a network's outputs start near 1.

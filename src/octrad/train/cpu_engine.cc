@@ -15,6 +15,8 @@ class CpuEngine : public TrainEngine {
   }
 
   void step(long long step, const ScheduleState& s) override {
+    if (step % kGuideSteps == 0 && !batches_->guide().empty())
+      batches_->make_guide_tables(std::exchange(kept_, kGuideKept));
     const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
     const FieldStep done = field_->train(batches_->points(), batches_->targets(), s.epsilon, s.rate_scale);
     report_.losses.push_back(done.loss);
@@ -40,12 +42,15 @@ class CpuEngine : public TrainEngine {
   }
   std::vector<FarEnd> far_ends() override { return batches_->far_ends(); }
   void set_far_ends(const std::vector<FarEnd>& far_ends) override { batches_->far_ends() = far_ends; }
+  GuideState guide() override { return batches_->guide(); }
+  void set_guide(const GuideState& guide) override { batches_->guide() = guide; }
   void set_target_scale(float scale) override {
     field_->set_target_scale(scale);
     if (averages_) averages_->set_target_scale(scale);
   }
   void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) override {
     batches_->set_changed(std::move(changed), share);
+    kept_ = kGuideKeptOfOther;
   }
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = batches_->points();
@@ -57,6 +62,7 @@ class CpuEngine : public TrainEngine {
   std::unique_ptr<RadianceField> field_, averages_;
   RadianceQuery query_;
   StepReport report_;
+  unsigned kept_ = kGuideKept;  // when tables of the guide are made next
 };
 
 }  // namespace

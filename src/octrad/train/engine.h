@@ -44,6 +44,9 @@ class TrainEngine {
   // of.
   virtual std::vector<FarEnd> far_ends() = 0;
   virtual void set_far_ends(const std::vector<FarEnd>& far_ends) = 0;
+  // What directions of right-hand sides are drawn by (train.guide); likewise. Empty: by the BSDF alone.
+  virtual GuideState guide() = 0;
+  virtual void set_guide(const GuideState& guide) = 0;
   // RadianceField::set_target_scale, while it trains.
   virtual void set_target_scale(float scale) = 0;
   // The scene has changed. `changed`, where the engine can draw them: a share of the points from now on; null: no more.

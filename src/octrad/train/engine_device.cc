@@ -14,6 +14,7 @@
 #include "octrad/model/device_field.h"
 #include "octrad/train/engine_device.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/direction_guide.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/lobes_device.h"
 #include "octrad/transport/rhs_device.h"
@@ -31,6 +32,12 @@ struct SetStep : Kernel {
   StepInput value;
   StepInput* to;
   OCTRAD_HD void operator()(std::uint32_t) const { *to = value; }
+};
+
+struct MakeGuideTables : Kernel {
+  GuideView guides;
+  unsigned kept;
+  OCTRAD_HD void operator()(std::uint32_t table) const { make_guide_table(guides, static_cast<int>(table), kept); }
 };
 
 constexpr int kStepsBetweenReports = 16;
@@ -104,7 +111,8 @@ class DeviceEngine : public TrainEngine {
              most_points(config), most_points_ahead(config, options), -1, ahead_.get(),
              query_rays(config, true).offset),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
-        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), options.tuning.chain_rounds),
+        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), options.tuning.chain_rounds,
+             config.train_guide > 0.0),
         rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
@@ -129,6 +137,8 @@ class DeviceEngine : public TrainEngine {
     last_points_ = static_cast<std::size_t>(s.points);
     kept_ends_ = far_end_count(config_, s.points);
     stale_ = true;
+    if (step % kGuideSteps == 0 && rhs_options_.guides.rows != nullptr)
+      launch(stream_, kGuideTables, MakeGuideTables{{}, rhs_options_.guides, std::exchange(kept_, kGuideKept)});
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
@@ -214,6 +224,28 @@ class DeviceEngine : public TrainEngine {
     far_ends_.upload(std::span<const FarEnd>(all));
   }
 
+  GuideState guide() override {
+    if (guide_rows_.empty()) return {};
+    return {guide_box_, guide_rows_.download(), guide_columns_.download(), guide_squares_.download(),
+            guide_samples_.download()};
+  }
+  void set_guide(const GuideState& guide) override {
+    constexpr const char* kWhat = "guide of directions";
+    guide_box_ = guide.box;
+    guide_rows_ = {stream_, std::span<const float>(guide.rows), kWhat};
+    guide_columns_ = {stream_, std::span<const float>(guide.columns), kWhat};
+    guide_squares_ = {stream_, std::span<const unsigned long long>(guide.squares), kWhat};
+    guide_samples_ = {stream_, std::span<const unsigned long long>(guide.samples), kWhat};
+    rhs_options_.guides = {PlaceGrid(guide.box, kGuideSide),
+                           static_cast<float>(config_.train_guide),
+                           guide_rows_.data(),
+                           guide_columns_.data(),
+                           guide_squares_.data(),
+                           guide_samples_.data()};
+    rhs_options_.epsilon = &input_.data()->constants.epsilon;
+    step_graphs_.clear();  // they know another one
+  }
+
   void set_target_scale(float scale) override {
     device_field_->set_target_scale(scale);
     field_->set_target_scale(scale);
@@ -222,7 +254,10 @@ class DeviceEngine : public TrainEngine {
     averages_->set_target_scale(scale);
   }
   // Points are drawn as always; those that were drawn ahead know the old materials.
-  void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = next_ = {}; }
+  void scene_changed(std::unique_ptr<ChangedPoints>, double) override {
+    drawn_ = next_ = {};
+    kept_ = kGuideKeptOfOther;
+  }
 
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = download_points(stream_, training_points(), last_points_);
@@ -337,6 +372,10 @@ class DeviceEngine : public TrainEngine {
   DeviceArray<StepInput> input_, ahead_input_;
   DeviceArray<Vec3f> responses_, targets_;
   DeviceArray<FarEnd> far_ends_;  // of the last step
+  Bounds3f guide_box_;
+  DeviceArray<float> guide_rows_, guide_columns_;
+  DeviceArray<unsigned long long> guide_squares_, guide_samples_;
+  unsigned kept_ = kGuideKept;  // when tables of the guide are made next
   std::size_t last_points_ = 0, kept_ends_ = 0;
   std::pair<std::size_t, long long> drawn_;          // points a step and number of the group that is taken from
   std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws
@@ -358,7 +397,8 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   }
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds) + slots * sizeof(Vec3f)});
+                   DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds, config.train_guide > 0.0) +
+                       (config.train_guide > 0.0 ? GuideState::bytes() : 0) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points",
                    DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1,
                                     query_rays(config).offset) +

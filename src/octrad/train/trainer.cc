@@ -107,6 +107,27 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
   return ends;
 }
 
+void set_guide(GuideState guide, TrainingState& state) {
+  const Vec3f &lower = guide.box.lower, &upper = guide.box.upper;
+  state.guide_box = {lower.x, lower.y, lower.z, upper.x, upper.y, upper.z};
+  state.guide_rows = std::move(guide.rows);
+  state.guide_columns = std::move(guide.columns);
+  state.guide_squares = std::move(guide.squares);
+  state.guide_samples = std::move(guide.samples);
+}
+
+// That of a file may be anything: throws InputError for what is no guide.
+GuideState guide(const TrainingState& state) {
+  const auto& b = state.guide_box;
+  GuideState guide{{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}},
+                   state.guide_rows,
+                   state.guide_columns,
+                   state.guide_squares,
+                   state.guide_samples};
+  if (!guide.valid()) throw InputError("the model's guide (train.guide) is broken");
+  return guide;
+}
+
 // Of learning rates after a change, in steps; share of the points on what changed and on what it lights.
 constexpr double kChangeHalves = 50.0, kChangeShare = 0.15;
 
@@ -143,6 +164,9 @@ class Trainer::Run {
         if (f != nullptr) f->set_target_scale(static_cast<float>(scale));
     }
     exposure_ = static_cast<double>(field->target_scale());
+    GuideState directions;  // what they are drawn by
+    if (config.train_guide > 0.0)
+      directions = state_.guide_rows.empty() ? make_guide(batches->sampler()) : guide(state_);
     if (options.stream) {
       engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
                                    std::move(averages), engine_options(options));
@@ -150,6 +174,7 @@ class Trainer::Run {
       engine_ = make_cpu_engine(std::move(batches), std::move(field), std::move(averages));
     }
     engine_->set_far_ends(far_ends(state_, scene.scene()));
+    if (!directions.empty()) engine_->set_guide(directions);
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
@@ -234,7 +259,10 @@ void Trainer::Run::checkpoint(bool optimizer) {
   info.scene_file = scene_.scene().file;
   info.scene_fingerprint = scene_.fingerprint();
   info.state = state_;
-  if (optimizer) set_far_ends(engine_->far_ends(), info.state);
+  if (optimizer) {
+    set_far_ends(engine_->far_ends(), info.state);
+    set_guide(engine_->guide(), info.state);
+  }
   save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
   saved_step_ = state_.step;
   if (options_.saved) options_.saved(options_.output, state_.step);

@@ -30,6 +30,8 @@ class Ones : public TrainEngine {
   void average(double) override {}
   std::vector<FarEnd> far_ends() override { return {}; }
   void set_far_ends(const std::vector<FarEnd>&) override {}
+  GuideState guide() override { return {}; }
+  void set_guide(const GuideState&) override {}
   void set_target_scale(float) override {}
   void scene_changed(std::unique_ptr<ChangedPoints>, double) override {}
   void last_batch(std::vector<SurfacePoint>&, std::vector<Vec3f>&) override {}

@@ -5,11 +5,12 @@
 #include "octrad/shading/bsdf_math.h"
 #include "octrad/shading/light_sample.h"
 #include "octrad/shading/shading_point.h"
+#include "octrad/transport/direction_guide_math.h"
 
 namespace octrad {
 
-// Direct light by emitter sampling, balance heuristic against BSDF sampling: the contribution if the shadow ray is
-// unoccluded.
+// Direct light by emitter sampling, balance heuristic against BSDF sampling, or against what guide and BSDF draw
+// together: the contribution if the shadow ray is unoccluded.
 struct EmitterSample {
   bool valid = false;
   RayQuery ray;
@@ -19,7 +20,7 @@ struct EmitterSample {
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingPoint& point, Vec3f wo,
-                                              const SobolSet::Sample& u) {
+                                              const SobolSet::Sample& u, const Guide& guide = {}) {
   EmitterSample sample;
   const LightSample light = world.sample_light(point.surface.position, u.u1, u.u2);
   if (!light.valid || light.pdf <= 0.0f) return sample;
@@ -28,7 +29,8 @@ OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingP
   if (max_component(f.value) <= 0.0f) return sample;
   sample.valid = true;
   sample.ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  sample.contribution = f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf));
+  sample.contribution =
+      f.value * light.radiance * (1.0f / light_mis_density(light, guide.density(light.direction, f.pdf)));
   return sample;
 }
 

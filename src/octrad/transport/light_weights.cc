@@ -186,25 +186,6 @@ std::vector<float> light_weights(const TransportContext& world) {
   return weights;
 }
 
-namespace {
-
-// Bounds of all but a few of the positions.
-Bounds3f most_of(const std::vector<Directions>& vertices) {
-  constexpr double kLeftOut = 0.02;  // at each end of an axis
-  Bounds3f box;
-  for (int a = 0; a < 3; ++a) {
-    std::vector<float> along;
-    for (const Directions& d : vertices) along.push_back(d.position[a]);
-    std::sort(along.begin(), along.end());
-    const auto skipped = static_cast<std::size_t>(kLeftOut * static_cast<double>(along.size()));
-    box.lower[a] = along[skipped];
-    box.upper[a] = along[along.size() - 1 - skipped];
-  }
-  return box;
-}
-
-}  // namespace
-
 std::optional<EnvironmentPlaces> environment_places(const TransportContext& world) {
   const EnvironmentMap* map = world.lights.environment_map();
   if (map == nullptr || map->integrals().empty() || world.scene.cameras.empty()) return std::nullopt;
@@ -215,7 +196,9 @@ std::optional<EnvironmentPlaces> environment_places(const TransportContext& worl
   if (!(mean > 0.0)) return std::nullopt;
 
   EnvironmentPlaces places;
-  places.grid = PlaceGrid(most_of(vertices), kPlaces);
+  std::vector<Vec3f> positions;
+  for (const Directions& d : vertices) positions.push_back(d.position);
+  places.grid = PlaceGrid(bounds_of_most(positions), kPlaces);
   const auto count = static_cast<std::size_t>(places.grid.count());
   constexpr std::size_t parts = kEnvironmentParts;
   // Samples, and sums of the squares of their relative contributions: of the parts at each place, and everywhere.

@@ -16,11 +16,14 @@ namespace rhs_kernels {
 // later times the chain's throughput 6..8, its density 9 (negative for a delta lobe), emission included in the response
 // 10..12, lobe of the query 13.
 inline constexpr int kSlotNumbers = 14;
+inline constexpr std::uint32_t kNoCell = 0xffffffffu;  // of a point that is not guided
 
 struct Memory {
   TraceCounts* counts;
   FloatPlanes slots;
   std::uint32_t* query_of;  // of a slot: its query, or kNoQuery
+  std::uint32_t* cells;     // of slots, where guides learn: GuideSample::cell
+  FloatPlanes scales;       // likewise GuideSample::scale
   std::uint32_t* places;    // of a slot with a query: the place of its ray in the ray queue
   RayPlanes rays;           // by place in the ray queue
   std::uint32_t* owners;    // slots
@@ -53,9 +56,15 @@ struct Sample : Kernel {
     Rng rng = rhs_generator(options.seed, points.stream ? *points.stream : 0, rhs_key(points.keys, i));
     const Vec3f wo = point.to_local(point.wo);
     const SobolSet light_set(rng), bsdf_set(rng);
+    const int table = guide_table<World::kModels>(options.guides, point, viewed_normal(point));
+    const Guide guide = guide_of(options.guides, table);
+    if (options.guides.rows != nullptr) {
+      memory.cells[slot] = table < 0 ? kNoCell : static_cast<std::uint32_t>(table * kGuideParts);
+      memory.scales.set(0, slot, 0.0f);
+    }
     Vec3f light(0.0f);
     if (!is_delta_bsdf(point.bsdf)) {
-      const EmitterSample emitter = sample_emitter(world, point, wo, light_set(m));
+      const EmitterSample emitter = sample_emitter(world, point, wo, light_set(m), guide);
       if (emitter.valid) {
         light = emitter.contribution;
         const std::uint32_t place = atomic_append(memory.shadow_count);
@@ -66,8 +75,13 @@ struct Sample : Kernel {
     memory.slots.set3(0, slot, light);
     memory.slots.set3(3, slot, Vec3f(0.0f));
     memory.query_of[slot] = kNoQuery;
-    const BounceSample bounce = sample_bounce<World::kModels>(point, wo, bsdf_set(m));
+    const BounceSample bounce = sample_bounce<World::kModels>(point, wo, bsdf_set(m), guide);
     if (!bounce.valid) return;
+    if (table >= 0 && !bounce.delta) {
+      const GuideSample sample = guide_sample(table, bounce.direction, bounce.pdf);
+      memory.cells[slot] = static_cast<std::uint32_t>(sample.cell);
+      memory.scales.set(0, slot, sample.scale);
+    }
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
     const Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
@@ -270,10 +284,24 @@ struct Reduce : Kernel {
     }
     if (place < range.count) options.far_ends[place] = chosen;
     target += cache_sum(sum, options.emission_inside);
+    if (options.ask && options.guides.rows != nullptr && memory.cells[from] != kNoCell) teach(from, to, target);
     if (options.own_emission && points.points[i].surface.emitter >= 0)
       target += world.emitted(points.points[i].surface, points.points[i].wo);
     targets[i] = target;
     if (dropped > 0) atomic_add(&memory.counts->non_finite, dropped);
+  }
+  OCTRAD_HD void teach(std::uint32_t from, std::uint32_t to, Vec3f target) const {
+    atomic_add(&options.guides.samples[memory.cells[from] / kGuideParts], static_cast<unsigned long long>(to - from));
+    for (std::uint32_t slot = from; slot < to; ++slot) {
+      GuideSample sample{static_cast<int>(memory.cells[slot]), memory.scales.get(0, slot), 0.0f};
+      if (sample.scale <= 0.0f) continue;
+      sample.brought = luminance(memory.slots.get3(3, slot));
+      if (const std::uint32_t q = memory.query_of[slot]; q != kNoQuery) {
+        const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
+        sample.brought += luminance(cache_contribution(memory.slots.get3(6, slot), responses[q], counted));
+      }
+      teach_guide(options.guides, sample, target, *options.epsilon);
+    }
   }
 };
 
@@ -287,7 +315,7 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 }  // namespace rhs_kernels
 
 DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays,
-                     int chain_rounds)
+                     int chain_rounds, bool guided)
     : stream_(&stream),
       world_(world),
       capacity_(slots),
@@ -301,6 +329,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
               DeviceArray<std::uint32_t>(stream, rounds_ > 0 ? slots : 0, "rays")},
       query_of_(stream, slots, "queries"),
       places_(stream, slots, "queries"),
+      cells_(stream, guided ? slots : 0, "right-hand-side samples"),
       hits_(stream, slots, "hits"),
       rays_(stream, kRayNumbers, slots, "rays"),
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
@@ -308,15 +337,17 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       chain_numbers_(rounds_ > 0 ? PlaneArray(stream, ChainStates::kNumbers, slots, "chains") : PlaneArray()),
       queries_(stream, surface_point_numbers(rays.offset), slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
+      guide_numbers_(guided ? PlaneArray(stream, 1, slots, "right-hand-side samples") : PlaneArray()),
       chain_generators_(stream, rounds_ > 0 ? slots : 0, "chains"),
       lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain_rounds) {
+std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain_rounds, bool guided) {
   const std::size_t chain =
       chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
-  return slots * (chain + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
+  const std::size_t guide = guided ? sizeof(std::uint32_t) + sizeof(float) : 0;
+  return slots * (chain + guide + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
                   static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers +
                                            surface_point_numbers(rays.offset) + (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
@@ -329,6 +360,8 @@ rhs_kernels::Memory DeviceRhs::memory() const {
   return {counts_.data(),
           slots_.planes(),
           query_of_.data(),
+          cells_.data(),
+          guide_numbers_.planes(),
           places_.data(),
           rays_.rays(),
           owners_.data(),

@@ -4,6 +4,7 @@
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"
+#include "octrad/transport/direction_guide_math.h"
 #include "octrad/transport/far_ends_math.h"
 #include "octrad/transport/lobes_device.h"
 #include "octrad/transport/rhs_math.h"
@@ -21,7 +22,9 @@ struct DeviceRhsOptions : FollowRules {
   bool own_emission = false;  // add the points' own emission to the targets
   bool ask = true;            // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
-  FarEnd* far_ends = nullptr;  // device memory: filled by reduce() for the points of far_end_range()
+  GuideView guides;                // in device memory: directions are drawn from it as well, and teach it
+  const float* epsilon = nullptr;  // of the loss, for what is learnt; in device memory
+  FarEnd* far_ends = nullptr;      // device memory: filled by reduce() for the points of far_end_range()
   std::uint32_t far_end_count = 0;
 };
 
@@ -40,9 +43,9 @@ class DeviceRhs {
  public:
   // For up to `slots` points times directions. `rays`: what is traced from the queries. `chain_rounds`: how many
   // surfaces of chains of mirrors, glass and masks are passed by all chains together, before a thread follows each to
-  // its end.
+  // its end. `guided`: options may have guides.
   DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays = {},
-            int chain_rounds = 0);
+            int chain_rounds = 0, bool guided = false);
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const {
@@ -57,7 +60,7 @@ class DeviceRhs {
   std::size_t capacity() const { return capacity_; }
   // Since the last call.
   TraceCounts take_counts();
-  static std::size_t bytes(std::size_t slots, const QueryRays& rays, int chain_rounds = 0);
+  static std::size_t bytes(std::size_t slots, const QueryRays& rays, int chain_rounds = 0, bool guided = false);
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kShadowsTaken, kRaysTaken, kSizes };
@@ -77,9 +80,9 @@ class DeviceRhs {
   QueryRays query_rays_;
   int rounds_;  // of chains
   DeviceArray<TraceCounts> counts_;
-  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_[2], query_of_, places_;
+  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_[2], query_of_, places_, cells_;
   DeviceArray<Hit> hits_;
-  PlaneArray rays_, shadow_rays_, slots_, chain_numbers_, queries_, normals_;
+  PlaneArray rays_, shadow_rays_, slots_, chain_numbers_, queries_, normals_, guide_numbers_;
   DeviceArray<Rng> chain_generators_;
   DeviceLobes lobes_;
 };

@@ -16,8 +16,9 @@ constexpr std::size_t kQueriesPerBlock = 512;  // enough for a field's SIMD kern
 struct PendingQuery {
   std::size_t target;
   Vec3f weight;
-  Vec3f counted;  // the part of the response that was added already
-  FarEnd end;     // where far ends are kept
+  Vec3f counted;       // the part of the response that was added already
+  FarEnd end;          // where far ends are kept
+  std::size_t sample;  // of the block
 };
 
 // Points [begin, end): traced first, then all their cache queries at once.
@@ -28,8 +29,16 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   thread_local std::vector<SurfacePoint> queried;
   thread_local std::vector<PendingQuery> pending;
   thread_local std::vector<Vec3f> responses;
+  thread_local std::vector<GuideSample> samples;  // [points of the block][directions], where they teach
+  thread_local std::vector<int> tables;           // of the points
   queried.clear();
   pending.clear();
+  const bool teach = options.teach_guides && query && options.guides.rows != nullptr;
+  const auto directions = static_cast<std::size_t>(options.directions);
+  if (teach) {
+    samples.assign((end_point - begin) * directions, GuideSample());
+    tables.resize(end_point - begin);
+  }
   const auto n = static_cast<std::uint32_t>(points.size());
   const FarEndRange range = far_end_range(options.stream, n, static_cast<std::uint32_t>(options.far_ends.size()));
   const float share = 1.0f / static_cast<float>(options.directions);
@@ -46,11 +55,14 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
     Rng rng = rhs_generator(options.seed, options.stream, key);
     const Vec3f wo = point.to_local(point.wo);
     const bool delta_only = is_delta_bsdf(point.bsdf);
+    const int table = guide_table(options.guides, point, viewed_normal(point));
+    const Guide guide = guide_of(options.guides, table);
+    if (teach) tables[i - begin] = table;
     const SobolSet light_set(rng), bsdf_set(rng);  // M stratified samples of each: less noise than M independent ones
     for (int m = 0; m < options.directions; ++m) {
       const auto index = static_cast<std::uint32_t>(m);
       if (!delta_only) {
-        EmitterSample light = sample_emitter(context, point, wo, light_set(index));
+        EmitterSample light = sample_emitter(context, point, wo, light_set(index), guide);
         if (light.valid) {
           ++statistics.rays;
           if (context.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
@@ -58,7 +70,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
           add(i, light.contribution);
         }
       }
-      const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index));
+      const BounceSample bounce = sample_bounce(point, wo, bsdf_set(index), guide);
       if (!bounce.valid) continue;
       Rng chain = rhs_chain_generator(options.seed, options.stream, key, index);
       RayEnd end;
@@ -66,7 +78,13 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       Hit hit = context.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
       follow_from(context, point.surface.position, hit, chain, options.follow_below, options.max_chain, segment, end);
       statistics.rays += end.rays;
-      add(i, bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end));
+      const Vec3f met = bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end);
+      add(i, met);
+      const std::size_t sample = (i - begin) * directions + index;
+      if (teach && table >= 0 && !bounce.delta) {
+        samples[sample] = guide_sample(table, bounce.direction, bounce.pdf);
+        samples[sample].brought = luminance(met);
+      }
       if (!end.surface || !query) continue;
       if (options.split_coats) ask_one_lobe(end, chain);
       queried.push_back(field_query_point(context, end.point, options.rays, chain));
@@ -74,7 +92,8 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       pending.push_back({i,
                          bounce.weight * end.throughput,
                          options.emission_inside ? end.own_emitted : Vec3f(0.0f),
-                         {segment.origin, segment.direction, hit, end.point.bsdf.lobe}});
+                         {segment.origin, segment.direction, hit, end.point.bsdf.lobe},
+                         sample});
     }
   }
   if (!queried.empty()) {
@@ -89,11 +108,19 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
         const Vec3f contribution = cache_contribution(pending[q].weight, responses[q], pending[q].counted);
         if (is_finite(contribution)) sum += contribution * share;
         else ++statistics.non_finite;
+        if (teach) samples[pending[q].sample].brought += luminance(contribution);
         if (place < range.count && choice.take(contribution)) options.far_ends[place] = pending[q].end;
       }
       targets[i] += cache_sum(sum, options.emission_inside);
     }
     statistics.queries += static_cast<long long>(queried.size());
+  }
+  for (std::size_t i = begin; teach && i < end_point; ++i) {
+    const int table = tables[i - begin];
+    if (table < 0) continue;
+    atomic_add(&options.guides.samples[table], static_cast<unsigned long long>(directions));
+    for (std::size_t m = 0; m < directions; ++m)
+      teach_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
   }
   return statistics;
 }

@@ -33,7 +33,7 @@ OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long 
   return Rng(seed, RngPurpose::chain, mix64(index ^ key.number) + m);
 }
 
-// A direction drawn from the BSDF.
+// A direction drawn from the BSDF, or from the mixture of guide and BSDF.
 struct BounceSample {
   bool valid = false;
   bool delta = false;
@@ -43,15 +43,33 @@ struct BounceSample {
 };
 
 template <Models kModels = Models::all>
-OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u) {
+OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo, const SobolSet::Sample& u,
+                                            const Guide& guide = {}) {
   BounceSample sample;
-  const BsdfSample scattered = sample_bsdf<kModels>(point.bsdf, wo, u.u1, u.u2);
+  if (guide.known() && u.u1 < guide.share) {
+    const Vec3f direction = guide_direction(guide.rows, guide.columns, u.u2);
+    const BsdfValue f = evaluate_bsdf<kModels>(point.bsdf, wo, point.to_local(direction));
+    if (max_component(f.value) <= 0.0f) return sample;
+    sample.valid = true;
+    sample.direction = direction;
+    sample.pdf = guide.density(direction, f.pdf);
+    sample.weight = f.value * (1.0f / sample.pdf);
+    return sample;
+  }
+  const float u_lobe = guide.known() ? lesser((u.u1 - guide.share) / (1.0f - guide.share), 0.99999994f) : u.u1;
+  const BsdfSample scattered = sample_bsdf<kModels>(point.bsdf, wo, u_lobe, u.u2);
   if (!scattered.valid || max_component(scattered.weight) <= 0.0f) return sample;
   sample.valid = true;
   sample.delta = scattered.delta;
   sample.direction = normalize(point.to_world(scattered.wi));
   sample.weight = scattered.weight;
   sample.pdf = scattered.pdf;
+  if (guide.known()) {
+    // A delta lobe is drawn by the BSDF alone.
+    sample.pdf =
+        scattered.delta ? (1.0f - guide.share) * scattered.pdf : guide.density(sample.direction, scattered.pdf);
+    sample.weight *= scattered.delta ? 1.0f / (1.0f - guide.share) : scattered.pdf / sample.pdf;
+  }
   return sample;
 }
 

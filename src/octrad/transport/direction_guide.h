@@ -1,0 +1,34 @@
+// The tables of transport/direction_guide_math.h on the computer's side: for training on the CPU, and as the state of
+// any training.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "octrad/transport/direction_guide_math.h"
+
+namespace octrad {
+
+class LhsSampler;
+
+// All that a guide knows.
+struct GuideState {
+  Bounds3f box;                      // divided into places
+  std::vector<float> rows, columns;  // as in GuideView; all empty: no guide
+  std::vector<unsigned long long> squares, samples;
+
+  bool empty() const { return rows.empty(); }
+  // Whether this is a guide: sizes, and probabilities that are some.
+  bool valid() const;
+  // Over it; `share`: train.guide. The state must outlive the view, which learns.
+  GuideView view(float share);
+  static std::size_t bytes();
+};
+
+// One that knows nothing yet, over the box of what the sampler draws.
+GuideState make_guide(const LhsSampler& sampler);
+
+// make_guide_table() for all tables. Parallel.
+void make_guide_tables(const GuideView& guides, unsigned kept);
+
+}  // namespace octrad
