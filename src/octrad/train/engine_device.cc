@@ -14,7 +14,7 @@
 #include "octrad/model/device_field.h"
 #include "octrad/train/engine_device.h"
 #include "octrad/transport/device_memory.h"
-#include "octrad/transport/direction_guide.h"
+#include "octrad/transport/direction_guide_device.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/lobes_device.h"
 #include "octrad/transport/rhs_device.h"
@@ -32,12 +32,6 @@ struct SetStep : Kernel {
   StepInput value;
   StepInput* to;
   OCTRAD_HD void operator()(std::uint32_t) const { *to = value; }
-};
-
-struct MakeGuideTables : Kernel {
-  GuideView guides;
-  unsigned kept;
-  OCTRAD_HD void operator()(std::uint32_t table) const { make_guide_table(guides, static_cast<int>(table), kept); }
 };
 
 constexpr int kStepsBetweenReports = 16;
@@ -137,8 +131,7 @@ class DeviceEngine : public TrainEngine {
     last_points_ = static_cast<std::size_t>(s.points);
     kept_ends_ = far_end_count(config_, s.points);
     stale_ = true;
-    if (step % kGuideSteps == 0 && rhs_options_.guides.rows != nullptr)
-      launch(stream_, kGuideTables, MakeGuideTables{{}, rhs_options_.guides, std::exchange(kept_, kGuideKept)});
+    if (guide_ && step % kGuideSteps == 0) guide_->make_tables(std::exchange(kept_, kGuideKept));
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
@@ -224,24 +217,10 @@ class DeviceEngine : public TrainEngine {
     far_ends_.upload(std::span<const FarEnd>(all));
   }
 
-  GuideState guide() override {
-    if (guide_rows_.empty()) return {};
-    return {guide_box_, guide_rows_.download(), guide_columns_.download(), guide_squares_.download(),
-            guide_samples_.download()};
-  }
+  GuideState guide() override { return guide_ ? guide_->download() : GuideState(); }
   void set_guide(const GuideState& guide) override {
-    constexpr const char* kWhat = "guide of directions";
-    guide_box_ = guide.box;
-    guide_rows_ = {stream_, std::span<const float>(guide.rows), kWhat};
-    guide_columns_ = {stream_, std::span<const float>(guide.columns), kWhat};
-    guide_squares_ = {stream_, std::span<const unsigned long long>(guide.squares), kWhat};
-    guide_samples_ = {stream_, std::span<const unsigned long long>(guide.samples), kWhat};
-    rhs_options_.guides = {PlaceGrid(guide.box, kGuideSide),
-                           static_cast<float>(config_.train_guide),
-                           guide_rows_.data(),
-                           guide_columns_.data(),
-                           guide_squares_.data(),
-                           guide_samples_.data()};
+    guide_ = std::make_unique<DeviceGuide>(stream_, guide, static_cast<float>(config_.train_guide));
+    rhs_options_.guides = guide_->view();
     rhs_options_.epsilon = &input_.data()->constants.epsilon;
     step_graphs_.clear();  // they know another one
   }
@@ -371,11 +350,9 @@ class DeviceEngine : public TrainEngine {
   bool stale_ = false, averages_stale_ = false;  // field_ or averages_ lacks what the device learnt since
   DeviceArray<StepInput> input_, ahead_input_;
   DeviceArray<Vec3f> responses_, targets_;
-  DeviceArray<FarEnd> far_ends_;  // of the last step
-  Bounds3f guide_box_;
-  DeviceArray<float> guide_rows_, guide_columns_;
-  DeviceArray<unsigned long long> guide_squares_, guide_samples_;
-  unsigned kept_ = kGuideKept;  // when tables of the guide are made next
+  DeviceArray<FarEnd> far_ends_;        // of the last step
+  std::unique_ptr<DeviceGuide> guide_;  // null: directions are drawn by the BSDF alone
+  unsigned kept_ = kGuideKept;          // when tables of the guide are made next
   std::size_t last_points_ = 0, kept_ends_ = 0;
   std::pair<std::size_t, long long> drawn_;          // points a step and number of the group that is taken from
   std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws

@@ -6,6 +6,7 @@
 
 #include "octrad/base/threads.h"
 #include "octrad/transport/checks.h"
+#include "octrad/transport/direction_guide_device.h"
 #include "octrad/transport/gbuffer_device.h"
 #include "octrad/transport/lhs_device.h"
 #include "octrad/transport/lhs_sampler.h"
@@ -43,6 +44,21 @@ struct Cache {
             0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d) + far};
   }
 };
+
+// Four tables in five draw parts by chance, a third of them never.
+GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
+  GuideState guide = make_guide(sampler);
+  Rng rng(seed, RngPurpose::test, 1);
+  for (int table = 0; table < kGuideTables; ++table) {
+    if (rng.below(5) == 0) continue;
+    guide.samples[static_cast<std::size_t>(table)] = 1u << 30;
+    for (int part = 0; part < kGuideParts; ++part)
+      guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] =
+          rng.below(3) == 0 ? 0 : rng.below(1u << 30) + 1ull;
+  }
+  make_guide_tables(guide.view(0.5f), kGuideKept);
+  return guide;
+}
 
 // `answer` of the queries in a stream's memory.
 template <typename Answer>
@@ -229,6 +245,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     for (std::size_t i = 0; i < asked.size(); ++i) out[i] = answer(asked[i]);
   };
 
+  const GuideState guide = guide_of_chance(sampler, seed);
   EstimateErrors errors;
   for (const RhsCase& c : cases) {
     RhsOptions options;
@@ -242,6 +259,17 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     options.seed = seed;
     options.stream = number;
     if (c.keys) options.keys = keys;
+    GuideState taught = guide;
+    const DeviceGuide device_guide(stream, guide, 0.5f);
+    const float epsilon = 0.1f;
+    const DeviceArray<float> device_epsilon(stream, std::span(&epsilon, 1), "check");
+    if (c.guided) {
+      options.guides = taught.view(0.5f);
+      options.teach_guides = true;
+      options.epsilon = epsilon;
+      device_options.guides = device_guide.view();
+      device_options.epsilon = device_epsilon.data();
+    }
     std::vector<Vec3f> expected(n);
     const RhsStatistics statistics = estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
     for (std::size_t i = 0; i < n && c.emission_inside; ++i) {
@@ -258,8 +286,8 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     device_points.most = n;
     device_points.stream = step.data();
     device_points.keys = c.keys ? device_keys.data() : nullptr;
-    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays,
-                  c.chain_rounds);
+    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays, c.chain_rounds,
+                  c.guided);
     rhs.trace(device_points, device_options);
     rhs.take_counts();
     const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });
@@ -277,6 +305,19 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       errors.add_counts(counts.queries, static_cast<unsigned long long>(statistics.queries));
       errors.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
       errors.add_counts(counts.non_finite, static_cast<unsigned long long>(statistics.non_finite));
+    }
+    if (c.guided) {  // the device was taught twice
+      const auto learnt = [&](const std::vector<unsigned long long>& now,
+                              const std::vector<unsigned long long>& before) {
+        return std::reduce(now.begin(), now.end()) - std::reduce(before.begin(), before.end());
+      };
+      const GuideState found = device_guide.download();
+      errors.add_counts(learnt(found.samples, guide.samples), 2 * learnt(taught.samples, guide.samples));
+      const auto expected_squares = static_cast<float>(learnt(taught.squares, guide.squares)),
+                 found_squares = static_cast<float>(learnt(found.squares, guide.squares));
+      const float unit = std::max(1.0f, expected_squares);
+      errors.add(Vec3f(0.5f * found_squares / unit), Vec3f(expected_squares / unit));
+      if (c.ask) errors.add(Vec3f(expected_squares > 0.0f ? 1.0f : 0.0f), Vec3f(1.0f));
     }
   }
   return errors.result(stream, "relative error of right-hand sides", 2e-3, 0.01);

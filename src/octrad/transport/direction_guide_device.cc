@@ -1,0 +1,33 @@
+#include "octrad/transport/direction_guide_device.h"
+
+#include "octrad/device/launch.h"
+
+namespace octrad {
+namespace {
+
+constexpr const char* kWhat = "guide of directions";
+
+struct MakeTables : Kernel {
+  GuideView guides;
+  unsigned kept;
+  OCTRAD_HD void operator()(std::uint32_t table) const { make_guide_table(guides, static_cast<int>(table), kept); }
+};
+
+}  // namespace
+
+DeviceGuide::DeviceGuide(Stream& stream, const GuideState& guide, float share)
+    : stream_(&stream),
+      box_(guide.box),
+      rows_(stream, std::span<const float>(guide.rows), kWhat),
+      columns_(stream, std::span<const float>(guide.columns), kWhat),
+      squares_(stream, std::span<const unsigned long long>(guide.squares), kWhat),
+      samples_(stream, std::span<const unsigned long long>(guide.samples), kWhat),
+      view_{PlaceGrid(guide.box, kGuideSide), share, rows_.data(), columns_.data(), squares_.data(), samples_.data()} {}
+
+void DeviceGuide::make_tables(unsigned kept) { launch(*stream_, kGuideTables, MakeTables{{}, view_, kept}); }
+
+GuideState DeviceGuide::download() const {
+  return {box_, rows_.download(), columns_.download(), squares_.download(), samples_.download()};
+}
+
+}  // namespace octrad
