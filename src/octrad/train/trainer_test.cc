@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <numeric>
 #include <thread>
 
 #include "octrad/base/error.h"
@@ -205,6 +206,40 @@ TEST(Train, FarEndsOffTheSceneAreRefusedOnResume) {
     options.resume = &model;
     EXPECT_THROW(train(box.scene, model.info.config, options), InputError) << shape << ' ' << primitive;
   }
+  std::filesystem::remove(file);
+}
+
+TEST(Train, TheGuideIsPartOfARunsState) {
+  Box box;
+  const std::string file = temporary("guide.octrad");
+  TrainOptions options;
+  options.output = file;
+  train(box.scene, short_run(130), options);
+  EXPECT_TRUE(load_model(file).info.state.guide_rows.empty());  // only what is trained on needs it
+  Model model = load_model(file, true);
+  const TrainingState& state = model.info.state;
+  EXPECT_GT(*std::ranges::max_element(state.guide_rows), 0.0f) << "nothing was learnt";
+  EXPECT_GT(std::reduce(state.guide_squares.begin(), state.guide_squares.end()), 0ull);
+  EXPECT_LT(state.guide_box[0], state.guide_box[3]);
+
+  // A file may be broken, and a run may do without.
+  model.info.config.train_steps = 140;
+  options.resume = &model;
+  model.info.state.guide_columns[5] = 2.0f;
+  EXPECT_THROW(train(box.scene, model.info.config, options), InputError);
+  model = load_model(file, true);
+  model.info.state.guide_samples.clear();
+  EXPECT_THROW(train(box.scene, model.info.config, options), InputError);
+  model = load_model(file, true);
+  model.info.config.train_steps = 140;
+  model.info.config.train_guide = 0.0;
+  EXPECT_EQ(train(box.scene, model.info.config, options).steps, 140);
+  model = load_model(file, true);
+  EXPECT_TRUE(model.info.state.guide_rows.empty());
+  model.info.config.train_steps = 210;  // and begin to have one
+  model.info.config.train_guide = 0.5;
+  EXPECT_EQ(train(box.scene, model.info.config, options).steps, 210);
+  EXPECT_FALSE(load_model(file, true).info.state.guide_rows.empty());
   std::filesystem::remove(file);
 }
 
