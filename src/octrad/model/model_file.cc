@@ -130,12 +130,15 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
 constexpr const char* kGuideBox = "optimizer.guide.box";
 constexpr const char* kGuideRowTables = "optimizer.guide.rows";
 constexpr const char* kGuideColumnTables = "optimizer.guide.columns";
+constexpr const char* kGuideMeans = "optimizer.guide.means";
 constexpr const char* kGuideSquares = "optimizer.guide.squares";
+constexpr const char* kGuideAlone = "optimizer.guide.alone";
+constexpr const char* kGuideTargets = "optimizer.guide.targets";
 constexpr const char* kGuideSamples = "optimizer.guide.samples";
 
 void read_guide(const TensorReader& in, TrainingState& state) {
   if (!in.has(kGuideBox)) return;
-  in.read(in.get(kGuideBox, DType::f32, {6}), state.guide_box.data());
+  in.read(in.get(kGuideBox, DType::f32, {7}), state.guide_box.data());
   const auto numbers = [&](const char* name, DType type, auto& to) {
     const auto tensor = in.get(name, type, {-1});
     ask_memory(tensor.bytes, in.file());
@@ -144,7 +147,10 @@ void read_guide(const TensorReader& in, TrainingState& state) {
   };
   numbers(kGuideRowTables, DType::f32, state.guide_rows);
   numbers(kGuideColumnTables, DType::f32, state.guide_columns);
+  numbers(kGuideMeans, DType::f32, state.guide_means);
   numbers(kGuideSquares, DType::u64, state.guide_squares);
+  numbers(kGuideAlone, DType::u64, state.guide_alone);
+  numbers(kGuideTargets, DType::u64, state.guide_targets);
   numbers(kGuideSamples, DType::u64, state.guide_samples);
 }
 
@@ -155,7 +161,10 @@ void write_guide(TensorWriter& out, const TrainingState& state) {
   numbers(kGuideBox, DType::f32, state.guide_box);
   numbers(kGuideRowTables, DType::f32, state.guide_rows);
   numbers(kGuideColumnTables, DType::f32, state.guide_columns);
+  numbers(kGuideMeans, DType::f32, state.guide_means);
   numbers(kGuideSquares, DType::u64, state.guide_squares);
+  numbers(kGuideAlone, DType::u64, state.guide_alone);
+  numbers(kGuideTargets, DType::u64, state.guide_targets);
   numbers(kGuideSamples, DType::u64, state.guide_samples);
 }
 

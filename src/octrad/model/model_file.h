@@ -24,9 +24,9 @@ struct TrainingState {
   std::vector<std::array<float, 9>> far_end_rays;
   std::vector<std::array<std::int32_t, 3>> far_end_hits;
   // What directions are drawn by (train.guide), likewise: transport/direction_guide.h. Empty: nothing.
-  std::array<float, 6> guide_box{};
-  std::vector<float> guide_rows, guide_columns;
-  std::vector<unsigned long long> guide_squares, guide_samples;
+  std::array<float, 7> guide_box{};  // and the unit of radiance
+  std::vector<float> guide_rows, guide_columns, guide_means;
+  std::vector<unsigned long long> guide_squares, guide_alone, guide_targets, guide_samples;
 };
 
 struct ModelInfo {

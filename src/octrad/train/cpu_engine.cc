@@ -15,8 +15,7 @@ class CpuEngine : public TrainEngine {
   }
 
   void step(long long step, const ScheduleState& s) override {
-    if (step % kGuideSteps == 0 && !batches_->guide().empty())
-      batches_->make_guide_tables(std::exchange(kept_, kGuideKept));
+    if (step % kGuideSteps == 0 && !batches_->guide().empty()) batches_->make_guide_tables(kGuideKept);
     const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
     const FieldStep done = field_->train(batches_->points(), batches_->targets(), s.epsilon, s.rate_scale);
     report_.losses.push_back(done.loss);
@@ -50,7 +49,7 @@ class CpuEngine : public TrainEngine {
   }
   void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) override {
     batches_->set_changed(std::move(changed), share);
-    kept_ = kGuideKeptOfOther;
+    if (!batches_->guide().empty()) batches_->make_guide_tables(kGuideKeptOfOther);
   }
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = batches_->points();
@@ -62,7 +61,6 @@ class CpuEngine : public TrainEngine {
   std::unique_ptr<RadianceField> field_, averages_;
   RadianceQuery query_;
   StepReport report_;
-  unsigned kept_ = kGuideKept;  // when tables of the guide are made next
 };
 
 }  // namespace

@@ -131,7 +131,7 @@ class DeviceEngine : public TrainEngine {
     last_points_ = static_cast<std::size_t>(s.points);
     kept_ends_ = far_end_count(config_, s.points);
     stale_ = true;
-    if (guide_ && step % kGuideSteps == 0) guide_->make_tables(std::exchange(kept_, kGuideKept));
+    if (guide_ && step % kGuideSteps == 0) guide_->make_tables(kGuideKept);
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
@@ -235,7 +235,7 @@ class DeviceEngine : public TrainEngine {
   // Points are drawn as always; those that were drawn ahead know the old materials.
   void scene_changed(std::unique_ptr<ChangedPoints>, double) override {
     drawn_ = next_ = {};
-    kept_ = kGuideKeptOfOther;
+    if (guide_) guide_->make_tables(kGuideKeptOfOther);
   }
 
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
@@ -352,7 +352,6 @@ class DeviceEngine : public TrainEngine {
   DeviceArray<Vec3f> responses_, targets_;
   DeviceArray<FarEnd> far_ends_;        // of the last step
   std::unique_ptr<DeviceGuide> guide_;  // null: directions are drawn by the BSDF alone
-  unsigned kept_ = kGuideKept;          // when tables of the guide are made next
   std::size_t last_points_ = 0, kept_ends_ = 0;
   std::pair<std::size_t, long long> drawn_;          // points a step and number of the group that is taken from
   std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws

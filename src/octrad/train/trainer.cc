@@ -109,10 +109,13 @@ std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
 
 void set_guide(GuideState guide, TrainingState& state) {
   const Vec3f &lower = guide.box.lower, &upper = guide.box.upper;
-  state.guide_box = {lower.x, lower.y, lower.z, upper.x, upper.y, upper.z};
+  state.guide_box = {lower.x, lower.y, lower.z, upper.x, upper.y, upper.z, guide.unit};
   state.guide_rows = std::move(guide.rows);
   state.guide_columns = std::move(guide.columns);
+  state.guide_means = std::move(guide.means);
   state.guide_squares = std::move(guide.squares);
+  state.guide_alone = std::move(guide.alone);
+  state.guide_targets = std::move(guide.targets);
   state.guide_samples = std::move(guide.samples);
 }
 
@@ -120,9 +123,13 @@ void set_guide(GuideState guide, TrainingState& state) {
 GuideState guide(const TrainingState& state) {
   const auto& b = state.guide_box;
   GuideState guide{{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}},
+                   b[6],
                    state.guide_rows,
                    state.guide_columns,
+                   state.guide_means,
                    state.guide_squares,
+                   state.guide_alone,
+                   state.guide_targets,
                    state.guide_samples};
   if (!guide.valid()) throw InputError("the model's guide (train.guide) is broken");
   return guide;
@@ -166,7 +173,8 @@ class Trainer::Run {
     exposure_ = static_cast<double>(field->target_scale());
     GuideState directions;  // what they are drawn by
     if (config.train_guide > 0.0)
-      directions = state_.guide_rows.empty() ? make_guide(batches->sampler()) : guide(state_);
+      directions =
+          state_.guide_rows.empty() ? make_guide(batches->sampler(), static_cast<float>(exposure_)) : guide(state_);
     if (options.stream) {
       engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
                                    std::move(averages), engine_options(options));

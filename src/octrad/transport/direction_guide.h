@@ -13,9 +13,10 @@ class LhsSampler;
 
 // All that a guide knows.
 struct GuideState {
-  Bounds3f box;                      // divided into places
-  std::vector<float> rows, columns;  // as in GuideView; all empty: no guide
-  std::vector<unsigned long long> squares, samples;
+  Bounds3f box;       // divided into places
+  float unit = 1.0f;  // as in GuideView, and all that follows; all empty: no guide
+  std::vector<float> rows, columns, means;
+  std::vector<unsigned long long> squares, alone, targets, samples;
 
   bool empty() const { return rows.empty(); }
   // Whether this is a guide: sizes, and probabilities that are some.
@@ -25,8 +26,8 @@ struct GuideState {
   static std::size_t bytes();
 };
 
-// One that knows nothing yet, over the box of what the sampler draws.
-GuideState make_guide(const LhsSampler& sampler);
+// One that knows nothing yet, over the box of what the sampler draws. `unit`: of radiance, above 0.
+GuideState make_guide(const LhsSampler& sampler, float unit);
 
 // make_guide_table() for all tables. Parallel.
 void make_guide_tables(const GuideView& guides, unsigned kept);

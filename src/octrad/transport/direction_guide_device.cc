@@ -18,16 +18,37 @@ struct MakeTables : Kernel {
 DeviceGuide::DeviceGuide(Stream& stream, const GuideState& guide, float share)
     : stream_(&stream),
       box_(guide.box),
+      unit_(guide.unit),
       rows_(stream, std::span<const float>(guide.rows), kWhat),
       columns_(stream, std::span<const float>(guide.columns), kWhat),
+      means_(stream, std::span<const float>(guide.means), kWhat),
       squares_(stream, std::span<const unsigned long long>(guide.squares), kWhat),
+      alone_(stream, std::span<const unsigned long long>(guide.alone), kWhat),
+      targets_(stream, std::span<const unsigned long long>(guide.targets), kWhat),
       samples_(stream, std::span<const unsigned long long>(guide.samples), kWhat),
-      view_{PlaceGrid(guide.box, kGuideSide), share, rows_.data(), columns_.data(), squares_.data(), samples_.data()} {}
+      view_{PlaceGrid(guide.box, kGuideSide),
+            share,
+            guide.unit,
+            rows_.data(),
+            columns_.data(),
+            means_.data(),
+            squares_.data(),
+            alone_.data(),
+            targets_.data(),
+            samples_.data()} {}
 
 void DeviceGuide::make_tables(unsigned kept) { launch(*stream_, kGuideTables, MakeTables{{}, view_, kept}); }
 
 GuideState DeviceGuide::download() const {
-  return {box_, rows_.download(), columns_.download(), squares_.download(), samples_.download()};
+  return {box_,
+          unit_,
+          rows_.download(),
+          columns_.download(),
+          means_.download(),
+          squares_.download(),
+          alone_.download(),
+          targets_.download(),
+          samples_.download()};
 }
 
 }  // namespace octrad

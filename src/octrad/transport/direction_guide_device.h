@@ -20,8 +20,9 @@ class DeviceGuide {
  private:
   Stream* stream_;
   Bounds3f box_;
-  DeviceArray<float> rows_, columns_;
-  DeviceArray<unsigned long long> squares_, samples_;
+  float unit_;
+  DeviceArray<float> rows_, columns_, means_;
+  DeviceArray<unsigned long long> squares_, alone_, targets_, samples_;
   GuideView view_;
 };
 

@@ -34,9 +34,13 @@ struct Guide {
 struct GuideView {
   PlaceGrid places;
   float share = 0.0f;
+  float unit = 1.0f;         // of radiance, about as bright as the scene
   float* rows = nullptr;     // of kGuideTables tables: Guide::rows; null: no guide. All 0 where too little is known
   float* columns = nullptr;  // likewise
+  float* means = nullptr;    // [kGuideTables] of targets, when the table was made; 0: not known
   unsigned long long* squares = nullptr;  // [kGuideTables][kGuideParts] sums of what teach_guide() makes of samples
+  unsigned long long* alone = nullptr;    // [kGuideTables] sums of what it makes of them for the BSDF alone
+  unsigned long long* targets = nullptr;  // [kGuideTables] sums of targets, one for each sample
   unsigned long long* samples = nullptr;  // [kGuideTables] how many
 };
 
@@ -149,12 +153,14 @@ OCTRAD_HD inline Guide guide_of(const GuideView& guides, int table) {
 // What a direction of a guided point teaches, once the point's target is known.
 struct GuideSample {
   int cell = 0;          // of GuideView::squares
-  float scale = 0.0f;    // density of the direction over that of its part; 0: the sample teaches nothing
+  float scale = 0.0f;    // density of the direction over that inside its part; 0: the sample teaches nothing
+  float alone = 0.0f;    // the same over that of the BSDF
   float brought = 0.0f;  // luminance of its contribution to the target
 };
 
-OCTRAD_HD inline GuideSample guide_sample(int table, Vec3f direction, float pdf) {
-  return {table * kGuideParts + guide_part(direction), pdf / guide_detail::place(direction).density, 0.0f};
+OCTRAD_HD inline GuideSample guide_sample(int table, Vec3f direction, float pdf, float bsdf_pdf) {
+  return {table * kGuideParts + guide_part(direction), pdf / guide_detail::place(direction).density, pdf / bsdf_pdf,
+          0.0f};
 }
 
 // Sums are whole numbers, so that their order does not matter.
@@ -162,13 +168,26 @@ inline constexpr float kGuideUnit = 0x1p20f;
 
 // With the probabilities p of the parts and the densities k inside them, the squares of a sample's contribution g / q
 // to a target have the mean sum_i (1 / p_i) integral_i g^2 / k, which is least for p_i in proportion to the root of
-// that integral; (g / q)^2 q / k has the integral as its mean. Relative to the target, and to the epsilon of the loss.
+// that integral; (g / q)^2 q / k has the integral as its mean, and (g / q)^2 q / b the mean square of what a BSDF of
+// density b draws alone. Relative to the mean target of the table and to the epsilon of the loss: a point's own target,
+// which is large where one of its samples is, would hide just those samples that tables are for.
 OCTRAD_HD inline void teach_guide(const GuideView& guides, const GuideSample& sample, Vec3f target, float epsilon) {
-  const float relative = sample.brought / (luminance(target) + epsilon);
-  const float square = relative * relative * sample.scale;
-  if (!(square > 0.0f)) return;
-  atomic_add(&guides.squares[sample.cell],
-             static_cast<unsigned long long>(lesser(square, 1024.0f) * kGuideUnit + 0.5f));
+  const int table = sample.cell / kGuideParts;
+  const float mean = guides.means[table] > 0.0f ? guides.means[table] : luminance(target);
+  const float relative = sample.brought / (mean + epsilon);
+  const float square = relative * relative;
+  if (!(square * sample.scale > 0.0f)) return;
+  const auto units = [](float s) { return static_cast<unsigned long long>(lesser(s, 0x1p20f) * kGuideUnit + 0.5f); };
+  atomic_add(&guides.squares[sample.cell], units(square * sample.scale));
+  atomic_add(&guides.alone[table], units(square * sample.alone));
+}
+
+// What a guided point teaches besides its samples.
+OCTRAD_HD inline void teach_guide(const GuideView& guides, int table, int directions, Vec3f target) {
+  const float units = luminance(target) / guides.unit * kGuideUnit;
+  const auto n = static_cast<unsigned long long>(directions);
+  atomic_add(&guides.samples[table], n);
+  if (units > 0.0f) atomic_add(&guides.targets[table], n * static_cast<unsigned long long>(lesser(units, 0x1p32f)));
 }
 
 // Tables are made anew every so many steps, and their sums multiplied by kGuideKept / 64 then: what was learnt
@@ -176,15 +195,20 @@ OCTRAD_HD inline void teach_guide(const GuideView& guides, const GuideSample& sa
 inline constexpr long long kGuideSteps = 64;
 inline constexpr unsigned kGuideKept = 63, kGuideKeptOfOther = 8;  // the latter after the scene has changed
 
+// The mean square of what the BSDF draws alone, over that of what a table could, from which on tables are used.
+inline constexpr float kGuideGain = 3.0f;
+
 // Makes a table's probabilities of its sums.
 OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsigned kept) {
-  constexpr unsigned long long kFewest = 64;  // samples
-  constexpr float kPrior = 16.0f;             // samples that count as if light came alike from everywhere
+  constexpr unsigned long long kFewest = 256;  // samples
+  constexpr float kPrior = 16.0f;              // samples that count as if light came alike from everywhere
   unsigned long long& samples = guides.samples[table];
   unsigned long long* squares = guides.squares + table * kGuideParts;
   float total = 0.0f;
   for (int part = 0; part < kGuideParts; ++part) total += static_cast<float>(squares[part]);
   if (samples < kFewest || !(total > 0.0f)) return;
+  guides.means[table] =
+      static_cast<float>(guides.targets[table]) / static_cast<float>(samples) / kGuideUnit * guides.unit;
   // Of light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is
   // 1/6.
   const float prior = total * kPrior / static_cast<float>(samples) * (6.0f / static_cast<float>(kGuideParts));
@@ -206,10 +230,13 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsig
     columns[(row + 1) * kGuideColumns - 1] = 1.0f;
     rows[row] = sum += of_row;
   }
-  for (int row = 0; row + 1 < kGuideRows; ++row) rows[row] /= sum;
-  rows[kGuideRows - 1] = 1.0f;
+  // Where the table would gain little it is left out: stratified samples of the BSDF gain as much.
+  const bool worth = static_cast<float>(guides.alone[table]) > kGuideGain * sum * sum;
+  for (int row = 0; row < kGuideRows; ++row) rows[row] = !worth ? 0.0f : row + 1 < kGuideRows ? rows[row] / sum : 1.0f;
   const auto keep = [&](unsigned long long n) { return n / 64 * kept + n % 64 * kept / 64; };
   samples = keep(samples);
+  guides.alone[table] = keep(guides.alone[table]);
+  guides.targets[table] = keep(guides.targets[table]);
   for (int part = 0; part < kGuideParts; ++part) squares[part] = keep(squares[part]);
 }
 

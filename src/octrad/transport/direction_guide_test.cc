@@ -31,6 +31,7 @@ template <typename Square>
 void set_tables(GuideState& guide, Square square) {
   for (int table = 0; table < kGuideTables; ++table) {
     guide.samples[static_cast<std::size_t>(table)] = 1ull << 50;  // many: nothing is guessed
+    guide.alone[static_cast<std::size_t>(table)] = ~0ull;         // and tables are worth it
     for (int part = 0; part < kGuideParts; ++part)
       guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] = square(table, part);
   }
@@ -64,7 +65,7 @@ TEST(DirectionGuide, DirectionsAreWhereTheirPartIs) {
 // is the solid angle of what can be.
 TEST(DirectionGuide, DensitiesAreThoseOfWhatIsDrawn) {
   const FurnaceScene setup(furnace(testing::kGrey, ""));
-  GuideState guide = make_guide(LhsSampler(setup.prepared, by_area()));
+  GuideState guide = make_guide(LhsSampler(setup.prepared, by_area()), 1.0f);
   const auto square = [](int, int part) {
     return part % 3 == 0 ? 0ull : static_cast<unsigned long long>(part * part) << 24;
   };
@@ -98,36 +99,50 @@ TEST(DirectionGuide, DensitiesAreThoseOfWhatIsDrawn) {
 
 TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
   const FurnaceScene setup(furnace(testing::kGrey, ""));
-  GuideState guide = make_guide(LhsSampler(setup.prepared, by_area()));
+  GuideState guide = make_guide(LhsSampler(setup.prepared, by_area()), 2.0f);
   EXPECT_TRUE(guide.valid());
-  EXPECT_FALSE(guide_of(guide.view(0.5f), 7).known());
-  EXPECT_FALSE(guide_of(guide.view(0.5f), -1).known());
-  guide.samples[7] = 63;
+  const GuideView view = guide.view(0.5f);
+  EXPECT_FALSE(guide_of(view, 7).known());
+  EXPECT_FALSE(guide_of(view, -1).known());
+  guide.samples[7] = 255;
+  guide.targets[7] = 255ull << 20;
   guide.squares[7 * kGuideParts] = 1000;
-  make_guide_tables(guide.view(0.5f), kGuideKept);
-  EXPECT_FALSE(guide_of(guide.view(0.5f), 7).known());
-  guide.samples[7] = 64;
-  make_guide_tables(guide.view(0.5f), kGuideKept);
-  EXPECT_TRUE(guide_of(guide.view(0.5f), 7).known());
-  EXPECT_EQ(guide.samples[7], 63u);
+  guide.alone[7] = 1000000;
+  make_guide_tables(view, kGuideKept);
+  EXPECT_FALSE(guide_of(view, 7).known());
+  guide.samples[7] = 256;
+  guide.targets[7] = 256ull << 20;
+  make_guide_tables(view, kGuideKept);
+  EXPECT_TRUE(guide_of(view, 7).known());
+  EXPECT_FLOAT_EQ(guide.means[7], 2.0f);  // of targets: one unit each
+  EXPECT_EQ(guide.samples[7], 252u);
   EXPECT_EQ(guide.squares[7 * kGuideParts], 1000u / 64 * 63 + 1000 % 64 * 63 / 64);
-  // 64 samples are few: table 7 is of surfaces along -x, and parts on their side are drawn as well.
-  EXPECT_GT(guide_density(&guide.rows[7 * kGuideRows], &guide.columns[7 * kGuideParts], {-1, 0, 0}), 0.0f);
-  EXPECT_EQ(guide_density(&guide.rows[7 * kGuideRows], &guide.columns[7 * kGuideParts], {1, 0, 0}), 0.0f);
+  EXPECT_EQ(guide.alone[7], 1000000u / 64 * 63);
+  // 256 samples are few: table 7 is of surfaces along -x, and parts on their side are drawn as well.
+  const float *rows = &guide.rows[7 * kGuideRows], *columns = &guide.columns[7 * kGuideParts];
+  EXPECT_GT(guide_density(rows, columns, {-1, 0, 0}), 0.0f);
+  EXPECT_EQ(guide_density(rows, columns, {1, 0, 0}), 0.0f);
   EXPECT_TRUE(guide.valid());
 
-  GuideState broken = guide;
-  broken.rows[7 * kGuideRows] = 2.0f;
-  EXPECT_FALSE(broken.valid());
-  broken = guide;
-  broken.columns[7 * kGuideParts + 3] = std::nanf("");
-  EXPECT_FALSE(broken.valid());
-  broken = guide;
-  broken.squares.pop_back();
-  EXPECT_FALSE(broken.valid());
-  broken = guide;
-  std::swap(broken.box.lower, broken.box.upper);
-  EXPECT_FALSE(broken.valid());
+  // Samples of the BSDF that are as good: the table is left out again.
+  guide.samples[7] = 256;
+  guide.alone[7] = 1000;
+  make_guide_tables(view, kGuideKept);
+  EXPECT_FALSE(guide_of(view, 7).known());
+
+  const auto broken = [&](auto change) {
+    GuideState other = guide;
+    change(other);
+    return !other.valid();
+  };
+  EXPECT_TRUE(broken([](GuideState& g) { g.rows[7 * kGuideRows] = 2.0f; }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.columns[7 * kGuideParts + 3] = std::nanf(""); }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.squares.pop_back(); }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.alone.pop_back(); }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.targets.clear(); }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.means[1] = -1.0f; }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.unit = 0.0f; }));
+  EXPECT_TRUE(broken([](GuideState& g) { std::swap(g.box.lower, g.box.upper); }));
 }
 
 // Lamps, an environment, masks, mirrors, coats: with tables that draw where little comes from.
@@ -140,7 +155,7 @@ TEST(DirectionGuide, TargetsKeepTheirMeans) {
     const LhsSampler sampler(scene, by_area());
     std::vector<ShadingPoint> points(256);
     sampler.sample(0, points);
-    GuideState guide = make_guide(sampler);
+    GuideState guide = make_guide(sampler, 1.0f);
     set_tables(guide,
                [](int table, int part) { return static_cast<unsigned long long>((part * 37 + table) % 128) << 20; });
     const RadianceQuery cache = [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
@@ -175,7 +190,7 @@ TEST(DirectionGuide, LearnsWhereLightComesFrom) {
     for (std::size_t i = 0; i < asked.size(); ++i)
       out[i] = Vec3f(length(asked[i].x - Vec3f(0, 0, 1)) < 0.2f ? 50.0f : 0.1f);
   };
-  GuideState guide = make_guide(sampler);
+  GuideState guide = make_guide(sampler, 1.0f);
   std::vector<ShadingPoint> points(512);
   std::vector<Vec3f> targets(points.size());
   RhsOptions options;
@@ -194,7 +209,7 @@ TEST(DirectionGuide, LearnsWhereLightComesFrom) {
   set_thread_count(1);
   teach(200);
   const GuideState alone = guide;
-  guide = make_guide(sampler);
+  guide = make_guide(sampler, 1.0f);
   options.guides = guide.view(0.5f);
   set_thread_count(3);
   teach(200);

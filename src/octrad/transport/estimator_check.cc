@@ -47,11 +47,13 @@ struct Cache {
 
 // Four tables in five draw parts by chance, a third of them never.
 GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
-  GuideState guide = make_guide(sampler);
+  GuideState guide = make_guide(sampler, 1.0f);
   Rng rng(seed, RngPurpose::test, 1);
   for (int table = 0; table < kGuideTables; ++table) {
     if (rng.below(5) == 0) continue;
     guide.samples[static_cast<std::size_t>(table)] = 1u << 30;
+    guide.targets[static_cast<std::size_t>(table)] = rng.below(1u << 30);
+    guide.alone[static_cast<std::size_t>(table)] = 1ull << 50;
     for (int part = 0; part < kGuideParts; ++part)
       guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] =
           rng.below(3) == 0 ? 0 : rng.below(1u << 30) + 1ull;

@@ -23,7 +23,7 @@ struct Memory {
   FloatPlanes slots;
   std::uint32_t* query_of;  // of a slot: its query, or kNoQuery
   std::uint32_t* cells;     // of slots, where guides learn: GuideSample::cell
-  FloatPlanes scales;       // likewise GuideSample::scale
+  FloatPlanes scales;       // likewise GuideSample::scale and alone
   std::uint32_t* places;    // of a slot with a query: the place of its ray in the ray queue
   RayPlanes rays;           // by place in the ray queue
   std::uint32_t* owners;    // slots
@@ -78,9 +78,10 @@ struct Sample : Kernel {
     const BounceSample bounce = sample_bounce<World::kModels>(point, wo, bsdf_set(m), guide);
     if (!bounce.valid) return;
     if (table >= 0 && !bounce.delta) {
-      const GuideSample sample = guide_sample(table, bounce.direction, bounce.pdf);
+      const GuideSample sample = guide_sample(table, bounce.direction, bounce.pdf, bounce.bsdf_pdf);
       memory.cells[slot] = static_cast<std::uint32_t>(sample.cell);
       memory.scales.set(0, slot, sample.scale);
+      memory.scales.set(1, slot, sample.alone);
     }
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
@@ -291,9 +292,10 @@ struct Reduce : Kernel {
     if (dropped > 0) atomic_add(&memory.counts->non_finite, dropped);
   }
   OCTRAD_HD void teach(std::uint32_t from, std::uint32_t to, Vec3f target) const {
-    atomic_add(&options.guides.samples[memory.cells[from] / kGuideParts], static_cast<unsigned long long>(to - from));
+    teach_guide(options.guides, static_cast<int>(memory.cells[from] / kGuideParts), options.directions, target);
     for (std::uint32_t slot = from; slot < to; ++slot) {
-      GuideSample sample{static_cast<int>(memory.cells[slot]), memory.scales.get(0, slot), 0.0f};
+      GuideSample sample{static_cast<int>(memory.cells[slot]), memory.scales.get(0, slot), memory.scales.get(1, slot),
+                         0.0f};
       if (sample.scale <= 0.0f) continue;
       sample.brought = luminance(memory.slots.get3(3, slot));
       if (const std::uint32_t q = memory.query_of[slot]; q != kNoQuery) {
@@ -337,7 +339,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       chain_numbers_(rounds_ > 0 ? PlaneArray(stream, ChainStates::kNumbers, slots, "chains") : PlaneArray()),
       queries_(stream, surface_point_numbers(rays.offset), slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
-      guide_numbers_(guided ? PlaneArray(stream, 1, slots, "right-hand-side samples") : PlaneArray()),
+      guide_numbers_(guided ? PlaneArray(stream, 2, slots, "right-hand-side samples") : PlaneArray()),
       chain_generators_(stream, rounds_ > 0 ? slots : 0, "chains"),
       lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
@@ -346,7 +348,7 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
 std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain_rounds, bool guided) {
   const std::size_t chain =
       chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
-  const std::size_t guide = guided ? sizeof(std::uint32_t) + sizeof(float) : 0;
+  const std::size_t guide = guided ? sizeof(std::uint32_t) + 2 * sizeof(float) : 0;
   return slots * (chain + guide + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
                   static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers +
                                            surface_point_numbers(rays.offset) + (rays.offset.traced ? 3 : 0)) *

@@ -82,7 +82,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       add(i, met);
       const std::size_t sample = (i - begin) * directions + index;
       if (teach && table >= 0 && !bounce.delta) {
-        samples[sample] = guide_sample(table, bounce.direction, bounce.pdf);
+        samples[sample] = guide_sample(table, bounce.direction, bounce.pdf, bounce.bsdf_pdf);
         samples[sample].brought = luminance(met);
       }
       if (!end.surface || !query) continue;
@@ -118,7 +118,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   for (std::size_t i = begin; teach && i < end_point; ++i) {
     const int table = tables[i - begin];
     if (table < 0) continue;
-    atomic_add(&options.guides.samples[table], static_cast<unsigned long long>(directions));
+    teach_guide(options.guides, table, options.directions, targets[i]);
     for (std::size_t m = 0; m < directions; ++m)
       teach_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
   }

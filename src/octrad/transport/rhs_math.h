@@ -40,6 +40,7 @@ struct BounceSample {
   Vec3f direction;  // world
   Vec3f weight{0, 0, 0};
   float pdf = 0.0f;
+  float bsdf_pdf = 0.0f;  // of the BSDF alone
 };
 
 template <Models kModels = Models::all>
@@ -52,6 +53,7 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
     if (max_component(f.value) <= 0.0f) return sample;
     sample.valid = true;
     sample.direction = direction;
+    sample.bsdf_pdf = f.pdf;
     sample.pdf = guide.density(direction, f.pdf);
     sample.weight = f.value * (1.0f / sample.pdf);
     return sample;
@@ -63,7 +65,7 @@ OCTRAD_HD inline BounceSample sample_bounce(const ShadingPoint& point, Vec3f wo,
   sample.delta = scattered.delta;
   sample.direction = normalize(point.to_world(scattered.wi));
   sample.weight = scattered.weight;
-  sample.pdf = scattered.pdf;
+  sample.pdf = sample.bsdf_pdf = scattered.pdf;
   if (guide.known()) {
     // A delta lobe is drawn by the BSDF alone.
     sample.pdf =
