@@ -196,7 +196,7 @@ inline constexpr long long kGuideSteps = 64;
 inline constexpr unsigned kGuideKept = 63, kGuideKeptOfOther = 8;  // the latter after the scene has changed
 
 // The mean square of what the BSDF draws alone, over that of what a table could, from which on tables are used.
-inline constexpr float kGuideGain = 3.0f;
+inline constexpr float kGuideGain = 4.0f;
 
 // Makes a table's probabilities of its sums.
 OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsigned kept) {
@@ -230,7 +230,7 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsig
     columns[(row + 1) * kGuideColumns - 1] = 1.0f;
     rows[row] = sum += of_row;
   }
-  // Where the table would gain little it is left out: stratified samples of the BSDF gain as much.
+  // Where light comes from everywhere, stratified samples of the BSDF alone are better.
   const bool worth = static_cast<float>(guides.alone[table]) > kGuideGain * sum * sum;
   for (int row = 0; row < kGuideRows; ++row) rows[row] = !worth ? 0.0f : row + 1 < kGuideRows ? rows[row] / sum : 1.0f;
   const auto keep = [&](unsigned long long n) { return n / 64 * kept + n % 64 * kept / 64; };
