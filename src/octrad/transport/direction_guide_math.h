@@ -35,7 +35,7 @@ struct GuideView {
   PlaceGrid places;
   float share = 0.0f;
   float unit = 1.0f;         // of radiance, about as bright as the scene
-  float* rows = nullptr;     // of kGuideTables tables: Guide::rows; null: no guide. All 0 where too little is known
+  float* rows = nullptr;     // of kGuideTables tables: Guide::rows; null: no guide. All 0 where one is not used
   float* columns = nullptr;  // likewise
   float* means = nullptr;    // [kGuideTables] of targets, when the table was made; 0: not known
   unsigned long long* squares = nullptr;  // [kGuideTables][kGuideParts] sums of what teach_guide() makes of samples

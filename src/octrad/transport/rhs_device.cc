@@ -391,6 +391,8 @@ ChainRound DeviceRhs::chain_round(int r) const {
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
   using namespace rhs_kernels;
   check_slots(points.most, options.directions, capacity_);
+  if (options.guides.rows != nullptr && cells_.empty())
+    throw UsageError("right-hand side with a guide: no memory was taken for one");
   const std::size_t n = points.most * static_cast<std::size_t>(options.directions);
   const Memory memory = this->memory();
   sizes_.fill(0);

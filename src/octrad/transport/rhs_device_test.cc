@@ -137,6 +137,11 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   DeviceRhsOptions options;
   options.directions = 4;
   EXPECT_THROW(rhs.trace(points, options), UsageError);
+  points.most = 16;
+  float rows = 0.0f;
+  options.guides.rows = &rows;
+  EXPECT_THROW(rhs.trace(points, options), UsageError);
+  points.most = 17;
   const std::size_t before = stream->allocated_bytes(), n = 100'000;
   QueryRays rays;
   rays.offset.traced = rays.offset.reflected = true;
