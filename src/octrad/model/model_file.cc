@@ -8,6 +8,7 @@
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/guide_layout.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/version.h"
@@ -137,21 +138,19 @@ constexpr const char* kGuideTargets = "optimizer.guide.targets";
 constexpr const char* kGuideSamples = "optimizer.guide.samples";
 
 void read_guide(const TensorReader& in, TrainingState& state) {
-  if (!in.has(kGuideBox)) return;
+  ask_memory(kGuideBytes, in.file());
   in.read(in.get(kGuideBox, DType::f32, {7}), state.guide_box.data());
-  const auto numbers = [&](const char* name, DType type, auto& to) {
-    const auto tensor = in.get(name, type, {-1});
-    ask_memory(tensor.bytes, in.file());
-    to.resize(static_cast<std::size_t>(tensor.shape[0]));
-    in.read(tensor, to.data());
+  const auto numbers = [&](const char* name, DType type, std::size_t of_table, auto& to) {
+    to.resize(kGuideTables * of_table);
+    in.read(in.get(name, type, {static_cast<std::int64_t>(to.size())}), to.data());
   };
-  numbers(kGuideRowTables, DType::f32, state.guide_rows);
-  numbers(kGuideColumnTables, DType::f32, state.guide_columns);
-  numbers(kGuideMeans, DType::f32, state.guide_means);
-  numbers(kGuideSquares, DType::u64, state.guide_squares);
-  numbers(kGuideAlone, DType::u64, state.guide_alone);
-  numbers(kGuideTargets, DType::u64, state.guide_targets);
-  numbers(kGuideSamples, DType::u64, state.guide_samples);
+  numbers(kGuideRowTables, DType::f32, kGuideRows, state.guide_rows);
+  numbers(kGuideColumnTables, DType::f32, kGuideParts, state.guide_columns);
+  numbers(kGuideMeans, DType::f32, 1, state.guide_means);
+  numbers(kGuideSquares, DType::u64, kGuideParts, state.guide_squares);
+  numbers(kGuideAlone, DType::u64, 1, state.guide_alone);
+  numbers(kGuideTargets, DType::u64, 1, state.guide_targets);
+  numbers(kGuideSamples, DType::u64, 1, state.guide_samples);
 }
 
 void write_guide(TensorWriter& out, const TrainingState& state) {
@@ -222,6 +221,7 @@ ModelFileSize estimate_model_file_size(const Config& config, const std::vector<l
     if (part.name.ends_with(kOptimizerPart) || part.name.ends_with(kAveragesPart))
       size.optimizer += static_cast<double>(part.bytes);
   }
+  if (config.train_guide > 0.0) size.optimizer += static_cast<double>(kGuideBytes);
   size.total = size.features + size.optimizer;
   for (const long long cells : cells_per_level) size.total += static_cast<double>(cells) * sizeof(Vec3i);
   return size;
@@ -265,7 +265,7 @@ Model load_model(const std::string& file, bool optimizer) {
   if (model.has_optimizer) {
     (averaged ? model.trained : model.field)->load_optimizer(in);
     read_far_ends(in, model.info.state);
-    read_guide(in, model.info.state);
+    if (model.info.config.train_guide > 0.0) read_guide(in, model.info.state);
   }
   for (RadianceField* field : {model.field.get(), model.trained.get()})
     if (field != nullptr) field->set_target_scale(static_cast<float>(model.info.config.target_scale));

@@ -7,7 +7,7 @@
 #include <cstddef>
 
 #include "octrad/base/vec.h"
-#include "octrad/shading/place_grid.h"
+#include "octrad/shading/place_grid_math.h"
 
 namespace octrad {
 

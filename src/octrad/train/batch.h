@@ -38,7 +38,7 @@ class BatchSource {
   std::vector<FarEnd>& far_ends() { return far_ends_; }
   // What directions are drawn by besides the BSDF, and what draws with a query teach. Empty: nothing.
   GuideState& guide() { return guide_; }
-  void make_guide_tables(unsigned kept) { octrad::make_guide_tables(guides(), kept); }
+  void make_guide_tables() { octrad::make_guide_tables(guides()); }
   const std::vector<SurfacePoint>& points() const { return points_; }
   const std::vector<Vec3f>& targets() const { return targets_; }
 

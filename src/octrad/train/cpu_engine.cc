@@ -15,7 +15,7 @@ class CpuEngine : public TrainEngine {
   }
 
   void step(long long step, const ScheduleState& s) override {
-    if (step % kGuideSteps == 0 && !batches_->guide().empty()) batches_->make_guide_tables(kGuideKept);
+    if (step % kGuideSteps == 0 && !batches_->guide().empty()) batches_->make_guide_tables();
     const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
     const FieldStep done = field_->train(batches_->points(), batches_->targets(), s.epsilon, s.rate_scale);
     report_.losses.push_back(done.loss);
@@ -49,7 +49,6 @@ class CpuEngine : public TrainEngine {
   }
   void scene_changed(std::unique_ptr<ChangedPoints> changed, double share) override {
     batches_->set_changed(std::move(changed), share);
-    if (!batches_->guide().empty()) batches_->make_guide_tables(kGuideKeptOfOther);
   }
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = batches_->points();

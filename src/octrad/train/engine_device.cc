@@ -131,7 +131,7 @@ class DeviceEngine : public TrainEngine {
     last_points_ = static_cast<std::size_t>(s.points);
     kept_ends_ = far_end_count(config_, s.points);
     stale_ = true;
-    if (guide_ && step % kGuideSteps == 0) guide_->make_tables(kGuideKept);
+    if (guide_ && step % kGuideSteps == 0) guide_->make_tables();
     if (next_timed_ < 0) next_timed_ = step + kTimed;
     const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
@@ -219,8 +219,10 @@ class DeviceEngine : public TrainEngine {
 
   GuideState guide() override { return guide_ ? guide_->download() : GuideState(); }
   void set_guide(const GuideState& guide) override {
-    guide_ = std::make_unique<DeviceGuide>(stream_, guide, static_cast<float>(config_.train_guide));
-    rhs_options_.guides = guide_->view();
+    stream_.synchronize();
+    guide_ = guide.empty() ? nullptr
+                           : std::make_unique<DeviceGuide>(stream_, guide, static_cast<float>(config_.train_guide));
+    rhs_options_.guides = guide_ ? guide_->view() : GuideView();
     rhs_options_.epsilon = &input_.data()->constants.epsilon;
     step_graphs_.clear();  // they know another one
   }
@@ -233,10 +235,7 @@ class DeviceEngine : public TrainEngine {
     averages_->set_target_scale(scale);
   }
   // Points are drawn as always; those that were drawn ahead know the old materials.
-  void scene_changed(std::unique_ptr<ChangedPoints>, double) override {
-    drawn_ = next_ = {};
-    if (guide_) guide_->make_tables(kGuideKeptOfOther);
-  }
+  void scene_changed(std::unique_ptr<ChangedPoints>, double) override { drawn_ = next_ = {}; }
 
   void last_batch(std::vector<SurfacePoint>& points, std::vector<Vec3f>& targets) override {
     points = download_points(stream_, training_points(), last_points_);
@@ -374,7 +373,7 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   const std::size_t slots = most_slots(config), points = most_points(config);
   parts.push_back({"rays and queries of a step",
                    DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds, config.train_guide > 0.0) +
-                       (config.train_guide > 0.0 ? GuideState::bytes() : 0) + slots * sizeof(Vec3f)});
+                       (config.train_guide > 0.0 ? kGuideBytes : 0) + slots * sizeof(Vec3f)});
   parts.push_back({"left-hand-side points",
                    DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1,
                                     query_rays(config).offset) +

@@ -172,9 +172,12 @@ class Trainer::Run {
     }
     exposure_ = static_cast<double>(field->target_scale());
     GuideState directions;  // what they are drawn by
-    if (config.train_guide > 0.0)
-      directions =
-          state_.guide_rows.empty() ? make_guide(batches->sampler(), static_cast<float>(exposure_)) : guide(state_);
+    if (config.train_guide > 0.0) {
+      directions = state_.guide_rows.empty() ? make_guide(guide_box(batches->sampler()), static_cast<float>(exposure_))
+                                             : guide(state_);
+      guide_box_ = directions.box;
+      set_guide({}, state_);  // the engine has it
+    }
     if (options.stream) {
       engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
                                    std::move(averages), engine_options(options));
@@ -253,6 +256,7 @@ class Trainer::Run {
   long long non_finite_ = 0;          // gradients dropped
   long long empty_lookups_ = 0;
   long long dropped_contributions_ = 0;           // right-hand-side contributions dropped, which darkens targets
+  Bounds3f guide_box_;                            // of the guide of directions
   std::vector<Vec3f> emission_;                   // factors of the lights that the field stands for
   bool dark_ = false;                             // nothing emits
   SceneChange dark_change_;                       // what changed since then
@@ -475,6 +479,8 @@ void Trainer::Run::scene_changed(const SceneChange& changed) {
   if (same) exposure_ *= factor;
   engine_->set_target_scale(static_cast<float>(exposure_));
   emission_ = now;
+  // What arrived before is not what arrives now, nor as bright.
+  if (config_.train_guide > 0.0) engine_->set_guide(make_guide(guide_box_, static_cast<float>(exposure_)));
   if (same && !change.materials) return;
   change_began_ = state_.step;
   change_ends_ = state_.step + kChangeSteps;

@@ -218,7 +218,7 @@ TEST(Train, TheGuideIsPartOfARunsState) {
   EXPECT_TRUE(load_model(file).info.state.guide_rows.empty());  // only what is trained on needs it
   Model model = load_model(file, true);
   const TrainingState& state = model.info.state;
-  EXPECT_GT(*std::ranges::max_element(state.guide_means), 0.0f) << "no table was made";
+  EXPECT_GT(std::reduce(state.guide_samples.begin(), state.guide_samples.end()), 0ull);
   EXPECT_GT(state.guide_box[6], 0.0f);
   EXPECT_GT(std::reduce(state.guide_squares.begin(), state.guide_squares.end()), 0ull);
   EXPECT_LT(state.guide_box[0], state.guide_box[3]);
@@ -242,6 +242,42 @@ TEST(Train, TheGuideIsPartOfARunsState) {
   EXPECT_EQ(train(box.scene, model.info.config, options).steps, 210);
   EXPECT_FALSE(load_model(file, true).info.state.guide_rows.empty());
   std::filesystem::remove(file);
+}
+
+// With tables that are used: those of the box seldom are.
+TEST(Train, GuidedRunsAreResumedToTheSameBits) {
+  Box box;
+  const std::string begun = temporary("begun.octrad"), whole = temporary("whole.octrad"),
+                    broken = temporary("broken.octrad"), unguided = temporary("unguided.octrad");
+  TrainOptions options;
+  options.output = begun;
+  train(box.scene, short_run(70), options);
+  const auto go_on = [&](Model model, const std::string& output, long long stop) {
+    model.info.config.train_steps = 210;
+    options.output = output;
+    options.resume = &model;
+    long long step = model.info.state.step;
+    options.interrupted = [&] { return step++ >= stop; };
+    train(box.scene, model.info.config, options);
+    options.interrupted = nullptr;
+  };
+  const auto drawing_from_everywhere = [&] {
+    Model model = load_model(begun, true);
+    std::vector<float>&rows = model.info.state.guide_rows, &columns = model.info.state.guide_columns;
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<float>(i % 8 + 1) / 8.0f;
+    for (std::size_t i = 0; i < columns.size(); ++i) columns[i] = static_cast<float>(i % 16 + 1) / 16.0f;
+    return model;
+  };
+  go_on(drawing_from_everywhere(), whole, 210);
+  go_on(drawing_from_everywhere(), broken, 100);
+  Model half = load_model(broken, true);
+  EXPECT_EQ(half.info.state.step, 100);
+  EXPECT_EQ(std::ranges::count(half.info.state.guide_rows, 1.0f), 3072) << "tables are no longer used";
+  go_on(std::move(half), broken, 210);
+  expect_same_tensors(whole, broken);
+  go_on(load_model(begun, true), unguided, 210);
+  EXPECT_NE(weights_in(unguided, true), weights_in(whole, true)) << "tables drew nothing";
+  for (const std::string& file : {begun, whole, broken, unguided}) std::filesystem::remove(file);
 }
 
 // Radiance in other units is the same picture: powers of two, so that nothing is rounded differently.

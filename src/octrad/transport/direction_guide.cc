@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "octrad/base/threads.h"
+#include "octrad/shading/place_grid.h"
 #include "octrad/transport/lhs_sampler.h"
 
 namespace octrad {
@@ -13,33 +14,32 @@ constexpr unsigned long long kStream = (1ull << 62) + (1ull << 61);  // of their
 
 }  // namespace
 
-std::size_t GuideState::bytes() {
-  return static_cast<std::size_t>(kGuideTables) *
-         (sizeof(float) * (kGuideRows + kGuideParts + 1) + sizeof(unsigned long long) * (kGuideParts + 3));
-}
-
 bool GuideState::valid() const {
   constexpr std::size_t tables = kGuideTables;
   if (rows.size() != tables * kGuideRows || columns.size() != tables * kGuideParts ||
       squares.size() != tables * kGuideParts || alone.size() != tables || means.size() != tables ||
       targets.size() != tables || samples.size() != tables)
     return false;
+  if (!(unit > 0.0f) || !std::isfinite(unit)) return false;
   for (int a = 0; a < 3; ++a)
-    if (!(unit > 0.0f) || !std::isfinite(unit) || !std::isfinite(box.lower[a]) || !std::isfinite(box.upper[a]) ||
-        !(box.lower[a] <= box.upper[a]))
-      return false;
-  // Each list rises to 1, or is 0 where nothing is known.
-  const auto rises = [](const std::vector<float>& lists, std::size_t count) {
-    for (std::size_t i = 0; i < lists.size(); ++i) {
-      const float before = i % count == 0 ? 0.0f : lists[i - 1];
-      if (!(lists[i] >= before) || lists[i] > 1.0f) return false;
-      if (i % count == count - 1 && lists[i] != 1.0f && lists[i] != 0.0f) return false;
-    }
-    return true;
+    if (!std::isfinite(box.lower[a]) || !std::isfinite(box.upper[a]) || !(box.lower[a] <= box.upper[a])) return false;
+  // A list rises to 1, or is 0: where the table is not used, and of rows that are not drawn.
+  const auto rises = [](const float* list, int count, bool used) {
+    for (int i = 0; i < count; ++i)
+      if (!(list[i] >= (i == 0 ? 0.0f : list[i - 1])) || list[i] > 1.0f) return false;
+    return list[count - 1] == 1.0f || (!used && list[count - 1] == 0.0f);
   };
-  for (const float mean : means)
-    if (!(mean >= 0.0f)) return false;
-  return rises(rows, kGuideRows) && rises(columns, kGuideColumns);
+  for (std::size_t table = 0; table < tables; ++table) {
+    if (!(means[table] >= 0.0f) || !std::isfinite(means[table])) return false;
+    const float* of_table = &rows[table * kGuideRows];
+    if (!rises(of_table, kGuideRows, false)) return false;
+    for (int row = 0; row < kGuideRows; ++row) {
+      const bool used = guide_detail::probability(of_table, row) > 0.0f;
+      if (!rises(&columns[table * kGuideParts + static_cast<std::size_t>(row * kGuideColumns)], kGuideColumns, used))
+        return false;
+    }
+  }
+  return true;
 }
 
 GuideView GuideState::view(float share) {
@@ -56,14 +56,10 @@ GuideView GuideState::view(float share) {
           samples.data()};
 }
 
-GuideState make_guide(const LhsSampler& sampler, float unit) {
-  std::vector<ShadingPoint> points(kPoints);
-  sampler.sample(kStream, points);
-  std::vector<Vec3f> positions;
-  for (const ShadingPoint& point : points) positions.push_back(point.surface.position);
+GuideState make_guide(const Bounds3f& box, float unit) {
   constexpr std::size_t tables = kGuideTables;
   GuideState guide;
-  guide.box = bounds_of_most(positions);
+  guide.box = box;
   guide.unit = unit;
   guide.rows.resize(tables * kGuideRows);
   guide.columns.resize(tables * kGuideParts);
@@ -73,9 +69,17 @@ GuideState make_guide(const LhsSampler& sampler, float unit) {
   return guide;
 }
 
-void make_guide_tables(const GuideView& guides, unsigned kept) {
+Bounds3f guide_box(const LhsSampler& sampler) {
+  std::vector<ShadingPoint> points(kPoints);
+  sampler.sample(kStream, points);
+  std::vector<Vec3f> positions;
+  for (const ShadingPoint& point : points) positions.push_back(point.surface.position);
+  return bounds_of_most(positions);
+}
+
+void make_guide_tables(const GuideView& guides) {
   parallel_blocks(kGuideTables, 64, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t table = begin; table < end; ++table) make_guide_table(guides, static_cast<int>(table), kept);
+    for (std::size_t table = begin; table < end; ++table) make_guide_table(guides, static_cast<int>(table));
   });
 }
 

@@ -23,13 +23,14 @@ struct GuideState {
   bool valid() const;
   // Over it; `share`: train.guide. The state must outlive the view, which learns.
   GuideView view(float share);
-  static std::size_t bytes();
 };
 
-// One that knows nothing yet, over the box of what the sampler draws. `unit`: of radiance, above 0.
-GuideState make_guide(const LhsSampler& sampler, float unit);
+// One that knows nothing yet. `unit`: of radiance, above 0.
+GuideState make_guide(const Bounds3f& box, float unit);
+// Its box: of what the sampler draws.
+Bounds3f guide_box(const LhsSampler& sampler);
 
 // make_guide_table() for all tables. Parallel.
-void make_guide_tables(const GuideView& guides, unsigned kept);
+void make_guide_tables(const GuideView& guides);
 
 }  // namespace octrad

@@ -9,8 +9,7 @@ constexpr const char* kWhat = "guide of directions";
 
 struct MakeTables : Kernel {
   GuideView guides;
-  unsigned kept;
-  OCTRAD_HD void operator()(std::uint32_t table) const { make_guide_table(guides, static_cast<int>(table), kept); }
+  OCTRAD_HD void operator()(std::uint32_t table) const { make_guide_table(guides, static_cast<int>(table)); }
 };
 
 }  // namespace
@@ -37,7 +36,7 @@ DeviceGuide::DeviceGuide(Stream& stream, const GuideState& guide, float share)
             targets_.data(),
             samples_.data()} {}
 
-void DeviceGuide::make_tables(unsigned kept) { launch(*stream_, kGuideTables, MakeTables{{}, view_, kept}); }
+void DeviceGuide::make_tables() { launch(*stream_, kGuideTables, MakeTables{{}, view_}); }
 
 GuideState DeviceGuide::download() const {
   return {box_,

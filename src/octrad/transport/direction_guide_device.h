@@ -8,13 +8,13 @@ namespace octrad {
 
 class DeviceGuide {
  public:
-  // `share`: train.guide. Takes GuideState::bytes() of the stream's memory.
+  // `share`: train.guide. Takes kGuideBytes of the stream's memory.
   DeviceGuide(Stream& stream, const GuideState& guide, float share);
 
   // In device memory, valid as long as this.
   const GuideView& view() const { return view_; }
   // make_guide_table() for all tables.
-  void make_tables(unsigned kept);
+  void make_tables();
   GuideState download() const;
 
  private:

@@ -7,16 +7,14 @@
 
 #include <cstdint>
 
+#include "octrad/base/guide_layout.h"
 #include "octrad/device/launch.h"
 #include "octrad/shading/bsdf_math.h"
-#include "octrad/shading/place_grid.h"
+#include "octrad/shading/place_grid_math.h"
 #include "octrad/shading/shading_point.h"
 
 namespace octrad {
 
-inline constexpr int kGuideSide = 8, kGuideAxes = 6, kGuideTables = kGuideSide * kGuideSide * kGuideSide * kGuideAxes;
-// Rows of equal height along z, columns around it.
-inline constexpr int kGuideRows = 8, kGuideColumns = 16, kGuideParts = kGuideRows * kGuideColumns;
 // Rougher points are guided; what smoother ones reflect comes from where their BSDF looks.
 inline constexpr float kGuideRoughness = 0.3f;
 
@@ -52,7 +50,7 @@ struct Place {
   float density;      // solid-angle density of a uniform (row, column)
 };
 
-// A quadrant's share t of a circle, and the density of the angle where t is uniform, times the quarter circle.
+// dt / d(angle) in a quadrant: 1 over its axes.
 OCTRAD_HD inline float angle_density(float t) { return (1.0f - t) * (1.0f - t) + t * t; }
 
 OCTRAD_HD inline float per_solid_angle(float t) {
@@ -177,7 +175,7 @@ OCTRAD_HD inline void teach_guide(const GuideView& guides, const GuideSample& sa
   const float relative = sample.brought / (mean + epsilon);
   const float square = relative * relative;
   if (!(square * sample.scale > 0.0f)) return;
-  const auto units = [](float s) { return static_cast<unsigned long long>(lesser(s, 0x1p20f) * kGuideUnit + 0.5f); };
+  const auto units = [](float s) { return static_cast<unsigned long long>(lesser(s, 0x1p20f) * kGuideUnit); };
   atomic_add(&guides.squares[sample.cell], units(square * sample.scale));
   atomic_add(&guides.alone[table], units(square * sample.alone));
 }
@@ -193,15 +191,15 @@ OCTRAD_HD inline void teach_guide(const GuideView& guides, int table, int direct
 // Tables are made anew every so many steps, and their sums multiplied by kGuideKept / 64 then: what was learnt
 // 64 times as many steps ago counts 1 / e.
 inline constexpr long long kGuideSteps = 64;
-inline constexpr unsigned kGuideKept = 63, kGuideKeptOfOther = 8;  // the latter after the scene has changed
+inline constexpr unsigned kGuideKept = 63;
 
 // The mean square of what the BSDF draws alone, over that of what a table could, from which on tables are used.
 inline constexpr float kGuideGain = 4.0f;
 
 // Makes a table's probabilities of its sums.
-OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsigned kept) {
-  constexpr unsigned long long kFewest = 256;  // samples
-  constexpr float kPrior = 16.0f;              // samples that count as if light came alike from everywhere
+OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table) {
+  constexpr unsigned long long kFewest = 1024;  // samples: of fewer, tables seem better than they are
+  constexpr float kPrior = 16.0f;               // samples that count as if light came alike from everywhere
   unsigned long long& samples = guides.samples[table];
   unsigned long long* squares = guides.squares + table * kGuideParts;
   float total = 0.0f;
@@ -233,7 +231,7 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table, unsig
   // Where light comes from everywhere, stratified samples of the BSDF alone are better.
   const bool worth = static_cast<float>(guides.alone[table]) > kGuideGain * sum * sum;
   for (int row = 0; row < kGuideRows; ++row) rows[row] = !worth ? 0.0f : row + 1 < kGuideRows ? rows[row] / sum : 1.0f;
-  const auto keep = [&](unsigned long long n) { return n / 64 * kept + n % 64 * kept / 64; };
+  const auto keep = [&](unsigned long long n) { return n / 64 * kGuideKept + n % 64 * kGuideKept / 64; };
   samples = keep(samples);
   guides.alone[table] = keep(guides.alone[table]);
   guides.targets[table] = keep(guides.targets[table]);

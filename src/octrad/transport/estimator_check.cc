@@ -47,7 +47,7 @@ struct Cache {
 
 // Four tables in five draw parts by chance, a third of them never.
 GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
-  GuideState guide = make_guide(sampler, 1.0f);
+  GuideState guide = make_guide(guide_box(sampler), 1.0f);
   Rng rng(seed, RngPurpose::test, 1);
   for (int table = 0; table < kGuideTables; ++table) {
     if (rng.below(5) == 0) continue;
@@ -58,7 +58,7 @@ GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
       guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] =
           rng.below(3) == 0 ? 0 : rng.below(1u << 30) + 1ull;
   }
-  make_guide_tables(guide.view(0.5f), kGuideKept);
+  make_guide_tables(guide.view(0.5f));
   return guide;
 }
 
@@ -320,6 +320,24 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       const float unit = std::max(1.0f, expected_squares);
       errors.add(Vec3f(0.5f * found_squares / unit), Vec3f(expected_squares / unit));
       if (c.ask) errors.add(Vec3f(expected_squares > 0.0f ? 1.0f : 0.0f), Vec3f(1.0f));
+      const auto ratio = [&](const std::vector<unsigned long long>& now, const std::vector<unsigned long long>& cpu,
+                             const std::vector<unsigned long long>& before) {
+        const auto wanted = static_cast<float>(learnt(cpu, before));
+        return wanted > 0.0f ? 0.5f * static_cast<float>(learnt(now, before)) / wanted : 1.0f;
+      };
+      errors.add(Vec3f(ratio(found.targets, taught.targets, guide.targets),
+                       ratio(found.alone, taught.alone, guide.alone), 1.0f),
+                 Vec3f(1.0f));
+      for (std::size_t part = 0; part < kGuideParts; ++part) {  // summed over tables
+        const auto sum = [&](const std::vector<unsigned long long>& squares) {
+          unsigned long long of_part = 0;
+          for (std::size_t table = 0; table < kGuideTables; ++table) of_part += squares[table * kGuideParts + part];
+          return of_part;
+        };
+        const unsigned long long before = sum(guide.squares);
+        errors.add(Vec3f(0.5f * static_cast<float>(sum(found.squares) - before) / unit),
+                   Vec3f(static_cast<float>(sum(taught.squares) - before) / unit));
+      }
     }
   }
   return errors.result(stream, "relative error of right-hand sides", 2e-3, 0.01);

@@ -6,6 +6,7 @@
 
 #include "octrad/base/threads.h"
 #include "octrad/shading/environment_map.h"
+#include "octrad/shading/place_grid.h"
 #include "octrad/transport/lhs_math.h"
 
 namespace octrad {
