@@ -128,43 +128,34 @@ void read_far_ends(const TensorReader& in, TrainingState& state) {
   }
 }
 
+// Calls tensor(name, type, numbers of a table, vector) for all that a guide holds of its tables.
+template <typename State, typename Tensor>
+void each_guide_tensor(State& state, Tensor tensor) {
+  tensor("optimizer.guide.rows", DType::f32, kGuideRows, state.guide_rows);
+  tensor("optimizer.guide.columns", DType::f32, kGuideParts, state.guide_columns);
+  tensor("optimizer.guide.means", DType::f32, 1, state.guide_means);
+  tensor("optimizer.guide.squares", DType::u64, kGuideParts, state.guide_squares);
+  tensor("optimizer.guide.alone", DType::u64, 1, state.guide_alone);
+  tensor("optimizer.guide.targets", DType::u64, 1, state.guide_targets);
+  tensor("optimizer.guide.samples", DType::u64, 1, state.guide_samples);
+}
+
 constexpr const char* kGuideBox = "optimizer.guide.box";
-constexpr const char* kGuideRowTables = "optimizer.guide.rows";
-constexpr const char* kGuideColumnTables = "optimizer.guide.columns";
-constexpr const char* kGuideMeans = "optimizer.guide.means";
-constexpr const char* kGuideSquares = "optimizer.guide.squares";
-constexpr const char* kGuideAlone = "optimizer.guide.alone";
-constexpr const char* kGuideTargets = "optimizer.guide.targets";
-constexpr const char* kGuideSamples = "optimizer.guide.samples";
 
 void read_guide(const TensorReader& in, TrainingState& state) {
   ask_memory(kGuideBytes, in.file());
   in.read(in.get(kGuideBox, DType::f32, {7}), state.guide_box.data());
-  const auto numbers = [&](const char* name, DType type, std::size_t of_table, auto& to) {
-    to.resize(kGuideTables * of_table);
-    in.read(in.get(name, type, {static_cast<std::int64_t>(to.size())}), to.data());
-  };
-  numbers(kGuideRowTables, DType::f32, kGuideRows, state.guide_rows);
-  numbers(kGuideColumnTables, DType::f32, kGuideParts, state.guide_columns);
-  numbers(kGuideMeans, DType::f32, 1, state.guide_means);
-  numbers(kGuideSquares, DType::u64, kGuideParts, state.guide_squares);
-  numbers(kGuideAlone, DType::u64, 1, state.guide_alone);
-  numbers(kGuideTargets, DType::u64, 1, state.guide_targets);
-  numbers(kGuideSamples, DType::u64, 1, state.guide_samples);
+  each_guide_tensor(state, [&](const char* name, DType type, int of_table, auto& numbers) {
+    numbers.resize(static_cast<std::size_t>(kGuideTables * of_table));
+    in.read(in.get(name, type, {kGuideTables * of_table}), numbers.data());
+  });
 }
 
 void write_guide(TensorWriter& out, const TrainingState& state) {
-  const auto numbers = [&](const char* name, DType type, const auto& values) {
-    out.add(name, type, {static_cast<std::int64_t>(values.size())}, values.data());
-  };
-  numbers(kGuideBox, DType::f32, state.guide_box);
-  numbers(kGuideRowTables, DType::f32, state.guide_rows);
-  numbers(kGuideColumnTables, DType::f32, state.guide_columns);
-  numbers(kGuideMeans, DType::f32, state.guide_means);
-  numbers(kGuideSquares, DType::u64, state.guide_squares);
-  numbers(kGuideAlone, DType::u64, state.guide_alone);
-  numbers(kGuideTargets, DType::u64, state.guide_targets);
-  numbers(kGuideSamples, DType::u64, state.guide_samples);
+  out.add(kGuideBox, DType::f32, {7}, state.guide_box.data());
+  each_guide_tensor(state, [&](const char* name, DType type, int, const auto& numbers) {
+    out.add(name, type, {static_cast<std::int64_t>(numbers.size())}, numbers.data());
+  });
 }
 
 }  // namespace

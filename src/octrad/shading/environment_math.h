@@ -171,10 +171,6 @@ OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cel
   return e.densities[e.places.place(p) * kEnvironmentParts + e.part(c.x, c.y)] * bilinear_weight(e, c);
 }
 
-}  // namespace environment_detail
-
-namespace environment_detail {
-
 // Where a direction looks in a map of two rows and more, and what makes densities in (u, v) there those per solid
 // angle.
 struct Look {

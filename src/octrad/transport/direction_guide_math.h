@@ -107,11 +107,14 @@ OCTRAD_HD inline int axis(Vec3f n) {
 
 }  // namespace guide_detail
 
-// The part that a direction is in.
-OCTRAD_HD inline int guide_part(Vec3f direction) {
-  const guide_detail::Place at = guide_detail::place(direction);
-  return guide_detail::whole(at.row, kGuideRows) * kGuideColumns + guide_detail::whole(at.column, kGuideColumns);
+namespace guide_detail {
+OCTRAD_HD inline int part(const Place& at) {
+  return whole(at.row, kGuideRows) * kGuideColumns + whole(at.column, kGuideColumns);
 }
+}  // namespace guide_detail
+
+// The part that a direction is in.
+OCTRAD_HD inline int guide_part(Vec3f direction) { return guide_detail::part(guide_detail::place(direction)); }
 
 // Solid-angle density of the directions that a table draws.
 OCTRAD_HD inline float guide_density(const float* rows, const float* columns, Vec3f direction) {
@@ -157,8 +160,8 @@ struct GuideSample {
 };
 
 OCTRAD_HD inline GuideSample guide_sample(int table, Vec3f direction, float pdf, float bsdf_pdf) {
-  return {table * kGuideParts + guide_part(direction), pdf / guide_detail::place(direction).density, pdf / bsdf_pdf,
-          0.0f};
+  const guide_detail::Place at = guide_detail::place(direction);
+  return {table * kGuideParts + guide_detail::part(at), pdf / at.density, pdf / bsdf_pdf, 0.0f};
 }
 
 // Sums are whole numbers, so that their order does not matter.
@@ -202,9 +205,10 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table) {
   constexpr float kPrior = 16.0f;               // samples that count as if light came alike from everywhere
   unsigned long long& samples = guides.samples[table];
   unsigned long long* squares = guides.squares + table * kGuideParts;
+  if (samples < kFewest) return;
   float total = 0.0f;
   for (int part = 0; part < kGuideParts; ++part) total += static_cast<float>(squares[part]);
-  if (samples < kFewest || !(total > 0.0f)) return;
+  if (!(total > 0.0f)) return;
   guides.means[table] =
       static_cast<float>(guides.targets[table]) / static_cast<float>(samples) / kGuideUnit * guides.unit;
   // Of light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is

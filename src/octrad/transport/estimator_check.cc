@@ -62,6 +62,34 @@ GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
   return guide;
 }
 
+using Sums = std::vector<unsigned long long>;
+
+// What a device that was taught twice has learnt since `before`, against what the CPU was taught once.
+void compare_guides(const GuideState& found, const GuideState& taught, const GuideState& before, bool asked,
+                    EstimateErrors& errors) {
+  const auto learnt = [](const Sums& now, const Sums& then) {
+    return std::reduce(now.begin(), now.end()) - std::reduce(then.begin(), then.end());
+  };
+  errors.add_counts(learnt(found.samples, before.samples), 2 * learnt(taught.samples, before.samples));
+  const unsigned long long squares = learnt(taught.squares, before.squares);
+  if (asked) errors.add(Vec3f(squares > 0 ? 1.0f : 0.0f), Vec3f(1.0f));
+  const auto ratio = [&](Sums GuideState::*sums) {
+    const auto wanted = static_cast<float>(learnt(taught.*sums, before.*sums)),
+               twice = static_cast<float>(learnt(found.*sums, before.*sums));
+    return wanted > 0.0f ? 0.5f * twice / wanted : 1.0f + twice;
+  };
+  errors.add(Vec3f(ratio(&GuideState::squares), ratio(&GuideState::targets), ratio(&GuideState::alone)), Vec3f(1.0f));
+  const float unit = std::max(1.0f, static_cast<float>(squares));
+  for (std::size_t part = 0; part < kGuideParts; ++part) {  // summed over tables
+    const auto of_part = [&](const Sums& now) {
+      unsigned long long sum = 0;
+      for (std::size_t cell = part; cell < now.size(); cell += kGuideParts) sum += now[cell] - before.squares[cell];
+      return static_cast<float>(sum) / unit;
+    };
+    errors.add(Vec3f(0.5f * of_part(found.squares)), Vec3f(of_part(taught.squares)));
+  }
+}
+
 // `answer` of the queries in a stream's memory.
 template <typename Answer>
 std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, const std::uint32_t* count,
@@ -308,37 +336,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       errors.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
       errors.add_counts(counts.non_finite, static_cast<unsigned long long>(statistics.non_finite));
     }
-    if (c.guided) {  // the device was taught twice
-      const auto learnt = [&](const std::vector<unsigned long long>& now,
-                              const std::vector<unsigned long long>& before) {
-        return std::reduce(now.begin(), now.end()) - std::reduce(before.begin(), before.end());
-      };
-      const GuideState found = device_guide.download();
-      errors.add_counts(learnt(found.samples, guide.samples), 2 * learnt(taught.samples, guide.samples));
-      const auto expected_squares = static_cast<float>(learnt(taught.squares, guide.squares)),
-                 found_squares = static_cast<float>(learnt(found.squares, guide.squares));
-      const float unit = std::max(1.0f, expected_squares);
-      errors.add(Vec3f(0.5f * found_squares / unit), Vec3f(expected_squares / unit));
-      if (c.ask) errors.add(Vec3f(expected_squares > 0.0f ? 1.0f : 0.0f), Vec3f(1.0f));
-      const auto ratio = [&](const std::vector<unsigned long long>& now, const std::vector<unsigned long long>& cpu,
-                             const std::vector<unsigned long long>& before) {
-        const auto wanted = static_cast<float>(learnt(cpu, before));
-        return wanted > 0.0f ? 0.5f * static_cast<float>(learnt(now, before)) / wanted : 1.0f;
-      };
-      errors.add(Vec3f(ratio(found.targets, taught.targets, guide.targets),
-                       ratio(found.alone, taught.alone, guide.alone), 1.0f),
-                 Vec3f(1.0f));
-      for (std::size_t part = 0; part < kGuideParts; ++part) {  // summed over tables
-        const auto sum = [&](const std::vector<unsigned long long>& squares) {
-          unsigned long long of_part = 0;
-          for (std::size_t table = 0; table < kGuideTables; ++table) of_part += squares[table * kGuideParts + part];
-          return of_part;
-        };
-        const unsigned long long before = sum(guide.squares);
-        errors.add(Vec3f(0.5f * static_cast<float>(sum(found.squares) - before) / unit),
-                   Vec3f(static_cast<float>(sum(taught.squares) - before) / unit));
-      }
-    }
+    if (c.guided) compare_guides(device_guide.download(), taught, guide, c.ask, errors);
   }
   return errors.result(stream, "relative error of right-hand sides", 2e-3, 0.01);
 }
