@@ -10,7 +10,8 @@ A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own s
     bench/quality.py SCENE.xml --time 5m --view own=refs/own
 
 There the field's picture has --block-spp samples, so that what is measured is the field and not the noise of its picture: 64 samples
-of a blurred mirror have more of it than the field has errors. The whole picture, with --spp samples, is for the eye.
+of a blurred mirror have more of it than the field has errors. Relative squared errors without the noise of the reference are written
+there too. The whole picture, with --spp samples, is for the eye.
 
 Prints a table and writes everything, commands included, as JSON. Nothing else should run on
 the machine meanwhile if the budget is wall-clock time.
@@ -39,6 +40,13 @@ def train(command, model, done):
         json.dump({"command": command, "result": result}, out, indent=1)
         out.write("\n")
     return result
+
+
+def relmse_noise_free(octrad, halves, picture, counted):
+    """Relative squared error without the noise of the reference (docs/manual.md, "Noise of the reference"); None without its halves."""
+    if halves is None:
+        return None
+    return run([octrad, "compare", halves[0], picture, "--reference-b", halves[1], "--json", "-q"] + counted)["images"][0]["relmse_noise_free"]
 
 
 def main():
@@ -71,12 +79,13 @@ def main():
             reference, _, camera = rest.partition(",")
             options = ["--camera", camera] if camera else []
             picture = os.path.join(folder, f"{field}_{name}.exr")
-            counted, noise, blocks = [], None, None  # which pixels, and how far the reference is off itself
+            counted, noise, blocks, halves = [], None, None, None  # which pixels, and how far the reference is off itself
             if os.path.isdir(reference):
                 with open(os.path.join(reference, "about.json")) as about:
                     size = json.load(about)
                 counted = ["--mask", os.path.join(reference, "mask.pfm"), "--aux", picture]
                 options, noise, blocks = size["view"], size["noise"], size["blocks"]
+                halves = [os.path.join(reference, "half_a.pfm"), os.path.join(reference, "half_b.pfm")]
                 reference = os.path.join(reference, "reference.pfm")
             else:
                 size = run([args.octrad, "info", reference, "--json"])
@@ -90,11 +99,13 @@ def main():
                                                           [args.seed] * len(blocks), options)
                 picture = os.path.join(folder, f"{field}_{name}_blocks.pfm")
                 sparse_reference.write_pfm(picture, measured)
-            everything = run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted)["images"][0]
-            glossy = run([args.octrad, "compare", reference, picture, "--alpha-below", "0.5", "--json", "-q"] + counted)["images"][0]
+            everything, glossy = ({**run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted + only)["images"][0],
+                                   "relmse_noise_free": relmse_noise_free(args.octrad, halves, picture, counted + only)}
+                                  for only in ([], ["--alpha-below", "0.5"]))
             rows.append({"field": field, "view": name, "steps": trained["steps"], "seconds": trained["seconds"],
                          "rhs_queries_per_s": trained["rhs_queries_per_s"], "mape": everything["mape"], "mape_trimmed": everything["mape_trimmed"],
-                         "mape_glossy": glossy["mape"], "mean_ratio": everything["mean_ratio"], "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"],
+                         "mape_glossy": glossy["mape"], "relmse_noise_free": everything["relmse_noise_free"],
+                         "relmse_noise_free_glossy": glossy["relmse_noise_free"], "mean_ratio": everything["mean_ratio"], "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"],
                          "pixels_glossy": glossy["pixels"], "noise": noise})
     print(f"{'field':<12}{'view':<10}{'steps':>8}{'seconds':>9}{'MAPE':>8}{'trimmed':>9}{'glossy':>8}{'mean':>8}{'Mq/s':>7}")
     for r in rows:

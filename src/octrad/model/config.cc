@@ -305,6 +305,8 @@ const std::vector<Key>& keys() {
           "lhs on surfaces of roughness below render.bounce_below: from the cache, by one bounce, or that where small lamps shine"),
       number("render.bounce_below", &C::render_bounce_below, {0, 2},
              "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
+      number("render.offset_spread", &C::render_offset_spread, {0, 2},
+             "pictures: how far from the look-up direction lookup.reflected looks, as a share of the roughness"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;
@@ -480,6 +482,7 @@ Config preset(const std::string& name) {
   c.render_trace_below = 0.0;
   c.lookup_coats = Coats::joined;
   c.render_highlights = Highlights::cache;
+  c.render_offset_spread = 0.0;
   c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
                                   // decaying moments
   c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;

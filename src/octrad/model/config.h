@@ -130,6 +130,7 @@ struct Config {
   double render_trace_below = 0.05;  // alpha
   Highlights render_highlights = Highlights::automatic;
   double render_bounce_below = 0.1;
+  double render_offset_spread = 0.6;  // share of the roughness
   long long seed = 0;
 
   bool operator==(const Config&) const = default;

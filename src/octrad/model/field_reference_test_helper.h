@@ -317,6 +317,7 @@ class FieldReference {
     const std::size_t first = in.size();
     in.resize(2 * first, 0.0);
     q.reflects = has_reflected(rule, point, static_cast<float>(q.disparity));
+    if (length(point.reflected.w) > 0.0f) w = Vec3d(point.reflected.w);
     if (q.reflects) {
       q.reflected_x = x + w * (1.0 / q.disparity);
       q.reflected_w = Vec3d(reflected_direction(rule, point.reflected, Vec3f(w)));

@@ -54,6 +54,12 @@ QueryRays query_rays(const Config& config, bool training) {
   return field.rays == nullptr ? QueryRays{} : field.rays(config, training);
 }
 
+QueryRays picture_rays(const Config& config) {
+  QueryRays rays = query_rays(config);
+  rays.offset.spread = static_cast<float>(config.render_offset_spread);
+  return rays;
+}
+
 std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                         bool training) {
   return field_entry(config.field).memory(config, cells_per_level, training);

@@ -116,6 +116,28 @@ TEST_P(AllFields, SaveThenLoadGivesTheSamePicturesAndTheSameNextStep) {
   std::filesystem::remove(file);
 }
 
+// What is reflected is looked up where the ray led, if that was not the look-up direction.
+TEST(OctaOctreeField, LooksUpWhereTheRayLed) {
+  Config config = small_config("octaoctree");
+  config.lookup_offset = LookupOffset::traced;
+  const auto field = make_field(config, shell(3));
+  train_steps(*field, 10);
+  std::vector<SurfacePoint> points = random_points(200, 1);
+  for (SurfacePoint& p : points) p.reflected.w = Vec3f(0.0f);
+  const auto along = evaluate(*field, points);
+  for (SurfacePoint& p : points) p.reflected.w = reflect(p.wo, p.n);
+  EXPECT_TRUE(evaluate(*field, points) == along);
+  for (SurfacePoint& p : points) p.reflected.w = p.n;
+  const auto elsewhere = evaluate(*field, points);
+  int changed = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool looks = points[i].alpha < 0.5f && points[i].reflected.met > 0.0f && points[i].disparity > 0.0f;
+    changed += elsewhere[i] != along[i];
+    EXPECT_EQ(elsewhere[i] != along[i], looks) << i;
+  }
+  EXPECT_GT(changed, 50);
+}
+
 TEST_P(AllFields, ApproachMovesEveryWeight) {
   const Config config = small_config(GetParam());
   const auto points = random_points(300, 1);

@@ -69,6 +69,7 @@ inline std::vector<SurfacePoint> random_points(std::size_t n, unsigned long long
     p.reflected = {i % 5 == 0 ? 0.0f : 1.0f, rng.uniform() < 0.5f ? 1.0f : 0.3f, direction(),
                    Vec3f(rng.uniform(), rng.uniform(), rng.uniform()),
                    Vec3f(rng.uniform(), rng.uniform(), rng.uniform()) * 3.0f};
+    if (i % 3 == 0) p.reflected.w = normalize(reflect(p.wo, p.n) + p.n * 0.3f);
   }
   return points;
 }

@@ -211,11 +211,11 @@ void OctaOctreeField::look_up_reflected(std::span<const SurfacePoint> points, En
     const SurfacePoint& p = points[i];
     Vec3f position(0.0f);
     if (has_reflected(rule_, p, e.disparity[i])) {
-      const Vec3f x = reflected_position(p.x, e.w[i], e.disparity[i]);
+      const Vec3f w = ray_direction(p.reflected, e.w[i]), x = reflected_position(p.x, w, e.disparity[i]);
       position = contract((x - origin_) / size_ * 2.0f - Vec3f(1.0f));
       e.reflected.push_back(i);
       e.reflected_x.push_back(x);
-      e.reflected_w.push_back(reflected_direction(rule_, p.reflected, e.w[i]));
+      e.reflected_w.push_back(reflected_direction(rule_, p.reflected, w));
     }
     float numbers[kReflectedInputs];
     reflected_inputs(rule_, p, e.disparity[i], position, target_scale(), numbers);

@@ -76,9 +76,10 @@ struct PrepareReflected : Kernel {
     p.reflected = points.reflected.get(i);
     const ReflectedSurface& r = p.reflected;
     bool good = valid == nullptr || valid[i] != 0;
-    good = good && is_finite(r.n) && is_finite(r.albedo) && is_finite(r.emitted) && std::isfinite(r.alpha);
+    good = good && is_finite(r.n) && is_finite(r.albedo) && is_finite(r.emitted) && std::isfinite(r.alpha) &&
+           is_finite(r.w);
     if (!good) p.reflected = ReflectedSurface{};
-    const Vec3f direction(directions[i], directions[stride + i], directions[2 * stride + i]);
+    const Vec3f direction = ray_direction(r, {directions[i], directions[stride + i], directions[2 * stride + i]});
     const bool met = has_reflected(rule, p, disparity[i]);
     Vec3f at(std::nanf("")), seen_along(0.0f, 0.0f, 1.0f), position(0.0f);
     if (met) {

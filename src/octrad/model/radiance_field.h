@@ -88,6 +88,8 @@ std::vector<std::string> field_names();
 
 // What it needs traced from the points that it is given: radiance() and inspect(), or with `training` train().
 QueryRays query_rays(const Config& config, bool training = false);
+// The same for first hits of pictures, whose many samples may differ in where they look (render.offset_spread).
+QueryRays picture_rays(const Config& config);
 
 // Bytes that training (or only evaluating) such a field allocates, before anything is allocated.
 std::vector<MemoryPart> estimate_memory(const Config& config, const std::vector<long long>& cells_per_level,

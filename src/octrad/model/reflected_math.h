@@ -10,10 +10,13 @@ namespace octrad {
 
 inline constexpr int kReflectedInputs = 14;  // n (3), albedo (3), alpha, met, log emission (3), position (3)
 
-// Where the features are looked up: the end of the ray from x along w, 1 / disparity away.
+// The direction of the ray that met it; w: that of the look-up.
+OCTRAD_HD inline Vec3f ray_direction(const ReflectedSurface& r, Vec3f w) { return dot(r.w, r.w) > 0.0f ? r.w : w; }
+
+// Where the features are looked up: the end of the ray from x along its direction w, 1 / disparity away.
 OCTRAD_HD inline Vec3f reflected_position(Vec3f x, Vec3f w, float disparity) { return x + w * (1.0f / disparity); }
 
-// The direction of that look-up: as that of a point there, seen from x. Its disparity is 0.
+// The direction of that look-up: as that of a point there, seen from x along w. Its disparity is 0.
 OCTRAD_HD inline Vec3f reflected_direction(const LookupRule& rule, const ReflectedSurface& r, Vec3f w) {
   SurfacePoint there;
   there.n = r.n;

@@ -17,10 +17,10 @@ class CacheIntegrator : public Integrator {
       : context_(input.scene.context()),
         field_(*input.field),
         options_(first_hit_options(input, bounce)),
-        rays_(query_rays(input.config)),
+        rays_(picture_rays(input.config)),
         rhs_(rhs_rules(input.config)) {
     rhs_.directions = 1;  // each camera sample has its own first hit
-    rhs_.rays = rays_;
+    rhs_.rays = query_rays(input.config);
     rhs_.seed = input.seed;
   }
 

@@ -14,7 +14,7 @@ class CacheIntegrator : public DeviceIntegrator {
                   std::size_t capacity, FirstHitOptions::Bounce bounce)
       : field_(field),
         options_(first_hit_options(input, bounce)),
-        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, query_rays(input.config),
+        gbuffer_(stream, world, capacity, options_.bounce != FirstHitOptions::Bounce::none, picture_rays(input.config),
                  options_.split_coats),
         responses_(stream, gbuffer_.queries_of(capacity), "answers of the cache"),
         rhs_options_(rhs_rules(input.config)) {
@@ -74,7 +74,7 @@ std::size_t device_cache_integrator_bytes(const IntegratorInput& input, std::siz
                                           FirstHitOptions::Bounce bounce) {
   const bool bounces = first_hit_options(input, bounce).bounce != FirstHitOptions::Bounce::none;
   const bool split = split_coats(input.config);
-  return DeviceGBuffer::bytes(capacity, bounces, query_rays(input.config), split) +
+  return DeviceGBuffer::bytes(capacity, bounces, picture_rays(input.config), split) +
          (split ? 2 * capacity : capacity) * sizeof(Vec3f) +
          (bounces ? DeviceRhs::bytes(capacity, query_rays(input.config)) + 2 * capacity * sizeof(Vec3f) : 0);
 }

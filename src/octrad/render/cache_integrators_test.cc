@@ -16,23 +16,26 @@
 namespace octrad {
 namespace {
 
-// A grey box with a perfect mirror sphere, seen from inside; optionally all glowing.
+constexpr const char* kMirror = R"(<bsdf type="conductor"><string name="material" value="none"/></bsdf>)";
+
+// A grey box with a sphere, a perfect mirror if nothing else is said, seen from inside; optionally all glowing.
 struct Box {
   PreparedScene prepared;
   testing::ConstantField field{{2.0f, 1.0f, 0.5f}};
+  RadianceField* shown = &field;
   Config config = preset("cpu");
 
-  explicit Box(const std::string& emitter = "") : prepared(load(emitter)) {
+  explicit Box(const std::string& emitter = "", const std::string& sphere = kMirror) : prepared(load(emitter, sphere)) {
     config.render_delta = DeltaSurfaces::cache;
   }
-  static Scene load(const std::string& emitter) {
+  static Scene load(const std::string& emitter, const std::string& sphere) {
     const auto file = std::filesystem::temp_directory_path() / ("octrad_cache_" + std::to_string(::getpid()) + ".xml");
     std::ofstream(file)
         << R"(<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="80"/><transform name="to_world">
       <lookat origin="0,0,-0.9" target="0,0,1" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="24"/>
       <rfilter type="box"/></film></sensor><shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)"
-        << emitter
-        << R"(</shape><shape type="sphere"><float name="radius" value="0.4"/><bsdf type="conductor"><string name="material" value="none"/></bsdf></shape></scene>)";
+        << emitter << R"(</shape><shape type="sphere"><float name="radius" value="0.4"/>)" << sphere
+        << "</shape></scene>";
     Scene scene = load_scene(file.string());
     std::filesystem::remove(file);
     return scene;
@@ -41,7 +44,7 @@ struct Box {
     RenderSettings settings;
     settings.film = prepared.scene().film;
     settings.seed = 1;
-    const auto renderer = make_renderer(prepared, integrator, settings, &field, config);
+    const auto renderer = make_renderer(prepared, integrator, settings, shown, config);
     renderer->set_view({prepared.scene().cameras[0], 32, 24});
     return render(*renderer, {spp});
   }
@@ -61,6 +64,40 @@ TEST(CacheIntegrators, LhsShowsTheFieldAtTheFirstHit) {
   }
   EXPECT_GT(mirror, 20);
   EXPECT_EQ(r.counts.queries, 32 * 24 * 2);
+}
+
+// Answers the direction in which a point looks for what it reflects, where that is not the mirror direction.
+struct DirectionField : testing::ConstantField {
+  using ConstantField::ConstantField;
+  void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override {
+    for (std::size_t i = 0; i < points.size(); ++i) out[i] = points[i].reflected.w;
+  }
+};
+
+// Samples of a glossy surface look for it in different directions (render.offset_spread); rough surfaces do not, nor
+// the rays of right-hand sides.
+TEST(CacheIntegrators, LhsLooksAboutTheMirrorDirection) {
+  Box box("", R"(<bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf>)");
+  DirectionField field(Vec3f(0.0f));
+  box.shown = &field;
+  const auto drawn = [&](const std::string& integrator) {
+    const RenderResult r = box.picture(integrator);
+    int glossy = 0, rough = 0, all = 0;
+    for (int y = 0; y < 24; ++y) {
+      for (int x = 0; x < 32; ++x) {
+        const bool shiny = r.image.at(x, y, r.image.channel("roughness.Y")) < 0.5f;
+        all += shiny;
+        (shiny ? glossy : rough) += r.image.rgb(x, y) != Vec3f(0.0f);
+      }
+    }
+    EXPECT_GT(all, 20);
+    EXPECT_EQ(rough, 0);
+    return static_cast<double>(glossy) / all;
+  };
+  EXPECT_GT(drawn("lhs"), 0.9);  // where it is seen at a grazing angle some would lead into it
+  EXPECT_EQ(drawn("rhs"), 0.0);
+  box.config.render_offset_spread = 0.0;
+  EXPECT_EQ(drawn("lhs"), 0.0);
 }
 
 TEST(CacheIntegrators, RhsReflectsTheFieldOnce) {

@@ -39,7 +39,7 @@ struct Cache {
     const float d = p.disparity * size;
     float far = 0.0f;  // changes little where a ray joins another cluster
     for (const HitCluster& c : p.lobe) far += c.share * (c.distance + c.deviation) / size;
-    far += 0.1f * luminance(p.reflected.albedo) * (1.0f + p.reflected.n.x);
+    far += 0.1f * luminance(p.reflected.albedo) * (1.0f + p.reflected.n.x) + 0.1f * p.reflected.w.x;
     return {0.5f + 0.4f * std::sin(6.0f * p.x.x / size + p.wo.y),
             0.5f + 0.4f * std::cos(4.0f * p.x.y / size + p.n.z) * p.albedo.y, 0.2f + p.alpha + d / (1.0f + d) + far};
   }
@@ -104,7 +104,7 @@ std::vector<Vec3f> answers_to(Stream& stream, const SurfacePointArray& queries, 
 double difference(const ReflectedSurface& a, const ReflectedSurface& b) {
   const float brightest = std::max(1.0f, max_component(b.emitted));
   return std::max({distance(a.met, b.met), distance(a.alpha, b.alpha), distance(a.n, b.n), distance(a.albedo, b.albedo),
-                   distance(a.emitted, b.emitted, brightest)});
+                   distance(a.emitted, b.emitted, brightest), distance(a.w, b.w)});
 }
 
 // What is traced from queries in a check.
@@ -352,7 +352,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   EstimateErrors errors;
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
-    const QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
+    QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
+    rays.offset.spread = 0.6f;
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());

@@ -91,13 +91,14 @@ OCTRAD_HD inline FirstHitQuery trace_first_hit(const World& world, const FirstHi
   return first_hit_query<World::kModels>(options, world.hides_emitters(), end, first, sample.rng);
 }
 
-// The point as it is given to a field, with what trace_offset() fills in.
+// The point as it is given to a field, with what trace_offset() fills in; `rng`: null where the ray has no spread.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
-                                                const OffsetRay& offset) {
+                                                const OffsetRay& offset, Rng* rng = nullptr) {
   SurfacePoint point = surface_point<World::kModels>(shading);
-  trace_offset(world, offset, shading.surface.geometric_normal, point);
+  trace_offset(world, offset, shading.surface.geometric_normal, point,
+               rng != nullptr ? draw_offset_direction(offset, point, *rng) : Vec3f(0.0f));
   return point;
 }
 

@@ -237,19 +237,42 @@ OCTRAD_HD inline ReflectedSurface reflected_surface(const World& world, const Hi
   return reflected;
 }
 
-// The ray of `offset` from a point of a surface with `geometric_normal`: fills SurfacePoint::disparity (1 / distance to
-// the next surface along the look-up direction; 0 where that ray leaves the scene) and, if asked for,
-// SurfacePoint::reflected. Nothing where the look-up has no offset.
+// Whether the ray of `offset` from a point of roughness `alpha` has a direction of its own.
+OCTRAD_HD inline bool draws_offset_direction(const OffsetRay& offset, float alpha) {
+  return offset.traced && offset.reflected && offset.spread > 0.0f && offset.rule.has_offset(alpha) &&
+         alpha < offset.rule.rough_threshold;
+}
+
+// That direction: where the look-up would lead if the normal were another one, whose tangent to the point's is drawn
+// evenly in a disc of radius spread x roughness (method section 4). On the other side of the surface: 0, the look-up
+// direction itself. Draws nothing and is 0 where draws_offset_direction() is false.
+OCTRAD_HD inline Vec3f draw_offset_direction(const OffsetRay& offset, const SurfacePoint& point, Rng& rng) {
+  if (!draws_offset_direction(offset, point.alpha)) return Vec3f(0.0f);
+  const Vec2f u = rng.stratified2();
+  const float tangent = offset.spread * point.alpha * std::sqrt(u.x);
+  SurfacePoint tilted = point;
+  tilted.n = normalize(
+      make_frame(point.n).to_world({tangent * std::cos(2.0f * kPi * u.y), tangent * std::sin(2.0f * kPi * u.y), 1.0f}));
+  const Vec3f direction = lookup_direction(offset.rule, tilted);
+  const float side = dot(direction, point.n) * dot(lookup_direction(offset.rule, point), point.n);
+  return side > 0.0f ? normalize(direction) : Vec3f(0.0f);
+}
+
+// The ray of `offset` from a point of a surface with `geometric_normal`, along `drawn` or, where that is 0, the look-up
+// direction: fills SurfacePoint::disparity (1 / distance to the next surface; 0 where the ray leaves the scene) and, if
+// asked for, SurfacePoint::reflected. Nothing where the look-up has no offset.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline void trace_offset(const World& world, const OffsetRay& offset, Vec3f geometric_normal,
-                                   SurfacePoint& point) {
+                                   SurfacePoint& point, Vec3f drawn = Vec3f(0.0f)) {
   if (!offset.traced || !offset.rule.has_offset(point.alpha)) return;
-  const Vec3f direction = lookup_direction(offset.rule, point);
+  const Vec3f direction = dot(drawn, drawn) > 0.0f ? drawn : lookup_direction(offset.rule, point);
   const Vec3f origin = offset_origin(point.x, geometric_normal, direction);
   const Hit hit = world.intersect(origin, direction, 0.0f, kRayInfinity);
   point.disparity = hit.valid() && hit.t > 0.0f ? 1.0f / hit.t : 0.0f;
-  if (offset.reflected) point.reflected = reflected_surface(world, hit, origin, direction);
+  if (!offset.reflected) return;
+  point.reflected = reflected_surface(world, hit, origin, direction);
+  point.reflected.w = drawn;
 }
 
 }  // namespace octrad

@@ -22,6 +22,7 @@ struct Memory {
   std::uint32_t* query_owner;  // samples
   FloatPlanes normals;         // geometric, of the queries; only for traced disparity
   LobeStarts lobes;            // of the queries
+  OffsetRay offset;            // of the queries
   ShadingPoint* bounce_points;
   unsigned long long* bounce_keys;
   FloatPlanes bounce_weight;
@@ -69,7 +70,10 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
   std::uint32_t owner = k;
   for_each_asked_lobe(options, end.point, [&] {
-    memory.queries.store(q, surface_point<kModels>(end.point));
+    const SurfacePoint point = surface_point<kModels>(end.point);
+    memory.queries.store(q, point);
+    if (draws_offset_direction(memory.offset, point.alpha))
+      memory.queries.reflected.set_direction(q, draw_offset_direction(memory.offset, point, rng));
     if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
     memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
     memory.query_weight.set3(0, q, end.throughput);
@@ -181,6 +185,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
                       query_owner_.data(),
                       normals_.planes(),
                       lobes_.starts(),
+                      query_rays_.offset,
                       bounce_points_.data(),
                       bounce_keys_.data(),
                       bounce_weight_.planes(),

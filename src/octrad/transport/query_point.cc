@@ -28,7 +28,7 @@ struct LobeScratch {
 
 SurfacePoint field_query_point(const TransportContext& context, const ShadingPoint& shading, const QueryRays& rays,
                                Rng& rng) {
-  SurfacePoint point = field_query_point(context, shading, rays.offset);
+  SurfacePoint point = field_query_point(context, shading, rays.offset, &rng);
   const int n = rays.lobe_rays(point.alpha);
   if (n == 0) return point;
   thread_local LobeScratch scratch;

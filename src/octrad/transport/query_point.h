@@ -5,8 +5,9 @@
 
 namespace octrad {
 
-// Casts rays.count(alpha) rays (fewer where delta lobes draw the same one again). The lobe's directions are stratified
-// samples of the BSDF from `rng`; a sample that carries no light counts as a ray that met nothing.
+// Casts rays.count(alpha) rays (fewer where delta lobes draw the same one again). From `rng` come the direction of the
+// offset's ray, where that has a spread, and then those of the lobe, stratified samples of the BSDF; a sample that
+// carries no light counts as a ray that met nothing.
 SurfacePoint field_query_point(const TransportContext& context, const ShadingPoint& shading, const QueryRays& rays,
                                Rng& rng);
 

@@ -132,6 +132,63 @@ TEST(QueryPoint, TheOffsetsRayShowsWhatIsReflected) {
   EXPECT_EQ(rough.reflected.met, 0.0f);
 }
 
+// With a spread the ray of a glossy point is as if the normal were another one: tangents of their angles fill a disc
+// evenly. What it met is where it was drawn; rough points draw nothing.
+TEST(QueryPoint, TheOffsetsRayIsDrawnAboutTheMirrorDirection) {
+  const PreparedScene scene = open_scene();
+  const TransportContext context = scene.context();
+  const ShadingPoint metal = floor_point(context, 2.1f);
+  QueryRays rays;
+  rays.offset = {true, {}, true, 0.5f};
+  const int n = 2000;
+  const float radius = 0.5f * 0.3f;
+  Vec3f mean(0.0f);
+  int inner = 0;
+  for (int i = 0; i < n; ++i) {
+    Rng rng(static_cast<std::uint64_t>(i), RngPurpose::test, 7);
+    const SurfacePoint p = field_query_point(context, metal, rays, rng);
+    const Vec3f w = p.reflected.w;
+    ASSERT_NEAR(length(w), 1.0f, 1e-5f);
+    const Vec3f half = normalize(w + p.wo), tangent = half / dot(half, p.n) - p.n;
+    ASSERT_LE(length(tangent), radius * 1.001f);
+    inner += length(tangent) < radius * std::sqrt(0.5f);
+    mean += tangent / static_cast<float>(n);
+    ASSERT_EQ(p.reflected.met, 1.0f);
+    EXPECT_NEAR(p.x.y + w.y / p.disparity, 2.0f, 1e-3f);  // the ceiling
+  }
+  EXPECT_NEAR(inner, n / 2, 5.0 * std::sqrt(n / 4.0));
+  EXPECT_LT(length(mean), 5.0f * radius / std::sqrt(static_cast<float>(n)));
+
+  Rng drawn(1, RngPurpose::test, 7), untouched(1, RngPurpose::test, 7);
+  const SurfacePoint rough = field_query_point(context, floor_point(context, 4.1f), rays, drawn);
+  EXPECT_EQ(drawn.bits(), untouched.bits());
+  EXPECT_TRUE(rough.reflected.w == Vec3f(0.0f));
+  rays.offset.spread = 0.0f;
+  EXPECT_TRUE(traced(context, metal, rays).reflected.w == Vec3f(0.0f));
+}
+
+// A ray that would lead into the surface is the look-up's own.
+TEST(QueryPoint, TheOffsetsRayStaysOnItsSide) {
+  OffsetRay offset{true, {}, true, 2.0f};
+  SurfacePoint p;
+  p.n = {0, 0, 1};
+  p.wo = normalize(Vec3f(1.0f, 0.0f, 0.02f));
+  p.alpha = 0.4f;
+  int drawn = 0, own = 0;
+  for (int i = 0; i < 1000; ++i) {
+    Rng rng(static_cast<std::uint64_t>(i), RngPurpose::test, 8);
+    const Vec3f w = draw_offset_direction(offset, p, rng);
+    if (w == Vec3f(0.0f)) {
+      ++own;
+    } else {
+      ++drawn;
+      EXPECT_GT(w.z, 0.0f);
+    }
+  }
+  EXPECT_GT(drawn, 100);
+  EXPECT_GT(own, 100);
+}
+
 TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {
   const PreparedScene scene = open_scene();
   const TransportContext context = scene.context();

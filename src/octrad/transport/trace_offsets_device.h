@@ -9,13 +9,15 @@
 
 namespace octrad {
 
-// The ray of `offset` from point `i`, and what it fills in.
+// The ray of `offset` from point `i`, and what it fills in. Where the ray has a direction of its own it is there
+// already.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline void trace_offset_at(const World& world, const OffsetRay& offset, const SurfacePointArray& points,
                                       std::uint32_t i, Vec3f geometric_normal) {
   SurfacePoint point = points.load(i);
-  trace_offset(world, offset, geometric_normal, point);
+  trace_offset(world, offset, geometric_normal, point,
+               draws_offset_direction(offset, point.alpha) ? points.reflected.direction(i) : Vec3f(0.0f));
   points.set(kDisparityNumber, i, point.disparity);
   if (offset.reflected) points.reflected.set(i, point.reflected);
 }
