@@ -109,7 +109,8 @@ CheckResult check_g_buffer(const Context& c) {
     options.bounce = bounce;
     options.emission_inside = bounce == Bounce::glossy;
     options.max_chain = 6;
-    cases.push_back({options, bounce == Bounce::glossy, bounce == Bounce::none});
+    options.split_coats = bounce == Bounce::none;
+    cases.push_back({options, bounce != Bounce::all, bounce == Bounce::none});
   }
   return check_first_hits(c.stream, c.open, small_picture(c, 3), cases);
 }

@@ -16,14 +16,15 @@ struct HitCluster {
 inline constexpr int kHitClusters = 4, kMostLobeRays = 512;
 inline constexpr int kHitClusterNumbers = 3 * kHitClusters;
 
-// What a point shows along its look-up direction (lookup.reflected): the surface that a ray in that direction met.
+// What a point shows along its look-up direction, or one drawn about it (lookup.reflected): the surface that a ray in
+// that direction met.
 struct ReflectedSurface {
   float met = 0.0f;        // 1: a surface; 0: the ray left the scene, or was not cast
   float alpha = 0.0f;      // its roughness; of a coated surface that of its base, 1
   Vec3f n{0, 0, 0};        // its unit shading normal, on the side of the point
   Vec3f albedo{0, 0, 0};   // of a coated surface: of its base, towards the point
   Vec3f emitted{0, 0, 0};  // radiance that it emits towards the point; without a surface that of the environment
-  Vec3f w{0, 0, 0};        // unit direction of the ray where that is not the look-up direction (OffsetRay::spread)
+  Vec3f w{0, 0, 0};  // unit direction of the ray where that was drawn (OffsetRay::spread); 0: the look-up direction
 };
 
 struct SurfacePoint {
@@ -33,7 +34,7 @@ struct SurfacePoint {
                                   // is the refracted one (method section 1)
   Vec3f albedo;                   // linear RGB, independent of wo
   float alpha = 1.0f;             // roughness: 1 diffuse, 0 perfectly smooth
-  float disparity = 0.0f;         // 1 / distance along the look-up direction, only with QueryRays::offset
+  float disparity = 0.0f;         // 1 / length of the ray of QueryRays::offset; 0 without
   ReflectedSurface reflected;     // at that distance, only with OffsetRay::reflected
   HitCluster lobe[kHitClusters];  // what rays drawn from the BSDF met, only with QueryRays::lobe
 };
@@ -59,7 +60,7 @@ OCTRAD_HD inline Vec3f lookup_direction(const LookupRule& rule, const SurfacePoi
   return rule.glossy == LookupDirection::mirror ? reflect(point.wo, point.n) : point.wo;
 }
 
-// A ray from a point along its look-up direction, whose length gives SurfacePoint::disparity.
+// A ray from a point along its look-up direction, or about it, whose length gives SurfacePoint::disparity.
 struct OffsetRay {
   bool traced = false;
   LookupRule rule;

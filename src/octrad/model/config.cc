@@ -305,8 +305,9 @@ const std::vector<Key>& keys() {
           "lhs on surfaces of roughness below render.bounce_below: from the cache, by one bounce, or that where small lamps shine"),
       number("render.bounce_below", &C::render_bounce_below, {0, 2},
              "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
-      number("render.offset_spread", &C::render_offset_spread, {0, 2},
-             "pictures: how far from the look-up direction lookup.reflected looks, as a share of the roughness"),
+      number(
+          "render.offset_spread", &C::render_offset_spread, {0, 2},
+          "pictures: how far normals are tilted (the tangent, as a share of the roughness) to draw where lookup.reflected looks; 0: along the look-up direction"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;

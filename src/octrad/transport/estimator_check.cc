@@ -350,6 +350,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     return Vec3f(p.surface.position.y / size, p.wo.z, static_cast<float>(key % 1000) * 1e-3f);
   };
   EstimateErrors errors;
+  long long directions = 0, expect_directions = 0;  // of rays to what is reflected
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
     QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
@@ -357,7 +358,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());
-    std::vector<unsigned char> bounces(job.size());
+    std::vector<unsigned char> bounces(job.size()), drawn(job.size());
     parallel_for(job.size(), [&](std::size_t k) {
       CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
       RayEnd end;
@@ -371,11 +372,14 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
         for_each_asked_lobe(options, end.point, [&] {
           const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
           radiance[k] += end.throughput * cache(asked);
+          drawn[k] += asked.reflected.w != Vec3f(0.0f);
           of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
           ++of[k].queries;
         });
       }
     });
+    directions += std::accumulate(drawn.begin(), drawn.end(), 0);
+    expect_directions += one.traced_disparity && options.bounce == FirstHitOptions::Bounce::none;
     TraceCounts expected;
     for (const TraceCounts& t : of) {
       expected.rays += t.rays;
@@ -407,7 +411,9 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
                         static_cast<unsigned long long>(std::accumulate(bounces.begin(), bounces.end(), 0)));
     }
   }
-  return errors.result(stream, "relative error of samples", 2e-3, 0.003);
+  CheckResult r = errors.result(stream, "relative error of samples", 2e-3, 0.003);
+  r.require(directions >= 20 * expect_directions, "few directions to what is reflected");
+  return r;
 }
 
 CheckResult check_paths(Stream& stream, const PreparedScene& scene, std::span<const CameraJob> jobs,

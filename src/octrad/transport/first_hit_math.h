@@ -97,8 +97,9 @@ template <typename World>
 OCTRAD_HD inline SurfacePoint field_query_point(const World& world, const ShadingPoint& shading,
                                                 const OffsetRay& offset, Rng* rng = nullptr) {
   SurfacePoint point = surface_point<World::kModels>(shading);
-  trace_offset(world, offset, shading.surface.geometric_normal, point,
-               rng != nullptr ? draw_offset_direction(offset, point, *rng) : Vec3f(0.0f));
+  const Vec3f normal = shading.surface.geometric_normal;
+  trace_offset(world, offset, normal, point,
+               rng != nullptr ? draw_offset_direction(offset, point, normal, *rng) : Vec3f(0.0f));
   return point;
 }
 

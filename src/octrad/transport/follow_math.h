@@ -237,25 +237,31 @@ OCTRAD_HD inline ReflectedSurface reflected_surface(const World& world, const Hi
   return reflected;
 }
 
-// Whether the ray of `offset` from a point of roughness `alpha` has a direction of its own.
-OCTRAD_HD inline bool draws_offset_direction(const OffsetRay& offset, float alpha) {
-  return offset.traced && offset.reflected && offset.spread > 0.0f && offset.rule.has_offset(alpha) &&
-         alpha < offset.rule.rough_threshold;
+// Whether the ray of `offset` from a point has a direction of its own: on glossy points whose mirror direction is that
+// of what they reflect. Refraction turns rays less than reflection does, so points that are seen through have none.
+OCTRAD_HD inline bool draws_offset_direction(const OffsetRay& offset, const SurfacePoint& point) {
+  return offset.traced && offset.reflected && offset.spread > 0.0f && offset.rule.has_offset(point.alpha) &&
+         point.alpha < offset.rule.rough_threshold && dot(point.wo, point.n) > 0.0f;
 }
 
-// That direction: where the look-up would lead if the normal were another one, whose tangent to the point's is drawn
-// evenly in a disc of radius spread x roughness (method section 4). On the other side of the surface: 0, the look-up
-// direction itself. Draws nothing and is 0 where draws_offset_direction() is false.
-OCTRAD_HD inline Vec3f draw_offset_direction(const OffsetRay& offset, const SurfacePoint& point, Rng& rng) {
-  if (!draws_offset_direction(offset, point.alpha)) return Vec3f(0.0f);
+// That direction: where the look-up would lead if the normal were n + t, with t drawn evenly in a disc of radius
+// spread x roughness across n (method section 4); n - t where that would lead into the surface with `geometric_normal`
+// (towards the viewer or away), and 0, the look-up direction itself, where both would. Draws nothing and is 0 where
+// draws_offset_direction() is false.
+OCTRAD_HD inline Vec3f draw_offset_direction(const OffsetRay& offset, const SurfacePoint& point, Vec3f geometric_normal,
+                                             Rng& rng) {
+  if (!draws_offset_direction(offset, point)) return Vec3f(0.0f);
   const Vec2f u = rng.stratified2();
-  const float tangent = offset.spread * point.alpha * std::sqrt(u.x);
-  SurfacePoint tilted = point;
-  tilted.n = normalize(
-      make_frame(point.n).to_world({tangent * std::cos(2.0f * kPi * u.y), tangent * std::sin(2.0f * kPi * u.y), 1.0f}));
-  const Vec3f direction = lookup_direction(offset.rule, tilted);
-  const float side = dot(direction, point.n) * dot(lookup_direction(offset.rule, point), point.n);
-  return side > 0.0f ? normalize(direction) : Vec3f(0.0f);
+  const float tangent = offset.spread * point.alpha * std::sqrt(u.x), angle = 2.0f * kPi * u.y;
+  const Vec3f t = make_frame(point.n).to_world({tangent * std::cos(angle), tangent * std::sin(angle), 0.0f});
+  const float side = dot(point.wo, geometric_normal);
+  for (int turn = 0; turn < 2; ++turn) {
+    SurfacePoint tilted = point;
+    tilted.n = normalize(turn == 0 ? point.n + t : point.n - t);
+    const Vec3f direction = lookup_direction(offset.rule, tilted);
+    if (dot(direction, point.n) > 0.0f && dot(direction, geometric_normal) * side > 0.0f) return normalize(direction);
+  }
+  return Vec3f(0.0f);
 }
 
 // The ray of `offset` from a point of a surface with `geometric_normal`, along `drawn` or, where that is 0, the look-up

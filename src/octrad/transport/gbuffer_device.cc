@@ -72,8 +72,9 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   for_each_asked_lobe(options, end.point, [&] {
     const SurfacePoint point = surface_point<kModels>(end.point);
     memory.queries.store(q, point);
-    if (draws_offset_direction(memory.offset, point.alpha))
-      memory.queries.reflected.set_direction(q, draw_offset_direction(memory.offset, point, rng));
+    if (draws_offset_direction(memory.offset, point))
+      memory.queries.reflected.set_direction(
+          q, draw_offset_direction(memory.offset, point, end.point.surface.geometric_normal, rng));
     if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
     memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
     memory.query_weight.set3(0, q, end.throughput);

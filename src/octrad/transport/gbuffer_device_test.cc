@@ -18,7 +18,7 @@ class DeviceGBuffers : public testing::StreamTest {
 TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
   for (const bool follow : {false, true}) {
     for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
-      FirstHitCase c{{}, bounce == Bounce::glossy, bounce != Bounce::all};
+      FirstHitCase c{{}, bounce != Bounce::all, bounce != Bounce::all};
       c.options.follow_below = follow ? 0.3f : 0.0f;
       c.options.bounce = bounce;
       c.options.split_coats = bounce != Bounce::all;

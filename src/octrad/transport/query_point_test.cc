@@ -167,26 +167,40 @@ TEST(QueryPoint, TheOffsetsRayIsDrawnAboutTheMirrorDirection) {
   EXPECT_TRUE(traced(context, metal, rays).reflected.w == Vec3f(0.0f));
 }
 
-// A ray that would lead into the surface is the look-up's own.
+// No ray leads into the surface, not even at grazing angles; of normals that differ, neither into the real one.
 TEST(QueryPoint, TheOffsetsRayStaysOnItsSide) {
-  OffsetRay offset{true, {}, true, 2.0f};
+  const OffsetRay offset{true, {}, true, 2.0f};
   SurfacePoint p;
   p.n = {0, 0, 1};
   p.wo = normalize(Vec3f(1.0f, 0.0f, 0.02f));
   p.alpha = 0.4f;
-  int drawn = 0, own = 0;
-  for (int i = 0; i < 1000; ++i) {
+  int own = 0;
+  for (int i = 0; i < 2000; ++i) {
     Rng rng(static_cast<std::uint64_t>(i), RngPurpose::test, 8);
-    const Vec3f w = draw_offset_direction(offset, p, rng);
+    const bool bumpy = i % 2 != 0;
+    const Vec3f real = bumpy ? normalize(Vec3f(0.3f, 0.0f, 1.0f)) : p.n;
+    const Vec3f w = draw_offset_direction(offset, p, real, rng);
     if (w == Vec3f(0.0f)) {
+      EXPECT_TRUE(bumpy);  // even the mirror direction leads into it
       ++own;
     } else {
-      ++drawn;
       EXPECT_GT(w.z, 0.0f);
+      EXPECT_GT(dot(w, real), 0.0f);
     }
   }
-  EXPECT_GT(drawn, 100);
-  EXPECT_GT(own, 100);
+  EXPECT_LT(own, 900);
+}
+
+// What is seen through a surface is turned less by its roughness than what is reflected: nothing is drawn.
+TEST(QueryPoint, PointsSeenThroughLookAlongOneRay) {
+  const OffsetRay offset{true, {}, true, 0.6f};
+  SurfacePoint p;
+  p.n = {0, 0, 1};
+  p.wo = normalize(Vec3f(0.3f, 0.0f, -1.0f));  // its mirror direction is behind the surface
+  p.alpha = 0.2f;
+  Rng rng(1, RngPurpose::test, 9), untouched(1, RngPurpose::test, 9);
+  EXPECT_TRUE(draw_offset_direction(offset, p, p.n, rng) == Vec3f(0.0f));
+  EXPECT_EQ(rng.bits(), untouched.bits());
 }
 
 TEST(QueryPoint, RoughMetalHasClustersOfItsLobe) {

@@ -17,7 +17,7 @@ OCTRAD_HD inline void trace_offset_at(const World& world, const OffsetRay& offse
                                       std::uint32_t i, Vec3f geometric_normal) {
   SurfacePoint point = points.load(i);
   trace_offset(world, offset, geometric_normal, point,
-               draws_offset_direction(offset, point.alpha) ? points.reflected.direction(i) : Vec3f(0.0f));
+               draws_offset_direction(offset, point) ? points.reflected.direction(i) : Vec3f(0.0f));
   points.set(kDisparityNumber, i, point.disparity);
   if (offset.reflected) points.reflected.set(i, point.reflected);
 }
