@@ -94,7 +94,7 @@ TEST(CacheIntegrators, LhsLooksAboutTheMirrorDirection) {
     EXPECT_EQ(rough, 0);
     return static_cast<double>(glossy) / all;
   };
-  EXPECT_GT(drawn("lhs"), 0.9);  // where it is seen at a grazing angle some would lead into it
+  EXPECT_GT(drawn("lhs"), 0.9);  // not where both tilts would lead into it
   EXPECT_EQ(drawn("rhs"), 0.0);
   box.config.render_offset_spread = 0.0;
   EXPECT_EQ(drawn("lhs"), 0.0);
