@@ -1,4 +1,5 @@
 """octrad render --integrator path, and what every integrator shares."""
+import array
 import json
 import os
 import re
@@ -7,7 +8,7 @@ import signal
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, Case, start, wait_for
+from support import PATIENCE, ROOM, Case, start, wait_for, write_pfm
 
 LAYERS = ["R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "roughness.Y"]
 
@@ -107,6 +108,57 @@ class Render(Case):
         self.assert_same_picture(whole, crop)
         report = self.render("--spp", 2, "--crop", "4,5,6,7", out=crop)
         self.assertEqual((report["width"], report["height"]), (6, 7))
+
+    def test_mask_renders_those_pixels_and_no_others(self):
+        # The sensor's filter is a box; the other reaches over a pixel's rim.
+        wide = self.path("wide.xml")
+        with open(self.scene) as file, open(wide, "w") as out:
+            out.write(file.read().replace('<rfilter type="box"/>', '<rfilter type="tent"/>'))
+        white = lambda x, y: (x // 4 + y // 4) % 3 == 0
+        mask, whole, some = self.path("mask.pfm"), self.path("whole.exr"), self.path("some.exr")
+        write_pfm(mask, 32, 24, lambda x, y: (1, 1, 1) if white(x, y) else (0.9, 0.5, 0))
+        for scene in (self.scene, wide):
+            for options in ((), ("--crop", "3,2,20,13")):
+                with self.subTest(scene=scene, options=options):
+                    self.ok("render", scene, "-o", whole, "--spp", 5, *options)
+                    report = self.ok("render", scene, "-o", some, "--spp", 5, "--mask", mask, "--json", *options).json()
+                    x0, y0 = (3, 2) if options else (0, 0)
+                    width, height, a, _ = read_exr(whole)
+                    b = read_exr(some)
+                    floats = lambda raw: list(array.array("f", raw))
+                    self.assertEqual((report["width"], report["height"]), (width, height))
+                    for channel in a:
+                        expected = [v if white(x0 + p % width, y0 + p // width) else 0 for p, v in enumerate(floats(a[channel]))]
+                        self.assertEqual(floats(b[2][channel]), expected, channel)
+                    self.assertIn("mask", json.loads(b[3]["octrad.render"]))
+        self.assertLess(report["samples_per_s"] * report["seconds"], 5 * 24 * 32)
+
+    def test_wrong_masks(self):
+        r = ("render", self.scene, "-o", self.out, "--spp", 1)
+        mask, small, black = self.path("mask.pfm"), self.path("small.pfm"), self.path("black.pfm")
+        write_pfm(mask, 32, 24, lambda x, y: (1, 1, 1) if x < 4 else (0, 0, 0))
+        write_pfm(small, 16, 12, lambda x, y: (1, 1, 1))
+        write_pfm(black, 32, 24, lambda x, y: (0, 0, 0))
+        self.fails(2, "small.pfm: a mask of 16 x 12 pixels for a picture of 32 x 24", *r, "--mask", small)
+        self.fails(1, "leaves out every pixel", *r, "--mask", black)
+        self.fails(1, "leaves out every pixel", *r, "--mask", mask, "--crop", "4,0,8,8")
+        self.fails(3, "none.pfm", *r, "--mask", self.path("none.pfm"))
+        self.fails(1, "--mask", *r, "--mask", mask, "--denoise")
+        self.fails(1, "overwrite", "render", self.scene, "-o", mask, "--spp", 1, "--mask", mask)
+        self.assertFalse(os.path.exists(self.out))
+        self.ok(*r, "--mask", mask)
+        self.assertIn("rendered with --mask", self.ok("compare", self.out, self.out).err)
+        self.assertNotIn("rendered with --mask", self.ok("compare", self.out, self.out, "--mask", mask).err)
+        self.fails(2, "--mask", "train", self.scene, "-o", self.path("m.octrad"), "--steps", 1, "--reference", self.out)
+        whole, other = self.path("whole.exr"), self.path("other.exr")
+        self.ok("render", self.scene, "-o", whole, "--spp", 1, "--seed", 1)
+        self.fails(2, "differ in their mask", "merge", self.out, whole, "-o", other)
+        # The noise of a mean is that of the pixels that were rendered.
+        self.ok("render", self.scene, "-o", whole, "--spp", 1, "--seed", 1, "--mask", mask)
+        merged = self.ok("merge", self.out, whole, "-o", other, "--json").json()
+        noise = self.ok("compare", self.out, whole, "--mask", mask, "--json").json()["images"][0]
+        self.assertGreater(merged["noise"]["mape"], 0.2 * noise["mape"])
+        self.assertEqual(json.loads(read_exr(other)[3]["octrad.render"])["mask"], json.loads(read_exr(whole)[3]["octrad.render"])["mask"])
 
     def test_same_bits_at_any_thread_count_and_other_bits_for_another_seed(self):
         a, b, c = (self.path(n) for n in ("a.exr", "b.exr", "c.exr"))

@@ -9,7 +9,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, Case, read_safetensors, start, wait_for
+from support import PATIENCE, ROOM, Case, read_safetensors, start, wait_for, write_pfm
 
 GAUSSIAN = ROOM.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
 
@@ -49,7 +49,9 @@ class Resume(Case):
         self.assertEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 23)  # merge and info see all of them
 
     def test_in_halves_with_other_options(self):
-        for options in (("--crop", "5,3,20,11"), ("--seed", 7, "--threads", 1), ("--max-depth", 3, "--width", 20)):
+        mask = self.path("mask.pfm")
+        write_pfm(mask, 32, 24, lambda x, y: (1, 1, 1) if (x // 4 + y // 4) % 3 == 0 else (0, 0, 0))
+        for options in (("--crop", "5,3,20,11"), ("--mask", mask), ("--seed", 7, "--threads", 1), ("--max-depth", 3, "--width", 20)):
             with self.subTest(options):
                 for file in (self.out, self.out + ".state"):
                     if os.path.exists(file):

@@ -120,6 +120,12 @@ void find_layers(const Image& reference, const CompareOptions& o, Layers& layers
       o.aux.empty() ? "; --aux FILE takes it from another picture of the view" : ""));
 }
 
+void warn_of_mask(const std::string& name, const Image& image, const CompareOptions& o) {
+  if (!o.mask.empty() || metadata_value(image, "octrad.render", "mask", std::string()).empty()) return;
+  log_warning(fmt::format(
+      "{}: was rendered with --mask: the pixels outside are black, and count; --mask FILE leaves them out", name));
+}
+
 // The pixels that count, by --mask and the roughness options; empty: all.
 std::vector<std::uint8_t> selected_pixels(const Image& reference, const Layers& layers, const CompareOptions& o) {
   std::vector<std::uint8_t> mask;
@@ -288,6 +294,7 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     std::filesystem::create_directories(options.error_folder, error);
     if (error) throw IoError(fmt::format("cannot make folder {}: {}", options.error_folder, error.message()));
   }
+  warn_of_mask(options.reference, file, options);
   Layers layers;
   find_layers(file, options, layers);
   std::vector<std::uint8_t> mask = selected_pixels(file, layers, options);
@@ -326,6 +333,7 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   for (std::size_t i = 0; i < options.images.size(); ++i) {
     const std::string& name = options.images[i];
     const Image image = read_same_size(name, file, options);
+    warn_of_mask(name, image, options);
     nlohmann::json entry;
     if (nothing_selected) {
       for (const report::MetricColumn& column : report::metric_columns()) entry[column.key] = nullptr;

@@ -73,6 +73,8 @@ void check_alike(const Part& a, const Part& b) {
   }
   const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
+  const auto mask = [](const Part& p) { return metadata_value(p.image, "octrad.render", "mask", std::string()); };
+  if (depth(a) != -2 && depth(b) != -2 && mask(a) != mask(b)) differ("their mask");
   const auto text = [](const Part& p, const char* key) {
     const auto found = p.image.metadata.find(key);
     return found == p.image.metadata.end() ? std::string() : found->second;
@@ -104,6 +106,17 @@ Image weighted_mean(const std::vector<Part>& parts, std::size_t begin, std::size
   const auto total = static_cast<double>(total_spp(parts, begin, end));
   for (std::size_t k = 0; k < sum.size(); ++k) mean.data[k] = static_cast<float>(sum[k] / total);
   return mean;
+}
+
+// Of a picture that was rendered with a mask, which pixels are not 0 in all channels: that the mask has, but for those
+// that are black where nothing is hit.
+std::vector<std::uint8_t> nonzero_pixels(const Image& image) {
+  std::vector<std::uint8_t> result(image.pixel_count());
+  const std::size_t channels = image.channels.size();
+  for (std::size_t k = 0; k < image.data.size(); ++k) {
+    if (image.data[k] != 0.0f) result[k / channels] = 1;
+  }
+  return result;
 }
 
 // The colour of `picture` with the layers of `layers`.
@@ -147,7 +160,9 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   Image out = weighted_mean(parts, 0, n);
   // With the halves a and b, mean - b = (a - b) n_a / (n_a + n_b): its variance times n_b / n_a is that of the mean.
   const double share = static_cast<double>(total_spp(parts, half, n)) / static_cast<double>(total_spp(parts, 0, half));
-  const Metrics noise = reference_noise(out, weighted_mean(parts, half, n), share);
+  const std::string mask = metadata_value(out, "octrad.render", "mask", std::string());
+  const Metrics noise = reference_noise(out, weighted_mean(parts, half, n), share,
+                                        mask.empty() ? std::vector<std::uint8_t>() : nonzero_pixels(out));
   if (!o.aux.empty()) {
     const Image layers = read_image(o.aux);
     if (layers.width != out.width || layers.height != out.height)
@@ -165,6 +180,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   if (!integrator.empty()) {
     render["integrator"] = integrator;
     render["max_depth"] = metadata_value(out, "octrad.render", "max_depth", -1);
+    if (!mask.empty()) render["mask"] = mask;
   }
   out.metadata["octrad.render"] = render.dump();
   write_image(o.output, out, {}, exr);

@@ -44,7 +44,8 @@ FilmIdentity identity_of(const RenderSession& s, const View& view) {
   if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
   return {{"scene", picture_fingerprint(s.scene())},
           {"camera", camera.dump()},
-          {"size", fmt::format("{} x {}, crop {},{},{},{}", view.width, view.height, c.x, c.y, c.width, c.height)},
+          {"size", fmt::format("{} x {}, crop {},{},{},{}{}", view.width, view.height, c.x, c.y, c.width, c.height,
+                               view.mask ? ", mask " + report::mask_hash(view) : "")},
           {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
           {"seed", std::to_string(s.settings.seed)},
           {"max_depth", std::to_string(s.settings.max_depth)},
@@ -254,6 +255,11 @@ void add_render(Program& program) {
       ->type_name("H")
       ->group("Camera");
   verb->add_option("--crop", o->view.crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
+  verb->add_option(
+          "--mask", o->view.mask,
+          "only pixels that are white in FILE, a picture of the whole view's size (mean of the colour at least 0.5); others are 0")
+      ->type_name("FILE")
+      ->group("Camera");
   CLI::Option* sensor = verb->add_option("--sensor", o->view.sensor, "sensor of the scene, from 0")
                             ->check(whole_in_range(0, 1 << 20))
                             ->type_name("N")

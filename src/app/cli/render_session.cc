@@ -59,6 +59,9 @@ void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator)
   if (!o.view.path_file.empty() && (o.frames > 0 || o.resume))
     throw UsageError(fmt::format("{}: of no use with --path, whose frames that are there are not rendered again",
                                  o.frames > 0 ? "--frames" : "--resume"));
+  if (!o.view.mask.empty() && !o.view.path_file.empty())
+    throw UsageError("--mask: of no use with --path, whose frames are other views");
+  if (!o.view.mask.empty() && o.denoise) throw UsageError("--mask: a denoiser needs every pixel");
   if (o.overwrite && o.view.path_file.empty())
     throw UsageError("--overwrite is for --path: a single picture is always replaced");
   if (o.resume && integrator.needs_model)
@@ -77,7 +80,7 @@ RenderVerbOptions checked(RenderVerbOptions o, const std::string& log) {
   picture_format(o.output);  // refuses an unknown ending
   o.exr.settings = o.exr.settings_for(o.output);
   require_writable(o.output);
-  const std::vector<std::string> inputs = {o.scene, o.model, o.view.camera_file, o.view.path_file};
+  const std::vector<std::string> inputs = {o.scene, o.model, o.view.camera_file, o.view.path_file, o.view.mask};
   refuse_input_as_output("-o", o.output, inputs);
   refuse_input_as_output("--log-json", log, inputs);
   refuse_input_as_output("--log-json", log, {o.output});
@@ -159,7 +162,7 @@ void RenderSession::start(const View& view) {
 
 RenderResult RenderSession::render_picture(double begin, double share) {
   defer_interrupts();
-  budget.progress = [&, pixels = pixels_of(renderer->view())](int spp, double seconds) {
+  budget.progress = [&, pixels = static_cast<double>(renderer->window().sampled_pixels())](int spp, double seconds) {
     const double by_samples = budget.spp > 0 ? static_cast<double>(spp) / budget.spp : 0.0;
     const double by_time = budget.seconds > 0.0 ? seconds / budget.seconds : 0.0;
     const double rate = seconds > 0.0 ? pixels * spp / seconds : 0.0;
@@ -229,6 +232,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
+  if (metadata_value(image, "octrad.render", "mask", none) != report::mask_hash(view)) return "mask";
   if (number("spp", 0) < least_spp) return "spp";
   if (model && (text("octrad.config") != json_text(to_json(config)) ||
                 metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include "octrad/base/error.h"
+#include "octrad/image/io.h"
+#include "octrad/image/metrics.h"
 #include "octrad/scene/camera.h"
 
 namespace octrad::cli {
@@ -73,6 +75,13 @@ View choose_view(const Scene& scene, const ViewOptions& o, Camera camera) {
     view.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
                  static_cast<int>(crop[3])};
     if (view.crop.width <= 0 || view.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
+  }
+  if (!o.mask.empty()) {
+    const Image mask = read_image(o.mask);
+    if (mask.width != view.width || mask.height != view.height)
+      throw InputError(fmt::format("{}: a mask of {} x {} pixels for a picture of {} x {}", o.mask, mask.width,
+                                   mask.height, view.width, view.height));
+    view.mask = std::make_shared<const std::vector<std::uint8_t>>(picture_mask(mask));
   }
   return view;
 }

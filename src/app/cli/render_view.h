@@ -10,7 +10,7 @@ namespace octrad::cli {
 
 struct ViewOptions {
   int width = 0, height = 0;
-  std::string crop;
+  std::string crop, mask;
   int sensor = 0;
   bool sensor_given = false;
   std::string origin, target, up;
@@ -21,7 +21,8 @@ struct ViewOptions {
 
 // --camera, --origin ..., or a sensor of the scene. Throws UsageError for options that contradict each other.
 Camera choose_camera(const Scene& scene, const ViewOptions& o);
-// The camera with the size of the picture: asked for, the camera's own, or the film's of the scene.
+// The camera with the size of the picture: asked for, the camera's own, or the film's of the scene. Reads --mask;
+// throws InputError for a mask of another size.
 View choose_view(const Scene& scene, const ViewOptions& o, Camera camera);
 inline double pixels_of(const View& view) {
   return view.crop.width > 0 ? static_cast<double>(view.crop.width) * view.crop.height

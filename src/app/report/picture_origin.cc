@@ -31,6 +31,12 @@ nlohmann::json camera_json(const Camera& c) {
   return json;
 }
 
+std::string mask_hash(const View& view) {
+  if (!view.mask) return "";
+  return fmt::format("{:016x}",
+                     hash_bytes(view.mask->data(), view.mask->size(), static_cast<std::uint64_t>(view.width)));
+}
+
 void add_origin(Image& image, const PictureOrigin& origin) {
   std::map<std::string, std::string>& metadata = image.metadata;
   const View& view = origin.view;
@@ -38,12 +44,13 @@ void add_origin(Image& image, const PictureOrigin& origin) {
   metadata["octrad.scene"] =
       json_text({{"file", origin.scene.file}, {"fingerprint", picture_fingerprint(origin.scene)}});
   metadata["octrad.camera"] = camera_json(view.camera).dump();
-  metadata["octrad.render"] = nlohmann::json{
-      {"integrator", origin.integrator},
-      {"spp", origin.spp},
-      {"max_depth", origin.max_depth},
-      {"seed", origin.seed},
-      {"seconds", origin.seconds}}.dump();
+  nlohmann::json render = {{"integrator", origin.integrator},
+                           {"spp", origin.spp},
+                           {"max_depth", origin.max_depth},
+                           {"seed", origin.seed},
+                           {"seconds", origin.seconds}};
+  if (view.mask) render["mask"] = mask_hash(view);
+  metadata["octrad.render"] = render.dump();
   if (origin.config != nullptr) {
     metadata["octrad.config"] = json_text(to_json(*origin.config));
     metadata["octrad.model"] = json_text({{"file", origin.model_file}, {"step", origin.model_step}});

@@ -13,6 +13,9 @@ namespace octrad::report {
 // The attribute octrad.camera, which `render --camera` reads.
 nlohmann::json camera_json(const Camera& camera);
 
+// 16 hexadecimal digits of the view's mask; "" without one.
+std::string mask_hash(const View& view);
+
 struct PictureOrigin {
   const Scene& scene;
   const View& view;

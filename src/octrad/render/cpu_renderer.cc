@@ -37,12 +37,6 @@ class CpuRenderer : public Renderer {
     return static_cast<int>(std::clamp<long long>(kPassSamples / pixels, 1, 64));
   }
 
-  Image image() override {
-    Image image = film_.image();
-    integrator_->finish(image);
-    return image;
-  }
-
   std::vector<double> sums() override { return film_.sums(); }
 
   SampleCounts take_counts() override {
@@ -73,6 +67,12 @@ class CpuRenderer : public Renderer {
   }
 
  private:
+  Image film_image() override {
+    Image image = film_.image();
+    integrator_->finish(image);
+    return image;
+  }
+
   void view_changed() override {
     const PixelRect &crop = window_.crop, &window = window_.sampled;
     seconds_per_sample_ = kUnknown;
@@ -82,10 +82,12 @@ class CpuRenderer : public Renderer {
     rounds_.assign(filter_.reach() > 0 ? 4 : 1, {});
     for (int ty = window.y0 / kTile; ty * kTile < window.y1; ++ty) {
       for (int tx = window.x0 / kTile; tx * kTile < window.x1; ++tx) {
+        const PixelRect tile = {std::max(window.x0, tx * kTile), std::max(window.y0, ty * kTile),
+                                std::min(window.x1, (tx + 1) * kTile), std::min(window.y1, (ty + 1) * kTile)};
+        if (needed_pixels(tile) == 0) continue;
         const auto round = filter_.reach() > 0 ? static_cast<std::size_t>((ty % 2) * 2 + tx % 2) : 0;
         rounds_[round].push_back(tiles_.size());
-        tiles_.push_back({std::max(window.x0, tx * kTile), std::max(window.y0, ty * kTile),
-                          std::min(window.x1, (tx + 1) * kTile), std::min(window.y1, (ty + 1) * kTile)});
+        tiles_.push_back(tile);
       }
     }
     counts_.assign(tiles_.size(), {});
@@ -151,16 +153,26 @@ class CpuRenderer : public Renderer {
     });
   }
 
-  // Samples [first, first + count) of every pixel of a tile; put(x, y, position, sample) gets them pixel by pixel.
+  std::size_t needed_pixels(const PixelRect& tile) const {
+    if (window_.needed.empty()) return static_cast<std::size_t>(tile.width()) * static_cast<std::size_t>(tile.height());
+    std::size_t n = 0;
+    for (int y = tile.y0; y < tile.y1; ++y) {
+      for (int x = tile.x0; x < tile.x1; ++x) n += window_.needs(x, y) ? 1 : 0;
+    }
+    return n;
+  }
+
+  // Samples [first, first + count) of every pixel of a tile that needs them; put(x, y, position, sample) gets them
+  // pixel by pixel.
   template <typename Put>
   SampleCounts sample_tile(const PixelRect& tile, int first, int count, const Put& put) {
     // Not thread_local: an integrator that runs in parallel inside may start other tiles in between.
     std::vector<CameraSample> samples;
-    samples.reserve(static_cast<std::size_t>(tile.width()) * static_cast<std::size_t>(tile.height()) *
-                    static_cast<std::size_t>(count));
+    samples.reserve(needed_pixels(tile) * static_cast<std::size_t>(count));
     const CameraView view = view_.camera.view(view_.width, view_.height);
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
+        if (!window_.needs(x, y)) continue;
         for (int i = first; i < first + count; ++i) samples.push_back(camera_sample(view, settings_.seed, x, y, i));
       }
     }
@@ -169,6 +181,7 @@ class CpuRenderer : public Renderer {
     std::size_t n = 0;
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
+        if (!window_.needs(x, y)) continue;
         for (int i = 0; i < count; ++i, ++n) {
           if (!is_finite(found[n].radiance)) {
             found[n].radiance = Vec3f(0.0f);

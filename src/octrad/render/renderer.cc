@@ -14,6 +14,31 @@ namespace {
 
 constexpr int kLargestReach = 8;  // of a reconstruction filter, pixels; half a tile of the CPU's renderer
 
+// FilmWindow::needed of a view with a mask, for a filter of this reach.
+std::vector<std::uint8_t> needed_pixels(const View& view, const FilmWindow& window, int reach) {
+  if (view.mask->size() != static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height))
+    throw UsageError(
+        fmt::format("a mask of {} pixels for a picture of {} x {}", view.mask->size(), view.width, view.height));
+  const PixelRect &crop = window.crop, &sampled = window.sampled;
+  std::vector<std::uint8_t> needed(static_cast<std::size_t>(sampled.width()) *
+                                   static_cast<std::size_t>(sampled.height()));
+  bool any = false;
+  for (int y = crop.y0; y < crop.y1; ++y) {
+    for (int x = crop.x0; x < crop.x1; ++x) {
+      if (!view.wants(x, y)) continue;
+      any = true;
+      const int x0 = std::max(sampled.x0, x - reach), x1 = std::min(sampled.x1, x + reach + 1);
+      for (int row = std::max(sampled.y0, y - reach); row < std::min(sampled.y1, y + reach + 1); ++row) {
+        const auto begin =
+            needed.begin() + static_cast<std::ptrdiff_t>(row - sampled.y0) * sampled.width() - sampled.x0;
+        std::fill(begin + x0, begin + x1, std::uint8_t{1});
+      }
+    }
+  }
+  if (!any) throw UsageError("the mask leaves out every pixel of the picture");
+  return needed;
+}
+
 FilmWindow film_window(const View& view, const Film& film) {
   if (view.width < 1 || view.height < 1) {
     throw UsageError(fmt::format("a picture of {} x {} pixels: at least 1 x 1 is needed", view.width, view.height));
@@ -38,6 +63,7 @@ FilmWindow film_window(const View& view, const Film& film) {
   }
   window.sampled = {std::max(0, window.crop.x0 - reach), std::max(0, window.crop.y0 - reach),
                     std::min(view.width, window.crop.x1 + reach), std::min(view.height, window.crop.y1 + reach)};
+  if (view.mask) window.needed = needed_pixels(view, window, reach);
   return window;
 }
 
@@ -48,6 +74,19 @@ void Renderer::set_view(const View& view) {
   view_ = view;
   view_changed();
   clear();
+}
+
+Image Renderer::image() {
+  Image image = film_image();
+  if (!view_.mask) return image;
+  const PixelRect& crop = window_.crop;
+  for (int y = crop.y0; y < crop.y1; ++y) {
+    for (int x = crop.x0; x < crop.x1; ++x) {
+      if (view_.wants(x, y)) continue;
+      for (int c = 0; c < static_cast<int>(image.channels.size()); ++c) image.at(x - crop.x0, y - crop.y0, c) = 0.0f;
+    }
+  }
+  return image;
 }
 
 void Renderer::set_model(RadianceField& field, const Config& config) {
@@ -159,8 +198,7 @@ RenderResult render(Renderer& renderer, const RenderBudget& asked) {
   if (whole) save();
   result.seconds = before + watch.seconds();
   result.spp = renderer.samples();
-  const PixelRect& sampled = renderer.window().sampled;
-  result.samples = static_cast<long long>(sampled.width()) * sampled.height() * result.spp;
+  result.samples = renderer.window().sampled_pixels() * result.spp;
   result.counts += renderer.take_counts();
   result.image = renderer.image();
   return result;

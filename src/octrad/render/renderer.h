@@ -55,8 +55,8 @@ class Renderer {
   virtual ~Renderer() = default;
   const IntegratorInfo& integrator() const { return *choice_.info; }
 
-  // What is seen from now on; clears the film. Throws UsageError for a size or a crop that makes no sense, InputError
-  // for a filter that is too wide, MemoryError where not even one row of samples fits into memory.
+  // What is seen from now on; clears the film. Throws UsageError for a size, a crop or a mask that makes no sense,
+  // InputError for a filter that is too wide, MemoryError where not even one row of samples fits into memory.
   void set_view(const View& view);
   const View& view() const { return view_; }
   const FilmWindow& window() const { return window_; }
@@ -77,8 +77,9 @@ class Renderer {
   int samples() const { return samples_; }  // a pixel, in the film
   // Samples a pixel that one call should ask for at most, to be stopped in time.
   virtual int largest_pass() const = 0;
-  // The film as it is: R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y. Pixels without samples are 0.
-  virtual Image image() = 0;
+  // The film as it is: R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y. Pixels without samples, and those that
+  // the view's mask leaves out, are 0.
+  Image image();
   // The film's sums, kFilmNumbers a pixel.
   virtual std::vector<double> sums() = 0;
   // Rays and queries since the last call.
@@ -95,6 +96,7 @@ class Renderer {
         settings_(settings),
         field_(field),
         config_(config) {}
+  virtual Image film_image() = 0;  // without regard to the mask
   virtual void view_changed() = 0;
   virtual void model_changed(bool same_shape) = 0;  // same_shape: only weights are new
   virtual void seed_changed() = 0;

@@ -25,12 +25,6 @@ class StreamRenderer : public Renderer {
     return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, 64));
   }
 
-  Image image() override {
-    Image image = film_->image();
-    integrator_->finish(image);
-    return image;
-  }
-
   std::vector<double> sums() override { return film_->download(); }
 
   SampleCounts take_counts() override {
@@ -94,6 +88,12 @@ class StreamRenderer : public Renderer {
   }
 
  private:
+  Image film_image() override {
+    Image image = film_->image();
+    integrator_->finish(image);
+    return image;
+  }
+
   std::size_t columns() const { return static_cast<std::size_t>(window_.sampled.width()); }
   std::size_t pixels() const { return columns() * static_cast<std::size_t>(window_.sampled.height()); }
 
@@ -130,6 +130,7 @@ class StreamRenderer : public Renderer {
 
   // Buffers are made for the largest view so far, and kept for others.
   void view_changed() override {
+    window_.needed.clear();  // jobs are whole rows: pixels that the mask leaves out are sampled, too
     const auto total = [&](std::size_t capacity) {
       std::uint64_t sum = 0;
       for (const MemoryPart& part : memory(capacity)) sum += part.bytes;

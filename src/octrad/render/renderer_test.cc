@@ -107,6 +107,36 @@ TEST(Renderer, CropIsThatPartOfThePicture) {
   }
 }
 
+// And of a mask: the same bits where it is 1, 0 elsewhere, and samples nowhere but around it.
+TEST(Renderer, MaskLeavesPixelsOut) {
+  for (const Film::Filter filter : kFilters) {
+    const RenderResult whole = picture(small(filter, 3), noisy);
+    for (const Crop crop : {Crop{}, Crop{11, 9, 20, 17}}) {
+      Picture o = small(filter, 3);
+      o.view.crop = crop;
+      auto mask = std::make_shared<std::vector<std::uint8_t>>(53 * 37);
+      const auto wanted = [](int x, int y) { return x % 17 < 3 && y % 12 < 4; };
+      for (int y = 0; y < 37; ++y) {
+        for (int x = 0; x < 53; ++x) (*mask)[static_cast<std::size_t>(y * 53 + x)] = wanted(x, y) ? 1 : 0;
+      }
+      o.view.mask = mask;
+      const RenderResult part = picture(o, noisy);
+      int pixels = 0;
+      for (int y = 0; y < part.image.height; ++y) {
+        for (int x = 0; x < part.image.width; ++x) {
+          const bool in = wanted(x + crop.x, y + crop.y);
+          pixels += in ? 1 : 0;
+          for (int c = 0; c < static_cast<int>(part.image.channels.size()); ++c)
+            ASSERT_EQ(part.image.at(x, y, c), in ? whole.image.at(x + crop.x, y + crop.y, c) : 0.0f) << x << " " << y;
+        }
+      }
+      EXPECT_EQ(part.counts.queries, part.samples);
+      if (filter == Film::Filter::box) EXPECT_EQ(part.samples, 3 * pixels);
+      else EXPECT_LT(part.samples, 3 * part.image.width * part.image.height);
+    }
+  }
+}
+
 // Filters are normalised and symmetric: a constant stays itself, a ramp keeps its values on average.
 TEST(Renderer, FiltersKeepConstantsAndRamps) {
   for (const Film::Filter filter : kFilters) {
@@ -182,6 +212,11 @@ TEST(Renderer, RefusesNonsense) {
   EXPECT_THROW(picture(o, noisy), UsageError);
   o = small(Film::Filter::box, 1);
   o.view.crop = {50, 0, 10, 10};
+  EXPECT_THROW(picture(o, noisy), UsageError);
+  o = small(Film::Filter::box, 1);
+  o.view.mask = std::make_shared<std::vector<std::uint8_t>>(53 * 37 - 1, std::uint8_t{1});
+  EXPECT_THROW(picture(o, noisy), UsageError);
+  o.view.mask = std::make_shared<std::vector<std::uint8_t>>(53 * 37);  // nothing
   EXPECT_THROW(picture(o, noisy), UsageError);
   o = small(Film::Filter::tent, 1);
   o.settings.film.filter_radius = 20.0f;

@@ -1,6 +1,11 @@
 // What a picture shows: a camera, the size of the picture, and the part of it that is wanted.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
 #include "octrad/scene/scene.h"
 
 namespace octrad {
@@ -13,6 +18,14 @@ struct View {
   Camera camera;
   int width = 0, height = 0;  // of the whole picture, pixels
   Crop crop = {};             // only this part is rendered and returned
+  // One byte a pixel of the whole picture, row by row: where it is 0 the result is 0, and the CPU takes no samples.
+  // Null: every pixel.
+  std::shared_ptr<const std::vector<std::uint8_t>> mask = {};
+
+  bool wants(int x, int y) const {
+    return !mask ||
+           (*mask)[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] != 0;
+  }
 };
 
 // A part of a picture, half-open.
@@ -27,6 +40,19 @@ struct PixelRect {
 struct FilmWindow {
   PixelRect crop;     // what is returned
   PixelRect sampled;  // pixels around it whose samples the filter carries into it, too
+  // Of a view with a mask, one byte a pixel of `sampled`, row by row: 0 where no sample is needed. Empty: everywhere.
+  std::vector<std::uint8_t> needed = {};
+
+  bool needs(int x, int y) const {
+    return needed.empty() ||
+           needed[static_cast<std::size_t>(y - sampled.y0) * static_cast<std::size_t>(sampled.width()) +
+                  static_cast<std::size_t>(x - sampled.x0)] != 0;
+  }
+  // Pixels that get samples.
+  long long sampled_pixels() const {
+    if (!needed.empty()) return static_cast<long long>(needed.size()) - std::count(needed.begin(), needed.end(), 0);
+    return static_cast<long long>(sampled.width()) * sampled.height();
+  }
 };
 
 }  // namespace octrad
