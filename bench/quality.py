@@ -9,7 +9,7 @@ A view is NAME=REFERENCE[,CAMERA.json]; without a camera it is the scene's own s
     bench/sparse_reference.py SCENE.xml --spp 65536 -o refs/own
     bench/quality.py SCENE.xml --time 5m --view own=refs/own
 
-There the field's picture has --block-spp samples, so that what is measured is the field and not the noise of its picture: 64 samples
+There the field's picture has --sparse-spp samples, so that what is measured is the field and not the noise of its picture: 64 samples
 of a blurred mirror have more of it than the field has errors. Relative squared errors without the noise of the reference are written
 there too. The whole picture, with --spp samples, is for the eye.
 
@@ -59,7 +59,7 @@ def main():
     parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
     parser.add_argument("--seed", default="0")
     parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures (default: 16)")
-    parser.add_argument("--block-spp", default="1024", help="the same where a reference has blocks (default: 1024)")
+    parser.add_argument("--sparse-spp", default="1024", help="the same where a reference has few pixels (default: 1024)")
     parser.add_argument("-D", action="append", default=[], metavar="KEY=VALUE", help="configuration keys for all fields")
     parser.add_argument("--view", action="append", required=True, metavar="NAME=REFERENCE[,CAMERA]")
     parser.add_argument("--pictures", help="folder that keeps pictures and models: a training that is there, by the same command, is not made again")
@@ -79,26 +79,22 @@ def main():
             reference, _, camera = rest.partition(",")
             options = ["--camera", camera] if camera else []
             picture = os.path.join(folder, f"{field}_{name}.exr")
-            counted, noise, blocks, halves = [], None, None, None  # which pixels, and how far the reference is off itself
+            counted, noise, halves = [], None, None  # which pixels, and how far the reference is off itself
             if os.path.isdir(reference):
                 with open(os.path.join(reference, "about.json")) as about:
                     size = json.load(about)
-                counted = ["--mask", os.path.join(reference, "mask.pfm"), "--aux", picture]
-                options, noise, blocks = size["view"], size["noise"], size["blocks"]
-                halves = [os.path.join(reference, "half_a.pfm"), os.path.join(reference, "half_b.pfm")]
-                reference = os.path.join(reference, "reference.pfm")
+                counted = ["--mask", os.path.join(reference, "mask.pfm")]
+                options, noise = size["view"], size["noise"]
+                halves = [os.path.join(reference, "half_a.exr"), os.path.join(reference, "half_b.exr")]
+                reference = os.path.join(reference, "reference.exr")
             else:
                 size = run([args.octrad, "info", reference, "--json"])
-            options = ["--integrator", "lhs", "--model", model, "--device", args.device] + options
-            rendered = run([args.octrad, "render", args.scene, "--spp", args.spp, "--width", str(size["width"]), "--height", str(size["height"]),
-                            "-o", picture, "--json", "-q"] + options)
-            if blocks:
-                import sparse_reference  # wants numpy
-
-                measured = sparse_reference.render_blocks(args.octrad, args.scene, size["width"], size["height"], blocks, args.block_spp,
-                                                          [args.seed] * len(blocks), options)
-                picture = os.path.join(folder, f"{field}_{name}_blocks.pfm")
-                sparse_reference.write_pfm(picture, measured)
+            render = [args.octrad, "render", args.scene, "--integrator", "lhs", "--model", model, "--device", args.device, "--width", str(size["width"]),
+                      "--height", str(size["height"]), "--json", "-q"] + options
+            rendered = run(render + ["--spp", args.spp, "-o", picture])
+            if counted:
+                picture = os.path.join(folder, f"{field}_{name}_sparse.exr")
+                run(render + counted + ["--spp", args.sparse_spp, "--seed", args.seed, "-o", picture])
             everything, glossy = ({**run([args.octrad, "compare", reference, picture, "--json", "-q"] + counted + only)["images"][0],
                                    "relmse_noise_free": relmse_noise_free(args.octrad, halves, picture, counted + only)}
                                   for only in ([], ["--alpha-below", "0.5"]))

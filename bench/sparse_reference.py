@@ -1,71 +1,40 @@
 #!/usr/bin/env python3
-"""A reference with little noise of a few pixels of a view: blocks of 8 x 8 pixels, spread over the picture by chance.
+"""A reference with little noise of a few pixels of a view: one pixel, by chance, in each cell of a grid over the picture.
 
     bench/sparse_reference.py SCENE.xml --width 256 --height 144 --spp 65536 -o FOLDER [OPTIONS OF octrad render]
 
-Needs numpy. Other options, such as --camera, --sensor or --origin, go to octrad render.
+Other options, such as --camera, --sensor or --origin, go to octrad render.
 An error that is averaged over 2,000 pixels is known to a few per cent, and 2,000 pixels can have thirty times the samples
-that a whole picture of 256 x 256 could have in the same time. FOLDER gets half_a.pfm and half_b.pfm (half of the samples
-each, another seed), reference.pfm (their mean) and mask.pfm (1 where there is a reference), all of the whole view, and
-about.json with the command, the pixels and the noise: the mean absolute relative error of reference.pfm, estimated from
-the halves. bench/quality.py takes FOLDER as a reference; octrad compare takes the pictures with --mask. A folder that is
-there is left alone.
+that a whole picture of 256 x 256 could have in the same time. Pixels that lie apart say more than blocks of them: errors of
+a cache are alike over tens of pixels. FOLDER gets mask.pfm (white where there is a reference), half_a.exr and half_b.exr (half
+of the samples each, with other random numbers), reference.exr (their mean, with the layers of octrad render), and about.json
+with the command, the view, the number of pixels and the noise: the mean absolute relative error of reference.exr, estimated
+from the halves. bench/quality.py takes FOLDER as a reference; octrad compare takes the pictures with --mask. The same command
+again goes on where it was interrupted; with more --spp it adds samples.
 """
 import argparse
-import concurrent.futures
 import json
 import os
 import random
+import struct
 import subprocess
 import sys
-import tempfile
-
-import numpy as np
-
-BLOCK = 8
-
-
-def read_pfm(path):
-    with open(path, "rb") as f:
-        assert f.readline() == b"PF\n", path
-        width, height = map(int, f.readline().split())
-        order = "<f4" if float(f.readline()) < 0 else ">f4"
-        return np.frombuffer(f.read(), order).reshape(height, width, 3)[::-1].astype(np.float64)
-
-
-def write_pfm(path, picture):
-    with open(path, "wb") as f:
-        f.write(b"PF\n%d %d\n-1.0\n" % (picture.shape[1], picture.shape[0]))
-        f.write(picture[::-1].astype("<f4").tobytes())
 
 
 def places(width, height, count, seed):
-    """One block in each of about `count` cells of a grid, somewhere in it."""
-    columns = max(1, round((count * width / height) ** 0.5))
-    rows = max(1, round(count / columns))
+    """A pixel in each of about `count` cells of a grid, somewhere in it."""
+    columns = min(width, max(1, round((count * width / height) ** 0.5)))
+    rows = min(height, max(1, round(count / columns)))
     chance = random.Random(seed)
-    result = []
-    for row in range(rows):
-        for column in range(columns):
-            x0, x1 = column * width // columns, (column + 1) * width // columns
-            y0, y1 = row * height // rows, (row + 1) * height // rows
-            result.append((chance.randint(x0, max(x0, x1 - BLOCK)), chance.randint(y0, max(y0, y1 - BLOCK))))
-    return result
+    cells = [(c * width // columns, (c + 1) * width // columns, r * height // rows, (r + 1) * height // rows) for r in range(rows) for c in range(columns)]
+    return {(chance.randrange(x0, x1), chance.randrange(y0, y1)) for x0, x1, y0, y1 in cells}
 
 
-def render_blocks(octrad, scene, width, height, blocks, spp, seeds, options):
-    """The blocks of a view, one process of octrad render on one thread each, in a picture that is black elsewhere; seeds: one a block."""
-    picture = np.zeros((height, width, 3))
-    with tempfile.TemporaryDirectory() as folder:
-        def render(number):
-            x, y = blocks[number]
-            path = os.path.join(folder, f"{number}.pfm")
-            subprocess.run([octrad, "render", scene, "--threads", "1", "--width", str(width), "--height", str(height),
-                            "--crop", f"{x},{y},{BLOCK},{BLOCK}", "--spp", str(spp), "--seed", str(seeds[number]), "-o", path, "-q"] + options, check=True)
-            picture[y:y + BLOCK, x:x + BLOCK] = read_pfm(path)
-        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(render, range(len(blocks))))
-    return picture
+def write_mask(path, width, height, pixels):
+    with open(path, "wb") as f:
+        f.write(b"PF\n%d %d\n-1.0\n" % (width, height))
+        for y in reversed(range(height)):
+            f.write(b"".join(struct.pack("<3f", *[float((x, y) in pixels)] * 3) for x in range(width)))
 
 
 def main():
@@ -75,34 +44,25 @@ def main():
     parser.add_argument("--width", type=int, default=256)
     parser.add_argument("--height", type=int, default=256)
     parser.add_argument("--spp", type=int, default=65536, help="samples a pixel of both halves together (default: 65536)")
-    parser.add_argument("--blocks", type=int, default=32, help="blocks of 8 x 8 pixels, about (default: 32)")
+    parser.add_argument("--pixels", type=int, default=2048, help="about (default: 2048)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", required=True)
     args, view = parser.parse_known_args()
-    done = os.path.join(args.output, "about.json")
-    if os.path.exists(done):
-        print(f"{args.output} is there")
-        return
     os.makedirs(args.output, exist_ok=True)
-    blocks = places(args.width, args.height, args.blocks, args.seed)
-    mask = np.zeros((args.height, args.width, 3))
-    for x, y in blocks:
-        mask[y:y + BLOCK, x:x + BLOCK] = 1
-    halves = [render_blocks(args.octrad, args.scene, args.width, args.height, blocks, max(1, args.spp // 2),
-                            [2 * (args.seed * 100003 + number) + half + 1 for number in range(len(blocks))],
-                            ["--integrator", "path", "--max-depth", "-1", "--device", "cpu"] + view) for half in range(2)]
-    reference = (halves[0] + halves[1]) / 2
-    # The halves differ by twice the reference's own error, as independent errors add in squares.
-    seen = mask > 0
-    noise = float(np.mean(np.abs(halves[0] - halves[1])[seen] / (np.abs(reference)[seen] + 0.01)) / 2)
-    for name, picture in (("half_a", halves[0]), ("half_b", halves[1]), ("reference", reference), ("mask", mask)):
-        write_pfm(os.path.join(args.output, name + ".pfm"), picture)
-    about = {"command": ["bench/sparse_reference.py"] + sys.argv[1:], "width": args.width, "height": args.height, "pixels": int(np.count_nonzero(mask[..., 0])),
-             "spp": args.spp, "view": view, "blocks": blocks, "noise": noise}
-    with open(done, "w") as out:
-        json.dump(about, out, indent=1)
+    mask, half_a, half_b, reference, about = (os.path.join(args.output, n) for n in ("mask.pfm", "half_a.exr", "half_b.exr", "reference.exr", "about.json"))
+    pixels = places(args.width, args.height, args.pixels, args.seed)
+    write_mask(mask, args.width, args.height, pixels)
+    for number, half in enumerate((half_a, half_b)):
+        subprocess.run([args.octrad, "render", args.scene, "--integrator", "path", "--max-depth", "-1", "--device", "cpu", "--width", str(args.width),
+                        "--height", str(args.height), "--mask", mask, "--spp", str(max(1, args.spp // 2)), "--seed", str(2 * args.seed + number + 1),
+                        "--resume", "-o", half, "-q"] + view, check=True)
+    merged = subprocess.run([args.octrad, "merge", half_a, half_b, "-o", reference, "--json", "-q"], check=True, stdout=subprocess.PIPE)
+    noise = json.loads(merged.stdout)["noise"]["mape"]
+    with open(about, "w") as out:
+        json.dump({"command": ["bench/sparse_reference.py"] + sys.argv[1:], "width": args.width, "height": args.height, "pixels": len(pixels),
+                   "spp": args.spp, "view": view, "noise": noise}, out, indent=1)
         out.write("\n")
-    print(f"{args.output}: {about['pixels']} pixels, noise {noise:.4f}")
+    print(f"{args.output}: {len(pixels)} pixels, noise {noise:.4f}")
 
 
 if __name__ == "__main__":

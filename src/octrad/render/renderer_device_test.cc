@@ -215,6 +215,20 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
     ASSERT_EQ(crop.width, 20);
     for (int x = 0; x < 20; ++x)
       EXPECT_NEAR(crop.at(x, 3, 0), device.image.at(x + 10, 8, 0), 1e-4f * (1.0f + crop.at(x, 3, 0)));
+    // With a mask all pixels are sampled there; those that it leaves out are 0.
+    const auto renderer = box.renderer("path", 9, stream.get());
+    View view = renderer->view();
+    auto mask = std::make_shared<std::vector<std::uint8_t>>(40 * 28);
+    for (std::size_t p = 0; p < mask->size(); p += 7) (*mask)[p] = 1;
+    view.mask = mask;
+    renderer->set_view(view);
+    const RenderResult some = render(*renderer, {9});
+    EXPECT_EQ(some.samples, device.samples);
+    for (std::size_t p = 0; p < mask->size(); ++p) {
+      const int x = static_cast<int>(p % 40), y = static_cast<int>(p / 40);
+      const float expected = view.wants(x, y) ? device.image.at(x, y, 0) : 0.0f;
+      EXPECT_NEAR(some.image.at(x, y, 0), expected, 1e-4f * (1.0f + expected)) << x << " " << y;
+    }
   }
 }
 
