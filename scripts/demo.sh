@@ -44,11 +44,11 @@ show octrad render $scene --integrator path --spp 100000 --time "${seconds}s" "$
 
 step "Errors"
 show octrad compare demo/ref.exr demo/lhs.exr
-octrad compare demo/ref.exr demo/lhs.exr --json >demo/error_lhs.json
-octrad compare demo/ref.exr demo/path.exr --json >demo/error_path.json
-octrad compare demo/ref.exr demo/noise.exr --json >demo/error_noise.json
-octrad compare demo/ref.exr demo/lhs.exr --alpha-below 0.5 --json >demo/glossy_lhs.json
-octrad compare demo/ref.exr demo/path.exr --alpha-below 0.5 --json >demo/glossy_path.json
+octrad compare demo/ref.exr demo/lhs.exr --json -q >demo/error_lhs.json
+octrad compare demo/ref.exr demo/path.exr --json -q >demo/error_path.json
+octrad compare demo/ref.exr demo/noise.exr --json -q >demo/error_noise.json
+octrad compare demo/ref.exr demo/lhs.exr --alpha-below 0.5 --json -q >demo/glossy_lhs.json
+octrad compare demo/ref.exr demo/path.exr --alpha-below 0.5 --json -q >demo/glossy_path.json
 for name in ref lhs path; do octrad tonemap -q demo/$name.exr -o demo/$name.png --exposure 0.3; done
 
 # The difference of two independent pictures holds the noise of both; its share goes with 1 / samples.

@@ -215,7 +215,7 @@ void add_render(Program& program) {
   auto o = std::make_shared<RenderVerbOptions>();
   CLI::App* verb = add_verb(program, "render", "Render a scene, path traced or from a trained cache.",
                             "octrad render scene.xml --integrator lhs --model room.octrad --width 512 -o lhs.exr\n"
-                            "  octrad render scene.xml --integrator path --spp 256 --max-depth 8 -o ref.exr",
+                            "  octrad render scene.xml --integrator path --spp 256 -o ref.exr",
                             Devices::cuda);
   verb->add_option("scene", o->scene, "Mitsuba XML or glTF")->required()->type_name("SCENE.xml");
   verb->add_option("-o,--output", o->output,

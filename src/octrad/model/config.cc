@@ -263,7 +263,7 @@ const std::vector<Key>& keys() {
              {{"walks", TrainSampler::walks}, {"area", TrainSampler::area}, {"mixture", TrainSampler::mixture}},
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
-             "perfectly specular surfaces that a right-hand-side ray passes"),
+             "perfectly and almost specular surfaces, and masks, that a ray passes at most"),
       number(
           "train.average", &C::train_average, {0, 0.5},
           "shown and saved are means of the weights over this share of the steps, less as rates fall; 0: the weights"),
@@ -302,12 +302,12 @@ const std::vector<Key>& keys() {
       choice(
           "render.highlights", &C::render_highlights,
           {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
-          "lhs on surfaces of roughness below render.bounce_below: from the cache, by one bounce, or that where small lamps shine"),
+          "lhs on surfaces of roughness below render.bounce_below: ask the cache, trace one bounce, or auto: bounce if small lamps light such surfaces"),
       number("render.bounce_below", &C::render_bounce_below, {0, 2},
              "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
       number(
           "render.offset_spread", &C::render_offset_spread, {0, 2},
-          "pictures: how far normals are tilted (the tangent, as a share of the roughness) to draw where lookup.reflected looks; 0: along the look-up direction"),
+          "pictures: random tilt of the normal for the ray that finds what a glossy surface reflects; tan(tilt) is at most this times alpha; 0: none"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;

@@ -83,7 +83,10 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     EXPECT_EQ(load_model(file + ".unit").field->target_scale(), exposure);
   }
   std::filesystem::remove(file + ".unit");
-  {
+  info.config.lookup_coats = Coats::joined;
+  info.config.lookup_rough_offset = true;
+  info.config.train_average = 0.0;
+  for (const char* name : {"cpu", "paper"}) {
     const TensorReader in(file);
     TensorWriter out;
     Tensors tensors;
@@ -91,6 +94,8 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       std::string text = value;
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
+        config["preset"] = info.config.preset = name;
+        EXPECT_EQ(config["render"].erase("offset_spread"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
         EXPECT_EQ(config["train"].erase("average"), 1u);
         text = config.dump();
@@ -99,12 +104,10 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     }
     for (const std::string& name : in.names()) copy_tensor(in, name, tensors, out);
     out.write(file + ".older");
+    info.config.render_offset_spread = preset(name).render_offset_spread;
+    EXPECT_EQ(load_model(file + ".older").info.config, info.config);
+    std::filesystem::remove(file + ".older");
   }
-  info.config.lookup_coats = Coats::joined;
-  info.config.lookup_rough_offset = true;
-  info.config.train_average = 0.0;
-  EXPECT_EQ(load_model(file + ".older").info.config, info.config);
-  std::filesystem::remove(file + ".older");
   std::filesystem::remove(file);
 }
 
