@@ -345,6 +345,8 @@ gltf("base64-broken", lambda g: g.text().replace("base64,AAAA", "base64,A!AA"), 
 gltf("buffer-missing", lambda g: g.text().replace('"data:', '"none.bin" , "x": "'), "does not exist")
 gltf("buffer-a-device", lambda g: g.text().replace('"data:', '"/dev/zero", "x": "'), "must be a relative path")
 gltf("image-outside", textured({"uri": "../t.png"}), "leaves the folder")
+gltf("image-outside-by-backslashes", textured({"uri": "..\\t.png"}), "leaves the folder")
+gltf("image-of-the-root-by-backslashes", textured({"uri": "\\t.png"}), "must be a relative path")
 gltf("image-of-another-kind", textured({"uri": "data:image/webp;base64,UklGRg=="}), "not a picture")
 gltf("image-bomb", lambda g: textured({"uri": "bomb.png"})(g), "the budget is", 4, bomb_png=png(16000, 16000, bytes(16001 * 16000)))
 gltf("light-missing", put("nodes", 0, "extensions", value={"KHR_lights_punctual": {"light": 2}}), "light 2 does not exist")

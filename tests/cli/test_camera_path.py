@@ -76,6 +76,11 @@ class CameraPath(Case):
         for what, options in (("seed", ("--seed", 5)), ("size", ("--width", 16)), ("spp", ("--spp", 3))):
             options = [*self.command(path)[:-2], *options] if what == "spp" else self.command(path, *options)
             self.assertIn("--overwrite", self.fails(2, "rendered with other settings (%s)" % what, *options).err)
+        with open(self.scene) as file:
+            other = file.read().replace('<rfilter type="box"/>', '<rfilter type="tent"/>')
+        with open(self.scene, "w") as file:
+            file.write(other)
+        self.fails(2, "rendered with other settings (filter", *self.command(path))
         self.assertEqual(self.ok(*self.command(path, "--seed", 5, "--overwrite", "--json")).json()["path"]["rendered"], 4)
 
     def test_an_interrupt_leaves_whole_frames(self):

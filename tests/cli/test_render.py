@@ -144,6 +144,7 @@ class Render(Case):
         self.fails(1, "leaves out every pixel", *r, "--mask", mask, "--crop", "4,0,8,8")
         self.fails(3, "none.pfm", *r, "--mask", self.path("none.pfm"))
         self.fails(1, "--mask", *r, "--mask", mask, "--denoise")
+        self.fails(1, "--crop", *r, "--crop", "1e10,0,1,1")
         self.fails(1, "overwrite", "render", self.scene, "-o", mask, "--spp", 1, "--mask", mask)
         self.assertFalse(os.path.exists(self.out))
         self.ok(*r, "--mask", mask)
@@ -153,6 +154,12 @@ class Render(Case):
         whole, other = self.path("whole.exr"), self.path("other.exr")
         self.ok("render", self.scene, "-o", whole, "--spp", 1, "--seed", 1)
         self.fails(2, "differ in their mask", "merge", self.out, whole, "-o", other)
+        self.ok("render", self.scene, "-o", self.path("whole.pfm"), "--spp", 1, "--seed", 1)
+        self.fails(2, "differ in their mask", "merge", self.out, self.path("whole.pfm") + ":1", "-o", other)
+        self.fails(2, "rendered with --mask", "denoise", self.out, "-o", other)
+        masked = self.ok("compare", whole, self.out, "--mask", mask, "--json").json()["images"][0]
+        self.assertEqual((masked["ssim"], masked["flip"]), (None, None))
+        self.assertGreater(masked["mape"], 0)
         # The noise of a mean is that of the pixels that were rendered.
         self.ok("render", self.scene, "-o", whole, "--spp", 1, "--seed", 1, "--mask", mask)
         merged = self.ok("merge", self.out, whole, "-o", other, "--json").json()

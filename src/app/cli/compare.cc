@@ -120,8 +120,10 @@ void find_layers(const Image& reference, const CompareOptions& o, Layers& layers
       o.aux.empty() ? "; --aux FILE takes it from another picture of the view" : ""));
 }
 
+bool has_mask(const Image& image) { return !metadata_value(image, "octrad.render", "mask", std::string()).empty(); }
+
 void warn_of_mask(const std::string& name, const Image& image, const CompareOptions& o) {
-  if (!o.mask.empty() || metadata_value(image, "octrad.render", "mask", std::string()).empty()) return;
+  if (!o.mask.empty() || !has_mask(image)) return;
   log_warning(fmt::format(
       "{}: was rendered with --mask: the pixels outside are black, and count; --mask FILE leaves them out", name));
 }
@@ -319,7 +321,10 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     pictures.push_back({short_name(options.reference, options), extract_rgb(file), "reference"});
   std::optional<Metrics> noise;
   std::optional<SecondReference> second;
-  if (!options.reference_b.empty()) second = read_second(file, options);
+  if (!options.reference_b.empty()) {
+    second = read_second(file, options);
+    warn_of_mask(options.reference_b, second->image, options);
+  }
   if (second && !nothing_selected) {
     noise = reference_noise(file, second->image, second->share, reference.mask());
     noise_json = {{"image", options.reference_b},
@@ -349,6 +354,10 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
         }
         warn_of(errors, name, noise, options);
         entry = report::to_json(errors);
+        if (has_mask(file) || has_mask(image)) {
+          log_info("{}: no SSIM, FLIP and LPIPS, which look at neighbours that --mask left out", name);
+          for (const char* key : {"ssim", "flip", "lpips"}) entry[key] = nullptr;
+        }
         if (lpips && !errors.lpips) {
           log_warning(fmt::format("{}: no LPIPS: the network needs pictures of at least {} x {} pixels", name,
                                   lpips->smallest_side(), lpips->smallest_side()));

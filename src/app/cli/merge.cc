@@ -74,7 +74,7 @@ void check_alike(const Part& a, const Part& b) {
   const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
   const auto mask = [](const Part& p) { return metadata_value(p.image, "octrad.render", "mask", std::string()); };
-  if (depth(a) != -2 && depth(b) != -2 && mask(a) != mask(b)) differ("their mask");
+  if (mask(a) != mask(b)) differ("their mask");
   const auto text = [](const Part& p, const char* key) {
     const auto found = p.image.metadata.find(key);
     return found == p.image.metadata.end() ? std::string() : found->second;
@@ -108,8 +108,8 @@ Image weighted_mean(const std::vector<Part>& parts, std::size_t begin, std::size
   return mean;
 }
 
-// Of a picture that was rendered with a mask, which pixels are not 0 in all channels: that the mask has, but for those
-// that are black where nothing is hit.
+// Of a picture that was rendered with a mask, which pixels are not 0 in all channels: those of the mask, which have a
+// roughness of 1 at least where nothing is hit; without that layer all but black ones.
 std::vector<std::uint8_t> nonzero_pixels(const Image& image) {
   std::vector<std::uint8_t> result(image.pixel_count());
   const std::size_t channels = image.channels.size();

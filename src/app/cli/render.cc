@@ -34,23 +34,16 @@ void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& na
 
 // What a picture must have in common with the one that it goes on from.
 FilmIdentity identity_of(const RenderSession& s, const View& view) {
-  nlohmann::json camera = report::camera_json(view.camera);
-  camera["near_clip"] = view.camera.near_clip;
-  camera["far_clip"] = view.camera.far_clip;
-  camera["principal_point_offset"] = {view.camera.principal_point_offset.x, view.camera.principal_point_offset.y};
   const Crop& c = view.crop;
-  const FilterShape shape = ReconstructionFilter(s.settings.film).shape();
-  std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
-  if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
   return {{"scene", picture_fingerprint(s.scene())},
-          {"camera", camera.dump()},
+          {"camera", whole_camera(view.camera)},
           {"size", fmt::format("{} x {}, crop {},{},{},{}{}", view.width, view.height, c.x, c.y, c.width, c.height,
                                view.mask ? ", mask " + report::mask_hash(view) : "")},
           {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
           {"seed", std::to_string(s.settings.seed)},
           {"max_depth", std::to_string(s.settings.max_depth)},
           {"rr_depth", std::to_string(s.settings.rr_depth)},
-          {"filter", filter},
+          {"filter", filter_text(s.settings.film)},
           {"device", s.device.name}};
 }
 
@@ -133,6 +126,8 @@ class Continuation {
   std::optional<Image> on_disk() const {
     try {
       if (std::filesystem::exists(session_.o.output)) return read_image(session_.o.output);
+    } catch (const MemoryError&) {  // what it has is not known
+      throw;
     } catch (const Error&) {  // nothing that must be kept
     }
     return std::nullopt;
@@ -170,7 +165,10 @@ void render_picture(RenderSession& s) {
     RenderResult result;
     result.spp = static_cast<int>(metadata_value<long long>(*image, "octrad.render", "spp", 0));
     result.seconds = metadata_value(*image, "octrad.render", "seconds", 0.0);
-    result.samples = static_cast<long long>(image->pixel_count()) * result.spp;
+    for (int y = 0; y < image->height; ++y) {
+      for (int x = 0; x < image->width; ++x)
+        result.samples += view.wants(view.crop.x + x, view.crop.y + y) ? result.spp : 0;
+    }
     result.image = std::move(*image);
     print_picture(s, result, s.report(result, view), std::nullopt, "; was finished");
     return;

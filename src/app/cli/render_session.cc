@@ -62,6 +62,8 @@ void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator)
   if (!o.view.mask.empty() && !o.view.path_file.empty())
     throw UsageError("--mask: of no use with --path, whose frames are other views");
   if (!o.view.mask.empty() && o.denoise) throw UsageError("--mask: a denoiser needs every pixel");
+  if (!o.view.mask.empty() && integrator.one_sample)
+    throw UsageError(fmt::format("--mask: {} needs every pixel", o.integrator));
   if (o.overwrite && o.view.path_file.empty())
     throw UsageError("--overwrite is for --path: a single picture is always replaced");
   if (o.resume && integrator.needs_model)
@@ -95,6 +97,21 @@ std::optional<Model> open_model(const RenderVerbOptions& o) {
 }
 
 }  // namespace
+
+std::string whole_camera(const Camera& camera) {
+  nlohmann::json json = report::camera_json(camera);
+  json["near_clip"] = camera.near_clip;
+  json["far_clip"] = camera.far_clip;
+  json["principal_point_offset"] = {camera.principal_point_offset.x, camera.principal_point_offset.y};
+  return json.dump();
+}
+
+std::string filter_text(const Film& film) {
+  const FilterShape shape = ReconstructionFilter(film).shape();
+  std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
+  if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
+  return filter;
+}
 
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
   Config config = info.config;
@@ -150,6 +167,13 @@ void RenderSession::start(const View& view) {
   renderer =
       make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
   renderer->set_view(view);
+  if (view.mask) {
+    const auto wanted =
+        view.mask->size() - static_cast<std::size_t>(std::count(view.mask->begin(), view.mask->end(), 0));
+    if (const long long sampled = renderer->window().sampled_pixels(); sampled > 2 * static_cast<long long>(wanted))
+      log_info("{}: {} pixels are sampled for {} of the mask (a filter that reaches further than a box, or a GPU)",
+               o.output, format_count(sampled), format_count(static_cast<long long>(wanted)));
+  }
   if (o.integrator != "lhs") return;
   bounce_below = octrad::bounce_below(prepared, config);
   if (bounce_below > 0.0 && config.render_highlights == Highlights::automatic) {
@@ -188,6 +212,7 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
   report::PictureOrigin origin{scene(), view, o.integrator};
+  origin.view_hash = view_hash(view);
   origin.spp = result.spp;
   if (integrator.uses_depth) origin.max_depth = settings.max_depth;
   origin.seed = seed;
@@ -212,6 +237,12 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
   write_image(file, result.image, {}, o.exr.settings);
 }
 
+std::string RenderSession::view_hash(const View& view) const {
+  std::string text = whole_camera(view.camera) + filter_text(settings.film);
+  if (integrator.uses_depth) text += std::to_string(settings.rr_depth);
+  return fmt::format("{:016x}", hash_bytes(text.data(), text.size(), 0));
+}
+
 std::string RenderSession::difference(const Image& image, const View& view, unsigned long long seed,
                                       int least_spp) const {
   const Crop& crop = view.crop;
@@ -233,6 +264,8 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
   if (metadata_value(image, "octrad.render", "mask", none) != report::mask_hash(view)) return "mask";
+  if (metadata_value(image, "octrad.render", "view", view_hash(view)) != view_hash(view))
+    return "filter, clipping planes, principal point or rr_depth";
   if (number("spp", 0) < least_spp) return "spp";
   if (model && (text("octrad.config") != json_text(to_json(config)) ||
                 metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <climits>
+#include <cmath>
+
 #include "octrad/base/error.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
@@ -69,7 +72,7 @@ View choose_view(const Scene& scene, const ViewOptions& o, Camera camera) {
   if (!o.crop.empty()) {
     const std::vector<double> crop = parse_numbers(o.crop, 4, "--crop");
     for (const double v : crop) {
-      if (v != static_cast<double>(static_cast<int>(v)))
+      if (!(std::fabs(v) <= INT_MAX) || v != std::floor(v))
         throw UsageError(fmt::format("--crop \"{}\": expected whole numbers x,y,width,height", o.crop));
     }
     view.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),

@@ -50,6 +50,7 @@ void add_origin(Image& image, const PictureOrigin& origin) {
                            {"seed", origin.seed},
                            {"seconds", origin.seconds}};
   if (view.mask) render["mask"] = mask_hash(view);
+  if (!origin.view_hash.empty()) render["view"] = origin.view_hash;
   metadata["octrad.render"] = render.dump();
   if (origin.config != nullptr) {
     metadata["octrad.config"] = json_text(to_json(*origin.config));

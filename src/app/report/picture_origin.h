@@ -21,7 +21,8 @@ struct PictureOrigin {
   const View& view;
   std::string integrator;
   int spp = 0;
-  int max_depth = -1;  // -1 also where the integrator traces no paths
+  int max_depth = -1;          // -1 also where the integrator traces no paths
+  std::string view_hash = {};  // what `render` compares beside the rest; "": left out
   unsigned long long seed = 0;
   double seconds = 0.0;  // of sampling
   // Null without a model.

@@ -18,7 +18,7 @@ namespace image_io {
 
 namespace {
 constexpr long long kMaxSide = 131072;
-constexpr long long kMaxValues = 1LL << 30;  // 4 GiB of floats
+constexpr long long kMaxValues = 1LL << 33;  // 32 GiB of floats
 }  // namespace
 
 void check_size(const std::string& file, long long width, long long height, long long channels, std::uint64_t beside) {
@@ -27,7 +27,7 @@ void check_size(const std::string& file, long long width, long long height, long
   };
   if (width <= 0 || height <= 0 || channels <= 0) throw InputError(text());
   if (width > kMaxSide || height > kMaxSide || channels > kMaxValues || width * height > kMaxValues / channels)
-    throw InputError(fmt::format("{} is too large (at most {} pixels a side and 4 GiB in memory)", text(), kMaxSide));
+    throw InputError(fmt::format("{} is too large (at most {} pixels a side and 32 GiB in memory)", text(), kMaxSide));
   ask_memory(static_cast<std::uint64_t>(width * height * channels) * sizeof(float) + beside, text());
 }
 

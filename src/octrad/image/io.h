@@ -28,7 +28,7 @@ namespace octrad {
 // Of CMYK what it looks like without a profile; colour profiles and gamma chunks are not looked at.
 //
 // Throws IoError when the file cannot be read, InputError when it is broken, cut off, not a picture, or larger than
-// 131072 pixels a side or 4 GiB in memory, MemoryError when it is above the memory budget (checked before anything is
+// 131072 pixels a side or 32 GiB in memory, MemoryError when it is above the memory budget (checked before anything is
 // allocated). All name the file.
 Image read_image(const std::string& file);
 // The same of a file's content; `file` is for messages.

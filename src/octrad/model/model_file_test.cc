@@ -86,7 +86,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   info.config.lookup_coats = Coats::joined;
   info.config.lookup_rough_offset = true;
   info.config.train_average = 0.0;
-  for (const char* name : {"cpu", "paper"}) {
+  for (const char* preset_name : {"cpu", "paper"}) {
     const TensorReader in(file);
     TensorWriter out;
     Tensors tensors;
@@ -94,7 +94,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       std::string text = value;
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
-        config["preset"] = info.config.preset = name;
+        config["preset"] = info.config.preset = preset_name;
         EXPECT_EQ(config["render"].erase("offset_spread"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
         EXPECT_EQ(config["train"].erase("average"), 1u);
@@ -104,7 +104,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     }
     for (const std::string& name : in.names()) copy_tensor(in, name, tensors, out);
     out.write(file + ".older");
-    info.config.render_offset_spread = preset(name).render_offset_spread;
+    info.config.render_offset_spread = preset(preset_name).render_offset_spread;
     EXPECT_EQ(load_model(file + ".older").info.config, info.config);
     std::filesystem::remove(file + ".older");
   }

@@ -290,7 +290,10 @@ std::string GltfFile::resolve(const std::string& uri, const GltfObject& user) co
       file += uri[i];
     }
   }
-  const std::filesystem::path path(file);
+  // Names of another system are looked for with slashes, too.
+  std::string slashes = file;
+  std::replace(slashes.begin(), slashes.end(), '\\', '/');
+  const std::filesystem::path path(slashes);
   const std::size_t colon = file.find(':');
   if (file.find('\0') != std::string::npos || path.is_absolute() ||
       (colon != std::string::npos && file.find('/') > colon))
