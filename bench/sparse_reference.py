@@ -10,7 +10,7 @@ a cache are alike over tens of pixels. FOLDER gets mask.pfm (white where there i
 of the samples each, with other random numbers), reference.exr (their mean, with the layers of octrad render), and about.json
 with the command, the view, the number of pixels and the noise: the mean absolute relative error of reference.exr, estimated
 from the halves. bench/quality.py takes FOLDER as a reference; octrad compare takes the pictures with --mask. The same command
-again goes on where it was interrupted; with more --spp it adds samples. Scenes need a box filter: others carry samples of 25
+again goes on where it was interrupted; with more --spp it adds samples (with fewer it is refused). Scenes need a box filter: others carry samples of 25
 neighbours and more into each pixel.
 """
 import argparse
@@ -56,11 +56,12 @@ def main():
     args, view = parser.parse_known_args()
     os.makedirs(args.output, exist_ok=True)
     mask, half_a, half_b, reference, about = (os.path.join(args.output, n) for n in ("mask.pfm", "half_a.exr", "half_b.exr", "reference.exr", "about.json"))
+    args.spp = 2 * max(1, args.spp // 2)
     pixels = places(args.width, args.height, args.pixels, args.seed)
     write_mask(mask, args.width, args.height, pixels)
     for number, half in enumerate((half_a, half_b)):
         subprocess.run([args.octrad, "render", args.scene, "--integrator", "path", "--max-depth", "-1", "--device", "cpu", "--width", str(args.width),
-                        "--height", str(args.height), "--mask", mask, "--spp", str(max(1, args.spp // 2)), "--seed", str(900001 + 2 * args.seed + number),
+                        "--height", str(args.height), "--mask", mask, "--spp", str(args.spp // 2), "--seed", str(900001 + 2 * args.seed + number),
                         "--resume", "-o", half, "-q"] + view, check=True)
     merged = subprocess.run([args.octrad, "merge", half_a, half_b, "-o", reference, "--json", "-q"], check=True, stdout=subprocess.PIPE)
     noise = json.loads(merged.stdout)["noise"]["mape"]

@@ -14,7 +14,7 @@ template <typename World>
 OCTRAD_HD inline Vec3f occlusion(const World& world, CameraSample sample, float reach, FirstHit& first) {
   RayEnd end;
   trace_first_hit(world, FirstHitOptions{}, sample, end, first);
-  if (!end.surface) return Vec3f(end.escaped ? 1.0f : 0.0f);
+  if (!end.surface) return Vec3f(first.valid ? 0.0f : 1.0f);
   const Frame frame = make_frame(viewed_normal(end.point));
   const Vec3f direction = frame.to_world(square_to_cosine_hemisphere(sample.rng.uniform2()));
   const SurfaceInteraction& surface = end.point.surface;

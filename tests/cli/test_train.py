@@ -263,6 +263,8 @@ class Train(Case):
     def test_resume_refusals(self):
         self.assertEqual(self.train("--resume", "--steps", 3)["steps"], 3, "nothing to resume is a start")
         self.fails(1, "octree.features was 4", "train", self.scene, "-o", self.model, *SMALL, "--resume", "-D", "octree.features=2")
+        self.fails(1, "render.delta was trace", "train", self.scene, "-o", self.model, *SMALL, "--resume", "-D", "render.delta=cache")
+        self.assertEqual(self.train("--resume", "--steps", 4, "-D", "render.bounce_below=0.2")["steps"], 4)
         other = self.write("other.xml", ROOM.replace("8, 8, 8", "9, 8, 8"))
         self.fails(2, "another scene", "train", other, "-o", self.model, *SMALL, "--resume", "--steps", 9)
         self.train("--steps", 3, "--no-optimizer")

@@ -75,6 +75,9 @@ void check_alike(const Part& a, const Part& b) {
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
   const auto mask = [](const Part& p) { return metadata_value(p.image, "octrad.render", "mask", std::string()); };
   if (mask(a) != mask(b)) differ("their mask");
+  const auto view = [](const Part& p) { return metadata_value(p.image, "octrad.render", "view", std::string()); };
+  if (!view(a).empty() && !view(b).empty() && view(a) != view(b))
+    differ("their filter, clipping planes or principal point");
   const auto text = [](const Part& p, const char* key) {
     const auto found = p.image.metadata.find(key);
     return found == p.image.metadata.end() ? std::string() : found->second;
@@ -181,6 +184,8 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
     render["integrator"] = integrator;
     render["max_depth"] = metadata_value(out, "octrad.render", "max_depth", -1);
     if (!mask.empty()) render["mask"] = mask;
+    if (const auto view = metadata_value(parts.front().image, "octrad.render", "view", std::string()); !view.empty())
+      render["view"] = view;
   }
   out.metadata["octrad.render"] = render.dump();
   write_image(o.output, out, {}, exr);

@@ -165,10 +165,7 @@ void render_picture(RenderSession& s) {
     RenderResult result;
     result.spp = static_cast<int>(metadata_value<long long>(*image, "octrad.render", "spp", 0));
     result.seconds = metadata_value(*image, "octrad.render", "seconds", 0.0);
-    for (int y = 0; y < image->height; ++y) {
-      for (int x = 0; x < image->width; ++x)
-        result.samples += view.wants(view.crop.x + x, view.crop.y + y) ? result.spp : 0;
-    }
+    result.samples = view.wanted_pixels() * result.spp;
     result.image = std::move(*image);
     print_picture(s, result, s.report(result, view), std::nullopt, "; was finished");
     return;

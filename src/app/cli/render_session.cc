@@ -168,11 +168,10 @@ void RenderSession::start(const View& view) {
       make_renderer(prepared, o.integrator, settings, model ? model->field.get() : nullptr, config, stream.get());
   renderer->set_view(view);
   if (view.mask) {
-    const auto wanted =
-        view.mask->size() - static_cast<std::size_t>(std::count(view.mask->begin(), view.mask->end(), 0));
-    if (const long long sampled = renderer->window().sampled_pixels(); sampled > 2 * static_cast<long long>(wanted))
+    const long long wanted = view.wanted_pixels(), sampled = renderer->window().sampled_pixels();
+    if (sampled > 2 * wanted)
       log_info("{}: {} pixels are sampled for {} of the mask (a filter that reaches further than a box, or a GPU)",
-               o.output, format_count(sampled), format_count(static_cast<long long>(wanted)));
+               o.output, format_count(sampled), format_count(wanted));
   }
   if (o.integrator != "lhs") return;
   bounce_below = octrad::bounce_below(prepared, config);
@@ -238,8 +237,7 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
 }
 
 std::string RenderSession::view_hash(const View& view) const {
-  std::string text = whole_camera(view.camera) + filter_text(settings.film);
-  if (integrator.uses_depth) text += std::to_string(settings.rr_depth);
+  const std::string text = whole_camera(view.camera) + filter_text(settings.film);
   return fmt::format("{:016x}", hash_bytes(text.data(), text.size(), 0));
 }
 
@@ -265,7 +263,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
   if (metadata_value(image, "octrad.render", "mask", none) != report::mask_hash(view)) return "mask";
   if (metadata_value(image, "octrad.render", "view", view_hash(view)) != view_hash(view))
-    return "filter, clipping planes, principal point or rr_depth";
+    return "filter, clipping planes or principal point";
   if (number("spp", 0) < least_spp) return "spp";
   if (model && (text("octrad.config") != json_text(to_json(config)) ||
                 metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))

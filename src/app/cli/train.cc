@@ -49,7 +49,7 @@ void apply_options(Config& config, const TrainVerbOptions& o, const CommonOption
   if (o.steps >= 0) set(config, "train.steps", std::to_string(o.steps));
 }
 
-// The configuration of a resumed run is the model's; only budgets and the like may be new.
+// The configuration of a resumed run is the model's; only budgets, and keys of pictures alone, may be new.
 Config resumed_config(const Model& model, const TrainVerbOptions& o, const CommonOptions& common) {
   Config wanted = model.info.config;
   if (!o.config.preset.empty() || !o.config.file.empty()) {
@@ -62,13 +62,15 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
   static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every"};
   for (std::size_t i = 0; i < was.size(); ++i) {
-    if (was[i].value == now[i].value || was[i].key.starts_with("render.") ||
-        std::find(kMayChange.begin(), kMayChange.end(), was[i].key) != kMayChange.end())
+    const std::string& key = was[i].key;
+    const bool of_pictures = key.starts_with("render.") && key != "render.delta" && key != "render.trace_below";
+    if (was[i].value == now[i].value || of_pictures ||
+        std::find(kMayChange.begin(), kMayChange.end(), key) != kMayChange.end())
       continue;
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time, "
-        "checkpoint.every and render.* may change)",
-        was[i].key, was[i].value, o.output, now[i].value));
+        "checkpoint.every, and render.* but render.delta and render.trace_below may change)",
+        key, was[i].value, o.output, now[i].value));
   }
   return wanted;
 }

@@ -21,7 +21,6 @@ OCTRAD_HD constexpr std::uint64_t mix64(std::uint64_t z) {
 enum class RngPurpose : std::uint64_t {
   pixel = 1,      // camera rays and paths of the integrators
   walk = 2,       // left-hand-side random walks
-  area = 3,       // left-hand-side area samples
   rhs = 4,        // right-hand-side estimator
   weights = 5,    // network initialisation
   occupancy = 6,  // sampled octree construction

@@ -1,7 +1,6 @@
 #include "octrad/encoding/lookup_device.h"
 
-#include <stdexcept>
-
+#include "octrad/device/feature_width.h"
 #include "octrad/device/launch.h"
 
 namespace octrad {
@@ -178,17 +177,6 @@ struct PrefilteredScatter : Kernel {
         });
   }
 };
-
-// Calls f with the number of features as a constant.
-template <typename F>
-void with_width(int features, F&& f) {
-  switch (features) {
-    case 2: f(std::integral_constant<int, 2>{}); return;
-    case 4: f(std::integral_constant<int, 4>{}); return;
-    case 8: f(std::integral_constant<int, 8>{}); return;
-    default: throw std::logic_error("a feature vector of an unsupported length");
-  }
-}
 
 template <typename Rows>
 void octree_lookup(Stream& stream, const OctaOctreeView& view, DeviceFeatures table, const DeviceQueries& queries,

@@ -163,7 +163,7 @@ HWY_NOINLINE int address_stage(const OctaOctreeView& view, const OctreeLevelView
   const std::uint32_t map_size = static_cast<std::uint32_t>((resolution + 1) * (resolution + 1));
   const float half = static_cast<float>(resolution / 2);
   const VF h = hn::Set(f, half), minus_h = hn::Set(f, -half), one = hn::Set(f, 1.0f), zero = hn::Zero(f);
-  // Vertex indices are computed in floats (below 2^17, exact) on top of 2^23, whose bits are then an integer.
+  // Vertex indices are computed in floats (below 2^23, exact) on top of 2^23, whose bits are then an integer.
   constexpr std::uint32_t kMagicBits = 0x4b000000u;
   const VF row_stride = hn::Set(f, static_cast<float>(resolution + 1));
   const VF magic = hn::Set(f, 0x1p23f + half * static_cast<float>(resolution + 1) + half);

@@ -34,9 +34,11 @@ SurfaceSampler::SurfaceSampler(const Scene& scene, std::span<const int> shapes) 
     for (const double s : sums) placed_areas_.back().push_back(static_cast<float>(s / at->second.second));
     return at->second;
   };
+  std::vector<bool> wanted(scene.shapes.size(), shapes.empty());
+  for (const int s : shapes) wanted[static_cast<std::size_t>(s)] = true;
   for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
     const Shape& shape = scene.shapes[s];
-    if (!shapes.empty() && std::find(shapes.begin(), shapes.end(), static_cast<int>(s)) == shapes.end()) continue;
+    if (!wanted[s]) continue;
     const auto add = [&](int primitive, double area) {
       if (!(area > 0.0)) return;
       total_area += area;

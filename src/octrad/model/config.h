@@ -109,7 +109,7 @@ struct Config {
   int train_poses = 0;        // camera poses drawn once; 0: a fresh one for every walk
   std::string train_cameras;  // JSON file with more camera poses
   TrainSampler train_sampler = TrainSampler::mixture;
-  int train_max_chain = 16;    // delta surfaces passed by right-hand-side rays
+  int train_max_chain = 16;    // mirrors and the like that a ray passes
   double train_average = 0.1;  // share of the steps whose weights are averaged; 0: none
 
   // Loss and optimiser.

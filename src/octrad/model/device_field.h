@@ -48,8 +48,8 @@ class DeviceField {
   // elements of out may be overwritten. May be recorded, as may train() and inspect(), once they have run before.
   virtual void radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) = 0;
 
-  // One optimiser step towards `targets` (linear radiance); n <= max_train_points. A point or target with a number that
-  // is not finite counts as 3 dropped gradients and changes nothing else.
+  // One optimiser step towards `targets` (linear radiance); n <= max_train_points. Channels of a point or
+  // target that are not finite count as dropped gradients.
   virtual void train(SurfacePointArray points, const Vec3f* targets, std::size_t n, const StepConstants* constants) = 0;
   // Waits for the steps since the last call.
   virtual DeviceTrainReport collect() = 0;

@@ -111,7 +111,7 @@ std::size_t size_of(DType type) {
 void TensorWriter::metadata(const std::string& key, const std::string& value) { metadata_[key] = value; }
 
 void TensorWriter::add(const std::string& name, DType type, std::vector<std::int64_t> shape, const void* data) {
-  entries_.push_back({name, type, std::move(shape), data, nullptr});
+  entries_.push_back({name, type, std::move(shape), data});
 }
 
 void TensorWriter::write(const std::string& file) const {

@@ -28,7 +28,6 @@ class TensorWriter {
     DType type;
     std::vector<std::int64_t> shape;
     const void* data;
-    std::shared_ptr<std::vector<char>> owned;
   };
   std::vector<Entry> entries_;
   std::map<std::string, std::string> metadata_;

@@ -4,11 +4,11 @@
 #include <array>
 #include <bit>
 #include <cstring>
-#include <stdexcept>
 
 #include "octrad/base/bits.h"
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
+#include "octrad/device/feature_width.h"
 #include "octrad/device/launch.h"
 #include "octrad/network/approach_math.h"
 #include "octrad/network/packed_moments_math.h"
@@ -256,16 +256,6 @@ struct SumRun : Kernel {
   }
 };
 
-template <typename F>
-void with_width(int features, F&& f) {
-  switch (features) {
-    case 2: f(std::integral_constant<int, 2>{}); return;
-    case 4: f(std::integral_constant<int, 4>{}); return;
-    case 8: f(std::integral_constant<int, 8>{}); return;
-    default: throw std::logic_error("a feature vector of an unsupported length");
-  }
-}
-
 constexpr std::size_t kUploadPart = std::size_t{1} << 24;  // floats uploaded at a time, to be rounded on the device
 
 // From moments [entries][2][features].
@@ -354,6 +344,8 @@ DeviceTable::DeviceTable(Stream& stream, std::size_t entries, int features, cons
       options_(options),
       capacity_(list_capacity(entries, options)) {
   const std::size_t floats = entries * static_cast<std::size_t>(features);
+  if (keeps_floats(options) && floats > kMostItems)
+    throw DeviceError(what + ": " + std::to_string(floats) + " numbers; a GPU can hold " + std::to_string(kMostItems));
   if (options.halves) halves_ = DeviceArray<Half>(stream, floats, what);
   if (keeps_floats(options)) values_ = DeviceArray<float>(stream, floats, what);
   if (!options.training) return;

@@ -29,13 +29,12 @@ std::vector<std::uint8_t> needed_pixels(const View& view, const FilmWindow& wind
       any = true;
       const int x0 = std::max(sampled.x0, x - reach), x1 = std::min(sampled.x1, x + reach + 1);
       for (int row = std::max(sampled.y0, y - reach); row < std::min(sampled.y1, y + reach + 1); ++row) {
-        const auto begin =
-            needed.begin() + static_cast<std::ptrdiff_t>(row - sampled.y0) * sampled.width() - sampled.x0;
-        std::fill(begin + x0, begin + x1, std::uint8_t{1});
+        const auto begin = needed.begin() + static_cast<std::ptrdiff_t>(row - sampled.y0) * sampled.width();
+        std::fill(begin + (x0 - sampled.x0), begin + (x1 - sampled.x0), std::uint8_t{1});
       }
     }
   }
-  if (!any) throw UsageError("the mask leaves out every pixel of the picture");
+  if (!any) throw UsageError("the mask leaves out every pixel of the picture or its crop");
   return needed;
 }
 

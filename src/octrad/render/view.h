@@ -22,6 +22,15 @@ struct View {
   // Null: every pixel.
   std::shared_ptr<const std::vector<std::uint8_t>> mask = {};
 
+  // Pixels of the crop that the mask has.
+  long long wanted_pixels() const {
+    const Crop part = crop.width > 0 ? crop : Crop{0, 0, width, height};
+    long long n = 0;
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      for (int x = part.x; x < part.x + part.width; ++x) n += wants(x, y) ? 1 : 0;
+    }
+    return n;
+  }
   bool wants(int x, int y) const {
     return !mask ||
            (*mask)[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] != 0;

@@ -190,7 +190,7 @@ class Trainer::Run {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
     earlier_seconds_ = state_.seconds;
-    first_step_ = state_.step;
+    first_samples_ = state_.lhs_samples;
     first_queries_ = state_.rhs_queries;
     // A GPU is quick to query and to train: validate often.
     between_validations_ = options_.validation_seconds > 0.0 ? options_.validation_seconds
@@ -241,10 +241,10 @@ class Trainer::Run {
   std::unique_ptr<Validation> validation_;
   TrainingState state_;
   double bytes_ = 0.0;
-  double exposure_ = 1.0;                         // of the field: the unit of the loss's epsilon
-  long long saved_step_ = -1;                     // what the file holds; -1: nothing of this run
-  double earlier_seconds_ = 0.0;                  // of the runs that this one continues
-  long long first_step_ = 0, first_queries_ = 0;  // of this run
+  double exposure_ = 1.0;                            // of the field: the unit of the loss's epsilon
+  long long saved_step_ = -1;                        // what the file holds; -1: nothing of this run
+  double earlier_seconds_ = 0.0;                     // of the runs that this one continues
+  long long first_samples_ = 0, first_queries_ = 0;  // of the runs before
   WorkClock clock_;
   bool started_ = false;
   double between_validations_ = 0.0, next_validation_ = 0.0, next_progress_ = 0.0, next_checkpoint_ = 0.0;  // seconds
@@ -431,8 +431,7 @@ TrainProgress Trainer::Run::progress() const {
   p.loss = state_.loss;
   p.validation_mape = mape_;
   p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries_) / seconds;
-  p.points_per_second =
-      static_cast<double>(state_.step - first_step_) * schedule(config_, 0, p.fraction).points / seconds;
+  p.points_per_second = static_cast<double>(state_.lhs_samples - first_samples_) / seconds;
   p.bytes = bytes_;
   return p;
 }
@@ -495,7 +494,8 @@ TrainResult Trainer::Run::finish(bool interrupted) {
   bring_up_averages();
   save_result(options_.save_optimizer || interrupted);
   if (options_.reference && validation_)
-    result.validation_mape = Validation(scene_.context(), *options_.reference, config_, 1 << 20, 4).mape(*engine_);
+    result.validation_mape =
+        Validation::mape_once(scene_.context(), *options_.reference, config_, 1 << 20, 4, *engine_);
   result.steps = state_.step;
   result.seconds = state_.seconds;
   result.lhs_samples = state_.lhs_samples;

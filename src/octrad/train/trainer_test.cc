@@ -432,6 +432,15 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
   // Beside an enormous reference every picture is black: |0 - r| / (r + 0.01).
   for (float& v : reference.data) v = 1e6f;
   EXPECT_NEAR(train(box.scene, short_run(5), options).validation_mape, 1.0, 1e-4);
+  Image large(160, 120, {"R", "G", "B"});
+  for (std::size_t k = 0; k < large.data.size(); ++k) large.data[k] = static_cast<float>(k % 7);
+  options.reference = &large;
+  set_thread_count(1);
+  const double one = train(box.scene, short_run(5), options).validation_mape;
+  set_thread_count(3);
+  EXPECT_EQ(train(box.scene, short_run(5), options).validation_mape, one);
+  set_thread_count(0);
+  EXPECT_GT(one, 0.1);
 }
 
 TEST(Train, ValidationIsNotTrainingTime) {

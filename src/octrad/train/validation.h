@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "octrad/image/image.h"
+#include "octrad/image/metrics.h"
 #include "octrad/train/engine.h"
 #include "octrad/transport/context.h"
 
@@ -15,11 +15,20 @@ class Validation {
   // At most `max_pixels` pixels spread over the reference (of the scene's first camera), `spp` jittered primary hits
   // each. Throws InputError for a reference without colour.
   Validation(const TransportContext& context, const Image& reference, const Config& config, int max_pixels, int spp);
+  // The MAPE of so many pixels, without keeping them all in memory.
+  static double mape_once(const TransportContext& context, const Image& reference, const Config& config, int max_pixels,
+                          int spp, TrainEngine& engine);
 
   // MAPE of image/metrics.h over these pixels.
   double mape(TrainEngine& engine) const;
 
  private:
+  struct Pixels;  // of the reference, with their colours
+  Validation(const TransportContext& context, const Pixels& pixels, const Config& config, int spp);
+  Validation(const TransportContext& context, const Pixels& pixels, std::size_t begin, std::size_t end,
+             const Config& config, int spp);
+  Metrics metrics(TrainEngine& engine) const;
+
   int spp_;
   Image reference_;           // the chosen pixels, in one row
   std::vector<Vec3f> known_;  // radiance of each pixel that needs no field, summed over its samples

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
@@ -37,14 +38,35 @@ class Ones : public TrainEngine {
   void last_batch(std::vector<SurfacePoint>&, std::vector<Vec3f>&) override {}
 };
 
-TEST(Validation, MirrorsAreFollowedAsInPictures) {
+PreparedScene mirror_in_a_box() {
   TestFolder folder;
-  const PreparedScene scene(load_scene(folder.write("mirror.xml", R"(<scene version="3.0.0">
+  return PreparedScene(load_scene(folder.write("mirror.xml", R"(<scene version="3.0.0">
     <sensor type="perspective"><transform name="to_world"><lookat origin="0,0,-0.9" target="0,0,1" up="0,1,0"/></transform>
     <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>
     <shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"/></shape>
     <shape type="sphere"><float name="radius" value="0.4"/><bsdf type="conductor"><string name="material" value="none"/>
     <rgb name="specular_reflectance" value="0.5"/></bsdf></shape></scene>)")));
+}
+
+// More pixels than are looked at at once, of errors that differ from part to part, some of which cannot be compared.
+TEST(Validation, PartsAddUp) {
+  const PreparedScene scene = mirror_in_a_box();
+  const Config config = preset("cpu");
+  Ones engine;
+  for (const std::size_t usable : {std::size_t{160 * 120}, std::size_t{17000}, std::size_t{9000}}) {
+    Image reference(160, 120, {"R", "G", "B"});
+    for (std::size_t p = 0; p < 160 * 120; ++p) {
+      const float value = p < usable ? 0.2f + static_cast<float>(p) / 5000.0f : std::nanf("");
+      reference.set_rgb(static_cast<int>(p % 160), static_cast<int>(p / 160), Vec3f(value));
+    }
+    const double whole = Validation(scene.context(), reference, config, 1 << 20, 2).mape(engine);
+    EXPECT_NEAR(Validation::mape_once(scene.context(), reference, config, 1 << 20, 2, engine), whole, 1e-9 * whole);
+    EXPECT_GT(whole, 0.1);
+  }
+}
+
+TEST(Validation, MirrorsAreFollowedAsInPictures) {
+  const PreparedScene scene = mirror_in_a_box();
   Image reference(16, 16, {"R", "G", "B"});
   std::fill(reference.data.begin(), reference.data.end(), 1.0f);
   Config config = preset("cpu");

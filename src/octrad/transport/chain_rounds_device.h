@@ -13,8 +13,8 @@ namespace octrad {
 struct ChainStates {
   // Throughput 0..2, emission met after the first segment 3..5, at its end 6..8, its light density 9, light sampled at
   // the last surface 10..12, that surface 13..15 and the density there 16, surfaces passed 17 (-1: the chain has
-  // ended).
-  static constexpr int kNumbers = 18;
+  // ended), mirrors among them 18.
+  static constexpr int kNumbers = 19;
   FloatPlanes numbers;
   Rng* generators = nullptr;
 
@@ -28,6 +28,7 @@ struct ChainStates {
     numbers.set3(13, q, segment.vertex);
     numbers.set(16, q, segment.pdf);
     numbers.set(17, q, ended ? -1.0f : static_cast<float>(segment.passed));
+    numbers.set(18, q, static_cast<float>(segment.mirrors));
     generators[q] = rng;
   }
   OCTRAD_HD void drop_light(std::uint32_t q) const { numbers.set3(10, q, Vec3f(0.0f)); }
@@ -40,6 +41,7 @@ struct ChainStates {
     segment.vertex = numbers.get3(13, q);
     segment.pdf = numbers.get(16, q);
     segment.passed = static_cast<int>(numbers.get(17, q));
+    segment.mirrors = static_cast<int>(numbers.get(18, q));
     rng = generators[q];
     return segment.passed >= 0;
   }

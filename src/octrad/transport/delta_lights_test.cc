@@ -81,7 +81,7 @@ TEST(DeltaLights, NearMirrorsShowTheirHighlights) {
   const Vec3f eye{-1, 0, 1}, direction = normalize(Vec3f(0.02f, 0.01f, 0) - eye);
   Rng rng(1, RngPurpose::test, 0);
   const RayEnd end = follow_ray(context, eye, nullptr, direction, rng, 0.1f, 4);
-  EXPECT_TRUE(end.escaped);
+  EXPECT_FALSE(end.surface);
   std::vector<PathSample> paths = {{{eye, direction, 1e30f}, Rng(1, RngPurpose::test, 0), {}, {}}};
   PathCounters counters;
   trace_paths(context, {2, 5}, paths, counters);

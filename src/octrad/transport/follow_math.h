@@ -13,6 +13,7 @@
 namespace octrad {
 
 inline constexpr float kRayInfinity = 1e30f;
+inline constexpr int kMostMasks = 256;  // that a ray passes
 
 // The normal on the side of the viewer.
 OCTRAD_HD inline Vec3f viewed_normal(const ShadingPoint& point) {
@@ -48,11 +49,17 @@ struct FirstHit {
   float roughness = 1.0f;
 };
 
+// A surface that the ray does not pass as a mask, `depth` from the ray's start.
+template <Models kModels>
+OCTRAD_HD inline FirstHit first_hit_of(const ShadingPoint& point, float depth) {
+  return {true, point.black ? Vec3f(0.0f) : albedo_bsdf<kModels>(point.bsdf), viewed_normal(point), depth,
+          roughness_bsdf<kModels>(point.bsdf)};
+}
+
 // Where a ray ends after masks have been passed through by chance (their opacity) and, if asked for, after mirrors and
 // glass have been followed.
 struct RayEnd {
-  bool surface = false;           // ended on a surface that scatters; otherwise it escaped or was absorbed
-  bool escaped = false;           // left the scene
+  bool surface = false;           // ended on a surface that scatters; otherwise it left the scene or was absorbed
   ShadingPoint point;             // the surface, opacity already decided
   Vec3f throughput{1, 1, 1};      // of the delta surfaces passed
   Vec3f emitted{0, 0, 0};         // emission met after the first segment, times throughput
@@ -68,7 +75,8 @@ struct RayEnd {
 struct Segment {
   Vec3f origin, direction;
   float t_max = kRayInfinity;
-  int passed = 0;  // surfaces passed before
+  int passed = 0;   // surfaces passed before
+  int mirrors = 0;  // of these, what is followed: not masks
   // Where lights were sampled at the start of the segment, a near mirror: that point, and the density with which the
   // direction was drawn there. 0: emission that the segment meets was found by nothing else. Lights are sampled also
   // where no direction could be drawn; RayEnd::throughput is 0 then, and nothing is traced.
@@ -116,7 +124,6 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
           segment.pdf > 0.0f ? segment.pdf / (segment.pdf + world.environment_pdf(segment.vertex, direction)) : 1.0f;
       end.emitted += end.throughput * radiance * mis;
     }
-    end.escaped = true;
     return false;
   }
   const SurfaceInteraction surface = world.interact(hit, segment.origin, direction);
@@ -136,19 +143,15 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   }
   end.point = world.shade(surface, -direction);
   const bool passes = passes_mask(end.point, rng);
-  if (first && !passes && !first->valid) {
-    first->valid = true;
-    first->albedo = end.point.black ? Vec3f(0.0f) : albedo_bsdf<World::kModels>(end.point.bsdf);
-    first->normal = viewed_normal(end.point);
-    first->depth = length(surface.position - position);
-    first->roughness = roughness_bsdf<World::kModels>(end.point.bsdf);
-  }
+  if (first && !passes && !first->valid)
+    *first = first_hit_of<World::kModels>(end.point, length(surface.position - position));
   if (!passes) {
     if (end.point.black) return false;
     if (!is_followed<World::kModels>(end.point.bsdf, follow_below)) {
       end.surface = true;
       return false;
     }
+    ++segment.mirrors;
     const float u_lobe = rng.stratified();
     const BsdfSample scattered =
         sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.stratified2());
@@ -179,7 +182,8 @@ OCTRAD_HD inline EmitterSample light_at_mirror(const World& world, const Shading
 // Whether there is a new segment to trace after follow_hit() was true.
 OCTRAD_HD inline bool goes_on(const Segment& segment, const RayEnd& end, int max_chain) {
   if (max_component(end.throughput) <= 0.0f) return false;
-  return segment.passed <= max_chain;  // what is left of a longer chain is lost (method section 7)
+  // What is left of a longer chain is lost (method section 7).
+  return segment.mirrors <= max_chain && segment.passed <= max_chain + kMostMasks;
 }
 
 // The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
@@ -203,7 +207,7 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
   }
 }
 
-// Follows a ray to its end, over at most `max_chain` surfaces.
+// Follows a ray to its end, over at most `max_chain` mirrors and the like.
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec3f* geometric_normal, Vec3f direction,

@@ -54,6 +54,26 @@ TEST(FollowRay, LightsAreSampledWhereNoDirectionIsDrawn) {
   EXPECT_NEAR(sum / kRays, expected, 0.03 * expected);
 }
 
+// Masks do not count as mirrors, whose number `max_chain` bounds.
+TEST(FollowRay, ManyMasksArePassed) {
+  const auto planes = [](int masks) {
+    std::string text;
+    for (int i = 0; i < masks; ++i) {
+      text +=
+          R"(<shape type="rectangle"><transform name="to_world"><translate z=")" + std::to_string(0.002 * (i + 1)) +
+          R"("/></transform><bsdf type="mask"><float name="opacity" value="0"/><bsdf type="diffuse"/></bsdf></shape>)";
+    }
+    return text;
+  };
+  for (const int masks : {40, 300}) {
+    const FurnaceScene setup(furnace(kGrey, "", planes(masks)));
+    Rng rng(1, RngPurpose::test, 0);
+    const RayEnd end = follow_ray(setup.context, Vec3f(0.1f, 0.2f, 0.0f), nullptr, Vec3f(0, 0, 1), rng, 0.0f, 16);
+    EXPECT_EQ(end.surface, masks == 40);
+    EXPECT_EQ(end.rays, masks == 40 ? 41 : 16 + kMostMasks + 1);
+  }
+}
+
 // What a mask keeps of a one-sided surface is black from behind.
 TEST(FollowRay, TheBackOfAMaskedSurfaceIsBlack) {
   const FurnaceScene setup(furnace(

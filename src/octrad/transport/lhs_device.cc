@@ -204,9 +204,11 @@ struct TakeFarEnds : Kernel {
   ShadingPoint* taken;
   SurfacePointArray taken_surface_points;
   OffsetRay offset;
+  unsigned long long* missing;
   OCTRAD_HD void operator()(std::uint32_t i) const {
     const FarEnd end = far_ends[i];
     if (!end.hit.valid()) return;
+    if (taken[i].surface.shape < 0) atomic_add(missing, ~0ull);  // Take has counted it
     taken[i] = shade_far_end(world, end);
     const SurfacePoint point = field_query_point(world, taken[i], offset);
     taken_surface_points.store(i, point);
@@ -328,7 +330,7 @@ void DeviceLhs::take_far_ends(const FarEnd* far_ends, std::size_t count) {
   with_world(world_, [&](const auto& world) {
     launch(*stream_, count,
            TakeFarEnds<std::decay_t<decltype(world)>>{
-               {}, world, far_ends, points_.data(), surface_points_.points(offset_), offset_});
+               {}, world, far_ends, points_.data(), surface_points_.points(offset_), offset_, missing_.data()});
   });
 }
 

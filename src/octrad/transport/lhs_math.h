@@ -122,7 +122,7 @@ struct LhsDraw {
 // Begins a try.
 OCTRAD_HD inline LhsNext lhs_start_try(const LhsPoses& poses, LhsDraw& draw) {
   const bool view = draw.kind == LhsKind::view;
-  if (draw.kind == LhsKind::area || (!view && draw.tries >= kLhsTries / 2)) {
+  if (draw.kind == LhsKind::area || draw.tries >= kLhsTries / 2) {
     draw.kind = LhsKind::area;
     return LhsNext::no_ray;
   }

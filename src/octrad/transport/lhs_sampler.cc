@@ -54,7 +54,7 @@ void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
 
 std::string no_lhs_point() {
   return "no visible surface point found in " + std::to_string(kLhsTries) +
-         " tries: is the scene empty or all one-sided backs?";
+         " tries: is the scene empty, or all one-sided backs or null?";
 }
 
 }  // namespace octrad

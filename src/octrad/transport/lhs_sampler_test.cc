@@ -64,6 +64,25 @@ TEST(LhsSampler, WalksPassHiddenEmitters) {
   }
 }
 
+// A sensor that sees something in a hundredth of its film, under a dome of `null` that has nearly all of the area.
+TEST(LhsSampler, PointsAreFoundWhereSensorsSeeLittleAndNullSurfacesAreLarge) {
+  testing::SceneMaker maker;
+  maker.quad({-0.1f, -0.1f, 0}, {0.2f, 0, 0}, {0, 0.2f, 0}, maker.diffuse(Vec3f(0.5f), true));
+  Material nothing;
+  nothing.type = BsdfType::null;
+  maker.sphere({0, 0, 0}, 1000.0f, maker.material(nothing));
+  maker.camera({0, 0, 4}, {0, 0, 0}, 40.0f, 20, 20);
+  const PreparedScene prepared(std::move(maker.scene));
+  for (const double view : {0.0, 0.5, 1.0}) {
+    LhsOptions options;
+    options.walks = 0.0;
+    options.view = view;
+    std::vector<ShadingPoint> points(3000);
+    LhsSampler(prepared, options).sample(1, points);
+    for (const ShadingPoint& p : points) EXPECT_FLOAT_EQ(p.surface.position.z, 0.0f);
+  }
+}
+
 // A floor, and a sensor of each kind above a part of it of its own.
 TEST(LhsSampler, WalksStartFromEveryKindOfSensor) {
   for (const CameraKind kind : {CameraKind::perspective, CameraKind::thinlens, CameraKind::orthographic}) {

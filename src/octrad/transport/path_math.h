@@ -81,13 +81,7 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
   const Bsdf& bsdf = point.bsdf;
   const Vec3f wo = point.to_local(-path.direction);
   const float u_lobe = rng.uniform();
-  if (!first.valid && u_lobe < bsdf.opacity) {
-    first.valid = true;
-    first.albedo = point.black ? Vec3f(0.0f) : albedo_bsdf<World::kModels>(bsdf);
-    first.normal = dot(point.ns, path.direction) > 0.0f ? -point.ns : point.ns;
-    first.depth = path.passed + distance;
-    first.roughness = roughness_bsdf<World::kModels>(bsdf);
-  }
+  if (!first.valid && u_lobe < bsdf.opacity) first = first_hit_of<World::kModels>(point, path.passed + distance);
   if (last || (point.black && bsdf.opacity >= 1.0f)) return false;
 
   if (!is_delta_bsdf(bsdf) && world.has_lights()) {

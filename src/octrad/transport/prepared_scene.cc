@@ -85,7 +85,15 @@ const Bvh8& PreparedScene::bvh8() const {
 
 const SurfaceSampler& PreparedScene::surfaces() const {
   const std::lock_guard lock(impl_->building);
-  if (!impl_->surfaces) impl_->surfaces.emplace(impl_->scene);
+  if (!impl_->surfaces) {
+    const Scene& scene = impl_->scene;
+    std::vector<int> scattering;  // none of `null`, which nothing is learnt of: a sky dome may have most of the area
+    for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
+      if (scene.materials[static_cast<std::size_t>(scene.shapes[s].material)].type != BsdfType::null)
+        scattering.push_back(static_cast<int>(s));
+    }
+    impl_->surfaces.emplace(scene, scattering);
+  }
   return *impl_->surfaces;
 }
 

@@ -48,10 +48,12 @@ TEST_P(DeviceBatches, LeftHandSidesOfManyStepsAtOnceAreTheSame) {
   }
 }
 
-// A ball seen from inside, where it is black: nothing can be drawn.
+// A ball of nothing: no point can be drawn.
 TEST_P(DeviceBatches, LeftHandSidesThatAreNotThereAreCounted) {
   testing::SceneMaker maker;
-  maker.sphere({0, 0, 0}, 1.0f, maker.diffuse(Vec3f(0.5f)));
+  Material nothing;
+  nothing.type = BsdfType::null;
+  maker.sphere({0, 0, 0}, 1.0f, maker.material(nothing));
   maker.scene.cameras.push_back(look_at({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 50.0f, Camera::FovAxis::x));
   const PreparedScene scene(std::move(maker.scene), PreparedScene::CpuTree::bvh8);
   LhsOptions options;
