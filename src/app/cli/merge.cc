@@ -75,9 +75,6 @@ void check_alike(const Part& a, const Part& b) {
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
   const auto mask = [](const Part& p) { return metadata_value(p.image, "octrad.render", "mask", std::string()); };
   if (mask(a) != mask(b)) differ("their mask");
-  const auto view = [](const Part& p) { return metadata_value(p.image, "octrad.render", "view", std::string()); };
-  if (!view(a).empty() && !view(b).empty() && view(a) != view(b))
-    differ("their filter, clipping planes or principal point");
   const auto text = [](const Part& p, const char* key) {
     const auto found = p.image.metadata.find(key);
     return found == p.image.metadata.end() ? std::string() : found->second;
@@ -88,6 +85,9 @@ void check_alike(const Part& a, const Part& b) {
     const std::string x = text(a, key), y = text(b, key);
     if (x != y && (known || (!x.empty() && !y.empty()))) differ("their crop");
   }
+  const auto view = [](const Part& p) { return metadata_value(p.image, "octrad.render", "view", std::string()); };
+  if (!view(a).empty() && !view(b).empty() && view(a) != view(b))
+    differ("their filter, clipping planes or principal point");
   if (share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
     throw InputError(fmt::format("{} and {} have the same seed: together they know no more than one", a.file, b.file));
 }

@@ -36,14 +36,14 @@ void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& na
 FilmIdentity identity_of(const RenderSession& s, const View& view) {
   const Crop& c = view.crop;
   return {{"scene", picture_fingerprint(s.scene())},
-          {"camera", whole_camera(view.camera)},
+          {"camera", report::whole_camera(view.camera)},
           {"size", fmt::format("{} x {}, crop {},{},{},{}{}", view.width, view.height, c.x, c.y, c.width, c.height,
                                view.mask ? ", mask " + report::mask_hash(view) : "")},
           {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
           {"seed", std::to_string(s.settings.seed)},
           {"max_depth", std::to_string(s.settings.max_depth)},
           {"rr_depth", std::to_string(s.settings.rr_depth)},
-          {"filter", filter_text(s.settings.film)},
+          {"filter", report::filter_text(s.settings.film)},
           {"device", s.device.name}};
 }
 

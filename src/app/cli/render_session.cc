@@ -98,21 +98,6 @@ std::optional<Model> open_model(const RenderVerbOptions& o) {
 
 }  // namespace
 
-std::string whole_camera(const Camera& camera) {
-  nlohmann::json json = report::camera_json(camera);
-  json["near_clip"] = camera.near_clip;
-  json["far_clip"] = camera.far_clip;
-  json["principal_point_offset"] = {camera.principal_point_offset.x, camera.principal_point_offset.y};
-  return json.dump();
-}
-
-std::string filter_text(const Film& film) {
-  const FilterShape shape = ReconstructionFilter(film).shape();
-  std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
-  if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
-  return filter;
-}
-
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions) {
   Config config = info.config;
   for (const auto& [key, value] : definitions.config_definitions()) {
@@ -210,8 +195,7 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 }
 
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
-  report::PictureOrigin origin{scene(), view, o.integrator};
-  origin.view_hash = view_hash(view);
+  report::PictureOrigin origin{scene(), view, settings.film, o.integrator};
   origin.spp = result.spp;
   if (integrator.uses_depth) origin.max_depth = settings.max_depth;
   origin.seed = seed;
@@ -236,11 +220,6 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
   write_image(file, result.image, {}, o.exr.settings);
 }
 
-std::string RenderSession::view_hash(const View& view) const {
-  const std::string text = whole_camera(view.camera) + filter_text(settings.film);
-  return fmt::format("{:016x}", hash_bytes(text.data(), text.size(), 0));
-}
-
 std::string RenderSession::difference(const Image& image, const View& view, unsigned long long seed,
                                       int least_spp) const {
   const Crop& crop = view.crop;
@@ -262,8 +241,8 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
   if (metadata_value(image, "octrad.render", "mask", none) != report::mask_hash(view)) return "mask";
-  if (metadata_value(image, "octrad.render", "view", view_hash(view)) != view_hash(view))
-    return "filter, clipping planes or principal point";
+  const std::string hash = report::view_hash(view, settings.film);
+  if (metadata_value(image, "octrad.render", "view", hash) != hash) return "filter, clipping planes or principal point";
   if (number("spp", 0) < least_spp) return "spp";
   if (model && (text("octrad.config") != json_text(to_json(config)) ||
                 metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))

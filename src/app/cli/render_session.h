@@ -65,8 +65,6 @@ struct RenderSession {
   RenderResult render_picture(double begin = 0.0, double share = 1.0);
   // Adds the metadata, denoises and writes the picture. When the denoiser fails the picture is saved with its noise.
   void save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file);
-  // Hash of what a picture depends on beside what its other metadata says.
-  std::string view_hash(const View& view) const;
   // In what a picture of the view that is on disk differs from what would be rendered, for a message; "" for nothing.
   // `least_spp`: that many samples a pixel or more.
   std::string difference(const Image& image, const View& view, unsigned long long seed, int least_spp) const;
@@ -80,10 +78,6 @@ struct RenderSession {
  private:
   Progress progress_;
 };
-
-// All that a camera is, and a film's filter, as text to compare.
-std::string whole_camera(const Camera& camera);
-std::string filter_text(const Film& film);
 
 // The configuration of a cached picture: the model's, with what may change after training.
 Config model_config(const ModelInfo& info, const ConfigOptions& definitions);

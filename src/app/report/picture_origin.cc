@@ -31,6 +31,26 @@ nlohmann::json camera_json(const Camera& c) {
   return json;
 }
 
+std::string whole_camera(const Camera& camera) {
+  nlohmann::json json = camera_json(camera);
+  json["near_clip"] = camera.near_clip;
+  json["far_clip"] = camera.far_clip;
+  json["principal_point_offset"] = {camera.principal_point_offset.x, camera.principal_point_offset.y};
+  return json.dump();
+}
+
+std::string filter_text(const Film& film) {
+  const FilterShape shape = ReconstructionFilter(film).shape();
+  std::string filter = fmt::format("{} {} {}", static_cast<int>(shape.type), shape.radius, shape.exponent);
+  if (shape.type == FilterShape::Type::cubic) filter += fmt::format(" {} {}", shape.b, shape.c);
+  return filter;
+}
+
+std::string view_hash(const View& view, const Film& film) {
+  const std::string text = whole_camera(view.camera) + filter_text(film);
+  return fmt::format("{:016x}", hash_bytes(text.data(), text.size(), 0));
+}
+
 std::string mask_hash(const View& view) {
   if (!view.mask) return "";
   return fmt::format("{:016x}",
@@ -50,7 +70,7 @@ void add_origin(Image& image, const PictureOrigin& origin) {
                            {"seed", origin.seed},
                            {"seconds", origin.seconds}};
   if (view.mask) render["mask"] = mask_hash(view);
-  if (!origin.view_hash.empty()) render["view"] = origin.view_hash;
+  render["view"] = view_hash(view, origin.film);
   metadata["octrad.render"] = render.dump();
   if (origin.config != nullptr) {
     metadata["octrad.config"] = json_text(to_json(*origin.config));

@@ -6,6 +6,7 @@
 
 #include "octrad/image/image.h"
 #include "octrad/model/config.h"
+#include "octrad/render/film.h"
 #include "octrad/render/view.h"
 
 namespace octrad::report {
@@ -13,16 +14,21 @@ namespace octrad::report {
 // The attribute octrad.camera, which `render --camera` reads.
 nlohmann::json camera_json(const Camera& camera);
 
+// All that a camera is, and a film's filter, as text to compare.
+std::string whole_camera(const Camera& camera);
+std::string filter_text(const Film& film);
+// 16 hexadecimal digits of what a picture depends on and its other metadata does not say.
+std::string view_hash(const View& view, const Film& film);
 // 16 hexadecimal digits of the view's mask; "" without one.
 std::string mask_hash(const View& view);
 
 struct PictureOrigin {
   const Scene& scene;
   const View& view;
+  const Film& film;
   std::string integrator;
   int spp = 0;
-  int max_depth = -1;          // -1 also where the integrator traces no paths
-  std::string view_hash = {};  // what `render` compares beside the rest; "": left out
+  int max_depth = -1;  // -1 also where the integrator traces no paths
   unsigned long long seed = 0;
   double seconds = 0.0;  // of sampling
   // Null without a model.

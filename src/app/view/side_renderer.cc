@@ -68,7 +68,7 @@ std::shared_ptr<const Picture> SideRenderer::picture(bool final_look) {
   picture->seconds = seconds_;
   if (!final_look) return picture;
   const IntegratorInfo& info = renderer_->integrator();
-  report::PictureOrigin origin{studio_.scene.scene(), picture->view, side_.integrator};
+  report::PictureOrigin origin{studio_.scene.scene(), picture->view, studio_.settings.film, side_.integrator};
   origin.spp = picture->samples;
   if (info.uses_depth) origin.max_depth = studio_.settings.max_depth;
   origin.seed = studio_.settings.seed;
