@@ -179,6 +179,9 @@ T metadata_value(const Image& image, const std::string& name, const std::string&
   }
 }
 
+// The hash of the mask that a picture was rendered with (octrad render --mask); "" without one.
+inline std::string mask_of(const Image& image) { return metadata_value(image, "octrad.render", "mask", std::string()); }
+
 // The seeds of a picture, as far as its metadata say: one, or those of all that `merge` joined.
 std::vector<long long> picture_seeds(const Image& image);
 bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b);

@@ -120,10 +120,8 @@ void find_layers(const Image& reference, const CompareOptions& o, Layers& layers
       o.aux.empty() ? "; --aux FILE takes it from another picture of the view" : ""));
 }
 
-bool has_mask(const Image& image) { return !metadata_value(image, "octrad.render", "mask", std::string()).empty(); }
-
 void warn_of_mask(const std::string& name, const Image& image, const CompareOptions& o) {
-  if (!o.mask.empty() || !has_mask(image)) return;
+  if (!o.mask.empty() || mask_of(image).empty()) return;
   log_warning(fmt::format(
       "{}: was rendered with --mask: the pixels outside are black, and count; --mask FILE leaves them out", name));
 }
@@ -354,7 +352,7 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
         }
         warn_of(errors, name, noise, options);
         entry = report::to_json(errors);
-        if (has_mask(file) || has_mask(image)) {
+        if (!mask_of(file).empty() || !mask_of(image).empty()) {
           log_info("{}: no SSIM, FLIP and LPIPS, which look at neighbours that --mask left out", name);
           for (const char* key : {"ssim", "flip", "lpips"}) entry[key] = nullptr;
         }

@@ -25,8 +25,7 @@ Image read_linear(const std::string& file) {
   const auto encoding = image.metadata.find("encoding");
   if (encoding != image.metadata.end() && encoding->second == "srgb8")
     throw InputError(file + ": a picture for the screen; the denoiser takes linear ones (EXR, HDR, PFM)");
-  if (!metadata_value(image, "octrad.render", "mask", std::string()).empty())
-    throw InputError(file + ": was rendered with --mask; a denoiser needs every pixel");
+  if (!mask_of(image).empty()) throw InputError(file + ": was rendered with --mask; a denoiser needs every pixel");
   return image;
 }
 

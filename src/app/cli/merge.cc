@@ -73,8 +73,7 @@ void check_alike(const Part& a, const Part& b) {
   }
   const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
-  const auto mask = [](const Part& p) { return metadata_value(p.image, "octrad.render", "mask", std::string()); };
-  if (mask(a) != mask(b)) differ("their mask");
+  if (mask_of(a.image) != mask_of(b.image)) differ("their mask");
   const auto text = [](const Part& p, const char* key) {
     const auto found = p.image.metadata.find(key);
     return found == p.image.metadata.end() ? std::string() : found->second;
@@ -163,7 +162,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   Image out = weighted_mean(parts, 0, n);
   // With the halves a and b, mean - b = (a - b) n_a / (n_a + n_b): its variance times n_b / n_a is that of the mean.
   const double share = static_cast<double>(total_spp(parts, half, n)) / static_cast<double>(total_spp(parts, 0, half));
-  const std::string mask = metadata_value(out, "octrad.render", "mask", std::string());
+  const std::string mask = mask_of(out);
   const Metrics noise = reference_noise(out, weighted_mean(parts, half, n), share,
                                         mask.empty() ? std::vector<std::uint8_t>() : nonzero_pixels(out));
   if (!o.aux.empty()) {

@@ -252,7 +252,8 @@ void add_render(Program& program) {
   verb->add_option("--crop", o->view.crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");
   verb->add_option(
           "--mask", o->view.mask,
-          "only pixels that are white in FILE, a picture of the whole view's size (mean of the colour at least 0.5); others are 0")
+          "only pixels that are white in FILE, a picture of the whole view's size (mean of the colour at least 0.5); "
+          "others are 0")
       ->type_name("FILE")
       ->group("Camera");
   CLI::Option* sensor = verb->add_option("--sensor", o->view.sensor, "sensor of the scene, from 0")

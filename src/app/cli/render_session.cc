@@ -240,7 +240,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
-  if (metadata_value(image, "octrad.render", "mask", none) != report::mask_hash(view)) return "mask";
+  if (mask_of(image) != report::mask_hash(view)) return "mask";
   const std::string hash = report::view_hash(view, settings.film);
   if (metadata_value(image, "octrad.render", "view", hash) != hash) return "filter, clipping planes or principal point";
   if (number("spp", 0) < least_spp) return "spp";

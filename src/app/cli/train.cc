@@ -96,7 +96,7 @@ void show_config(const Config& config) {
 void check_reference(const std::string& file, const Image& reference, const Scene& scene) {
   if (reference.metadata.count("displayWindow") > 0)
     throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
-  if (!metadata_value(reference, "octrad.render", "mask", std::string()).empty())
+  if (!mask_of(reference).empty())
     throw InputError(file + ": is a part of a picture (--mask); --reference needs the whole view");
   if (is_display_referred(reference))
     throw InputError(file + ": holds what a screen shows; --reference needs linear radiance (EXR, HDR, PFM)");
