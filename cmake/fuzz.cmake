@@ -1,7 +1,7 @@
 # tests/fuzz: every reader of files as a function of bytes. test_fuzz replays what fuzzing has found, in every build with
 # tests; fuzz is the libFuzzer program of scripts/fuzz.sh (clang, -DOCTRAD_FUZZ=ON).
 set(fuzz_sources tests/fuzz/targets.cc src/app/cli/query_points.cc src/app/paper/matrix.cc src/app/report/picture_origin.cc
-    src/app/view/protocol.cc src/octrad/render/film_state.cc ${OCTRAD_MATRICES})
+    src/app/view/protocol.cc src/octrad/render/film.cc src/octrad/render/film_state.cc ${OCTRAD_MATRICES})
 if(OCTRAD_TESTS)
   find_package(GTest REQUIRED)
   add_executable(test_fuzz ${fuzz_sources} tests/fuzz/replay.cc)
