@@ -131,6 +131,15 @@ class Resume(Case):
         self.render("--spp", 4, out=self.whole)
         self.assert_same_bits()
 
+    def test_a_part_is_not_the_whole_picture_of_its_size(self):
+        """Without a state to go on from, the finished picture is all that is known."""
+        part, whole = ("--width", 32, "--height", 24, "--crop", "0,0,16,12"), ("--width", 16, "--height", 12)
+        for made, other in ((part, whole), (whole, part)):
+            self.render("--spp", 4, *made)
+            self.assertNotIn("resumed_spp", self.render("--spp", 4, "--resume", *made), "it was finished")
+            self.assertEqual(self.render("--spp", 4, "--resume", *other)["resumed_spp"], 0)
+            os.remove(self.out + ".state")
+
     def test_other_settings_are_refused(self):
         self.render("--spp", 4, "--resume")
         with open(self.out, "rb") as file:

@@ -267,6 +267,9 @@ class Train(Case):
         self.assertEqual(self.train("--resume", "--steps", 4, "-D", "render.bounce_below=0.2")["steps"], 4)
         other = self.write("other.xml", ROOM.replace("8, 8, 8", "9, 8, 8"))
         self.fails(2, "another scene", "train", other, "-o", self.model, *SMALL, "--resume", "--steps", 9)
+        turned = self.write("turned.xml", ROOM.replace('target="0, ', 'target="0.01, '))
+        self.assertNotEqual(open(turned).read(), ROOM)
+        self.fails(1, "sensors", "train", turned, "-o", self.model, *SMALL, "--resume", "--steps", 9)
         self.train("--steps", 3, "--no-optimizer")
         self.fails(2, "--no-optimizer", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 9)
 

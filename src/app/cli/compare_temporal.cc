@@ -10,6 +10,7 @@
 #include "app/cli/compare.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
@@ -24,9 +25,8 @@ std::vector<std::string> frames_of(const std::string& sequence) {
   std::error_code error;
   if (fs::is_directory(sequence, error)) {
     for (fs::directory_iterator entry(sequence, error), end; !error && entry != end; entry.increment(error)) {
-      std::string ending = entry->path().extension().string();
-      std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-      for (const char* known : {".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg"}) {
+      const std::string ending = lower_case(entry->path().extension().string());
+      for (const char* known : {".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".bmp", ".tga"}) {
         if (ending == known) files.push_back(entry->path().string());
       }
     }

@@ -10,6 +10,7 @@
 #include "octrad/base/log.h"
 #include "octrad/base/version.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 
 namespace octrad::cli {
 namespace {
@@ -22,8 +23,7 @@ struct DenoiseVerbOptions {
 
 Image read_linear(const std::string& file) {
   Image image = read_image(file);
-  const auto encoding = image.metadata.find("encoding");
-  if (encoding != image.metadata.end() && encoding->second == "srgb8")
+  if (is_display_referred(image))
     throw InputError(file + ": a picture for the screen; the denoiser takes linear ones (EXR, HDR, PFM)");
   if (!mask_of(image).empty()) throw InputError(file + ": was rendered with --mask; a denoiser needs every pixel");
   return image;

@@ -215,7 +215,6 @@ OctreeLevels octree_levels(const Scene& scene, const Domain& domain, const Confi
 
 // A sensor with what its type has, and its film's filter.
 nlohmann::json camera_json(const Camera& c, const Film& film) {
-  static const char* const axes[] = {"x", "y", "diagonal", "smaller", "larger"};  // of Camera::FovAxis
   const auto pair = [](Vec2f v) { return nlohmann::json::array({v.x, v.y}); };
   nlohmann::json filter = {{"type", rfilter_types().at(static_cast<std::size_t>(film.filter))}};
   switch (film.filter) {
@@ -242,7 +241,7 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
     out["half_size"] = pair(c.half_size);
     return out;
   }
-  out["fov_axis"] = axes[static_cast<int>(c.fov_axis)];
+  out["fov_axis"] = fov_axis_names().at(static_cast<std::size_t>(c.fov_axis));
   out["principal_point_offset"] = pair(c.principal_point_offset);
   if (c.kind == CameraKind::thinlens) {
     out["aperture_radius"] = c.aperture_radius;

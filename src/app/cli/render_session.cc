@@ -137,7 +137,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
   settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene().max_depth;
   settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
   settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
-  settings.expected_spp = budget.spp;
+  settings.expected_spp = budget.spp > 0 ? budget.spp : 64;  // --time: as many as a pass ever takes
   if (stream) settings.max_memory = common.memory_budget(*stream);
 }
 
@@ -222,7 +222,7 @@ void RenderSession::save(RenderResult& result, const View& view, unsigned long l
 
 std::string RenderSession::difference(const Image& image, const View& view, unsigned long long seed,
                                       int least_spp) const {
-  const Crop& crop = view.crop;
+  const PixelRect part = view.part();
   const std::string none;
   const auto text = [&](const char* key) {
     const auto found = image.metadata.find(key);
@@ -231,9 +231,11 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   const auto number = [&](const char* key, long long fallback) {
     return metadata_value<long long>(image, "octrad.render", key, fallback);
   };
-  if (image.width != (crop.width > 0 ? crop.width : view.width) ||
-      image.height != (crop.width > 0 ? crop.height : view.height) ||
-      text("dataWindow.min") != (crop.x + crop.y > 0 ? fmt::format("{} {}", crop.x, crop.y) : none))
+  if (image.width != part.width() || image.height != part.height() ||
+      text("dataWindow.min") != (part.x0 + part.y0 > 0 ? fmt::format("{} {}", part.x0, part.y0) : none) ||
+      text("displayWindow") != (part.width() < view.width || part.height() < view.height
+                                    ? fmt::format("{} {}", view.width, view.height)
+                                    : none))
     return "size";
   if (metadata_value(image, "octrad.scene", "fingerprint", none) != picture_fingerprint(scene())) return "scene";
   if (text("octrad.camera") != report::camera_json(view.camera).dump()) return "camera";
@@ -255,8 +257,8 @@ nlohmann::json RenderSession::report(const RenderResult& result, const View& vie
   const double seconds = std::max(result.seconds, 1e-9);
   nlohmann::json report = {{"output", o.output},
                            {"integrator", o.integrator},
-                           {"width", view.crop.width > 0 ? view.crop.width : view.width},
-                           {"height", view.crop.width > 0 ? view.crop.height : view.height},
+                           {"width", view.part().width()},
+                           {"height", view.part().height()},
                            {"spp", result.spp},
                            {"seconds", result.seconds},
                            {"samples_per_s", static_cast<double>(result.samples) / seconds},

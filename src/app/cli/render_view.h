@@ -24,9 +24,6 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o);
 // The camera with the size of the picture: asked for, the camera's own, or the film's of the scene. Reads --mask;
 // throws InputError for a mask of another size.
 View choose_view(const Scene& scene, const ViewOptions& o, Camera camera);
-inline double pixels_of(const View& view) {
-  return view.crop.width > 0 ? static_cast<double>(view.crop.width) * view.crop.height
-                             : static_cast<double>(view.width) * view.height;
-}
+inline double pixels_of(const View& view) { return static_cast<double>(view.part().width()) * view.part().height(); }
 
 }  // namespace octrad::cli

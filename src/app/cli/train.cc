@@ -196,6 +196,12 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   }
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
+  if (resumed && !resumed->info.state.sensors.empty() &&
+      resumed->info.state.sensors != sensors_fingerprint(scene.scene(), options.cameras))
+    throw UsageError(fmt::format(
+        "--resume: the sensors of {}, the sampling weights of its lights or the cameras of train.cameras are others "
+        "than those that {} was trained with; a run continues with its own",
+        o.scene, o.output));
 
   // With both --steps and --time the schedule follows the steps and the time is a limit.
   if (o.steps > 0 && !o.time.empty()) options.time_limit = parse_duration(o.time);

@@ -121,6 +121,9 @@ std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVer
   options.saved = [](const std::string& file, long long step) {
     log_info("saved {} at step {}", file, format_count(step));
   };
+  options.not_saved = [](const std::string& why, long long) {
+    log_warning(why + "; training goes on, and the next checkpoint tries again");
+  };
   if (const std::string& cameras = resumed.info.config.train_cameras; !cameras.empty()) {
     refuse_input_as_output("-o", o.output, {cameras});
     options.cameras = read_cameras(cameras);
@@ -231,7 +234,8 @@ void add_view(Program& program) {
       verb->add_flag("--train", o->train, "the page can train the (first) model on, and edit lights and materials")
           ->needs(model)
           ->group("Training");
-  verb->add_option("-o,--output", o->output, "file that it is saved to, when the page asks for it and at the end")
+  verb->add_option("-o,--output", o->output,
+                   "file that it is saved to: at checkpoints, when the page asks for it, and at the end")
       ->type_name("MODEL.octrad")
       ->needs(train)
       ->group("Training");

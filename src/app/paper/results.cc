@@ -31,6 +31,12 @@ nlohmann::json matrix_json(const Plan& plan, const Matrix& m) {
           {"reference_spp_used", 2 * plan.scale.half_spp(m.reference_spp)}};
 }
 
+// A record of the run that is an object with an object `part`; null where there is none, or it is broken.
+nlohmann::json read_record(const Store& store, const std::string& name, const char* part = "output") {
+  nlohmann::json record = store.read(name);
+  return record.is_object() && record.contains(part) && record[part].is_structured() ? record : nlohmann::json();
+}
+
 nlohmann::json training_json(const Store& store, const Plan& plan, const Training& t) {
   nlohmann::json out = {
       {"scene", plan.scenes[t.scene].name},
@@ -40,7 +46,7 @@ nlohmann::json training_json(const Store& store, const Plan& plan, const Trainin
       {"seed", t.seed},
       {"folder", t.folder},
       {"budget", t.steps > 0 ? nlohmann::json{{"steps", t.steps}} : nlohmann::json{{"seconds", t.seconds}}}};
-  const nlohmann::json record = store.read(t.folder + "/train.json");
+  const nlohmann::json record = read_record(store, t.folder + "/train.json");
   if (!record.is_object()) return out;
   const nlohmann::json& o = record["output"];
   for (const char* key :
@@ -48,9 +54,9 @@ nlohmann::json training_json(const Store& store, const Plan& plan, const Trainin
     out[key] = o.value(key, nlohmann::json());
   out["bytes"] = o.value("model_bytes", std::uint64_t{0}) - o.value("optimizer_bytes", std::uint64_t{0});
   out["entries"] = record.value("entries", 0LL);
-  out["peak_bytes"] = record["peak_bytes"];
-  out["wall_seconds"] = record["seconds"];
-  out["command"] = record["command"];
+  out["peak_bytes"] = record.value("peak_bytes", nlohmann::json());
+  out["wall_seconds"] = record.value("seconds", nlohmann::json());
+  out["command"] = record.value("command", nlohmann::json());
   out["convergence"] = record.value("convergence", nlohmann::json::array());
   return out;
 }
@@ -82,7 +88,7 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
     base["training"] = t["folder"];
     if (t.contains("command")) commands["train"] = t["command"];
   }
-  const nlohmann::json made = store.read(cell.folder + "/cell.json"),
+  const nlohmann::json made = read_record(store, cell.folder + "/cell.json", "views"),
                        failed = store.read(cell.folder + "/cell.json.failed");
   for (std::size_t v = 0; v < cell.references.size(); ++v) {
     nlohmann::json entry = base;
@@ -92,7 +98,7 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
     entry["view"] = plan.references[cell.references[v]].view.name;
     entry["status"] = "waiting";
     entry["commands"] = commands;
-    if (made.is_object()) {
+    if (made.is_object() && made["views"].size() > v && made["views"].is_array()) {
       entry["status"] = "done";
       for (const auto& [key, value] : made["views"][v].items()) {
         if (key == "commands") entry["commands"].update(value);
@@ -106,9 +112,9 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
     entry["temporal"] = nullptr;
     const std::string film = v == 0 ? temporal_folder(plan, cell) : "";
     if (const nlohmann::json t = film.empty() ? nlohmann::json() : store.read(film + "/temporal.json"); t.is_object()) {
-      entry["temporal"] = t["temporal"];
-      entry["temporal_displayed"] = t["temporal_displayed"];
-      entry["commands"]["temporal"] = t["commands"];
+      entry["temporal"] = t.value("temporal", nlohmann::json());
+      entry["temporal_displayed"] = t.value("temporal_displayed", nlohmann::json());
+      entry["commands"]["temporal"] = t.value("commands", nlohmann::json());
     }
     cells.push_back(entry);
   }
@@ -117,16 +123,16 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
 nlohmann::json reference_json(const Store& store, const Plan& plan, const Reference& r) {
   nlohmann::json out = {
       {"scene", plan.scenes[r.scene].name}, {"view", r.view.name}, {"picture", r.picture()}, {"spp", 2 * r.half_spp}};
-  const nlohmann::json merged = store.read(r.folder + "/ref.json");
+  const nlohmann::json merged = read_record(store, r.folder + "/ref.json");
   if (!merged.is_object()) return out;
-  out["noise"] = merged["output"]["noise"];
-  out["commands"] = {{"merge", merged["command"]}};
+  out["noise"] = merged["output"].value("noise", nlohmann::json());
+  out["commands"] = {{"merge", merged.value("command", nlohmann::json())}};
   double seconds = 0.0;
   for (const char* half : {"a", "b"}) {
-    const nlohmann::json record = store.read(fmt::format("{}/{}.json", r.folder, half));
+    const nlohmann::json record = read_record(store, fmt::format("{}/{}.json", r.folder, half));
     if (!record.is_object()) continue;
-    seconds += record["output"]["seconds"].get<double>();
-    out["commands"][half] = record["command"];
+    seconds += record["output"].value("seconds", 0.0);
+    out["commands"][half] = record.value("command", nlohmann::json());
   }
   out["seconds"] = seconds;
   return out;

@@ -10,7 +10,6 @@
 namespace octrad::report {
 
 nlohmann::json camera_json(const Camera& c) {
-  static constexpr const char* kAxes[] = {"x", "y", "diagonal", "smaller", "larger"};
   const Vec3f target = c.origin + c.forward;
   nlohmann::json json = {{"origin", vector_json(c.origin)}, {"target", vector_json(target)}, {"up", vector_json(c.up)}};
   if (c.kind == CameraKind::orthographic) {
@@ -19,7 +18,7 @@ nlohmann::json camera_json(const Camera& c) {
     if (c.half_size.y != c.half_size.x) json["view_height"] = 2.0f * c.half_size.y;
   } else {
     json["fov"] = c.fov_degrees;
-    json["fov_axis"] = kAxes[static_cast<int>(c.fov_axis)];
+    json["fov_axis"] = fov_axis_names().at(static_cast<std::size_t>(c.fov_axis));
   }
   if (c.kind == CameraKind::thinlens) {
     json["type"] = "thinlens";

@@ -251,17 +251,25 @@ void LiveTraining::apply_edits() {
   }
   if (lights.empty() && materials.empty()) return;
   SceneChange all;
+  bool changed = false;
   trouble_.clear();
   const auto attempt = [&](const std::function<SceneChange()>& edit) {
     try {
       all += edit();
+      changed = true;
     } catch (const InputError& error) {
       trouble_ = error.what();
     }
   };
   trainer_.aside([&] {
-    for (const auto& edit : lights) attempt([&] { return scene_.set_light_factor(edit.first, edit.second); });
-    for (const auto& edit : materials) attempt([&] { return scene_.set_material_edit(edit.first, edit.second); });
+    for (const auto& [light, factor] : lights) {
+      if (!(scene_.light_factor(light) == factor))
+        attempt([&, light = light, factor = factor] { return scene_.set_light_factor(light, factor); });
+    }
+    for (const auto& [material, edit] : materials) {
+      if (!(scene_.material_edit(material) == edit))
+        attempt([&, material = material, &edit = edit] { return scene_.set_material_edit(material, edit); });
+    }
   });
   if (!trouble_.empty()) {  // says what holds, where something was refused
     const std::lock_guard lock(mutex_);
@@ -271,7 +279,9 @@ void LiveTraining::apply_edits() {
       const int material = m["material"].get<int>();
       if (materials.count(material)) m["edit"] = edit_json(scene_.material_edit(material));
     }
+    ++refusals_;
   }
+  if (!changed) return;
   trainer_.scene_changed(all);
   ++scene_number_;
   ++field_number_;

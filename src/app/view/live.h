@@ -34,6 +34,8 @@ class LiveTraining {
   nlohmann::json status() const;   // {"type": "training", ...}
   nlohmann::json history() const;  // curves: {"seconds": [...], "loss": ..., "rate": ..., "mape": ...}
   nlohmann::json scene() const;    // {"type": "scene", "lights": [...], "materials": [...]} with their edits
+  // How often an edit was refused after it had been said, so that scene() says something else again.
+  long long refusals() const { return refusals_; }
   long long scene_number() const { return scene_number_; }  // rises with every edit that was applied
   long long field_number() const { return field_number_; }  // rises with every step
   bool training() const { return training_; }               // steps are being taken
@@ -85,7 +87,7 @@ class LiveTraining {
   std::vector<double> seconds_, losses_, rates_, mapes_;
   Turn* turn_ = nullptr;
   bool ended_ = false;
-  std::atomic<long long> scene_number_{1}, field_number_{1};
+  std::atomic<long long> scene_number_{1}, field_number_{1}, refusals_{0};
   std::atomic<bool> training_{false}, watched_{false}, ever_watched_{false}, wants_points_{false}, asked_{false};
 
   // Of the thread that trains.

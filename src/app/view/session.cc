@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "app/report/picture_origin.h"
 #include "app/view/inspect.h"
@@ -250,7 +251,7 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     only_camera = only_camera && (key == "type" || key == "camera" || key == "input");
   {
     const std::lock_guard lock(mutex_);
-    if (client != controller_) throw InputError("another viewer has the controls");
+    require_control(client);
     ViewState state = apply_set(wanted_.state, message, catalogue_);
     const ViewState& old = wanted_.state;
     const bool moved = message.contains("camera");
@@ -269,14 +270,18 @@ void Session::set(ClientId client, const nlohmann::json& message) {
   if (!only_camera) tell_state();
 }
 
+// Under mutex_.
 void Session::require_control(ClientId client) const {
-  const std::lock_guard lock(mutex_);
+  if (controller_ == 0) throw InputError("nobody has the controls: take them first");
   if (client != controller_) throw InputError("another viewer has the controls");
 }
 
 void Session::train(ClientId client, const nlohmann::json& message) {
   if (live_ == nullptr) throw InputError("nothing is trained here: octrad train --view, or octrad view --train, does");
-  require_control(client);
+  {
+    const std::lock_guard lock(mutex_);
+    require_control(client);
+  }
   if (message["type"] == "train") return live_->command(message);
   live_->edit(message);
   server_->broadcast(json_text(live_->scene()));
@@ -369,6 +374,7 @@ void Session::download(const std::string& path, std::function<void(Download)> an
 // Pictures to be saved, and how a training goes on.
 void Session::work() {
   std::string told;
+  long long refusals = 0;
   while (true) {
     std::function<void()> job;
     bool watched = false;
@@ -386,6 +392,8 @@ void Session::work() {
     }
     if (job) job();
     if (live_ == nullptr || !watched) continue;
+    if (const long long now = live_->refusals(); now != std::exchange(refusals, now))
+      server_->broadcast(json_text(live_->scene()));
     if (std::string status = json_text(live_->status()); status != told) {
       told = std::move(status);
       server_->broadcast(told);
@@ -481,7 +489,7 @@ bool Session::answer_picks() {
 
 // Frames are numbered; the film of a moving picture is of the moment, so that only whole pictures are seen.
 void Session::render() {
-  long long failed = 0;
+  std::pair<long long, long long> failed{0, 0};  // film and display that could not be shown
   while (true) {
     Wanted wanted;
     bool moving = false, training = false;
@@ -497,8 +505,9 @@ void Session::render() {
         if (live_ != nullptr && still_ && !moving && !is_current(wanted_)) still_ = false;
         const bool refines = !a_.finished() || (wanted_.state.b && !b_.finished());
         const bool settles = !moving && !still_ && (!training || refines || !is_current(wanted_));
-        const bool work = wanted_.film != failed && (other_film || settles || wanted_.display != display_done_ ||
-                                                     (still_ && refines) || unpublished_);
+        const bool work =
+            std::pair(wanted_.film, wanted_.display) != failed &&
+            (other_film || settles || wanted_.display != display_done_ || (still_ && refines) || unpublished_);
         if (!clients_.empty() && work && (other_film || !moving || wanted_.display != display_done_)) break;
         if (!clients_.empty() && moving) wake_.wait_until(lock, wanted_.moved + kStill);
         else if (!clients_.empty() && live_ != nullptr) wake_.wait_for(lock, kBetweenLooks);
@@ -508,7 +517,7 @@ void Session::render() {
     }
     if (live_ != nullptr && answer_picks()) continue;
     const auto give_up = [&](const std::string& why) {
-      failed = wanted.film;
+      failed = {wanted.film, wanted.display};
       still_ = false;
       film_done_ = 0;
       server_->broadcast(error_text(why));

@@ -1,6 +1,7 @@
 #include "app/view/side_renderer.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "app/report/picture_origin.h"
 #include "octrad/base/json_file.h"
@@ -110,7 +111,7 @@ Image8 ToneMapper::show(const Image& picture, const ViewState& state) {
     const int channel = picture.channel(first);
     float most = 1e-6f;
     for (std::size_t i = static_cast<std::size_t>(channel); i < picture.data.size(); i += picture.channels.size())
-      most = std::max(most, picture.data[i]);
+      if (std::isfinite(picture.data[i])) most = std::max(most, picture.data[i]);
     return false_color(picture, channel, 0.0f, most);
   }
   if (layer == "albedo") return tonemap(picture, {}, layer);

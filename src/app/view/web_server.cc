@@ -204,8 +204,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
   using Request = http::request<http::empty_body>;
   void handle(const Request& request);
   void answer(const Request& request, Download file);
-  void limit_time() {
-    stream_.expires_after(duration_cast<Clock::duration>(duration<double>(server_->options.limits.request_seconds)));
+  // For a request, and for an answer of that many bytes: a slow line has a second more for each 100 kB.
+  void limit_time(std::size_t bytes = 0) {
+    const double seconds = server_->options.limits.request_seconds + 1e-5 * static_cast<double>(bytes);
+    stream_.expires_after(duration_cast<Clock::duration>(duration<double>(seconds)));
   }
 
   std::shared_ptr<WebServer::Impl> server_;
@@ -408,7 +410,7 @@ void Connection::answer(const Request& request, Download file) {
   response_->keep_alive(ok && request.keep_alive() && ++requests_ < kMostRequests && !server_->stopping);
   response_->body() = std::move(file.body);
   response_->prepare_payload();
-  limit_time();
+  limit_time(response_->body().size());
   http::async_write(stream_, *response_, [self = shared_from_this()](error_code error, std::size_t) {
     if (error) return;
     if (self->response_->keep_alive()) return self->read();

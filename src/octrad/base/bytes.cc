@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "octrad/base/error.h"
+#include "octrad/base/lower_case.h"
 
 namespace octrad {
 namespace {
@@ -51,9 +52,7 @@ std::uint64_t parse_bytes(const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(p, &end);
   if (end == p) return refuse();
-  std::string unit(end);
-  std::transform(unit.begin(), unit.end(), unit.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::string unit = lower_case(end);
   unit.erase(0, unit.find_first_not_of(' ') == std::string::npos ? unit.size() : unit.find_first_not_of(' '));
   double factor = 0.0;
   if (unit.empty() || unit == "b") factor = 1.0;

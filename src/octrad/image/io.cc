@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io_internal.h"
 #include "octrad/image/tonemap.h"
@@ -36,12 +36,7 @@ void check_size(const std::string& file, long long width, long long height, long
 namespace {
 
 // Of the file's name, in small letters.
-std::string ending_of(const std::string& file) {
-  std::string ending = std::filesystem::path(file).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending;
-}
+std::string ending_of(const std::string& file) { return lower_case(std::filesystem::path(file).extension().string()); }
 
 void write_bytes(const std::string& file, const std::string& bytes) {
   AtomicFile out(file);

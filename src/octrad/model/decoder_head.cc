@@ -1,5 +1,7 @@
 #include "octrad/model/decoder_head.h"
 
+#include <algorithm>
+
 namespace octrad {
 
 DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
@@ -62,19 +64,20 @@ double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const V
                          int stride, std::size_t batch, double epsilon, float* d_linear, long long& non_finite) const {
   double total = 0.0;
   const float norm = 1.0f / (3.0f * static_cast<float>(batch));
-  for (int c = 0; c < 3; ++c) {
-    const float* in = linear + static_cast<std::ptrdiff_t>(c) * stride;
-    float* out = d_linear + static_cast<std::ptrdiff_t>(c) * stride;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const float f = factor(points[i])[c];
-      const LossTerm<float> term =
-          decoder_loss(rules_, f, in[i], targets[i][c], static_cast<float>(epsilon), target_scale_, norm);
-      total += static_cast<double>(term.value);
-      out[i] = term.gradient;
-      if (!term.finite) ++non_finite;
+  const std::ptrdiff_t row = stride;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3f outputs{linear[i], linear[row + static_cast<std::ptrdiff_t>(i)],
+                        linear[2 * row + static_cast<std::ptrdiff_t>(i)]};
+    const PointLoss loss = decoder_point_loss(rules_, factor(points[i]), outputs, targets[i],
+                                              static_cast<float>(epsilon), target_scale_, norm, 0.0f);
+    for (int c = 0; c < 3; ++c) {
+      total += static_cast<double>(loss.value[c]);
+      d_linear[c * row + static_cast<std::ptrdiff_t>(i)] = loss.gradient[c];
     }
-    for (int i = static_cast<int>(points.size()); i < stride; ++i) out[i] = 0.0f;
+    non_finite += loss.dropped;
   }
+  for (int c = 0; c < 3; ++c)
+    std::fill(d_linear + c * row + static_cast<std::ptrdiff_t>(points.size()), d_linear + (c + 1) * row, 0.0f);
   return total;
 }
 

@@ -59,7 +59,8 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.seconds = state.at("seconds").get<double>();
     info.state.lhs_samples = count("lhs_samples");
     info.state.rhs_queries = count("rhs_queries");
-    info.state.loss = state.value("loss", -1.0);  // older files have none
+    info.state.loss = state.value("loss", -1.0);  // older files have neither
+    info.state.sensors = state.value("sensors", std::string());
   } catch (const nlohmann::json::exception& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   } catch (const UsageError& e) {
@@ -181,6 +182,7 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
                           {"lhs_samples", info.state.lhs_samples},
                           {"rhs_queries", info.state.rhs_queries}};
   if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
+  if (!info.state.sensors.empty()) state["sensors"] = info.state.sensors;
   out.metadata("state", state.dump());
   field.save(out);
   if (optimizer && trained != nullptr) {

@@ -18,7 +18,8 @@ struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
   long long lhs_samples = 0, rhs_queries = 0;
-  double loss = -1.0;  // smoothed (train/trainer.h); below 0 before the first step
+  double loss = -1.0;   // smoothed (train/trainer.h); below 0 before the first step
+  std::string sensors;  // sensors_fingerprint() of what walks start from; empty: not known
   // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
   // ray; shape and primitive that it hit, -1 for no point.
   std::vector<std::array<float, 9>> far_end_rays;

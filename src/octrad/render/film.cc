@@ -41,9 +41,7 @@ FilmBuffer::FilmBuffer(int x0, int y0, int width, int height)
 
 void FilmBuffer::clear() { std::fill(sums_.begin(), sums_.end(), 0.0); }
 
-void FilmBuffer::add_to_pixel(int x, int y, const PixelSample& sample) {
-  accumulate_sample(pixel(x, y), 1, sample, 1.0);
-}
+void FilmBuffer::add_to_pixel(int x, int y, const PixelSample& sample) { accumulate_sample(pixel(x, y), sample, 1.0); }
 
 void FilmBuffer::add(const ReconstructionFilter& filter, Vec2f p, const PixelSample& sample) {
   const FilterShape& shape = filter.shape();
@@ -54,7 +52,7 @@ void FilmBuffer::add(const ReconstructionFilter& filter, Vec2f p, const PixelSam
     if (wy == 0.0f) continue;
     for (int x = xa; x <= xb; ++x) {
       const float w = wy * shape(static_cast<float>(x) + 0.5f - p.x);
-      if (w != 0.0f) accumulate_sample(pixel(x, y), 1, sample, static_cast<double>(w));
+      if (w != 0.0f) accumulate_sample(pixel(x, y), sample, static_cast<double>(w));
     }
   }
 }

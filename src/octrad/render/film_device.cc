@@ -54,7 +54,7 @@ struct Gather : Kernel {
           bool finite = true;
           const PixelSample sample = load_sample(samples, k, finite);
           if (!finite && sx == x && sy == y) ++dropped;
-          if (weight != 0.0f) accumulate_sample(local, 1, sample, static_cast<double>(weight));
+          if (weight != 0.0f) accumulate_sample(local, sample, static_cast<double>(weight));
         }
       }
     }

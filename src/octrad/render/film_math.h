@@ -52,20 +52,20 @@ struct FilterShape {
   OCTRAD_HD int last(float p) const { return static_cast<int>(std::floor(p + radius - 0.5f)); }
 };
 
-// Adds a sample to sums whose numbers lie `stride` apart.
-OCTRAD_HD inline void accumulate_sample(double* to, std::size_t stride, const PixelSample& s, double weight) {
+// Adds a sample to the sums of a pixel.
+OCTRAD_HD inline void accumulate_sample(double* to, const PixelSample& s, double weight) {
   to[0] += weight * static_cast<double>(s.radiance.x);
-  to[stride] += weight * static_cast<double>(s.radiance.y);
-  to[2 * stride] += weight * static_cast<double>(s.radiance.z);
-  to[3 * stride] += weight * static_cast<double>(s.albedo.x);
-  to[4 * stride] += weight * static_cast<double>(s.albedo.y);
-  to[5 * stride] += weight * static_cast<double>(s.albedo.z);
-  to[6 * stride] += weight * static_cast<double>(s.normal.x);
-  to[7 * stride] += weight * static_cast<double>(s.normal.y);
-  to[8 * stride] += weight * static_cast<double>(s.normal.z);
-  to[9 * stride] += weight * static_cast<double>(s.depth);
-  to[10 * stride] += weight * static_cast<double>(s.roughness);
-  to[11 * stride] += weight;
+  to[1] += weight * static_cast<double>(s.radiance.y);
+  to[2] += weight * static_cast<double>(s.radiance.z);
+  to[3] += weight * static_cast<double>(s.albedo.x);
+  to[4] += weight * static_cast<double>(s.albedo.y);
+  to[5] += weight * static_cast<double>(s.albedo.z);
+  to[6] += weight * static_cast<double>(s.normal.x);
+  to[7] += weight * static_cast<double>(s.normal.y);
+  to[8] += weight * static_cast<double>(s.normal.z);
+  to[9] += weight * static_cast<double>(s.depth);
+  to[10] += weight * static_cast<double>(s.roughness);
+  to[11] += weight;
 }
 
 }  // namespace octrad

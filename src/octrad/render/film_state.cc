@@ -71,8 +71,8 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
     const auto count = [&](const char* key, long long low, long long high) {
       return whole_number(numbers.at(key), low, high, fmt::format("{}: broken: {}", file, key));
     };
-    state.samples = static_cast<int>(count("samples", 1, INT_MAX));
-    state.largest_pass = static_cast<int>(count("largest_pass", 1, INT_MAX));
+    state.samples = static_cast<int>(count("samples", 1, 1 << 30));
+    state.largest_pass = static_cast<int>(count("largest_pass", 1, 1 << 30));
     state.seconds = numbers.at("seconds").get<double>();
     state.counts.rays = count("rays", 0, LLONG_MAX);
     state.counts.queries = count("queries", 0, LLONG_MAX);

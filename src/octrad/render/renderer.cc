@@ -42,9 +42,7 @@ FilmWindow film_window(const View& view, const Film& film) {
   if (view.width < 1 || view.height < 1) {
     throw UsageError(fmt::format("a picture of {} x {} pixels: at least 1 x 1 is needed", view.width, view.height));
   }
-  FilmWindow window;
   const Crop& c = view.crop;
-  window.crop = {0, 0, view.width, view.height};
   if (c.width != 0 || c.height != 0) {
     if (c.x < 0 || c.y < 0 || c.width < 1 || c.height < 1 || c.x > view.width - c.width ||
         c.y > view.height - c.height) {
@@ -52,8 +50,9 @@ FilmWindow film_window(const View& view, const Film& film) {
           fmt::format("the crop {},{},{},{} (x, y, width, height) does not lie inside the picture of {} x {}", c.x, c.y,
                       c.width, c.height, view.width, view.height));
     }
-    window.crop = {c.x, c.y, c.x + c.width, c.y + c.height};
   }
+  FilmWindow window;
+  window.crop = view.part();
   const ReconstructionFilter filter(film);
   const int reach = filter.reach();
   if (reach > kLargestReach) {

@@ -14,6 +14,14 @@ struct Crop {
   int x = 0, y = 0, width = 0, height = 0;  // width 0: the whole picture
 };
 
+// A part of a picture, half-open.
+struct PixelRect {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  int width() const { return x1 - x0; }
+  int height() const { return y1 - y0; }
+  bool operator==(const PixelRect&) const = default;
+};
+
 struct View {
   Camera camera;
   int width = 0, height = 0;  // of the whole picture, pixels
@@ -22,12 +30,17 @@ struct View {
   // Null: every pixel.
   std::shared_ptr<const std::vector<std::uint8_t>> mask = {};
 
-  // Pixels of the crop that the mask has.
+  // The pixels that are returned.
+  PixelRect part() const {
+    return crop.width > 0 ? PixelRect{crop.x, crop.y, crop.x + crop.width, crop.y + crop.height}
+                          : PixelRect{0, 0, width, height};
+  }
+  // Of these, how many the mask has.
   long long wanted_pixels() const {
-    const Crop part = crop.width > 0 ? crop : Crop{0, 0, width, height};
+    const PixelRect rect = part();
     long long n = 0;
-    for (int y = part.y; y < part.y + part.height; ++y) {
-      for (int x = part.x; x < part.x + part.width; ++x) n += wants(x, y) ? 1 : 0;
+    for (int y = rect.y0; y < rect.y1; ++y) {
+      for (int x = rect.x0; x < rect.x1; ++x) n += wants(x, y) ? 1 : 0;
     }
     return n;
   }
@@ -35,14 +48,6 @@ struct View {
     return !mask ||
            (*mask)[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] != 0;
   }
-};
-
-// A part of a picture, half-open.
-struct PixelRect {
-  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  int width() const { return x1 - x0; }
-  int height() const { return y1 - y0; }
-  bool operator==(const PixelRect&) const = default;
 };
 
 // The pixels of a view.

@@ -18,9 +18,7 @@ class FeaturePicture {
   FeaturePicture() = default;
   // Of the part of `view` that is returned; `features` numbers a pixel.
   FeaturePicture(const View& view, std::size_t features)
-      : rect_(view.crop.width > 0
-                  ? PixelRect{view.crop.x, view.crop.y, view.crop.x + view.crop.width, view.crop.y + view.crop.height}
-                  : PixelRect{0, 0, view.width, view.height}),
+      : rect_(view.part()),
         features_(features),
         seen_(static_cast<std::size_t>(rect_.width()) * static_cast<std::size_t>(rect_.height())) {
     // paint() keeps a copy of what was seen, and colours.

@@ -17,7 +17,6 @@ namespace octrad {
 namespace {
 
 const std::vector<std::string> kCameraTypes = {"perspective", "thinlens", "orthographic"};
-const std::vector<std::string> kFovAxes = {"x", "y", "diagonal", "smaller", "larger"};
 
 }  // namespace
 
@@ -135,7 +134,7 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   camera.fov_degrees = static_cast<float>(read_number(object, "fov", camera.fov_degrees, 1e-3, 179.999, where));
   if (object.contains("fov_axis")) {
     if (!object.at("fov_axis").is_string())
-      throw InputError(where + "\"fov_axis\" must be a string: " + join(kFovAxes));
+      throw InputError(where + "\"fov_axis\" must be a string: " + join(fov_axis_names()));
     try {
       camera.fov_axis = parse_fov_axis(object.at("fov_axis").get<std::string>());
     } catch (const InputError& error) {
@@ -204,12 +203,17 @@ Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::
   return camera;
 }
 
+const std::vector<std::string>& fov_axis_names() {
+  static const std::vector<std::string> names = {"x", "y", "diagonal", "smaller", "larger"};
+  return names;
+}
+
 Camera::FovAxis parse_fov_axis(const std::string& name) {
-  const auto found = std::find(kFovAxes.begin(), kFovAxes.end(), name);
-  if (found == kFovAxes.end())
-    throw InputError("unknown fov axis \"" + name + "\"" + did_you_mean(name, kFovAxes) +
-                     "; supported: " + join(kFovAxes));
-  return static_cast<Camera::FovAxis>(found - kFovAxes.begin());
+  const std::vector<std::string>& names = fov_axis_names();
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    throw InputError("unknown fov axis \"" + name + "\"" + did_you_mean(name, names) + "; supported: " + join(names));
+  return static_cast<Camera::FovAxis>(found - names.begin());
 }
 
 std::vector<Camera> read_cameras(const std::string& json_file) {

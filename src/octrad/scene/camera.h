@@ -54,7 +54,8 @@ std::vector<Camera> read_cameras(const std::string& json_file);
 // aspect ratio.
 Vec2i picture_size(int film_width, int film_height, int width, int height);
 
-// "x", "y", "diagonal", "smaller" or "larger".
+// "x", "y", "diagonal", "smaller", "larger": of each Camera::FovAxis. parse_fov_axis() throws InputError for others.
+const std::vector<std::string>& fov_axis_names();
 Camera::FovAxis parse_fov_axis(const std::string& name);
 
 }  // namespace octrad

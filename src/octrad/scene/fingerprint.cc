@@ -12,8 +12,7 @@ namespace octrad {
 namespace {
 
 // Mixes one word into the state. For a fixed state this is a bijection of the word, and for a fixed word one of the
-// state, so that two
-// inputs that differ in one word never collide in a lane.
+// state, so that two inputs that differ in one word never collide in a lane.
 std::uint64_t absorb(std::uint64_t state, std::uint64_t word) {
   return ((state << 27 | state >> 37) ^ mix64(word + 0x9e3779b97f4a7c15ull)) * 0xe7037ed1a0b428dbull + 1;
 }
@@ -44,7 +43,13 @@ class Hasher {
     state_ = hash_bytes(values, sizeof values, state_);
     return *this;
   }
+  Hasher& add(Vec2f v) { return add(v.x).add(v.y); }
   std::uint64_t state() const { return state_; }
+  std::string text() const {
+    char digits[17];
+    std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(state_));
+    return digits;
+  }
 
  private:
   std::uint64_t state_ = 0;
@@ -116,9 +121,22 @@ std::string scene_fingerprint(const Scene& scene) {
     h.add(cutoff).add(inverse_transition).add(tan_x).add(tan_y);
   }
   for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(h.state()));
-  return text;
+  return h.text();
+}
+
+std::string sensors_fingerprint(const Scene& scene, const std::vector<Camera>& cameras) {
+  Hasher h;
+  for (const std::vector<Camera>* list : {&scene.cameras, &cameras}) {
+    h.add(list->size());
+    for (const Camera& c : *list) {
+      const auto& [kind, origin, right, up, forward, fov_degrees, fov_axis, near_clip, far_clip, principal_point_offset,
+                   crop_offset, crop_size, aperture_radius, focus_distance, half_size, film_width, film_height] = c;
+      h.add(kind).add(origin).add(right).add(up).add(forward).add(fov_degrees).add(fov_axis).add(near_clip);
+      h.add(far_clip).add(principal_point_offset).add(crop_offset).add(crop_size).add(aperture_radius);
+      h.add(focus_distance).add(half_size).add(film_width).add(film_height);
+    }
+  }
+  return h.add(scene.sampling_weights()).text();
 }
 
 std::string picture_fingerprint(const Scene& scene) {

@@ -182,7 +182,6 @@ class GltfReader {
 
   void add_node(int index, const GltfObject& node, const Transform& to_world) {
     if (const int mesh = node.index("mesh", "meshes"); mesh >= 0) {
-      if (node.has("skin")) report_.assume(node.location(), "skins are left out: the mesh stands as it was bound");
       const GltfObject instancing = node.extension("EXT_mesh_gpu_instancing");
       if (node.has("skin") || node.has("weights")) posed_.emplace_back(index, to_world);
       else if (instancing.exists()) add_instances(mesh, instancing.object("attributes"), to_world);

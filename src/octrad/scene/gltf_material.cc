@@ -11,6 +11,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/gltf_reader.h"
 
@@ -19,9 +20,7 @@ namespace {
 
 // Of one value of a picture.
 double linear(const Image& image, float value) {
-  const auto encoding = image.metadata.find("encoding");
-  return encoding != image.metadata.end() && encoding->second == "srgb8" ? decode_srgb(static_cast<double>(value))
-                                                                         : static_cast<double>(value);
+  return is_display_referred(image) ? decode_srgb(static_cast<double>(value)) : static_cast<double>(value);
 }
 
 // Indices of R, G, B and A; grey pictures repeat theirs; -1 without alpha.

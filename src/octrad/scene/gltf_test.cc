@@ -263,7 +263,9 @@ TEST_F(GltfTest, MorphTargetsAndSkins) {
       add("VEC4", 5121, 3, bytes_of<std::uint8_t>({0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0}));
   primitive()["attributes"]["WEIGHTS_0"] =
       add("VEC4", 5126, 3, bytes_of<float>({1, 0, 0, 0, 1, 0, 0, 0, 0.5f, 0.5f, 0, 0}));
-  EXPECT_EQ(load().meshes[0].positions, (std::vector<Vec3f>{{5, -1, 0}, {1, 0, 0}, {2.5f, 0.5f, 0}}));
+  const Scene posed = load();
+  EXPECT_EQ(posed.meshes[0].positions, (std::vector<Vec3f>{{5, -1, 0}, {1, 0, 0}, {2.5f, 0.5f, 0}}));
+  EXPECT_EQ(join(posed.assumed).find("skin"), std::string::npos);
   json_["skins"][0]["joints"] = {1, 7};
   EXPECT_NE(error().find("joint 1 is not in the scene"), std::string::npos);
 }

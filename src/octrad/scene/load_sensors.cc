@@ -47,9 +47,7 @@ void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis
   if (params.given("fov")) {
     if (!focal_length.empty()) fail(params.where("focal_length"), "give either fov or focal_length");
     if (!(degrees > 0.0f && degrees < 180.0f)) fail(params.where("fov"), "fov must be above 0 and below 180 degrees");
-    const std::vector<std::string> names = {"x", "y", "diagonal", "smaller", "larger"};
-    const std::string axis = params.choice("fov_axis", "x", names);
-    fov_axis = static_cast<Camera::FovAxis>(std::find(names.begin(), names.end(), axis) - names.begin());
+    fov_axis = parse_fov_axis(params.choice("fov_axis", "x", fov_axis_names()));
     return;
   }
   // Millimetres on 35 mm film (36 x 24), whose diagonal sees the field of view.

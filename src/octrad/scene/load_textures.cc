@@ -7,6 +7,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/built_files.h"
@@ -144,8 +145,7 @@ void SceneBuilder::load_bitmap(std::size_t number) {
     if (image.channel_count() < 1) fail(job.where, "the picture " + job.path + " has no channels");
     channel[0] = channel[1] = channel[2] = grey;
   }
-  const auto encoding = image.metadata.find("encoding");
-  const bool decode = !job.raw && encoding != image.metadata.end() && encoding->second == "srgb8";
+  const bool decode = !job.raw && is_display_referred(image);
   float table[256];
   for (int i = 0; i < 256; ++i) table[i] = static_cast<float>(decode_srgb(i / 255.0));
   ask_memory(pixels * sizeof(Vec3f), job.path);

@@ -115,7 +115,9 @@ TEST(Obj, ErrorsSayWhere) {
   EXPECT_EQ(error_of(kQuad + "f 1 2 3x\n"), "a.obj:6:8: face: expected a blank after the corner");
   EXPECT_EQ(error_of("v 0 0\n"), "a.obj:1:6: vertex: expected a number");
   EXPECT_EQ(error_of("v 0 nan 0\n"), "a.obj:1:5: vertex: the number is not finite");
-  EXPECT_EQ(error_of("v 0 1e99 0\n"), "a.obj:1:5: vertex: the number is not finite");
+  for (const char* large : {"1e99", "-1e999", "1e99999"})
+    EXPECT_EQ(error_of("v 0 " + std::string(large) + " 0\n"), "a.obj:1:5: vertex: the number is not finite");
+  EXPECT_EQ(error_of(kQuad + "v 1e-999 1e-50 0\nf 1 2 6\n"), "no error");
   EXPECT_EQ(error_of("v 0 0,1 0\n"), "a.obj:1:6: vertex: expected a blank after the number");
   EXPECT_EQ(error_of("f 99999999999 1 1\n"), "a.obj:1:3: face: expected the index of a vertex");
   EXPECT_EQ(error_of("# nothing\n"), "a.obj:1:1: the OBJ file holds no face with three or more corners");
@@ -229,7 +231,8 @@ TEST(Ply, ErrorsSayWhatIsWrong) {
   has(xyz + rows + "3 0 1 0.5\n", "expected an integer");
   has(xyz + rows + "2 0 1\n", "fewer than three corners");
   has(xyz + rows + "3 0 1\n", "ends early");
-  has(xyz + "0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "not finite");
+  for (const char* value : {"nan", "1e999", "-1e99"})
+    has(xyz + "0 0 " + value + "\n1 0 0\n0 1 0\n3 0 1 2\n", "not finite");
   has(xyz + "0 0 x\n1 0 0\n0 1 0\n3 0 1 2\n", "expected a number");
   has(xyz + rows + "200 0 1 2\n", "does not fit");
 }

@@ -5,6 +5,7 @@
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/read_decimal.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
@@ -82,15 +83,8 @@ class ObjReader {
     skip_blanks();
     const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
     float value = 0.0f;
-    const auto result = std::from_chars(begin, end_, value);
-    if (result.ec == std::errc::result_out_of_range && result.ptr != begin) {
-      // Too small is zero; too large is an error below.
-      double wide = 0.0;
-      std::from_chars(begin, end_, wide);
-      value = static_cast<float>(wide);
-    } else if (result.ec != std::errc()) {
-      fail_at(p_, std::string(what) + ": expected a number");
-    }
+    const auto result = read_decimal(begin, end_, value);
+    if (result.ec != std::errc()) fail_at(p_, std::string(what) + ": expected a number");
     if (!std::isfinite(value)) fail_at(p_, std::string(what) + ": the number is not finite");
     p_ = result.ptr;
     if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')

@@ -9,6 +9,7 @@
 #include "octrad/base/join.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
+#include "octrad/base/read_decimal.h"
 #include "octrad/image/tonemap_math.h"
 
 namespace octrad {
@@ -39,7 +40,7 @@ std::string trimmed(const std::string& text) {
 // Reads one number at `p`; null when there is none.
 const char* read_number(const char* p, const char* end, double& value) {
   if (p < end && *p == '+') ++p;
-  const auto result = std::from_chars(p, end, value);
+  const auto result = read_decimal(p, end, value);
   return result.ec == std::errc() && std::isfinite(value) ? result.ptr : nullptr;
 }
 

@@ -8,6 +8,7 @@
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/read_decimal.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
@@ -219,10 +220,8 @@ class PlyReader {
       while (p_ < end_ && is_space(*p_)) ++p_;
       if (p_ == end_) fail_at(p_, "the PLY file ends early");
       double value = 0.0;
-      const auto result = std::from_chars(*p_ == '+' ? p_ + 1 : p_, end_, value);
-      if (result.ec == std::errc::invalid_argument || (result.ptr < end_ && !is_space(*result.ptr)))
-        fail_at(p_, "expected a number");
-      if (result.ec == std::errc::result_out_of_range) value = 0.0;
+      const auto result = read_decimal(*p_ == '+' ? p_ + 1 : p_, end_, value);
+      if (result.ec != std::errc() || (result.ptr < end_ && !is_space(*result.ptr))) fail_at(p_, "expected a number");
       p_ = result.ptr;
       return value;
     }

@@ -133,12 +133,17 @@ TEST(Trainer, AveragesBeginAnewWhereAChangeIsLearnt) {
 
 TEST(Trainer, LampsComeBackFromTheDarkInAnotherColour) {
   PreparedScene scene(testing::closed_room());
-  Trainer trainer(scene, small_run(2), {});
+  TrainOptions options;
+  options.output = ::testing::TempDir() + "dark.octrad";
+  Trainer trainer(scene, small_run(2), options);
   while (!trainer.done()) trainer.step();
   const float scale = trainer.field().target_scale();
   set_all_lights(scene, trainer, Vec3f(0.0f));
   EXPECT_TRUE(trainer.is_dark());
   EXPECT_LT(trainer.field().target_scale(), 1e-10f * scale);
+  trainer.checkpoint(true);  // of the light that was on last, so that it can be trained on
+  EXPECT_LT(trainer.field().target_scale(), 1e-10f * scale);
+  EXPECT_EQ(load_model(options.output).field->target_scale(), scale);
   trainer.scene_changed(scene.set_light_factor(0, {1.0f, 0.5f, 0.25f}));
   EXPECT_FALSE(trainer.is_dark());
   EXPECT_EQ(trainer.field().target_scale(), scale);

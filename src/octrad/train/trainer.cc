@@ -13,6 +13,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/work_clock.h"
 #include "octrad/model/field_registry.h"
+#include "octrad/scene/fingerprint.h"
 #include "octrad/train/engine_device.h"
 #include "octrad/train/validation.h"
 
@@ -170,6 +171,7 @@ class Trainer::Run {
       for (RadianceField* f : {field.get(), averages.get()})
         if (f != nullptr) f->set_target_scale(static_cast<float>(scale));
     }
+    state_.sensors = sensors_fingerprint(scene.scene(), options.cameras);
     exposure_ = static_cast<double>(field->target_scale());
     GuideState directions;  // what they are drawn by
     if (config.train_guide > 0.0) {
@@ -231,6 +233,7 @@ class Trainer::Run {
   void bring_up_averages();
   void settle();
   void report();
+  void show_darkness() { engine_->set_target_scale(static_cast<float>(exposure_ * 1e-20)); }
   std::vector<Vec3f> emission() const;
   [[noreturn]] void stop_non_finite(long long step, const std::string& why);
 
@@ -275,7 +278,9 @@ void Trainer::Run::checkpoint(bool optimizer) {
     set_far_ends(engine_->far_ends(), info.state);
     set_guide(engine_->guide(), info.state);
   }
+  if (dark_) engine_->set_target_scale(static_cast<float>(exposure_));  // a file is of the lights that were on last
   save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
+  if (dark_) show_darkness();
   saved_step_ = state_.step;
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
@@ -461,8 +466,8 @@ void Trainer::Run::scene_changed(const SceneChange& changed) {
   const std::vector<Vec3f> now = emission();
   dark_ = std::all_of(now.begin(), now.end(), [](Vec3f f) { return f == Vec3f(0.0f); });
   if (dark_) {
-    dark_change_ = change;                                             // learnt when there is light again
-    engine_->set_target_scale(static_cast<float>(exposure_ * 1e-20));  // files need a scale above 0
+    dark_change_ = change;  // learnt when there is light again
+    show_darkness();
     return;
   }
   // What the field stands for, times a factor, is as near as one comes to what it has to stand for.

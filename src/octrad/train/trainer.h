@@ -38,9 +38,9 @@ struct TrainOptions {
   double used_memory = 0.0;    // of them, taken already: by the program and the scene
   Stream* stream = nullptr;    // where to train; null: on the CPU
   bool deterministic = false;  // on a device: the same bits every time, at a cost (the CPU always is)
-  std::vector<Camera> cameras;                         // poses in addition to the scene's
-  Model* resume = nullptr;                             // continue this model (its field is moved from)
-  std::function<bool()> interrupted;                   // train() asks it before each step
+  std::vector<Camera> cameras;        // poses in addition to the scene's
+  Model* resume = nullptr;            // continue this model (its field is moved from); not used after the constructor
+  std::function<bool()> interrupted;  // train() asks it before each step
   std::function<void(const DomainFit&)> placed;        // the box of a new field, before it is made
   std::function<void(const TrainProgress&)> progress;  // several times a second
   std::function<void(long long step, double seconds, double mape)> validated;  // each time it is measured
@@ -66,8 +66,8 @@ struct TrainResult {
 // One training run, from the first step to the last.
 class Trainer {
  public:
-  // A new field, or that of options.resume. The scene and what `options` point to must outlive the trainer. Throws
-  // MemoryError before allocating when the estimate is over max_memory (naming what each knob saves).
+  // A new field, or that of options.resume. The scene and what `options` point to, but for `resume`, must outlive the
+  // trainer. Throws MemoryError before allocating when the estimate is over max_memory (naming what each knob saves).
   Trainer(const PreparedScene& scene, const Config& config, const TrainOptions& options);
   ~Trainer();
 
