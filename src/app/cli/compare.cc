@@ -245,10 +245,8 @@ void add_second(const CompareOptions& o, std::size_t index, const report::Refere
   }
 }
 
-void write_file(const std::string& file, const std::string& text) {
-  AtomicFile out(file);
-  out.write(text);
-  out.commit();
+void write_table(const std::string& file, const std::string& text) {
+  write_file(file, text);
   log_info("wrote {}", file);
 }
 
@@ -390,9 +388,9 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     }
     images.push_back(std::move(entry));
   }
-  if (!options.csv.empty()) write_file(options.csv, report::csv_table(images));
-  if (!options.latex.empty()) write_file(options.latex, report::latex_table(images));
-  if (!options.html.empty()) write_file(options.html, page_of(options, images, pictures));
+  if (!options.csv.empty()) write_table(options.csv, report::csv_table(images));
+  if (!options.latex.empty()) write_table(options.latex, report::latex_table(images));
+  if (!options.html.empty()) write_table(options.html, page_of(options, images, pictures));
   if (common.json) {
     nlohmann::json report = {{"reference", options.reference}, {"images", images}};
     if (!options.reference_b.empty()) report["reference_noise"] = noise_json;

@@ -38,9 +38,7 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
     refuse_input_as_output("-o", path.string(), scene.other_files);
     write(path.string());
   }
-  AtomicFile out(o.output);
-  out.write(files.xml);
-  out.commit();
+  write_file(o.output, files.xml);
   if (common.json) {
     print_json({{"output", o.output},
                 {"files", files.others.size()},

@@ -184,11 +184,7 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
                                  {"passed", failed == 0},
                                  {"peak_bytes", stream->peak_bytes()},
                                  {"seconds", watch.seconds()}};
-  if (!o.output.empty()) {
-    AtomicFile out(o.output);
-    out.write(json_text(report, 2) + "\n");
-    out.commit();
-  }
+  if (!o.output.empty()) write_file(o.output, json_text(report, 2) + "\n");
   if (common.json) print_json(report);
   else print_text(text);
   if (failed > 0)

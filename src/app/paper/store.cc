@@ -81,9 +81,7 @@ void Store::write(const std::string& name, const nlohmann::json& value) const {
 
 void Store::write_text(const std::string& name, const std::string& text) const {
   require_there();
-  AtomicFile file(path(name));
-  file.write(text);
-  file.commit();
+  write_file(path(name), text);
 }
 
 void Store::remove(const std::string& name) const {

@@ -176,6 +176,12 @@ void AtomicFile::forget_temporary() {
   free_slot(slot_);
 }
 
+void write_file(const std::string& file, const std::string& bytes) {
+  AtomicFile out(file);
+  out.write(bytes);
+  out.commit();
+}
+
 void remove_temporary_files() {
   for (const Slot& slot : g_slots) {
     if (slot.filled.load()) unlink(slot.name);

@@ -37,6 +37,9 @@ class AtomicFile {
   bool direct_ = false;
 };
 
+// A whole file at once, by an AtomicFile.
+void write_file(const std::string& file, const std::string& bytes);
+
 // For a signal handler that ends the process: removes the new files that have a name already, and locks.
 void remove_temporary_files();
 

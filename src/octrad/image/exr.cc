@@ -432,10 +432,7 @@ std::string image_io::exr_bytes(const std::string& file, const Image& image, con
 
 void write_exr(const std::string& file, const Image& image, const ExrSettings& settings) {
   require_writable(file);
-  const std::string bytes = image_io::exr_bytes(file, image, settings);
-  AtomicFile out(file);
-  out.write(bytes);
-  out.commit();
+  write_file(file, image_io::exr_bytes(file, image, settings));
 }
 
 }  // namespace octrad

@@ -38,12 +38,6 @@ namespace {
 // Of the file's name, in small letters.
 std::string ending_of(const std::string& file) { return lower_case(std::filesystem::path(file).extension().string()); }
 
-void write_bytes(const std::string& file, const std::string& bytes) {
-  AtomicFile out(file);
-  out.write(bytes);
-  out.commit();
-}
-
 }  // namespace
 
 Image parse_image(const std::string& file, const std::string& bytes) {
@@ -89,13 +83,13 @@ void write_image(const std::string& file, const Image& image, const ToneMapping&
   if (format == PictureFormat::exr) return write_exr(file, image, exr);
   if (is_display_format(format)) return write_image(file, tonemap(image, mapping));
   const Image rgb = extract_rgb(image);
-  write_bytes(file, format == PictureFormat::hdr ? image_io::hdr_bytes(rgb) : image_io::pfm_bytes(rgb));
+  write_file(file, format == PictureFormat::hdr ? image_io::hdr_bytes(rgb) : image_io::pfm_bytes(rgb));
 }
 
 void write_image(const std::string& file, const Image8& image) {
   const PictureFormat format = picture_format(file);
   if (!is_display_format(format)) throw UsageError(file + ": a picture for the screen is written as .png or .jpg");
-  write_bytes(file, format == PictureFormat::png ? image_io::png_bytes(image) : image_io::jpeg_bytes(image));
+  write_file(file, format == PictureFormat::png ? image_io::png_bytes(image) : image_io::jpeg_bytes(image));
 }
 
 }  // namespace octrad

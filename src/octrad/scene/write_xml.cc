@@ -197,7 +197,7 @@ class Writer {
     if (const RawMesh* mesh = description_.built_mesh(name)) {
       const std::string file = files_ + "/" + name + ".ply";
       result.others[file] = [mesh, keep = description_.built](const std::string& path) {
-        write_whole(path, ply_bytes(*mesh));
+        write_file(path, ply_bytes(*mesh));
       };
       return file;
     }
@@ -207,7 +207,7 @@ class Writer {
       const std::string file = files_ + "/" + name + ending;
       const bool same = ending != std::string(".exr");
       result.others[file] = [picture, same, keep = description_.built](const std::string& path) {
-        if (same) write_whole(path, picture->encoded());
+        if (same) write_file(path, picture->encoded());
         else write_exr(path, picture->read());
       };
       return file;
@@ -217,12 +217,6 @@ class Writer {
         std::filesystem::weakly_canonical(description_.resolve(e.get("value"), e.location), code);
     const std::filesystem::path relative = std::filesystem::proximate(file, folder_, code);
     return (code || relative.empty() ? file : relative).string();
-  }
-
-  static void write_whole(const std::string& path, const std::string& bytes) {
-    AtomicFile out(path);
-    out.write(bytes);
-    out.commit();
   }
 
   const Description& description_;

@@ -338,9 +338,7 @@ void Trainer::Run::stop_non_finite(long long step, const std::string& why) {
       out << p.alpha << ',' << targets[i].x << ',' << targets[i].y << ',' << targets[i].z << '\n';
     }
     try {
-      AtomicFile csv(file);
-      csv.write(out.str());
-      csv.commit();
+      write_file(file, out.str());
       message += "; the batch is in " + file;
     } catch (const IoError& error) {
       message += std::string("; ") + error.what();
