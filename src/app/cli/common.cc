@@ -1,12 +1,16 @@
 #include "app/cli/common.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <map>
+#include <optional>
+#include <utility>
 
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -223,17 +227,38 @@ std::string format_stages(const StageSplit& stages) {
   return text;
 }
 
-void refuse_input_as_output(const std::string& option, const std::string& output,
-                            const std::vector<std::string>& inputs) {
+void refuse_inputs_as_outputs(const std::string& option, const std::vector<std::string>& outputs,
+                              const std::vector<std::string>& inputs) {
   namespace fs = std::filesystem;
   std::error_code ignored;
-  if (output.empty() || (fs::exists(output, ignored) && !fs::is_regular_file(output, ignored))) return;  // /dev/null
+  // Two names of one file are the same path, or lead to the same place on the same disk.
+  const auto place_of = [](const std::string& file) {
+    struct stat found {};
+    return ::stat(file.c_str(), &found) == 0 ? std::optional(std::pair(found.st_dev, found.st_ino)) : std::nullopt;
+  };
+  std::map<std::string, std::string> by_path;
+  std::map<std::pair<dev_t, ino_t>, std::string> by_place;
   for (const std::string& input : inputs) {
     if (input.empty()) continue;
-    if (fs::equivalent(input, output, ignored) ||
-        fs::weakly_canonical(input, ignored) == fs::weakly_canonical(output, ignored))
-      throw UsageError(fmt::format("{} {}: is {} too, which it would overwrite", option, output, input));
+    if (const fs::path path = fs::weakly_canonical(input, ignored); !path.empty())
+      by_path.emplace(path.string(), input);
+    if (const auto place = place_of(input)) by_place.emplace(*place, input);
   }
+  for (const std::string& output : outputs) {
+    if (output.empty() || (fs::exists(output, ignored) && !fs::is_regular_file(output, ignored)))
+      continue;  // /dev/null
+    const auto place = place_of(output);
+    const auto same_path = by_path.find(fs::weakly_canonical(output, ignored).string());
+    const auto same_place = place ? by_place.find(*place) : by_place.end();
+    if (same_path == by_path.end() && same_place == by_place.end()) continue;
+    throw UsageError(fmt::format("{} {}: is {} too, which it would overwrite", option, output,
+                                 same_path != by_path.end() ? same_path->second : same_place->second));
+  }
+}
+
+void refuse_input_as_output(const std::string& option, const std::string& output,
+                            const std::vector<std::string>& inputs) {
+  refuse_inputs_as_outputs(option, {output}, inputs);
 }
 
 std::string format_table(const std::vector<std::vector<std::string>>& rows) {

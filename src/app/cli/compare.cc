@@ -271,6 +271,77 @@ std::string page_of(const CompareOptions& o, const nlohmann::json& images,
   return report::page_html("Errors against " + std::filesystem::path(o.reference).filename().string(), body);
 }
 
+// What every picture is compared with, and how.
+struct Comparison {
+  const CompareOptions& options;
+  const Image& file;  // the reference as it was read
+  const Layers& layers;
+  const report::Reference& reference;
+  const Lpips* lpips;  // may be null
+  const std::optional<Metrics>& noise;
+  const std::optional<SecondReference>& second;
+  bool nothing_selected;
+};
+
+// The errors of a picture, which are not defined where nothing is selected.
+nlohmann::json errors_of(const Comparison& c, std::size_t i, const Image& image) {
+  const std::string& name = c.options.images[i];
+  try {
+    const report::PictureErrors errors = c.reference.errors(image);
+    if (is_display_referred(image) != is_display_referred(c.file)) {
+      log_warning(
+          fmt::format("{}: of this picture and {}, one is linear radiance and the other what a screen shows; "
+                      "both are compared as shown, limited to [0, 1]",
+                      name, c.options.reference));
+    }
+    warn_of(errors, name, c.noise, c.options);
+    nlohmann::json entry = report::to_json(errors);
+    if (!mask_of(c.file).empty() || !mask_of(image).empty()) {
+      log_info("{}: no SSIM, FLIP and LPIPS, which look at neighbours that --mask left out", name);
+      for (const char* key : {"ssim", "flip", "lpips"}) entry[key] = nullptr;
+    }
+    if (c.lpips != nullptr && !errors.lpips) {
+      log_warning(fmt::format("{}: no LPIPS: the network needs pictures of at least {} x {} pixels", name,
+                              c.lpips->smallest_side(), c.lpips->smallest_side()));
+    }
+    if (c.second) add_second(c.options, i, c.reference, c.file, *c.second, image, entry);
+    return entry;
+  } catch (const InputError& error) {
+    throw InputError(fmt::format("{} and {}: {}", c.options.reference, name, error.what()));
+  }
+}
+
+// All that is said of picture `i`, and its maps of errors.
+nlohmann::json compare_one(const Comparison& c, std::size_t i, const Image& image) {
+  nlohmann::json entry;
+  if (c.nothing_selected) {
+    for (const report::MetricColumn& column : report::metric_columns()) entry[column.key] = nullptr;
+    entry["pixels"] = entry["non_finite"] = 0;
+  } else {
+    entry = errors_of(c, i, image);
+    if (!c.options.error_folder.empty()) write_maps(c.options, i, c.reference, image);
+  }
+  entry["image"] = c.options.images[i];
+  entry["lpips_net"] = c.options.lpips_net;
+  entry["mape_glossy"] = nullptr;
+  if (c.layers.image == nullptr || c.nothing_selected) return entry;
+  const std::vector<std::uint8_t> glossy = roughness_from(*c.layers.image, 0.0f, kGlossyBelow, c.reference.mask());
+  if (!nothing_in(glossy)) entry["mape_glossy"] = c.reference.metrics(image, glossy).mape;
+  entry["by_roughness"] = errors_by_roughness(c.reference, image, *c.layers.image);
+  return entry;
+}
+
+void add_roughness_rows(const std::string& name, const nlohmann::json& bins,
+                        std::vector<std::vector<std::string>>& table) {
+  for (const nlohmann::json& bin : bins) {
+    table.push_back({name,
+                     fmt::format("{:g} ... {}", bin["from"].get<double>(),
+                                 bin["below"].is_null() ? "1" : fmt::format("{:g}", bin["below"].get<double>())),
+                     report::cell_text(bin, "mape"), report::cell_text(bin, "relmse"),
+                     report::cell_text(bin, "mean_ratio"), report::cell_text(bin, "pixels")});
+  }
+}
+
 void compare_verb(const CommonOptions& common, const CompareOptions& options) {
   if (options.temporal) {
     compare_temporal(common, options.reference, options.images);
@@ -331,55 +402,13 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     add_row(options.reference + " (own noise)", noise_json);
     table.back().back() = format_count(noise->pixels);
   }
+  const Comparison comparison{options, file, layers, reference, lpips.get(), noise, second, nothing_selected};
   for (std::size_t i = 0; i < options.images.size(); ++i) {
     const std::string& name = options.images[i];
     const Image image = read_same_size(name, file, options);
     warn_of_mask(name, image, options);
-    nlohmann::json entry;
-    if (nothing_selected) {
-      for (const report::MetricColumn& column : report::metric_columns()) entry[column.key] = nullptr;
-      entry["pixels"] = entry["non_finite"] = 0;
-    } else {
-      try {
-        const report::PictureErrors errors = reference.errors(image);
-        if (is_display_referred(image) != is_display_referred(file)) {
-          log_warning(
-              fmt::format("{}: of this picture and {}, one is linear radiance and the other what a screen shows; "
-                          "both are compared as shown, limited to [0, 1]",
-                          name, options.reference));
-        }
-        warn_of(errors, name, noise, options);
-        entry = report::to_json(errors);
-        if (!mask_of(file).empty() || !mask_of(image).empty()) {
-          log_info("{}: no SSIM, FLIP and LPIPS, which look at neighbours that --mask left out", name);
-          for (const char* key : {"ssim", "flip", "lpips"}) entry[key] = nullptr;
-        }
-        if (lpips && !errors.lpips) {
-          log_warning(fmt::format("{}: no LPIPS: the network needs pictures of at least {} x {} pixels", name,
-                                  lpips->smallest_side(), lpips->smallest_side()));
-        }
-        if (second) add_second(options, i, reference, file, *second, image, entry);
-      } catch (const InputError& error) {
-        throw InputError(fmt::format("{} and {}: {}", options.reference, name, error.what()));
-      }
-      if (!options.error_folder.empty()) write_maps(options, i, reference, image);
-    }
-    entry["image"] = name;
-    entry["lpips_net"] = options.lpips_net;
-    entry["mape_glossy"] = nullptr;
-    if (layers.image != nullptr && !nothing_selected) {
-      const std::vector<std::uint8_t> glossy = roughness_from(*layers.image, 0.0f, kGlossyBelow, reference.mask());
-      if (!nothing_in(glossy)) entry["mape_glossy"] = reference.metrics(image, glossy).mape;
-      entry["by_roughness"] = errors_by_roughness(reference, image, *layers.image);
-      for (const nlohmann::json& bin : entry["by_roughness"]) {
-        rough_table.push_back(
-            {name,
-             fmt::format("{:g} ... {}", bin["from"].get<double>(),
-                         bin["below"].is_null() ? "1" : fmt::format("{:g}", bin["below"].get<double>())),
-             report::cell_text(bin, "mape"), report::cell_text(bin, "relmse"), report::cell_text(bin, "mean_ratio"),
-             report::cell_text(bin, "pixels")});
-      }
-    }
+    nlohmann::json entry = compare_one(comparison, i, image);
+    if (entry.contains("by_roughness")) add_roughness_rows(name, entry["by_roughness"], rough_table);
     add_row(name, entry);
     if (!options.html.empty()) {
       pictures.push_back(

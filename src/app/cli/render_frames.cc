@@ -50,10 +50,12 @@ void render_frames(RenderSession& s) {
   std::vector<std::string> inputs = s.scene().other_files;
   inputs.insert(inputs.end(), {s.o.scene, s.o.model, s.o.view.path_file, s.common.log_json});
   const auto seed_of = [&](int frame) { return s.settings.seed + static_cast<unsigned long long>(frame); };
+  std::vector<std::string> files;
+  for (int f = 0; f < path.frames(); ++f) files.push_back(frame_file(pattern, f));
+  refuse_inputs_as_outputs("-o", files, inputs);
   for (int f = 0; f < path.frames(); ++f) {
-    refuse_input_as_output("-o", frame_file(pattern, f), inputs);
     views.push_back(choose_view(s.scene(), s.o.view, path.camera(f)));
-    if (!is_there(s, frame_file(pattern, f), views.back(), seed_of(f))) missing.push_back(f);
+    if (!is_there(s, files[static_cast<std::size_t>(f)], views.back(), seed_of(f))) missing.push_back(f);
   }
   RenderResult total;
   int rendered = 0;
@@ -67,7 +69,7 @@ void render_frames(RenderSession& s) {
     RenderResult result = s.render_picture(rendered / n, 1.0 / n);
     total.interrupted = result.interrupted;
     if (total.interrupted) break;  // a frame that is there is a whole one
-    const std::string file = frame_file(pattern, f);
+    const std::string& file = files[static_cast<std::size_t>(f)];
     s.save(result, view, seed_of(f), file);
     ++rendered;
     total.spp = result.spp;

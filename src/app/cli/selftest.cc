@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <ctime>
 
 #include "app/cli/common.h"
@@ -15,6 +14,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/random_seed.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/threads.h"
@@ -33,11 +33,7 @@ struct SelftestOptions {
 };
 
 bool chosen(const SelftestOptions& o, const char* name) {
-  const auto lower = [](std::string text) {
-    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return text;
-  };
-  return o.only.empty() || lower(name).find(lower(o.only)) != std::string::npos;
+  return o.only.empty() || lower_case(name).find(lower_case(o.only)) != std::string::npos;
 }
 
 // JSON has no infinity.

@@ -134,6 +134,139 @@ bool train_viewed(const CommonOptions& common, const TrainVerbOptions& o, Prepar
   return serve(o.serve, common, session, interrupted);
 }
 
+// --resume: the model at -o, with its optimiser's state; none where there is no file yet. `held`: bytes that it takes,
+// which are part of what training is estimated to need.
+std::optional<Model> open_resumed(const TrainVerbOptions& o, std::uint64_t& held) {
+  if (!o.resume) return std::nullopt;
+  if (!std::filesystem::exists(o.output)) {
+    log_info("{} does not exist yet: starting from the beginning", o.output);
+    return std::nullopt;
+  }
+  const std::uint64_t before = resident_bytes();
+  Model model = load_model(o.output, true);
+  held = std::max(resident_bytes(), before) - before;
+  if (!model.has_optimizer)
+    throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
+  return model;
+}
+
+void check_sensors(const TrainVerbOptions& o, const TrainingState& state, const Scene& scene,
+                   const std::vector<Camera>& cameras) {
+  if (state.sensors.empty() || state.sensors == sensors_fingerprint(scene, cameras)) return;
+  throw UsageError(fmt::format(
+      "--resume: the sensors of {}, the sampling weights of its lights or the cameras of train.cameras are others than "
+      "those that {} was trained with; a run continues with its own",
+      o.scene, o.output));
+}
+
+void warn_of_spent_budget(const std::string& file, const Config& config, const TrainingState& state,
+                          double time_limit) {
+  const bool no_steps = config.train_steps > 0 && state.step >= config.train_steps;
+  const double most = config.train_steps > 0 ? time_limit : config.train_seconds;
+  if (!no_steps && !(most > 0.0 && state.seconds >= most)) return;
+  log_warning(
+      fmt::format("{} has trained {} already: nothing is left to do; {} is the total, earlier runs included", file,
+                  no_steps ? fmt::format("{} of {} steps", format_count(state.step), format_count(config.train_steps))
+                           : fmt::format("{} of {}", format_duration(state.seconds), format_duration(most)),
+                  no_steps ? "--steps" : "--time"));
+}
+
+// What is said while it trains, on the terminal and in `log` (may be null). All must outlive `options`.
+void report_progress(TrainOptions& options, Progress& progress, JsonLines* log) {
+  const Stream* stream = options.stream;
+  options.progress = [&progress, log, stream](const TrainProgress& p) {
+    if (progress.due()) {
+      std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
+      if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
+      text += fmt::format("  {} queries/s", format_rate(p.queries_per_second));
+      if (p.validation_mape < 0.0) text += "  " + format_bytes(static_cast<double>(resident_bytes()));  // 80 columns
+      progress.update(p.fraction, text);
+    }
+    if (log == nullptr) return;
+    nlohmann::json line = {{"event", "progress"},
+                           {"step", p.step},
+                           {"seconds", p.seconds},
+                           {"fraction", p.fraction},
+                           {"loss", p.loss},
+                           {"points_per_s", p.points_per_second},
+                           {"rhs_queries_per_s", p.queries_per_second},
+                           {"memory", resident_bytes()}};
+    if (stream != nullptr) line["device_memory"] = stream->allocated_bytes();
+    log->write(line);
+  };
+  options.validated = [log](long long step, double seconds, double mape) {
+    if (log) log->write({{"event", "validation"}, {"step", step}, {"seconds", seconds}, {"mape", mape}});
+  };
+  options.saved = [log](const std::string& file, long long step) {
+    log_verbose("saved {} at step {}", file, format_count(step));
+    if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
+  };
+  options.not_saved = [log](const std::string& why, long long step) {
+    log_warning(why + "; training goes on, and the next checkpoint tries again");
+    if (log) log->write({{"event", "not_saved"}, {"error", why}, {"step", step}});
+  };
+  options.placed = [](const DomainFit& fit) {
+    log_info("{}", domain_text(fit));
+    if (const std::string warning = domain_warning(fit); !warning.empty()) log_warning(warning);
+  };
+}
+
+// Whether training was cut short.
+bool run(const CommonOptions& common, const TrainVerbOptions& o, PreparedScene& scene, const TrainOptions& options,
+         Trainer& trainer) {
+  if (o.view) return train_viewed(common, o, scene, trainer, options.stream, options.interrupted);
+  std::optional<TevTraining> tev;
+  if (!o.tev.empty()) tev.emplace(o.tev, o.output, scene, trainer, options.stream);
+  bool cut = false;
+  while (!trainer.done() && !cut) {
+    cut = options.interrupted();
+    if (!cut) trainer.step();
+    if (tev) tev->update();
+  }
+  if (tev) tev->update(true);
+  return cut;
+}
+
+nlohmann::json report_json(const TrainVerbOptions& o, const Config& config, const TrainOptions& options,
+                           const TrainResult& result, const std::string& device, const ModelFileSize& size) {
+  nlohmann::json report = {
+      {"steps", result.steps},
+      {"seconds", result.seconds},
+      {"lhs_samples", result.lhs_samples},
+      {"rhs_queries", result.rhs_queries},
+      {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / std::max(result.seconds, 1e-9)},
+      {"empty_lookups", result.empty_lookups},
+      {"dropped_contributions", result.dropped_contributions},
+      {"loss", result.loss < 0.0 ? nlohmann::json(nullptr) : nlohmann::json(result.loss)},
+      {"validation_mape", nullptr},
+      {"model", o.output},
+      {"field", config.field},
+      {"preset", config.preset},
+      {"interrupted", interrupted()},
+      {"device", device}};
+  report["memory_estimate_bytes"] = static_cast<std::uint64_t>(options.used_memory + result.memory);
+  report["memory_peak_bytes"] = peak_resident_bytes();
+  if (options.stream != nullptr) report["device_peak_bytes"] = options.stream->peak_bytes();
+  if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
+  if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
+  if (size.total > 0.0) {
+    report["model_bytes"] = static_cast<std::uint64_t>(size.total);
+    report["optimizer_bytes"] = static_cast<std::uint64_t>(size.optimizer);
+  }
+  return report;
+}
+
+void print_result(const std::string& file, const TrainResult& result, const ModelFileSize& size) {
+  log_info("{}: {} steps in {}, loss {:.4f}{}, {} queries/s", file, format_count(result.steps),
+           format_duration(result.seconds), result.loss,
+           result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
+           format_rate(static_cast<double>(result.rhs_queries) / std::max(result.seconds, 1e-9)));
+  if (size.optimizer > 0.0)
+    log_info("{}: {} with what --resume needs, {} with --no-optimizer", file, format_bytes(size.total),
+             format_bytes(size.total - size.optimizer));
+  if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
+}
+
 void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   if (o.view) o.serve.prepare();
   const WriterLock lock(o.output);
@@ -149,21 +282,9 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   const double validate_every = o.validate_every.empty() ? 0.0 : parse_duration(o.validate_every);
   if (!o.validate_every.empty() && validate_every <= 0.0) throw UsageError("--validate-every must be above 0");
 
-  std::optional<Model> resumed;
-  std::uint64_t held = 0;  // by the model that is continued: part of what training is estimated to need
-  if (o.resume) {
-    if (std::filesystem::exists(o.output)) {
-      const std::uint64_t before = resident_bytes();
-      resumed = load_model(o.output, true);
-      held = std::max(resident_bytes(), before) - before;
-      if (!resumed->has_optimizer)
-        throw InputError(
-            fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
-      config = resumed_config(*resumed, o, common);
-    } else {
-      log_info("{} does not exist yet: starting from the beginning", o.output);
-    }
-  }
+  std::uint64_t held = 0;
+  std::optional<Model> resumed = open_resumed(o, held);
+  if (resumed) config = resumed_config(*resumed, o, common);
 
   const DeviceChoice device = common.choose_device(config.field);
   const std::unique_ptr<Stream> stream = device.make_stream(o.config.tuning());
@@ -196,12 +317,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   }
   if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
   options.resume = resumed ? &*resumed : nullptr;
-  if (resumed && !resumed->info.state.sensors.empty() &&
-      resumed->info.state.sensors != sensors_fingerprint(scene.scene(), options.cameras))
-    throw UsageError(fmt::format(
-        "--resume: the sensors of {}, the sampling weights of its lights or the cameras of train.cameras are others "
-        "than those that {} was trained with; a run continues with its own",
-        o.scene, o.output));
+  if (resumed) check_sensors(o, resumed->info.state, scene.scene(), options.cameras);
 
   // With both --steps and --time the schedule follows the steps and the time is a limit.
   if (o.steps > 0 && !o.time.empty()) options.time_limit = parse_duration(o.time);
@@ -219,72 +335,12 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
                 {"step", resumed_step},
                 {"device", device.name}});
   if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed_step));
-  if (resumed) {
-    const bool no_steps = config.train_steps > 0 && resumed_step >= config.train_steps;
-    const double most = config.train_steps > 0 ? options.time_limit : config.train_seconds;
-    const double spent = resumed->info.state.seconds;
-    if (no_steps || (most > 0.0 && spent >= most)) {
-      log_warning(fmt::format(
-          "{} has trained {} already: nothing is left to do; {} is the total, earlier runs included", o.output,
-          no_steps ? fmt::format("{} of {} steps", format_count(resumed_step), format_count(config.train_steps))
-                   : fmt::format("{} of {}", format_duration(spent), format_duration(most)),
-          no_steps ? "--steps" : "--time"));
-    }
-  }
+  if (resumed) warn_of_spent_budget(o.output, config, resumed->info.state, options.time_limit);
 
   Progress progress("train");
-  options.progress = [&](const TrainProgress& p) {
-    if (progress.due()) {
-      std::string text = fmt::format("step {}  loss {:.4f}", format_count(p.step), p.loss);
-      if (p.validation_mape >= 0.0) text += fmt::format("  MAPE {:.4f}", p.validation_mape);
-      text += fmt::format("  {} queries/s", format_rate(p.queries_per_second));
-      if (p.validation_mape < 0.0) text += "  " + format_bytes(static_cast<double>(resident_bytes()));  // 80 columns
-      progress.update(p.fraction, text);
-    }
-    if (log) {
-      nlohmann::json line = {{"event", "progress"},
-                             {"step", p.step},
-                             {"seconds", p.seconds},
-                             {"fraction", p.fraction},
-                             {"loss", p.loss},
-                             {"points_per_s", p.points_per_second},
-                             {"rhs_queries_per_s", p.queries_per_second},
-                             {"memory", resident_bytes()}};
-      if (stream) line["device_memory"] = stream->allocated_bytes();
-      log->write(line);
-    }
-  };
-  options.validated = [&](long long step, double seconds, double mape) {
-    if (log) log->write({{"event", "validation"}, {"step", step}, {"seconds", seconds}, {"mape", mape}});
-  };
-  options.saved = [&](const std::string& file, long long step) {
-    log_verbose("saved {} at step {}", file, format_count(step));
-    if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
-  };
-  options.not_saved = [&](const std::string& why, long long step) {
-    log_warning(why + "; training goes on, and the next checkpoint tries again");
-    if (log) log->write({{"event", "not_saved"}, {"error", why}, {"step", step}});
-  };
-
-  options.placed = [&](const DomainFit& fit) {
-    log_info("{}", domain_text(fit));
-    if (const std::string warning = domain_warning(fit); !warning.empty()) log_warning(warning);
-  };
-
+  report_progress(options, progress, log.get());
   Trainer trainer(scene, config, options);
-  bool cut = false;
-  if (o.view) {
-    cut = train_viewed(common, o, scene, trainer, stream.get(), options.interrupted);
-  } else {
-    std::optional<TevTraining> tev;
-    if (!o.tev.empty()) tev.emplace(o.tev, o.output, scene, trainer, stream.get());
-    while (!trainer.done() && !cut) {
-      cut = options.interrupted();
-      if (!cut) trainer.step();
-      if (tev) tev->update();
-    }
-    if (tev) tev->update(true);
-  }
+  const bool cut = run(common, o, scene, options, trainer);
   const TrainResult result = trainer.finish(cut);
   set_memory_limit(0);  // what is left is to say what was done
   progress.finish();
@@ -292,34 +348,11 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
     log_warning(fmt::format("{} contributions to targets were not finite and count as black",
                             format_count(result.dropped_contributions)));
   }
-
   if (result.empty_lookups > 0) log_info("{}", empty_lookups_text(result.empty_lookups));
 
-  const double seconds = std::max(result.seconds, 1e-9);
-  nlohmann::json report = {{"steps", result.steps},
-                           {"seconds", result.seconds},
-                           {"lhs_samples", result.lhs_samples},
-                           {"rhs_queries", result.rhs_queries},
-                           {"rhs_queries_per_s", static_cast<double>(result.rhs_queries) / seconds},
-                           {"empty_lookups", result.empty_lookups},
-                           {"loss", result.loss < 0.0 ? nlohmann::json(nullptr) : nlohmann::json(result.loss)},
-                           {"validation_mape", nullptr},
-                           {"model", o.output},
-                           {"field", config.field},
-                           {"preset", config.preset},
-                           {"interrupted", interrupted()},
-                           {"device", device.name}};
-  report["memory_estimate_bytes"] = static_cast<std::uint64_t>(options.used_memory + result.memory);
-  report["memory_peak_bytes"] = peak_resident_bytes();
-  if (stream) report["device_peak_bytes"] = stream->peak_bytes();
-  if (!result.stages.empty()) report["stages_ms"] = stages_json(result.stages);
-  if (result.validation_mape >= 0.0) report["validation_mape"] = result.validation_mape;
   ModelFileSize size;
-  if (std::filesystem::is_regular_file(o.output)) {
-    size = model_file_size(TensorReader(o.output));
-    report["model_bytes"] = static_cast<std::uint64_t>(size.total);
-    report["optimizer_bytes"] = static_cast<std::uint64_t>(size.optimizer);
-  }
+  if (std::filesystem::is_regular_file(o.output)) size = model_file_size(TensorReader(o.output));
+  const nlohmann::json report = report_json(o, config, options, result, device.name, size);
   if (log) {
     nlohmann::json done = report;
     done["event"] = "done";
@@ -327,18 +360,8 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   }
   if (interrupted())
     log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
-  if (common.json) {
-    print_json(report);
-  } else {
-    log_info("{}: {} steps in {}, loss {:.4f}{}, {} queries/s", o.output, format_count(result.steps),
-             format_duration(result.seconds), result.loss,
-             result.validation_mape >= 0.0 ? fmt::format(", validation MAPE {:.4f}", result.validation_mape) : "",
-             format_rate(static_cast<double>(result.rhs_queries) / seconds));
-    if (size.optimizer > 0.0)
-      log_info("{}: {} with what --resume needs, {} with --no-optimizer", o.output, format_bytes(size.total),
-               format_bytes(size.total - size.optimizer));
-    if (!result.stages.empty()) log_info("ms of a step: {}", format_stages(result.stages));
-  }
+  if (common.json) print_json(report);
+  else print_result(o.output, result, size);
   if (log) log->finish();
 }
 
