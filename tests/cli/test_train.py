@@ -269,7 +269,7 @@ class Train(Case):
         self.fails(2, "another scene", "train", other, "-o", self.model, *SMALL, "--resume", "--steps", 9)
         turned = self.write("turned.xml", ROOM.replace('target="0, ', 'target="0.01, '))
         self.assertNotEqual(open(turned).read(), ROOM)
-        self.fails(1, "sensors", "train", turned, "-o", self.model, *SMALL, "--resume", "--steps", 9)
+        self.fails(2, "sensors", "train", turned, "-o", self.model, *SMALL, "--resume", "--steps", 9)
         self.train("--steps", 3, "--no-optimizer")
         self.fails(2, "--no-optimizer", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 9)
 

@@ -227,10 +227,14 @@ std::string format_stages(const StageSplit& stages) {
   return text;
 }
 
-void refuse_inputs_as_outputs(const std::string& option, const std::vector<std::string>& outputs,
+void refuse_inputs_as_outputs(const std::string& option, std::vector<std::string> outputs,
                               const std::vector<std::string>& inputs) {
   namespace fs = std::filesystem;
   std::error_code ignored;
+  std::erase_if(outputs, [&](const std::string& file) {
+    return file.empty() || (fs::exists(file, ignored) && !fs::is_regular_file(file, ignored));  // /dev/null
+  });
+  if (outputs.empty()) return;
   // Two names of one file are the same path, or lead to the same place on the same disk.
   const auto place_of = [](const std::string& file) {
     struct stat found {};
@@ -245,8 +249,6 @@ void refuse_inputs_as_outputs(const std::string& option, const std::vector<std::
     if (const auto place = place_of(input)) by_place.emplace(*place, input);
   }
   for (const std::string& output : outputs) {
-    if (output.empty() || (fs::exists(output, ignored) && !fs::is_regular_file(output, ignored)))
-      continue;  // /dev/null
     const auto place = place_of(output);
     const auto same_path = by_path.find(fs::weakly_canonical(output, ignored).string());
     const auto same_place = place ? by_place.find(*place) : by_place.end();

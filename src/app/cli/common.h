@@ -126,7 +126,7 @@ nlohmann::json stages_json(const StageSplit& stages);
 std::string format_stages(const StageSplit& stages);
 
 // Throws UsageError where an output, given as `option`, is one of `inputs` by whatever name: it would be overwritten.
-void refuse_inputs_as_outputs(const std::string& option, const std::vector<std::string>& outputs,
+void refuse_inputs_as_outputs(const std::string& option, std::vector<std::string> outputs,
                               const std::vector<std::string>& inputs);
 void refuse_input_as_output(const std::string& option, const std::string& output,
                             const std::vector<std::string>& inputs);

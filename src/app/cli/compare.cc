@@ -245,7 +245,7 @@ void add_second(const CompareOptions& o, std::size_t index, const report::Refere
   }
 }
 
-void write_table(const std::string& file, const std::string& text) {
+void write_and_say(const std::string& file, const std::string& text) {
   write_file(file, text);
   log_info("wrote {}", file);
 }
@@ -417,9 +417,9 @@ void compare_verb(const CommonOptions& common, const CompareOptions& options) {
     }
     images.push_back(std::move(entry));
   }
-  if (!options.csv.empty()) write_table(options.csv, report::csv_table(images));
-  if (!options.latex.empty()) write_table(options.latex, report::latex_table(images));
-  if (!options.html.empty()) write_table(options.html, page_of(options, images, pictures));
+  if (!options.csv.empty()) write_and_say(options.csv, report::csv_table(images));
+  if (!options.latex.empty()) write_and_say(options.latex, report::latex_table(images));
+  if (!options.html.empty()) write_and_say(options.html, page_of(options, images, pictures));
   if (common.json) {
     nlohmann::json report = {{"reference", options.reference}, {"images", images}};
     if (!options.reference_b.empty()) report["reference_noise"] = noise_json;

@@ -28,14 +28,15 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   options.permissive = common.permissive;
   Scene scene;
   const SceneFiles files = scene_as_xml(o.scene, o.output, options, scene);
-  refuse_input_as_output("-o", o.output, scene.other_files);
-  log_findings(scene);
   const std::filesystem::path folder = std::filesystem::path(o.output).parent_path();
+  std::vector<std::string> outputs = {o.output};
+  for (const auto& [name, write] : files.others) outputs.push_back((folder / name).string());
+  refuse_inputs_as_outputs("-o", outputs, scene.other_files);
+  log_findings(scene);
   for (const auto& [name, write] : files.others) {
     const std::filesystem::path path = folder / name;
     std::error_code failed;
     std::filesystem::create_directory(path.parent_path(), failed);  // writing says what is wrong
-    refuse_input_as_output("-o", path.string(), scene.other_files);
     write(path.string());
   }
   write_file(o.output, files.xml);

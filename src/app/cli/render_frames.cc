@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include "app/cli/render_session.h"
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"

@@ -137,7 +137,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
   settings.max_depth = o.max_depth >= -1 ? o.max_depth : scene().max_depth;
   settings.rr_depth = o.rr_depth > 0 ? o.rr_depth : settings.rr_depth;
   settings.seed = static_cast<unsigned long long>(std::max(0LL, common.seed));
-  settings.expected_spp = budget.spp > 0 ? budget.spp : 64;  // --time: as many as a pass ever takes
+  settings.expected_spp = budget.spp > 0 ? budget.spp : kLargestPass;  // --time
   if (stream) settings.max_memory = common.memory_budget(*stream);
 }
 

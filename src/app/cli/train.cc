@@ -153,7 +153,7 @@ std::optional<Model> open_resumed(const TrainVerbOptions& o, std::uint64_t& held
 void check_sensors(const TrainVerbOptions& o, const TrainingState& state, const Scene& scene,
                    const std::vector<Camera>& cameras) {
   if (state.sensors.empty() || state.sensors == sensors_fingerprint(scene, cameras)) return;
-  throw UsageError(fmt::format(
+  throw InputError(fmt::format(
       "--resume: the sensors of {}, the sampling weights of its lights or the cameras of train.cameras are others than "
       "those that {} was trained with; a run continues with its own",
       o.scene, o.output));
@@ -171,7 +171,7 @@ void warn_of_spent_budget(const std::string& file, const Config& config, const T
                   no_steps ? "--steps" : "--time"));
 }
 
-// What is said while it trains, on the terminal and in `log` (may be null). All must outlive `options`.
+// What is said while it trains, on the terminal and in `log` (may be null). All must outlive the training.
 void report_progress(TrainOptions& options, Progress& progress, JsonLines* log) {
   const Stream* stream = options.stream;
   options.progress = [&progress, log, stream](const TrainProgress& p) {
@@ -293,7 +293,10 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   PreparedScene scene(open_scene(o.scene, o.config.scene_definitions(), common.permissive,
                                  {{"-o", o.output}, {"--log-json", common.log_json}}));
   use_huge_pages();
+  std::vector<Camera> cameras;
+  if (!config.train_cameras.empty()) cameras = read_cameras(config.train_cameras);
   if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
+  if (resumed) check_sensors(o, resumed->info.state, scene.scene(), cameras);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
 
@@ -315,9 +318,8 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
     options.max_memory = static_cast<double>(common.memory_budget(*stream));
     options.used_memory = 0.0;
   }
-  if (!config.train_cameras.empty()) options.cameras = read_cameras(config.train_cameras);
+  options.cameras = std::move(cameras);
   options.resume = resumed ? &*resumed : nullptr;
-  if (resumed) check_sensors(o, resumed->info.state, scene.scene(), options.cameras);
 
   // With both --steps and --time the schedule follows the steps and the time is a limit.
   if (o.steps > 0 && !o.time.empty()) options.time_limit = parse_duration(o.time);

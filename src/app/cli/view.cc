@@ -21,6 +21,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
+#include "octrad/scene/fingerprint.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad::cli {
@@ -128,6 +129,9 @@ std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVer
     refuse_input_as_output("-o", o.output, {cameras});
     options.cameras = read_cameras(cameras);
   }
+  if (!resumed.info.state.sensors.empty() &&
+      resumed.info.state.sensors != sensors_fingerprint(scene.scene(), options.cameras))
+    log_warning(fmt::format("{} was trained with other sensors, cameras or sampling weights of lights", model.file));
   auto trainer = std::make_unique<Trainer>(scene, resumed.info.config, options);
   model.field = &trainer->field();
   model.trainer = trainer.get();

@@ -31,10 +31,10 @@ nlohmann::json matrix_json(const Plan& plan, const Matrix& m) {
           {"reference_spp_used", 2 * plan.scale.half_spp(m.reference_spp)}};
 }
 
-// A record of the run that is an object with an object `part`; null where there is none, or it is broken.
-nlohmann::json read_record(const Store& store, const std::string& name, const char* part = "output") {
+// What a command printed and was kept of it; null where there is nothing, or it is broken.
+nlohmann::json read_record(const Store& store, const std::string& name) {
   nlohmann::json record = store.read(name);
-  return record.is_object() && record.contains(part) && record[part].is_structured() ? record : nlohmann::json();
+  return record.is_object() && record.contains("output") && record["output"].is_object() ? record : nlohmann::json();
 }
 
 nlohmann::json training_json(const Store& store, const Plan& plan, const Training& t) {
@@ -88,7 +88,7 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
     base["training"] = t["folder"];
     if (t.contains("command")) commands["train"] = t["command"];
   }
-  const nlohmann::json made = read_record(store, cell.folder + "/cell.json", "views"),
+  const nlohmann::json made = store.read(cell.folder + "/cell.json"),
                        failed = store.read(cell.folder + "/cell.json.failed");
   for (std::size_t v = 0; v < cell.references.size(); ++v) {
     nlohmann::json entry = base;
@@ -98,9 +98,14 @@ void add_cell(const Store& store, const Plan& plan, const Cell& cell, const std:
     entry["view"] = plan.references[cell.references[v]].view.name;
     entry["status"] = "waiting";
     entry["commands"] = commands;
-    if (made.is_object() && made["views"].size() > v && made["views"].is_array()) {
+    const auto views = made.is_object() ? made.find("views") : made.end();
+    const bool whole = views != made.end() && views->is_array() && views->size() > v && (*views)[v].is_object();
+    if (made.is_object() && !whole) {
+      entry["status"] = "failed";
+      entry["message"] = "its cell.json is broken; without it the cell is made again";
+    } else if (whole) {
       entry["status"] = "done";
-      for (const auto& [key, value] : made["views"][v].items()) {
+      for (const auto& [key, value] : (*views)[v].items()) {
         if (key == "commands") entry["commands"].update(value);
         else entry[key] = value;
       }

@@ -127,6 +127,7 @@ constexpr Check kChecks[] = {
      [](const Context& c) { return check_random_numbers(c.stream, c.items(1 << 20, 1 << 16), c.seed); }},
     {"Sobol points", [](const Context& c) { return check_sobol(c.stream, 1 << 16); }},
     {"atomics", [](const Context& c) { return check_atomics(c.stream, c.items(1 << 22, 1 << 17), c.seed); }},
+    {"appended lists", [](const Context& c) { return check_appends(c.stream, c.items(1 << 22, 1 << 17), c.seed); }},
     {"sort", [](const Context& c) { return check_sort(c.stream, c.items(1 << 21, 1 << 16), 20, c.seed); }},
     {"scan", [](const Context& c) { return check_scan(c.stream, c.items(1 << 21, 1 << 16), c.seed); }},
     {"sum", [](const Context& c) { return check_sum(c.stream, c.items(1 << 22, 1 << 17), c.seed); }},

@@ -273,11 +273,14 @@ void LiveTraining::apply_edits() {
   });
   if (!trouble_.empty()) {  // says what holds, where something was refused
     const std::lock_guard lock(mutex_);
-    for (const auto& [light, factor] : lights)
-      lights_[static_cast<std::size_t>(light)]["factor"] = vector_json(scene_.light_factor(light));
+    for (const auto& [light, factor] : lights) {
+      if (light_edits_.count(light) == 0)  // else it was said again
+        lights_[static_cast<std::size_t>(light)]["factor"] = vector_json(scene_.light_factor(light));
+    }
     for (nlohmann::json& m : materials_) {
       const int material = m["material"].get<int>();
-      if (materials.count(material)) m["edit"] = edit_json(scene_.material_edit(material));
+      if (materials.count(material) && material_edits_.count(material) == 0)
+        m["edit"] = edit_json(scene_.material_edit(material));
     }
     ++refusals_;
   }

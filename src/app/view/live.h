@@ -97,7 +97,7 @@ class LiveTraining {
   double share_ = 0.0;     // of the time that they took lately
   double spacing_ = 0.0;   // seconds between two points of the curves
   long long saved_step_ = -1;
-  std::string trouble_;  // why the last save failed
+  std::string trouble_;  // why the last save failed, or an edit was refused
   std::vector<Vec3f> points_;
   std::size_t next_point_ = 0;
 };

@@ -225,7 +225,10 @@ void Session::handle(ClientId client, const nlohmann::json& message) {
     picks_.emplace_back(client, message);
     wake_.notify_all();
   } else if (type == "path") {
-    require_control(client);
+    {
+      const std::lock_guard lock(mutex_);
+      require_control(client);
+    }
     server_->send(client, json_text(path(message)));
   } else if (type == "train" || type == "edit") {
     train(client, message);
@@ -270,7 +273,6 @@ void Session::set(ClientId client, const nlohmann::json& message) {
   if (!only_camera) tell_state();
 }
 
-// Under mutex_.
 void Session::require_control(ClientId client) const {
   if (controller_ == 0) throw InputError("nobody has the controls: take them first");
   if (client != controller_) throw InputError("another viewer has the controls");

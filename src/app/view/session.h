@@ -68,7 +68,7 @@ class Session : public ServerHandler {
 
   void handle(ClientId client, const nlohmann::json& message);
   void set(ClientId client, const nlohmann::json& message);
-  void require_control(ClientId client) const;  // throws InputError where another has the controls
+  void require_control(ClientId client) const;  // under mutex_; throws InputError where the client has no controls
   void train(ClientId client, const nlohmann::json& message);
   nlohmann::json pick(const nlohmann::json& message) const;
   nlohmann::json path(const nlohmann::json& message) const;

@@ -204,17 +204,17 @@ class Connection : public std::enable_shared_from_this<Connection> {
   using Request = http::request<http::empty_body>;
   void handle(const Request& request);
   void answer(const Request& request, Download file);
-  // For a request, and for an answer of that many bytes: a slow line has a second more for each 100 kB.
-  void limit_time(std::size_t bytes = 0) {
-    const double seconds = server_->options.limits.request_seconds + 1e-5 * static_cast<double>(bytes);
-    stream_.expires_after(duration_cast<Clock::duration>(duration<double>(seconds)));
+  void limit_time() {
+    stream_.expires_after(duration_cast<Clock::duration>(duration<double>(server_->options.limits.request_seconds)));
   }
+  void write();
 
   std::shared_ptr<WebServer::Impl> server_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<http::response<http::string_body>> response_;
+  std::optional<http::response_serializer<http::string_body>> serializer_;  // of response_
   int requests_ = 0;
   bool known_ = false;  // has shown the token
 };
@@ -410,9 +410,16 @@ void Connection::answer(const Request& request, Download file) {
   response_->keep_alive(ok && request.keep_alive() && ++requests_ < kMostRequests && !server_->stopping);
   response_->body() = std::move(file.body);
   response_->prepare_payload();
-  limit_time(response_->body().size());
-  http::async_write(stream_, *response_, [self = shared_from_this()](error_code error, std::size_t) {
+  serializer_.emplace(*response_);
+  write();
+}
+
+// As much of the answer as the line takes, and the rest: a slow line has all the time, one that stands still has not.
+void Connection::write() {
+  limit_time();
+  http::async_write_some(stream_, *serializer_, [self = shared_from_this()](error_code error, std::size_t) {
     if (error) return;
+    if (!self->serializer_->is_done()) return self->write();
     if (self->response_->keep_alive()) return self->read();
     error_code ignored;
     self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);

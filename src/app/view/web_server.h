@@ -25,7 +25,7 @@ struct ServerLimits {
   double messages_a_second = 500.0;     // of a client, on average; it is read more slowly above
   std::size_t unread = 256;             // texts that wait for a client before it is dropped
   std::size_t unread_bytes = 16 << 20;  // and their bytes
-  double request_seconds = 15.0;        // for a request to arrive, an answer to be taken
+  double request_seconds = 15.0;        // for a request to arrive, the next part of an answer to be taken
 };
 
 struct ServerOptions {

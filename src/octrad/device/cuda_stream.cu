@@ -2,6 +2,10 @@
 // first asked for something, so that the program starts where there is none.
 #include "octrad/device/cuda_stream.h"
 
+#include <cxxabi.h>
+
+#include <cassert>
+#include <cstdlib>
 #include <unordered_map>
 
 #include "octrad/base/bytes.h"
@@ -83,6 +87,7 @@ class CudaStream : public Stream {
     return memory;
   }
   void release(void* memory) noexcept override {
+    assert(!capturing_);  // the recorded graph would use it
     const auto found = sizes_.find(memory);
     if (found == sizes_.end()) return;
     allocated_ -= found->second;
@@ -166,6 +171,7 @@ class CudaStream : public Stream {
     use_device();
     return stream_;
   }
+  cudaError_t finish_launch() { return capturing_ ? cudaSuccess : cudaStreamSynchronize(stream_); }
 
  private:
   // Threads that did not make the stream may have another current device.
@@ -190,7 +196,17 @@ class CudaStream : public Stream {
 
 cudaStream_t cuda_handle(Stream& stream) { return static_cast<CudaStream&>(stream).handle(); }
 
-void check_launch(Stream&) { check_cuda(cudaGetLastError(), "starting a kernel"); }
+void check_launch(Stream& stream, const char* kernel) {
+  static const bool waits = std::getenv("OCTRAD_CUDA_SYNC") != nullptr;
+  cudaError_t status = cudaGetLastError();
+  if (status == cudaSuccess && waits) status = static_cast<CudaStream&>(stream).finish_launch();
+  if (status == cudaSuccess) return;
+  int failed = 0;
+  char* const name = abi::__cxa_demangle(kernel, nullptr, nullptr, &failed);
+  const std::string what = std::string("running ") + (name != nullptr ? name : kernel);
+  std::free(name);
+  check_cuda(status, what.c_str());
+}
 
 void check_cuda(cudaError_t status, const char* what) {
   if (status == cudaSuccess) return;

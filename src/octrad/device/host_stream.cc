@@ -1,5 +1,6 @@
 #include "octrad/device/host_stream.h"
 
+#include <cassert>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
@@ -63,6 +64,7 @@ class HostStream : public Stream {
     return memory;
   }
   void release(void* memory) noexcept override {
+    assert(!capture_);  // as on a device: the recorded graph would use it
     const auto found = sizes_.find(memory);
     if (found == sizes_.end()) return;
     allocated_ -= found->second;

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <string>
 #include <type_traits>
+#include <typeinfo>
 
 #include "octrad/base/error.h"
 #include "octrad/base/hd.h"
@@ -34,7 +35,7 @@ __global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_levels_kernel
 }
 #endif
 
-// Functors derive from this; another block size or a name for error messages and timings shadow these.
+// Functors derive from this; other numbers shadow these.
 struct Kernel {
   static constexpr unsigned kBlock = 128;
   static constexpr unsigned kMinBlocks =
@@ -72,7 +73,7 @@ void launch(Stream& stream, std::size_t n, const F& functor) {
     const auto count = static_cast<std::uint32_t>(n);
     const unsigned block = block_of<F>(stream);
     launch_kernel<F><<<(count + block - 1) / block, block, 0, cuda_handle(stream)>>>(count, functor);
-    check_launch(stream);
+    check_launch(stream, typeid(F).name());
     return;
   }
 #endif
@@ -94,7 +95,7 @@ void launch_levels(Stream& stream, std::size_t n, int levels, const F& functor) 
     const unsigned block = block_of<F>(stream);
     const dim3 blocks((count + block - 1) / block, static_cast<unsigned>(levels));
     launch_levels_kernel<F><<<blocks, block, 0, cuda_handle(stream)>>>(count, functor);
-    check_launch(stream);
+    check_launch(stream, typeid(F).name());
     return;
   }
 #endif

@@ -85,6 +85,10 @@ TEST_P(Streams, PartsMeetEveryItemOfEachOnce) {
   EXPECT_EQ(stream->capture([&] { launch_parts<CountItems>(*stream, nullptr, 0); })->size(), 0u);
 }
 
+TEST_P(Streams, ListsHoldWhatWasAppended) {
+  for (const std::size_t n : {1, 31, 33, 80'000}) EXPECT_TRUE(testing::passed(check_appends(*stream, n, n)));
+}
+
 TEST_P(Streams, AtomicsLoseNothing) { EXPECT_TRUE(testing::passed(check_atomics(*stream, 80'000, 1))); }
 
 TEST_P(Streams, RandomNumbersAreThoseOfTheCpu) {

@@ -59,7 +59,7 @@ void check(const SortWorkspace& workspace, std::size_t n) {
 std::size_t workspace_bytes(Stream& stream, std::size_t capacity) {
   if (capacity == 0) return 0;
 #if defined(OCTRAD_CUDA)
-  if (stream.on_device()) return cub_workspace_bytes(capacity);
+  if (stream.on_device()) return cub_workspace_bytes(stream, capacity);
 #else
   (void)stream;
 #endif

@@ -9,7 +9,8 @@
 
 namespace octrad {
 
-std::size_t cub_workspace_bytes(std::size_t n) {
+std::size_t cub_workspace_bytes(Stream& stream, std::size_t n) {
+  cuda_handle(stream);  // CUB asks the current device
   const std::uint32_t* in = nullptr;
   std::uint32_t* out = nullptr;
   const float* floats_in = nullptr;

@@ -149,7 +149,7 @@ void launch_on_device(Stream& stream, const DeviceInfo& device, const P& pass) {
   const std::uint32_t blocks =
       std::min(pass.groups(), static_cast<std::uint32_t>(std::max(resident, 1) * device.multiprocessors));
   mlp_pass<P><<<blocks, kThreads, bytes, handle>>>(pass, window);
-  check_launch(stream);
+  check_launch(stream, "mlp_pass");
 }
 #endif
 
@@ -426,7 +426,7 @@ void DeviceMlp::backward(Stream& stream, HalfRows in, FloatRows d_out, const flo
   if (stream.on_device()) {
     constexpr std::uint32_t kWarps = kGradientThreads / kWarp;
     mlp_weight_gradient<<<(items + kWarps - 1) / kWarps, kGradientThreads, 0, cuda_handle(stream)>>>(program, items);
-    check_launch(stream);
+    check_launch(stream, "mlp_weight_gradient");
   } else
 #endif
   {

@@ -34,7 +34,7 @@ class CpuRenderer : public Renderer {
   // It depends on the picture alone.
   int largest_pass() const override {
     const long long pixels = static_cast<long long>(view_.width) * view_.height;
-    return static_cast<int>(std::clamp<long long>(kPassSamples / pixels, 1, 64));
+    return static_cast<int>(std::clamp<long long>(kPassSamples / pixels, 1, kLargestPass));
   }
 
   std::vector<double> sums() override { return film_.sums(); }

@@ -34,6 +34,7 @@ struct FrameTimes {
   StageSplit stages;  // medians, measured in frames of their own
 };
 
+inline constexpr int kLargestPass = 64;  // samples a pixel
 // How many samples a pixel the next pass of a picture takes: 1, 1, 2, 4, ... up to the renderer's largest_pass().
 int next_pass(int samples, int largest_pass);
 

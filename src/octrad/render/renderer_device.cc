@@ -22,7 +22,7 @@ class StreamRenderer : public Renderer {
         scene_bytes_(scene.bytes_to_upload(stream)) {}
 
   int largest_pass() const override {
-    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, 64));
+    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, kLargestPass));
   }
 
   std::vector<double> sums() override { return film_->download(); }

@@ -1,7 +1,9 @@
 #include "octrad/scene/fingerprint.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <numeric>
 #include <type_traits>
 #include <vector>
 
@@ -129,11 +131,15 @@ std::string sensors_fingerprint(const Scene& scene, const std::vector<Camera>& c
   for (const std::vector<Camera>* list : {&scene.cameras, &cameras}) {
     h.add(list->size());
     for (const Camera& c : *list) {
+      // What comes later counts only where it is used, so that models can be trained on.
       const auto& [kind, origin, right, up, forward, fov_degrees, fov_axis, near_clip, far_clip, principal_point_offset,
                    crop_offset, crop_size, aperture_radius, focus_distance, half_size, film_width, film_height] = c;
       h.add(kind).add(origin).add(right).add(up).add(forward).add(fov_degrees).add(fov_axis).add(near_clip);
       h.add(far_clip).add(principal_point_offset).add(crop_offset).add(crop_size).add(aperture_radius);
-      h.add(focus_distance).add(half_size).add(film_width).add(film_height);
+      h.add(focus_distance).add(half_size);
+      // Walks begin anywhere on the film: its shape counts, and not its pixels.
+      const int common = std::max(1, std::gcd(film_width, film_height));
+      h.add(film_width / common).add(film_height / common);
     }
   }
   return h.add(scene.sampling_weights()).text();

@@ -122,6 +122,15 @@ class DeviceEngine : public TrainEngine {
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);
   }
+  // Recorded graphs must not end while they run, as after an interruption.
+  ~DeviceEngine() override {
+    for (Stream* stream : {&stream_, ahead_.get()}) {
+      try {
+        if (stream != nullptr) stream->synchronize();
+      } catch (const Error&) {  // the device is lost: nothing runs
+      }
+    }
+  }
 
   void step(long long step, const ScheduleState& s) override {
     StepInput input;

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
+#include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
 #include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
@@ -144,6 +146,11 @@ TEST(Trainer, LampsComeBackFromTheDarkInAnotherColour) {
   trainer.checkpoint(true);  // of the light that was on last, so that it can be trained on
   EXPECT_LT(trainer.field().target_scale(), 1e-10f * scale);
   EXPECT_EQ(load_model(options.output).field->target_scale(), scale);
+  std::filesystem::remove(options.output);
+  std::filesystem::create_directory(options.output);  // where nothing can be written
+  EXPECT_THROW(trainer.checkpoint(true), IoError);
+  EXPECT_LT(trainer.field().target_scale(), 1e-10f * scale);
+  std::filesystem::remove(options.output);
   trainer.scene_changed(scene.set_light_factor(0, {1.0f, 0.5f, 0.25f}));
   EXPECT_FALSE(trainer.is_dark());
   EXPECT_EQ(trainer.field().target_scale(), scale);

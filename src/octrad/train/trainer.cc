@@ -278,9 +278,19 @@ void Trainer::Run::checkpoint(bool optimizer) {
     set_far_ends(engine_->far_ends(), info.state);
     set_guide(engine_->guide(), info.state);
   }
-  if (dark_) engine_->set_target_scale(static_cast<float>(exposure_));  // a file is of the lights that were on last
-  save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
-  if (dark_) show_darkness();
+  struct Lit {  // a file has the exposure that can be trained on, also while all lights are off
+    explicit Lit(Run& of) : run(of) {
+      if (run.dark_) run.engine_->set_target_scale(static_cast<float>(run.exposure_));
+    }
+    ~Lit() {
+      if (run.dark_) run.show_darkness();
+    }
+    Run& run;
+  };
+  {
+    const Lit lit(*this);
+    save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
+  }
   saved_step_ = state_.step;
   if (options_.saved) options_.saved(options_.output, state_.step);
 }

@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <typeinfo>
 
 #include "octrad/device/launch.h"
 #include "octrad/geometry/bvh8_math.h"
@@ -181,7 +182,7 @@ void cast(Stream& stream, std::size_t n, const F& functor, std::uint32_t* taken 
     const std::uint32_t blocks = (warps * kWarp + F::kBlock - 1) / F::kBlock;
     cast_detail::cast_kernel<F>
         <<<blocks, F::kBlock, 0, cuda_handle(stream)>>>(blocks * (F::kBlock / kWarp), refill, taken, functor);
-    check_launch(stream);
+    check_launch(stream, typeid(F).name());
     return;
   }
 #endif
