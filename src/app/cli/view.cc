@@ -167,8 +167,6 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
   stream = device.make_stream(o.definitions.tuning());
   studio.stream = stream.get();
-  studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
-  if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
   studio.denoiser = find_denoiser();
   studio.stored = open_reference(o.reference);
   ViewState first;
@@ -185,6 +183,9 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
     trainer = make_trainer(common, o, prepared, studio.models.front(), stream.get());
     live = std::make_unique<LiveTraining>(prepared, *trainer, LiveTraining::Options{false, !o.output.empty(), false});
   }
+  // Pictures have what the training leaves of the memory.
+  studio.settings = viewer_settings(common, scene, o.view.sensor, stream.get());
+  if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
   Session session(std::move(studio), std::move(first), command_of(common, o), live.get());
   serve(o.serve, common, session, interrupted);
   if (trainer && trainer->state().step > 0 && !o.output.empty()) trainer->checkpoint(true);

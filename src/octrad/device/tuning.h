@@ -1,6 +1,6 @@
 // What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. Its
-// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums, with `lhs_rounds` on GPUs
-// which products and sums are fused, and with `half_moments` how the optimiser rounds.
+// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums, with `lhs_rounds` and
+// `chain_rounds` on GPUs which products and sums are fused, and with `half_moments` how the optimiser rounds.
 #pragma once
 
 namespace octrad {

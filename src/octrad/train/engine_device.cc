@@ -163,6 +163,7 @@ class DeviceEngine : public TrainEngine {
   int steps_between_reports() const override { return kStepsBetweenReports; }
 
   StepReport collect() override {
+    if (ahead_) ahead_->synchronize();  // an edit of the scene may follow
     DeviceTrainReport trained = device_field_->collect();
     times_.settle();
     const TraceCounts traced = rhs_.take_counts();

@@ -187,7 +187,7 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
       stream->tuning = {};
       set(stream->tuning, key, value);
       // Other kernels finish the points then, in which a GPU's compiler fuses other products and sums.
-      if (!stream->on_device() || std::string_view(key) != "lhs_rounds") {
+      if (!stream->on_device() || !std::string_view(key).ends_with("_rounds")) {
         EXPECT_TRUE(learnt() == expected) << key << "=" << value;
       }
       if (dense) break;
