@@ -32,7 +32,10 @@ fi
 [ -n "$octrad" ] || { echo "no octrad to make seeds with: build one, or set OCTRAD" >&2; exit 1; }
 python=python3
 /usr/bin/python3 -c '' 2>/dev/null && python=/usr/bin/python3
-[ -d "$corpus/scene" ] || "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"
+(  # several targets may be started side by side
+  flock 9
+  [ -d "$corpus/scene" ] || "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"
+) 9>"$corpus.lock"
 
 if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
 # Each run writes a file: into memory, where that is a file system.
