@@ -227,6 +227,10 @@ std::string format_stages(const StageSplit& stages) {
   return text;
 }
 
+void warn_not_saved(const std::string& why) {
+  log_warning(why + "; training goes on, and the next checkpoint tries again");
+}
+
 void refuse_inputs_as_outputs(const std::string& option, std::vector<std::string> outputs,
                               const std::vector<std::string>& inputs) {
   namespace fs = std::filesystem;

@@ -125,6 +125,9 @@ void print_text(const std::string& text);
 nlohmann::json stages_json(const StageSplit& stages);
 std::string format_stages(const StageSplit& stages);
 
+// What is said of a checkpoint that could not be written (TrainOptions::not_saved), and why.
+void warn_not_saved(const std::string& why);
+
 // Throws UsageError where an output, given as `option`, is one of `inputs` by whatever name: it would be overwritten.
 void refuse_inputs_as_outputs(const std::string& option, std::vector<std::string> outputs,
                               const std::vector<std::string>& inputs);

@@ -241,7 +241,7 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
     out["half_size"] = pair(c.half_size);
     return out;
   }
-  out["fov_axis"] = fov_axis_names().at(static_cast<std::size_t>(c.fov_axis));
+  out["fov_axis"] = fov_axis_name(c.fov_axis);
   out["principal_point_offset"] = pair(c.principal_point_offset);
   if (c.kind == CameraKind::thinlens) {
     out["aperture_radius"] = c.aperture_radius;

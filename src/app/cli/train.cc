@@ -152,7 +152,7 @@ std::optional<Model> open_resumed(const TrainVerbOptions& o, std::uint64_t& held
 
 void check_sensors(const TrainVerbOptions& o, const TrainingState& state, const Scene& scene,
                    const std::vector<Camera>& cameras) {
-  if (state.sensors.empty() || state.sensors == sensors_fingerprint(scene, cameras)) return;
+  if (!state.has_other_sensors(sensors_fingerprint(scene, cameras))) return;
   throw InputError(fmt::format(
       "--resume: the sensors of {}, the sampling weights of its lights or the cameras of train.cameras are others than "
       "those that {} was trained with; a run continues with its own",
@@ -202,7 +202,7 @@ void report_progress(TrainOptions& options, Progress& progress, JsonLines* log) 
     if (log) log->write({{"event", "saved"}, {"file", file}, {"step", step}});
   };
   options.not_saved = [log](const std::string& why, long long step) {
-    log_warning(why + "; training goes on, and the next checkpoint tries again");
+    warn_not_saved(why);
     if (log) log->write({{"event", "not_saved"}, {"error", why}, {"step", step}});
   };
   options.placed = [](const DomainFit& fit) {
@@ -336,8 +336,10 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
                 {"config", to_json(config)},
                 {"step", resumed_step},
                 {"device", device.name}});
-  if (resumed) log_info("continuing {} at step {}", o.output, format_count(resumed_step));
-  if (resumed) warn_of_spent_budget(o.output, config, resumed->info.state, options.time_limit);
+  if (resumed) {
+    log_info("continuing {} at step {}", o.output, format_count(resumed_step));
+    warn_of_spent_budget(o.output, config, resumed->info.state, options.time_limit);
+  }
 
   Progress progress("train");
   report_progress(options, progress, log.get());

@@ -122,15 +122,12 @@ std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVer
   options.saved = [](const std::string& file, long long step) {
     log_info("saved {} at step {}", file, format_count(step));
   };
-  options.not_saved = [](const std::string& why, long long) {
-    log_warning(why + "; training goes on, and the next checkpoint tries again");
-  };
+  options.not_saved = [](const std::string& why, long long) { warn_not_saved(why); };
   if (const std::string& cameras = resumed.info.config.train_cameras; !cameras.empty()) {
     refuse_input_as_output("-o", o.output, {cameras});
     options.cameras = read_cameras(cameras);
   }
-  if (!resumed.info.state.sensors.empty() &&
-      resumed.info.state.sensors != sensors_fingerprint(scene.scene(), options.cameras))
+  if (resumed.info.state.has_other_sensors(sensors_fingerprint(scene.scene(), options.cameras)))
     log_warning(fmt::format("{} was trained with other sensors, cameras or sampling weights of lights", model.file));
   auto trainer = std::make_unique<Trainer>(scene, resumed.info.config, options);
   model.field = &trainer->field();

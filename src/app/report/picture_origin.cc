@@ -18,7 +18,7 @@ nlohmann::json camera_json(const Camera& c) {
     if (c.half_size.y != c.half_size.x) json["view_height"] = 2.0f * c.half_size.y;
   } else {
     json["fov"] = c.fov_degrees;
-    json["fov_axis"] = fov_axis_names().at(static_cast<std::size_t>(c.fov_axis));
+    json["fov_axis"] = fov_axis_name(c.fov_axis);
   }
   if (c.kind == CameraKind::thinlens) {
     json["type"] = "thinlens";

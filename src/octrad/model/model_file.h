@@ -20,6 +20,7 @@ struct TrainingState {
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = -1.0;   // smoothed (train/trainer.h); below 0 before the first step
   std::string sensors;  // sensors_fingerprint() of what walks start from; empty: not known
+  bool has_other_sensors(const std::string& fingerprint) const { return !sensors.empty() && sensors != fingerprint; }
   // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
   // ray; shape and primitive that it hit, -1 for no point.
   std::vector<std::array<float, 9>> far_end_rays;

@@ -56,6 +56,9 @@ Vec2i picture_size(int film_width, int film_height, int width, int height);
 
 // "x", "y", "diagonal", "smaller", "larger": of each Camera::FovAxis. parse_fov_axis() throws InputError for others.
 const std::vector<std::string>& fov_axis_names();
+inline const std::string& fov_axis_name(Camera::FovAxis axis) {
+  return fov_axis_names().at(static_cast<std::size_t>(axis));
+}
 Camera::FovAxis parse_fov_axis(const std::string& name);
 
 }  // namespace octrad
