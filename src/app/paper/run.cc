@@ -73,7 +73,8 @@ class Run {
   void make_jobs();
   void do_jobs(PaperSummary& summary);
   bool do_job(Job& job);
-  void fail(Job& job, const std::string& message, const std::string& command, bool unavailable);
+  void fail(const Job& job, const nlohmann::json& why);
+  void fail(const Job& job, const std::string& message, const std::string& command, bool unavailable);
   void describe_plan(PaperSummary& summary) const;
   void forget_errors_without_lpips();
 
@@ -564,10 +565,19 @@ void Run::make_jobs() {
   }
 }
 
-void Run::fail(Job& job, const std::string& message, const std::string& command, bool unavailable) {
-  job.state = Job::State::failed;
+// Ends the job, and with it all that need it.
+void Run::fail(const Job& job, const nlohmann::json& why) {
+  const std::size_t failed = std::size_t(&job - jobs_.data());
+  jobs_[failed].state = Job::State::failed;
   store_.make_folder(job.folder);
-  store_.write(job.result + ".failed", {{"message", message}, {"command", command}, {"unavailable", unavailable}});
+  store_.write(job.result + ".failed", why);
+  for (const Job& other : jobs_)
+    if (other.state == Job::State::waiting && std::count(other.needs.begin(), other.needs.end(), failed))
+      fail(other, why);
+}
+
+void Run::fail(const Job& job, const std::string& message, const std::string& command, bool unavailable) {
+  fail(job, {{"message", message}, {"command", command}, {"unavailable", unavailable}});
   if (unavailable) log_info("{}: not available: {}", job.title, message);
   else log_warning(fmt::format("{} failed: {}", job.title, message));
 }
@@ -602,12 +612,15 @@ bool Run::do_job(Job& job) {
 void Run::do_jobs(PaperSummary& summary) {
   defer_interrupts();  // commands save what they have, and this process keeps their records
   Progress progress("paper");
-  double left = 0.0, estimated = 0.0, spent = 0.0;  // `spent` on jobs that were estimated to take `estimated`
-  for (Job& job : jobs_) {
+  double estimated = 0.0, spent = 0.0;  // `spent` on jobs that were estimated to take `estimated`
+  for (Job& job : jobs_)
     if (store_.has(job.result)) job.state = Job::State::done;
-    else left += job.cost;
-  }
-  const double total = left;
+  const auto seconds_left = [&] {
+    double sum = 0.0;
+    for (const Job& job : jobs_) sum += job.state == Job::State::waiting ? job.cost : 0.0;
+    return sum;
+  };
+  const double total = seconds_left();
   while (!interrupted()) {
     bool moved = false, waits = false;
     for (Job& job : jobs_) {
@@ -615,18 +628,6 @@ void Run::do_jobs(PaperSummary& summary) {
       if (job.state != Job::State::waiting) continue;
       if (store_.has(job.result)) {
         job.state = Job::State::done;
-        left -= job.cost;
-        moved = true;
-        continue;
-      }
-      const auto failed = std::find_if(job.needs.begin(), job.needs.end(),
-                                       [&](std::size_t n) { return jobs_[n].state == Job::State::failed; });
-      if (failed != job.needs.end()) {
-        const nlohmann::json why = store_.read(jobs_[*failed].result + ".failed");
-        job.state = Job::State::failed;
-        store_.make_folder(job.folder);
-        store_.write(job.result + ".failed", why);
-        left -= job.cost;
         moved = true;
         continue;
       }
@@ -637,6 +638,7 @@ void Run::do_jobs(PaperSummary& summary) {
       }
       // Times so far correct the estimates of what is left.
       const double slower = estimated > 5.0 ? std::clamp(spent / estimated, 0.2, 20.0) : 1.0;
+      const double left = seconds_left();
       const Stopwatch watch;  // of all commands of the job
       store_.waiting = [&] {
         if (!progress.due()) return;
@@ -648,13 +650,12 @@ void Run::do_jobs(PaperSummary& summary) {
         continue;
       }
       moved = true;
-      left -= job.cost;
       if (job.state == Job::State::done) {
         spent += watch.seconds();
         estimated += job.cost;
         log_verbose("{}: {}", job.title, format_duration(watch.seconds()));
-        write_results(store_, plan_, head_);
       }
+      write_results(store_, plan_, head_);
     }
     if (!waits) break;
     if (!moved) std::this_thread::sleep_for(std::chrono::milliseconds(500));  // another process has the rest

@@ -63,7 +63,8 @@ class TrainOnStream : public testing::StreamTest {
 
 TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
   for (const char* field : {"octaoctree", "nr", "ncr"}) {
-    const Config config = short_run(field, 80);  // the last of them guided
+    Config config = short_run(field, 80);  // the last of them guided
+    config.train_points = 128;
     const TrainingPair pair = train_on_both(*stream, box.scene, config, probes_);
     const TrainResult &on_stream = pair.on_stream, &on_cpu = pair.on_cpu;
     EXPECT_EQ(on_stream.steps, on_cpu.steps);
@@ -221,7 +222,8 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
     Config config = short_run(field, 200);  // averages are no longer the weights
     config.train_average = 0.5;
     config.adam_decay_to = 0.8;
-    config.train_points = 128;
+    config.train_points = 64;
+    config.train_directions = 2;
     const TrainResult whole = train(box.scene, config, TrainOptions{});
     TrainOptions options;
     options.output = temporary("moves.octrad");

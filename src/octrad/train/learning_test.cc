@@ -113,6 +113,8 @@ TEST(Learning, ConesShowWhatAGridAloneDoesNot) {
   const PreparedScene scene(checkered_room());
   Config config = preset("cpu");
   config.train_steps = 1000;
+  config.train_points = 512;
+  config.train_directions = 4;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 14;
   constexpr double kStated = 0.15;  // measured: 0.06 with cones, 0.26 without
   config.field = "ncr";

@@ -26,11 +26,12 @@ Config short_run(int steps, const std::string& field = "octaoctree") {
   Config config = preset("cpu");
   config.field = field;
   config.train_steps = steps;
-  config.train_points = 128;
-  config.train_directions = 4;
+  config.train_points = 64;
+  config.train_directions = 2;
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 10;
+  config.ncr_rays_train = 16;
   config.train_poses = 8;
   config.train_far_ends = 0.5;
   return config;
@@ -200,7 +201,7 @@ TEST(Train, FarEndsOffTheSceneAreRefusedOnResume) {
   train(box.scene, short_run(3), options);
   for (const auto& [shape, primitive] : {std::pair{1000, 0}, std::pair{0, 1 << 20}, std::pair{0, -1}}) {
     Model model = load_model(file, true);
-    ASSERT_EQ(model.info.state.far_end_hits.size(), 64u);
+    ASSERT_EQ(model.info.state.far_end_hits.size(), 32u);
     model.info.config.train_steps = 4;
     model.info.state.far_end_hits[5] = {shape, primitive, 0};
     options.resume = &model;
@@ -428,7 +429,7 @@ TEST(Train, ValidatesAgainstAReferenceAndReportsProgress) {
   const TrainResult result = train(box.scene, short_run(5), options);
   EXPECT_GE(reports, 1);
   EXPECT_GT(result.validation_mape, 0.0);
-  EXPECT_EQ(result.lhs_samples, 5 * 128);
+  EXPECT_EQ(result.lhs_samples, 5 * 64);
   // Beside an enormous reference every picture is black: |0 - r| / (r + 0.01).
   for (float& v : reference.data) v = 1e6f;
   EXPECT_NEAR(train(box.scene, short_run(5), options).validation_mape, 1.0, 1e-4);
