@@ -225,7 +225,7 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
     case Film::Filter::box:
     case Film::Filter::catmullrom: break;
   }
-  nlohmann::json out = {{"type", sensor_types().at(static_cast<std::size_t>(c.kind))},
+  nlohmann::json out = {{"type", camera_kind_names().at(static_cast<std::size_t>(c.kind))},
                         {"origin", vector_json(c.origin)},
                         {"forward", vector_json(c.forward)},
                         {"up", vector_json(c.up)},

@@ -185,6 +185,11 @@ void check_headers(const std::string& file, const std::string& bytes) {
   ask_memory(kept, file + ": its header");
 }
 
+// Pixels along an axis of a window; its ends are 32-bit numbers of a file.
+long long side(const Imath::Box2i& window, int axis) {
+  return static_cast<long long>(window.max[axis]) - window.min[axis] + 1;
+}
+
 // Lines that are in memory twice while they are read, compressed and uncompressed. A block of lines may inflate to its
 // full height also where the picture ends before; of tiles, which the library cuts first, a row.
 long long lines_at_once(const Imf::Header& header, long long height) {
@@ -207,6 +212,47 @@ struct Part {
   bool complete;
   std::vector<std::pair<std::string, std::string>> channels;
 };
+
+// An open file and the parts of it that are of the picture: flat, of the first one's size.
+struct OpenFile {
+  std::optional<Imf::InputFile> single;
+  std::optional<Imf::MultiPartInputFile> multiple;
+  std::vector<Part> parts;
+
+  OpenFile(const std::string& file, Imf::IStream& stream);
+  void read(const Part& part, const Imf::FrameBuffer& buffer, const Imath::Box2i& window);
+};
+
+OpenFile::OpenFile(const std::string& file, Imf::IStream& stream) {
+  bool tiled = false, deep = false, multipart = false;
+  if (!Imf::isOpenExrFile(stream, tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
+  stream.seekg(0);
+  if (multipart) {
+    multiple.emplace(stream, 0);
+    for (int i = 0; i < multiple->parts(); ++i) {
+      const Imf::Header& header = multiple->header(i);
+      if (header.hasType() && Imf::isDeepData(header.type())) continue;
+      // Parts of another size are other pictures.
+      if (!parts.empty() && header.dataWindow() != parts[0].header->dataWindow()) continue;
+      parts.push_back({&header, i, multiple->partComplete(i), {}});
+    }
+  } else if (!deep) {
+    single.emplace(stream, 0);
+    parts.push_back({&single->header(), 0, single->isComplete(), {}});
+  }
+  if (parts.empty()) throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
+}
+
+void OpenFile::read(const Part& part, const Imf::FrameBuffer& buffer, const Imath::Box2i& window) {
+  if (multiple) {
+    Imf::InputPart in(*multiple, part.number);
+    in.setFrameBuffer(buffer);
+    in.readPixels(window.min.y, window.max.y);
+  } else {
+    single->setFrameBuffer(buffer);
+    single->readPixels(window.min.y, window.max.y);
+  }
+}
 
 // Channels of a further part without a layer get the part's name as one. What another part has already is left out.
 void find_channels(const std::string& file, Part& part, bool further, std::set<std::string>& known) {
@@ -263,101 +309,85 @@ std::map<std::string, std::string> main_picture(const std::vector<std::string>& 
   return result;
 }
 
+// Names of the picture's channels in their order there, and where those of the file are.
+struct ChannelOrder {
+  std::vector<std::string> names;
+  std::map<std::string, std::size_t> index;
+};
+
+ChannelOrder order_channels(const std::vector<std::string>& written, bool own) {
+  const std::map<std::string, std::string> short_names = main_picture(written, own);
+  std::vector<std::pair<std::string, std::string>> order;  // final name, name in the file
+  for (const std::string& name : written) {
+    const auto found = short_names.find(name);
+    order.emplace_back(found != short_names.end() ? found->second : name, name);
+  }
+  std::sort(order.begin(), order.end(),
+            [](const auto& a, const auto& b) { return channel_order(a.first) < channel_order(b.first); });
+  ChannelOrder result;
+  for (const auto& [name, in_file] : order) {
+    result.index[in_file] = result.names.size();
+    result.names.push_back(name);
+  }
+  return result;
+}
+
+// Texts of the header, and the windows of a picture that is a part of a larger one.
+std::map<std::string, std::string> metadata_of(const Imf::Header& header, bool multipart) {
+  std::map<std::string, std::string> result;
+  for (auto a = header.begin(); a != header.end(); ++a) {
+    if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&a.attribute())) {
+      const std::string key = a.name();
+      if (key != "type" && !(multipart && key == "name")) result[key] = text->value();
+    }
+  }
+  // Relative to the display window, so that files of a renderer whose display window is not at 0 0 read the same.
+  const Imath::Box2i window = header.dataWindow(), display = header.displayWindow();
+  const long long x = static_cast<long long>(window.min.x) - display.min.x,
+                  y = static_cast<long long>(window.min.y) - display.min.y;
+  if (x != 0 || y != 0) result["dataWindow.min"] = std::to_string(x) + " " + std::to_string(y);
+  if (x != 0 || y != 0 || side(display, 0) != side(window, 0) || side(display, 1) != side(window, 1))
+    result["displayWindow"] = std::to_string(side(display, 0)) + " " + std::to_string(side(display, 1));
+  return result;
+}
+
 }  // namespace
 
 Image image_io::read_exr(const std::string& file, const std::string& bytes) {
   try {
     check_headers(file, bytes);
     InputStream stream(file, bytes);
-    bool tiled = false, deep = false, multipart = false;
-    if (!Imf::isOpenExrFile(stream, tiled, deep, multipart)) throw InputError(file + ": not an OpenEXR file");
-    if (deep && !multipart)
-      throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
-    stream.seekg(0);
-    std::optional<Imf::InputFile> single;
-    std::optional<Imf::MultiPartInputFile> multiple;
-    std::vector<Part> parts;
-    if (multipart) {
-      multiple.emplace(stream, 0);
-      for (int i = 0; i < multiple->parts(); ++i) {
-        const Imf::Header& header = multiple->header(i);
-        if (header.hasType() && Imf::isDeepData(header.type())) continue;
-        // Parts of another size are other pictures.
-        if (!parts.empty() && header.dataWindow() != parts[0].header->dataWindow()) continue;
-        parts.push_back({&header, i, multiple->partComplete(i), {}});
-      }
-      if (parts.empty())
-        throw InputError(file + ": deep EXR files are not supported (flat scanline and tiled ones are)");
-    } else {
-      single.emplace(stream, 0);
-      parts.push_back({&single->header(), 0, single->isComplete(), {}});
-    }
-    const Imath::Box2i window = parts[0].header->dataWindow(), display = parts[0].header->displayWindow();
-    const long long width = static_cast<long long>(window.max.x) - window.min.x + 1;
-    const long long height = static_cast<long long>(window.max.y) - window.min.y + 1;
+    OpenFile open(file, stream);
+    const Imf::Header& first = *open.parts[0].header;
+    const Imath::Box2i window = first.dataWindow();
+    const long long width = side(window, 0), height = side(window, 1);
 
     std::set<std::string> known;
-    for (Part& part : parts) find_channels(file, part, &part != parts.data(), known);
-    const std::vector<std::string> written(known.begin(), known.end());
-    const std::map<std::string, std::string> short_names =
-        main_picture(written, parts[0].header->findTypedAttribute<Imf::StringAttribute>("octrad.version") != nullptr);
+    for (Part& part : open.parts) find_channels(file, part, &part != open.parts.data(), known);
     long long lines = 1;
-    for (const Part& part : parts) lines = std::max(lines, lines_at_once(*part.header, height));
-    check_size(file, width, height, static_cast<long long>(written.size()),
-               2 * sizeof(float) * static_cast<std::uint64_t>(width * lines) * written.size());
-    for (const Part& part : parts) {
+    for (const Part& part : open.parts) lines = std::max(lines, lines_at_once(*part.header, height));
+    check_size(file, width, height, static_cast<long long>(known.size()),
+               2 * sizeof(float) * static_cast<std::uint64_t>(width * lines) * known.size());
+    for (const Part& part : open.parts) {
       if (!part.complete)
         throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
     }
-    std::vector<std::pair<std::string, std::string>> order;  // final name, name in the file
-    for (const std::string& name : written) {
-      const auto found = short_names.find(name);
-      order.emplace_back(found != short_names.end() ? found->second : name, name);
-    }
-    std::sort(order.begin(), order.end(),
-              [](const auto& a, const auto& b) { return channel_order(a.first) < channel_order(b.first); });
-    std::vector<std::string> names;
-    std::map<std::string, std::size_t> index;
-    for (const auto& [name, in_file] : order) {
-      index[in_file] = names.size();
-      names.push_back(name);
-    }
+    const bool own = first.findTypedAttribute<Imf::StringAttribute>("octrad.version") != nullptr;
+    const ChannelOrder channels = order_channels({known.begin(), known.end()}, own);
 
-    Image image(static_cast<int>(width), static_cast<int>(height), names);
-    const std::size_t stride_x = names.size() * sizeof(float), stride_y = stride_x * static_cast<std::size_t>(width);
-    for (const Part& part : parts) {
-      Imf::FrameBuffer buffer;
-      for (const auto& [own, name] : part.channels) {
-        buffer.insert(own,
-                      Imf::Slice::Make(Imf::FLOAT, image.data.data() + index.at(name), window, stride_x, stride_y));
-      }
+    Image image(static_cast<int>(width), static_cast<int>(height), channels.names);
+    const std::size_t stride_x = channels.names.size() * sizeof(float),
+                      stride_y = stride_x * static_cast<std::size_t>(width);
+    for (const Part& part : open.parts) {
       if (part.channels.empty()) continue;
-      if (multiple) {
-        Imf::InputPart in(*multiple, part.number);
-        in.setFrameBuffer(buffer);
-        in.readPixels(window.min.y, window.max.y);
-      } else {
-        single->setFrameBuffer(buffer);
-        single->readPixels(window.min.y, window.max.y);
+      Imf::FrameBuffer buffer;
+      for (const auto& [in_part, name] : part.channels) {
+        float* data = image.data.data() + channels.index.at(name);
+        buffer.insert(in_part, Imf::Slice::Make(Imf::FLOAT, data, window, stride_x, stride_y));
       }
+      open.read(part, buffer, window);
     }
-
-    const Imf::Header& header = *parts[0].header;
-    for (auto a = header.begin(); a != header.end(); ++a) {
-      if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&a.attribute())) {
-        const std::string key = a.name();
-        if (key != "type" && !(multipart && key == "name")) image.metadata[key] = text->value();
-      }
-    }
-    // Relative to the display window, so that files of a renderer whose display window is not at 0 0 read the same.
-    const long long x = static_cast<long long>(window.min.x) - display.min.x,
-                    y = static_cast<long long>(window.min.y) - display.min.y;
-    const long long display_width = static_cast<long long>(display.max.x) - display.min.x + 1;
-    const long long display_height = static_cast<long long>(display.max.y) - display.min.y + 1;
-    if (x != 0 || y != 0) image.metadata["dataWindow.min"] = std::to_string(x) + " " + std::to_string(y);
-    if (x != 0 || y != 0 || display_width != width || display_height != height) {
-      image.metadata["displayWindow"] = std::to_string(display_width) + " " + std::to_string(display_height);
-    }
+    image.metadata = metadata_of(first, open.multiple.has_value());
     return image;
   } catch (const Error&) {
     throw;

@@ -160,6 +160,7 @@ class SceneBuilder {
     bool raw = false, scalar = false;
     std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;
+    std::size_t negative = 0;  // values of radiance that were read as 0
     Location where;
   };
   struct Projector {

@@ -14,11 +14,10 @@
 #include "octrad/scene/transform.h"
 
 namespace octrad {
-namespace {
-
-const std::vector<std::string> kCameraTypes = {"perspective", "thinlens", "orthographic"};
-
-}  // namespace
+const std::vector<std::string>& camera_kind_names() {
+  static const std::vector<std::string> names = {"perspective", "thinlens", "orthographic"};
+  return names;
+}
 
 void set_frame(Camera& camera, const Transform& to_world) {
   if (!within(to_world.column(3), kLargestCameraCoordinate))
@@ -105,10 +104,10 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   }
   if (object.contains("type")) {
     const nlohmann::json& type = object.at("type");
-    const auto found =
-        std::find(kCameraTypes.begin(), kCameraTypes.end(), type.is_string() ? type.get<std::string>() : "");
-    if (found == kCameraTypes.end()) throw InputError(where + "\"type\" must be a string: " + join(kCameraTypes));
-    camera.kind = static_cast<CameraKind>(found - kCameraTypes.begin());
+    const std::vector<std::string>& kinds = camera_kind_names();
+    const auto found = std::find(kinds.begin(), kinds.end(), type.is_string() ? type.get<std::string>() : "");
+    if (found == kinds.end()) throw InputError(where + "\"type\" must be a string: " + join(kinds));
+    camera.kind = static_cast<CameraKind>(found - kinds.begin());
   }
   const bool orthographic = camera.kind == CameraKind::orthographic, lens = camera.kind == CameraKind::thinlens;
   for (const auto& [key, belongs, owner] : {std::tuple{"fov", !orthographic, "perspective and thinlens"},

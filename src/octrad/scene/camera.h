@@ -54,6 +54,9 @@ std::vector<Camera> read_cameras(const std::string& json_file);
 // aspect ratio.
 Vec2i picture_size(int film_width, int film_height, int width, int height);
 
+// Names of each CameraKind: Mitsuba's plugins.
+const std::vector<std::string>& camera_kind_names();
+
 // "x", "y", "diagonal", "smaller", "larger": of each Camera::FovAxis. parse_fov_axis() throws InputError for others.
 const std::vector<std::string>& fov_axis_names();
 inline const std::string& fov_axis_name(Camera::FovAxis axis) {

@@ -44,6 +44,11 @@ std::uint64_t bytes_of(const Element& element) {
   return bytes;
 }
 
+std::string folder_of(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  return folder.empty() ? "." : folder.string();
+}
+
 bool is_name_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
 }
@@ -182,12 +187,11 @@ class XmlReader {
       declared_.emplace(name, where);
       parameters_.emplace(name, element->get("value"));  // an earlier value (command line, first default) stays
     } else if (element->tag == "include") {
-      check_attributes(*element, {"filename"});
+      check_attributes(*element, {"filename"}, {"name"});
       report_.attempt(where, [&] { include(*element, parent); });
     } else if (element->tag == "path") {
       check_attributes(*element, {"value"});
-      const std::filesystem::path path =
-          std::filesystem::path(description_.search_paths.back()) / element->get("value");
+      const std::filesystem::path path = folder_named(element->get("value"), *source);
       std::error_code code;
       if (std::filesystem::is_directory(path, code)) {
         if (description_.search_paths.size() == kMaxSearchPaths)
@@ -211,6 +215,19 @@ class XmlReader {
     }
   }
 
+  // Of a <path>: as in Mitsuba beside the file that says so, else where files are looked for, else in the working
+  // directory. Where it is nowhere, the first.
+  std::filesystem::path folder_named(const std::string& value, const SourceFile& file) const {
+    const std::filesystem::path beside = std::filesystem::path(folder_of(file.name())) / value;
+    std::error_code code;
+    if (std::filesystem::is_directory(beside, code)) return beside;
+    for (const std::string& folder : description_.search_paths) {
+      const std::filesystem::path path = std::filesystem::path(folder) / value;
+      if (std::filesystem::is_directory(path, code)) return path;
+    }
+    return std::filesystem::is_directory(value, code) ? std::filesystem::path(value) : beside;
+  }
+
   // Whether parameters inside the element can change a picture: those of samplers and most of integrators do not
   // (load.cc).
   static bool has_effect(const Element& element, const Element& parent, const pugi::xml_node& node) {
@@ -232,14 +249,16 @@ class XmlReader {
     return element.tag == "boolean" ? "false" : element.tag == "string" || element.tag == "sampler" ? "" : "1";
   }
 
-  static void check_attributes(const Element& element, const std::vector<std::string>& required) {
-    for (const std::string& name : required) {
+  static void check_attributes(const Element& element, std::vector<std::string> known,
+                               const std::vector<std::string>& optional = {}) {
+    for (const std::string& name : known) {
       if (!element.find(name)) fail(element.location, "<" + element.tag + "> needs the attribute \"" + name + "\"");
     }
+    known.insert(known.end(), optional.begin(), optional.end());
     for (const auto& [name, value] : element.attributes) {
-      if (std::find(required.begin(), required.end(), name) == required.end()) {
-        fail(element.location, "<" + element.tag + "> has no attribute \"" + name + "\"" +
-                                   did_you_mean(name, required) + "; supported: " + join(required));
+      if (std::find(known.begin(), known.end(), name) == known.end()) {
+        fail(element.location, "<" + element.tag + "> has no attribute \"" + name + "\"" + did_you_mean(name, known) +
+                                   "; supported: " + join(known));
       }
     }
   }
@@ -261,7 +280,11 @@ class XmlReader {
       std::string text = read_file(file);
       included_bytes_ += text.size();
       if (included_bytes_ > kMaxIncludedBytes) fail(element.location, "<include>: more than a gigabyte in all");
+      const std::size_t before = parent.children.size();
       read_document(file, std::move(text), &parent);
+      // What the single object of a file is to the one that includes it; the elements of a <scene> have no such name.
+      if (const std::string* name = element.find("name"); name && parent.children.size() == before + 1)
+        parent.children.back()->set("name", *name);
     });
     old_ = old;
     including_.pop_back();
@@ -399,6 +422,16 @@ const std::string* Element::find(std::string_view attribute) const {
   return nullptr;
 }
 
+void Element::set(const std::string& attribute, const std::string& value) {
+  for (auto& [name, text] : attributes) {
+    if (name == attribute) {
+      text = value;
+      return;
+    }
+  }
+  attributes.emplace_back(attribute, value);
+}
+
 const std::string& Element::get(std::string_view attribute) const {
   static const std::string empty;
   const std::string* value = find(attribute);
@@ -416,6 +449,10 @@ std::string Description::resolve(const std::string& file, const Location& where)
       return files.emplace_back(path.string());
     }
     if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
+  }
+  if (where.file) {  // beside the file that names it, which may be an included one
+    const std::filesystem::path path = std::filesystem::path(folder_of(where.file->name())) / file;
+    if (std::filesystem::is_regular_file(path, code)) return files.emplace_back(path.string());
   }
   if (file.find('\\') != std::string::npos) {  // of another system
     std::string slashes = file;
@@ -441,8 +478,7 @@ Description read_description(const std::string& file, const std::map<std::string
                              SceneReport& report) {
   Description description;
   description.report = &report;
-  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-  description.search_paths.push_back(folder.empty() ? "." : folder.string());
+  description.search_paths.push_back(folder_of(file));
   XmlReader(definitions, description, report).read_main(file);
   return description;
 }

@@ -24,6 +24,7 @@ struct Element {
   mutable bool was_read = false;  // by a Params
 
   const std::string* find(std::string_view attribute) const;
+  void set(const std::string& attribute, const std::string& value);
   // Value of the attribute or "" when absent.
   const std::string& get(std::string_view attribute) const;
 };
@@ -54,7 +55,8 @@ struct Description {
   // What the name of a file stands for where it is built, or null.
   const RawMesh* built_mesh(const std::string& name) const;
   const BuiltPicture* built_picture(const std::string& name) const;
-  // Full name of an existing file, or an error at `where` that lists what was tried.
+  // Full name of an existing file in the search paths or beside the file of `where`, or an error there that lists what
+  // was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };
 

@@ -43,5 +43,46 @@ TEST(Description, IncludesAliasesAndPaths) {
     EXPECT_EQ(load(paths + named).meshes[0].positions[0].x, x) << paths;
 }
 
+TEST(Description, FilesAndFoldersBesideIncludedFiles) {
+  const TestFolder folder;
+  for (const char* name : {"sub/deep", "deep"}) std::filesystem::create_directories(folder.file(name));
+  const auto mesh = [](const char* x) { return "v " + std::string(x) + " 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"; };
+  const auto shape = [](const std::string& file) {
+    return R"(<shape type="obj"><string name="filename" value=")" + file + R"("/></shape>)";
+  };
+  folder.write("sub/a.xml", R"(<scene version="3.0.0"><path value="deep"/><include filename="b.xml"/></scene>)");
+  folder.write("sub/b.xml",
+               R"(<scene version="3.0.0">)" + shape("m.obj") + shape("n.obj") + shape("o.obj") + "</scene>");
+  folder.write("sub/deep/m.obj", mesh("2"));  // the folder beside a.xml, not that beside the scene
+  folder.write("deep/m.obj", mesh("3"));
+  folder.write("n.obj", mesh("4"));  // the scene's folder comes first
+  folder.write("sub/n.obj", mesh("5"));
+  folder.write("sub/o.obj", mesh("6"));
+  const Scene scene = load_scene(folder.write(
+      "s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/><include filename="sub/a.xml"/></scene>)"));
+  ASSERT_EQ(scene.meshes.size(), 3u);
+  for (const auto& [i, x] : {std::pair{0, 2.0f}, {1, 4.0f}, {2, 6.0f}})
+    EXPECT_EQ(scene.meshes[static_cast<std::size_t>(i)].positions[0].x, x) << i;
+  // A <path> inside of another.
+  folder.write("sub/deep/p.obj", mesh("7"));
+  const std::string sensor = R"(<scene version="3.0.0"><sensor type="perspective"/>)";
+  EXPECT_EQ(load_scene(folder.write("t.xml", sensor + R"(<path value="sub"/><path value="./deep/../../sub/deep"/>)" +
+                                                 shape("p.obj") + "</scene>"))
+                .meshes[0]
+                .positions[0]
+                .x,
+            7.0f);
+}
+
+TEST(Description, AnIncludedObjectHasTheNameOfItsInclude) {
+  const TestFolder folder;
+  folder.write("color.xml", R"(<rgb value="0.1 0.2 0.3"/>)");
+  const Scene scene = load_scene(folder.write("s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/>
+    <shape type="sphere"><bsdf type="diffuse"><include filename="color.xml" name="reflectance"/></bsdf></shape></scene>)"));
+  const Material& m = scene.materials[static_cast<std::size_t>(scene.shapes[0].material)];
+  EXPECT_EQ(evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(m.reflectance)]), {0, 0}),
+            Vec3f(0.1f, 0.2f, 0.3f));
+}
+
 }  // namespace
 }  // namespace octrad

@@ -33,23 +33,38 @@ std::vector<int> color_channels(const Image& image) {
   return result;
 }
 
+// Factors of a colour, which glTF keeps to [0, 1], but some files do not.
+std::vector<double> color_factors(const GltfObject& owner, const std::string& key, std::vector<double> fallback) {
+  return owner.numbers(key, std::move(fallback), 0.0, 1e12);
+}
+
+std::vector<double> base_factors(const GltfObject& m) {
+  return color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
+}
+
+std::vector<double> emissive_factors(const GltfObject& m) { return color_factors(m, "emissiveFactor", {0, 0, 0}); }
+
+double highest(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
+
+bool exceeds_one(const std::vector<double>& factors) { return highest(factors) > 1.0 + 1e-4; }  // not by rounding
+
 }  // namespace
 
 GltfObject GltfMaterials::material(int index) const {
   return index >= 0 ? file_->item("materials", index) : file_->root().object("(default material)");
 }
 
+// Without textures whose factor is 0: they change nothing.
 std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const {
   const GltfObject pbr = m.object("pbrMetallicRoughness");
-  std::vector<GltfObject> all = {
-      pbr.object("baseColorTexture"),
-      pbr.object("metallicRoughnessTexture"),
-      m.object("normalTexture"),
-      m.object("emissiveTexture"),
-      m.extension("KHR_materials_transmission").object("transmissionTexture"),
-  };
-  const GltfObject coat = m.extension("KHR_materials_clearcoat");
-  all.push_back(coat.object("clearcoatTexture"));
+  std::vector<GltfObject> all = {pbr.object("baseColorTexture"), m.object("normalTexture")};
+  if (pbr.number("metallicFactor", 1.0) != 0.0 || pbr.number("roughnessFactor", 1.0) != 0.0)
+    all.push_back(pbr.object("metallicRoughnessTexture"));
+  if (highest(emissive_factors(m)) > 0.0) all.push_back(m.object("emissiveTexture"));
+  for (const std::string name : {"transmission", "clearcoat"}) {
+    const GltfObject extension = m.extension("KHR_materials_" + name);
+    if (extension.number(name + "Factor", 0.0) != 0.0) all.push_back(extension.object(name + "Texture"));
+  }
   std::erase_if(all, [](const GltfObject& info) { return !info.exists(); });
   return all;
 }
@@ -78,21 +93,18 @@ bool GltfMaterials::has_textures(int index) const { return !texture_infos(materi
 bool GltfMaterials::shows_colors(int index, bool uvs) const { return !uvs || !has_textures(index); }
 
 Vec3f GltfMaterials::base_color(int index) const {
-  const std::vector<double> c =
-      material(index).object("pbrMetallicRoughness").numbers("baseColorFactor", {1, 1, 1, 1}, 0.0, 1.0);
-  return Vec3f(Vec3d(c[0], c[1], c[2]));
+  const std::vector<double> c = base_factors(material(index));
+  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)));
 }
 
-bool GltfMaterials::emits(int index) const {
-  const std::vector<double> c = material(index).numbers("emissiveFactor", {0, 0, 0}, 0.0, 1.0);
-  return c[0] > 0.0 || c[1] > 0.0 || c[2] > 0.0;
-}
+bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
 
 void GltfMaterials::add_emitter(Element& shape, const GltfSurface& s) {
   const GltfObject m = material(s.material);
-  const std::vector<double> c = m.numbers("emissiveFactor", {0, 0, 0}, 0.0, 1.0);
+  const std::vector<double> c = emissive_factors(m);
   const Vec3d radiance = Vec3d(c[0], c[1], c[2]) *
                          m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+  if (exceeds_one(c)) report_.assume(m.location(), "an emissiveFactor above 1, which glTF does not allow, is kept");
   if (m.flag("doubleSided")) report_.assume(m.location(), "a light on both sides shines from its front only");
   if (m.text("alphaMode", "OPAQUE") != "OPAQUE")
     report_.assume(m.location(), "a light shines where its surface is cut out or transparent, too");
@@ -137,17 +149,20 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
   };
 
   const GltfObject pbr = m.object("pbrMetallicRoughness"), base = pbr.object("baseColorTexture");
-  const std::vector<double> color = pbr.numbers("baseColorFactor", {1, 1, 1, 1}, 0.0, 1.0);
+  const std::vector<double> factors = base_factors(m);
+  if (exceeds_one(factors)) report_.assume(where, "a baseColorFactor above 1, which glTF does not allow, is read as 1");
   const std::string mode = m.text("alphaMode", "OPAQUE");
   if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
     m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
   if (mode != "OPAQUE") {
+    if (s.colors) report_.assume(where, "alphaMode takes no alpha from the colours of vertices");
+    const double factor = std::min(factors[3], 1.0);
     Recipe alpha;
     alpha.what = Recipe::What::alpha;
-    alpha.factor = Vec3d(color[3]);
+    alpha.factor = Vec3d(factor);
     const double cutoff = m.number("alphaCutoff", 0.5, 0.0);
     if (mode == "MASK") alpha.cutoff = cutoff;
-    const double plain = mode == "MASK" ? (color[3] >= cutoff ? 1.0 : 0.0) : color[3];
+    const double plain = mode == "MASK" ? (factor >= cutoff ? 1.0 : 0.0) : factor;
     if (textured(base, s) || plain < 1.0) {
       nest("mask");
       if (!textured(base, s) || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, plain);
@@ -218,15 +233,20 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
 
 // The reflectance seen straight on, F0 = ((eta - 1) / (eta + 1))^2, scaled by KHR_materials_specular.
 void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
-  double eta = m.extension("KHR_materials_ior").number("ior", 1.5, 0.0, 100.0);
-  if (eta < 1.0) eta = 1.5;  // 0 stands for a coat that reflects everything
+  double eta = m.extension("KHR_materials_ior").number("ior", 1.5, 0.0, 1e9);
+  const bool all = eta == 0.0;  // stands for a coat that reflects everything
+  if (eta < 1.0) eta = 1.5;
   const GltfObject specular = m.extension("KHR_materials_specular");
   const double factor = specular.number("specularFactor", 1.0, 0.0, 1.0);
   const std::vector<double> color = specular.numbers("specularColorFactor", {1, 1, 1}, 0.0, 1e6);
   const double scale = luminance(Vec3f(Vec3d(color[0], color[1], color[2])));
-  if (factor != 1.0 || scale != 1.0) {
-    report_.assume(m.location(), "KHR_materials_specular read as another index of refraction");
-    const double root = (eta - 1.0) / (eta + 1.0), f0 = std::min(std::min(root * root * scale, 1.0) * factor, 0.9);
+  const bool scaled = factor != 1.0 || scale != 1.0;
+  constexpr double kMostEta = 100.0;  // of principled
+  if (scaled || all || eta > kMostEta) {
+    report_.assume(m.location(), std::string(scaled ? "KHR_materials_specular" : "KHR_materials_ior") +
+                                     " read as another index of refraction");
+    const double root = all ? 1.0 : (eta - 1.0) / (eta + 1.0),
+                 f0 = std::min(std::min(root * root * scale, 1.0) * factor, 0.9);
     eta = (1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0));
   }
   add_value(bsdf, "eta", m, std::max(eta, 1.001));

@@ -316,6 +316,85 @@ TEST_F(GltfTest, MaterialFactorsAndTextures) {
   EXPECT_FLOAT_EQ(value(load(), material(load()).opacity).x, 0.0f);
 }
 
+TEST_F(GltfTest, IndexOfRefraction) {
+  primitive()["material"] = 0;
+  const auto eta = [&](double ior, double factor, double color) {
+    json_["materials"] = {
+        {{"extensions",
+          {{"KHR_materials_ior", {{"ior", ior}}},
+           {"KHR_materials_specular", {{"specularFactor", factor}, {"specularColorFactor", {color, color, color}}}}}}}};
+    return material(load()).int_ior;
+  };
+  const auto most = static_cast<float>((1 + std::sqrt(0.9)) / (1 - std::sqrt(0.9)));  // F0 = 0.9
+  // As "gltf-transform metalrough" writes it.
+  EXPECT_NEAR(eta(1000, 1, 0.04), 1.5f, 2e-3f);
+  EXPECT_NEAR(eta(1e9, 1, 0.04), 1.5f, 1e-6f);
+  EXPECT_FLOAT_EQ(eta(1000, 1, 1), most);
+  EXPECT_NE(join(load().assumed).find("KHR_materials_ior read as another"), std::string::npos);
+  // 0: all is reflected, where nothing scales it.
+  EXPECT_FLOAT_EQ(eta(0, 1, 1), most);
+  EXPECT_FLOAT_EQ(eta(0, 0.5, 0.08), 1.5f);
+  EXPECT_FLOAT_EQ(eta(0, 0.5, 50), (1 + std::sqrt(0.5f)) / (1 - std::sqrt(0.5f)));  // at most 1, then the factor
+  EXPECT_FLOAT_EQ(eta(1.8, 1, 1), 1.8f);
+  EXPECT_EQ(join(load().assumed).find("another index"), std::string::npos);
+}
+
+TEST_F(GltfTest, FactorsAboveOne) {
+  primitive()["material"] = 0;
+  json_["materials"] = Json::parse(R"([{"emissiveFactor": [4, 0, 0.5],
+    "pbrMetallicRoughness": {"baseColorFactor": [2, 0.5, 0, 1.5]}, "alphaMode": "BLEND"}])");
+  Scene scene = load();
+  EXPECT_EQ(value(scene, scene.area_lights.at(0).radiance), Vec3f(4, 0, 0.5f));
+  EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(1, 0.5f, 0));
+  EXPECT_LT(material(scene).opacity, 0);
+  const std::string notes = join(scene.assumed);
+  EXPECT_NE(notes.find("emissiveFactor above 1"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("baseColorFactor above 1"), std::string::npos) << notes;
+  // Rounding is no news.
+  json_["materials"] = Json::parse(R"([{"emissiveFactor": [1.0000001, 1, 1],
+    "pbrMetallicRoughness": {"baseColorFactor": [1.0000001, 1, 1, 1]}}])");
+  EXPECT_EQ(join(load().assumed).find("above 1"), std::string::npos);
+  json_["materials"] = Json::parse(R"([{"emissiveFactor": [1e12, 1e12, 1e12],
+    "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e12}}}])");
+  scene = load();
+  EXPECT_FLOAT_EQ(value(scene, scene.area_lights.at(0).radiance).x, 1e24f);
+  for (const double bad : {-0.5, 1e13}) {
+    json_["materials"] = {{{"emissiveFactor", {bad, 0, 0}}}};
+    EXPECT_NE(error().find("\"emissiveFactor\" must be a list of 3 numbers from 0"), std::string::npos) << bad;
+    json_["materials"] = {{{"pbrMetallicRoughness", {{"baseColorFactor", {0, bad, 0, 1}}}}}};
+    EXPECT_NE(error().find("\"baseColorFactor\" must be a list of 4 numbers from 0"), std::string::npos) << bad;
+  }
+}
+
+// Textures with a factor of 0 keep neither colours of vertices away, nor their own coordinates apart from others'.
+TEST_F(GltfTest, TexturesWithoutEffect) {
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"emissiveTexture": {"index": 0, "texCoord": 1},
+    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0, "roughnessFactor": 0,
+      "metallicRoughnessTexture": {"index": 0, "texCoord": 2}},
+    "extensions": {"KHR_materials_transmission": {"transmissionTexture": {"index": 0, "texCoord": 3}},
+      "KHR_materials_clearcoat": {"clearcoatFactor": 0, "clearcoatTexture": {"index": 0, "texCoord": 4}}}}])");
+  EXPECT_EQ(error(), "");
+  Json& m = json_["materials"][0];
+  m["pbrMetallicRoughness"].erase("baseColorTexture");
+  primitive()["attributes"]["COLOR_0"] = add("VEC3", 5126, 3, bytes_of<float>({0.5f, 1, 0, 0.5f, 1, 0, 0.5f, 1, 0}));
+  const Scene scene = load();
+  EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(0.5f, 1, 0));
+  EXPECT_EQ(join(scene.assumed).find("where there is a texture"), std::string::npos);
+  // Each counts where it has an effect.
+  primitive()["attributes"].erase("COLOR_0");
+  m["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+  const Json plain = m;
+  for (const char* change : {R"({"emissiveFactor": [0, 0, 1]})", R"({"pbrMetallicRoughness": {"metallicFactor": 1}})",
+                             R"({"pbrMetallicRoughness": {"roughnessFactor": 0.5}})",
+                             R"({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}})",
+                             R"({"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}})"}) {
+    m = plain;
+    m.merge_patch(Json::parse(change));
+    EXPECT_NE(error().find("two sets of texture coordinates"), std::string::npos) << change;
+  }
+}
+
 // A picture beside a file that is named with its folder, from another one.
 TEST_F(GltfTest, PicturesOfAFileInAnotherFolder) {
   add_picture(255, 128, 64);
@@ -367,6 +446,14 @@ TEST_F(GltfTest, ColoursOfVertices) {
   json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}])");
   const Scene scene = load();
   EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(0.5f, 0, 0));
+  const auto notes_alpha = [&] {
+    return join(load().assumed).find("no alpha from the colours of vertices") != std::string::npos;
+  };
+  EXPECT_FALSE(notes_alpha());
+  for (const char* mode : {"MASK", "BLEND"}) {
+    json_["materials"][0]["alphaMode"] = mode;
+    EXPECT_TRUE(notes_alpha()) << mode;
+  }
 }
 
 TEST_F(GltfTest, Lights) {

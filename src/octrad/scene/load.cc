@@ -246,6 +246,11 @@ void SceneBuilder::load_files() {
       errors[i] = std::current_exception();
     }
   });
+  for (const BitmapJob& job : bitmaps_) {
+    if (job.negative > 0)
+      report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.negative) +
+                                     " negative values of radiance, read as 0");
+  }
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;
     const Location& where = i < bitmaps_.size() ? bitmaps_[i].where : mesh_jobs_[i - bitmaps_.size()].where;

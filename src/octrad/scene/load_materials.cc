@@ -403,7 +403,7 @@ void SceneBuilder::conductor_index(Params& params, Material& m) {
   const std::string name = params.get_string("material", "");
   const Vec3f none(-1.0f);
   const Vec3f eta = constant_color(params, "eta", none), k = constant_color(params, "k", none);
-  if (!name.empty() && (eta.x >= 0.0f || k.x >= 0.0f))
+  if (!name.empty() && name != "none" && (eta.x >= 0.0f || k.x >= 0.0f))
     fail(where, params.what() + " takes either material or eta and k, not both");
   const auto known = named_conductor(name.empty() ? "none" : name);
   if (!known)

@@ -11,7 +11,6 @@ namespace octrad {
 namespace {
 
 constexpr float kMaxFilterRadius = 8.0f;
-const std::vector<std::string> kSensors = {"perspective", "thinlens", "orthographic"};
 const std::vector<std::string> kFilters = {"box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"};
 
 // What can be written instead of sensors that there are not.
@@ -37,7 +36,7 @@ bool keeps_angles(const Transform& t, bool scaled) {
 
 }  // namespace
 
-std::vector<std::string> sensor_types() { return kSensors; }
+std::vector<std::string> sensor_types() { return camera_kind_names(); }
 std::vector<std::string> film_types() { return {"hdrfilm"}; }
 std::vector<std::string> rfilter_types() { return kFilters; }
 
@@ -64,10 +63,11 @@ void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis
 
 void SceneBuilder::add_sensor(const Element& element) {
   Params params(description_, element, scene_.warnings);
-  const auto kind = std::find(kSensors.begin(), kSensors.end(), params.type());
-  if (kind == kSensors.end()) params.fail_type(kSensors, "", sensor_advice(params.type()));
+  const std::vector<std::string>& kinds = camera_kind_names();
+  const auto kind = std::find(kinds.begin(), kinds.end(), params.type());
+  if (kind == kinds.end()) params.fail_type(kinds, "", sensor_advice(params.type()));
   Camera camera;
-  camera.kind = static_cast<CameraKind>(kind - kSensors.begin());
+  camera.kind = static_cast<CameraKind>(kind - kinds.begin());
   const bool lens = camera.kind == CameraKind::thinlens, orthographic = camera.kind == CameraKind::orthographic;
   const std::vector<const Element*> films = params.nested("film");
   if (films.size() > 1) fail(films[1]->location, "a sensor holds at most one film");

@@ -154,7 +154,9 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     if (!(length(p1 - p0) > 0.0)) fail(params.where("p1"), "the ends p0 and p1 of a cylinder must differ");
     job.raw = make_cylinder(p0, p1, static_cast<double>(radius));
   } else {
-    if (type != "disk") job.options.face_normals = params.get_bool("face_normals", false);
+    // Mitsuba's rectangle and disk are no meshes.
+    if (type == "cube") job.options.face_normals = params.get_bool("face_normals", false);
+    if (type == "rectangle") params.get_bool("face_normals", false);
     job.raw = type == "cube" ? make_cube() : type == "disk" ? make_disk() : make_rectangle();
   }
   if (!job.raw.triangles.empty()) shape_meter_.add(job.raw.triangles.size() * kTriangleBytes);

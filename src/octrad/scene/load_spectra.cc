@@ -104,7 +104,7 @@ Vec3f SceneBuilder::spectrum_value(const Element& element, TextureRole role) {
   } else if (type == "rawconstant") {
     const Element* given = params.find("value");
     if (!given) fail(element.location, params.what() + " needs the parameter \"value\"");
-    value = given->tag == "float" ? one_number(*given) : Vec3f(parse_vector(*given, Vec3d(0.0), true, {"name"}));
+    value = given->tag == "float" ? one_number(*given) : Vec3f(parse_vector(*given, Vec3d(0.0), {"name"}));
   } else if (type == "regular") {
     value = rgb_of(regular_spectrum(params), role, element.location);
   } else if (type == "irregular") {

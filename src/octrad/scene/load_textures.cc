@@ -130,7 +130,7 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
 }
 
 void SceneBuilder::load_bitmap(std::size_t number) {
-  const BitmapJob& job = bitmaps_[number];
+  BitmapJob& job = bitmaps_[number];
   const std::shared_ptr<const Image> picture =
       job.built ? std::make_shared<Image>(job.built->read())
                 : picture_files_.at(job.path).take([&] { return read_image(job.path); });
@@ -169,6 +169,15 @@ void SceneBuilder::load_bitmap(std::size_t number) {
   }
   if (bad > 0)
     fail(job.where, "the picture " + job.path + " has " + std::to_string(bad) + " values that are not finite");
+  if (std::find(job.roles.begin(), job.roles.end(), TextureRole::radiance) != job.roles.end()) {
+    for (Vec3f& v : result) {  // filters and denoisers overshoot
+      for (int c = 0; c < 3; ++c) {
+        if (v[c] >= 0.0f) continue;
+        v[c] = 0.0f;
+        ++job.negative;
+      }
+    }
+  }
   for (const TextureRole role : job.roles) {
     const Range range = range_of(role);
     constexpr float kTolerance = 1e-3f;  // of filters and of half precision

@@ -101,6 +101,11 @@ TEST(Obj, SyntaxVariants) {
   ASSERT_EQ(mesh.triangles.size(), 1u);
   EXPECT_EQ(mesh.positions[1], Vec3f(1, 0, 0));
   EXPECT_EQ(mesh.positions[2], Vec3f(1, 1, 0));
+  // An index of 0 for none, faces without an area, and coordinates that are no numbers, which Mitsuba takes.
+  const RawMesh bare = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/0/0 2/0 3//0\nf 1 2\n");
+  EXPECT_EQ(bare.triangles.size(), 1u);
+  EXPECT_TRUE(bare.uvs.empty() && bare.normals.empty());
+  EXPECT_EQ(obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt nan 0.25\nf 1/1 2/1 3/1\n").uvs[0], Vec2f(0, 0.25f));
   EXPECT_EQ(obj("v 1e-60 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nf 1/1/ 2/1 3/1").uvs[0].x, 0.5f);
 }
 
@@ -110,7 +115,7 @@ TEST(Obj, ErrorsSayWhere) {
   EXPECT_EQ(error_of(kQuad + "f -6 1 2\n"), "a.obj:6:3: face: there is no vertex -6 (5 so far)");
   EXPECT_EQ(error_of(kQuad + "f 1/1 2 3\n"), "a.obj:6:5: face: there is no texture vertex 1 (0 so far)");
   EXPECT_EQ(error_of(kQuad + "f 1//2 2 3\n"), "a.obj:6:6: face: there is no vertex normal 2 (0 so far)");
-  EXPECT_EQ(error_of(kQuad + "f 1 2\n"), "a.obj:6:2: face: a face needs at least three corners");
+  EXPECT_EQ(error_of("v 0 0 0\nv 1 0 0\nf 1 2\n"), "a.obj:1:1: the OBJ file holds no face with three or more corners");
   EXPECT_EQ(error_of(kQuad + "f 1 2 x\n"), "a.obj:6:7: face: expected the index of a vertex");
   EXPECT_EQ(error_of(kQuad + "f 1 2 3x\n"), "a.obj:6:8: face: expected a blank after the corner");
   EXPECT_EQ(error_of("v 0 0\n"), "a.obj:1:6: vertex: expected a number");

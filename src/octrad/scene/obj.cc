@@ -79,13 +79,13 @@ class ObjReader {
     return p_ == end_ || *p_ == '\n' || *p_ == '#';
   }
 
-  float read_float(const char* what) {
+  float read_float(const char* what, bool finite = true) {
     skip_blanks();
     const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
     float value = 0.0f;
     const auto result = read_decimal(begin, end_, value);
     if (result.ec != std::errc()) fail_at(p_, std::string(what) + ": expected a number");
-    if (!std::isfinite(value)) fail_at(p_, std::string(what) + ": the number is not finite");
+    if (finite && !std::isfinite(value)) fail_at(p_, std::string(what) + ": the number is not finite");
     p_ = result.ptr;
     if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')
       fail_at(p_, std::string(what) + ": expected a blank after the number");
@@ -108,8 +108,13 @@ class ObjReader {
     } else if (kind == 't' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
       ask_to_grow(uvs_, name_);
-      const float u = read_float("texture vertex");
-      uvs_.push_back({u, at_line_end() ? 0.0f : read_float("texture vertex")});
+      // Some exporters write nan where an edge has no length: 0.
+      const auto coordinate = [&] {
+        const float value = read_float("texture vertex", false);
+        return std::isfinite(value) ? value : 0.0f;
+      };
+      const float u = coordinate();
+      uvs_.push_back({u, at_line_end() ? 0.0f : coordinate()});
     } else if (kind == 'n' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
       ask_to_grow(normals_, name_);
@@ -117,14 +122,19 @@ class ObjReader {
     }
   }
 
-  // Index as written (1 is the first, -1 the last so far) to a position in a list of `count`.
-  int read_index(std::size_t count, const char* what) {
+  // Index as written (1 is the first, -1 the last so far) to a position in a list of `count`; -1 for a 0, which some
+  // exporters write for none, where it is `optional`.
+  int read_index(std::size_t count, const char* what, bool optional = false) {
     const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
     int value = 0;
     const auto result = std::from_chars(begin, end_, value);
     if (result.ec != std::errc()) fail_at(p_, std::string("face: expected the index of a ") + what);
     const std::int64_t n = static_cast<std::int64_t>(count);
     const std::int64_t index = value < 0 ? n + value : static_cast<std::int64_t>(value) - 1;
+    if (value == 0 && optional) {
+      p_ = result.ptr;
+      return -1;
+    }
     if (value == 0 || index < 0 || index >= n) {
       fail_at(p_, std::string("face: there is no ") + what + " " + std::to_string(value) + " (" +
                       std::to_string(count) + " so far)");
@@ -139,10 +149,10 @@ class ObjReader {
     if (p_ < end_ && *p_ == '/') {
       ++p_;
       if (p_ < end_ && *p_ != '/' && !is_blank(*p_) && *p_ != '\n')
-        corner.vt = read_index(uvs_.size(), "texture vertex");
+        corner.vt = read_index(uvs_.size(), "texture vertex", true);
       if (p_ < end_ && *p_ == '/') {
         ++p_;
-        if (p_ < end_ && !is_blank(*p_) && *p_ != '\n') corner.vn = read_index(normals_.size(), "vertex normal");
+        if (p_ < end_ && !is_blank(*p_) && *p_ != '\n') corner.vn = read_index(normals_.size(), "vertex normal", true);
       }
     }
     if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')
@@ -188,7 +198,6 @@ class ObjReader {
       last = index;
       ++corners;
     }
-    if (corners < 3) fail_at(begin, "face: a face needs at least three corners");
     if (mesh_.triangles.size() > kMostMeshElements) fail_at(begin, "the OBJ file has too many faces");
   }
 

@@ -80,7 +80,7 @@ double parse_double(const Element& element) {
 
 }  // namespace
 
-Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single, const std::vector<std::string>& other) {
+Vec3d parse_vector(const Element& element, Vec3d fallback, const std::vector<std::string>& other) {
   std::vector<std::string> supported = {"value", "x", "y", "z"};
   supported.insert(supported.end(), other.begin(), other.end());
   check_attributes(element, supported);
@@ -90,9 +90,8 @@ Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single, co
       fail(element.location, "<" + element.tag + "> has both \"value\" and \"x\"/\"y\"/\"z\"; give one of them");
     const auto numbers = parse_numbers(*value);
     if (numbers && numbers->size() == 3) return {(*numbers)[0], (*numbers)[1], (*numbers)[2]};
-    if (numbers && numbers->size() == 1 && allow_single) return Vec3d((*numbers)[0]);
-    fail(element.location, "<" + element.tag + ">: \"" + *value + "\" is not " +
-                               (allow_single ? "one or three" : "three") + " finite numbers");
+    if (numbers && numbers->size() == 1) return Vec3d((*numbers)[0]);
+    fail(element.location, "<" + element.tag + ">: \"" + *value + "\" is not one or three finite numbers");
   }
   if (!by_component) fail(element.location, "<" + element.tag + "> needs \"value\" or some of \"x\", \"y\", \"z\"");
   Vec3d result = fallback;
@@ -125,10 +124,10 @@ Vec3d any_normal(Vec3d n) {
 }
 
 Transform parse_operation(const Element& e, std::vector<std::string>& warnings) {
-  if (e.tag == "translate") return Transform::translate(parse_vector(e, Vec3d(0.0), true));
-  if (e.tag == "scale") return Transform::scale(parse_vector(e, Vec3d(1.0), true));
+  if (e.tag == "translate") return Transform::translate(parse_vector(e, Vec3d(0.0)));
+  if (e.tag == "scale") return Transform::scale(parse_vector(e, Vec3d(1.0)));
   if (e.tag == "rotate") {
-    const Vec3d axis = parse_vector(e, Vec3d(0.0), false, {"angle"});
+    const Vec3d axis = parse_vector(e, Vec3d(0.0), {"angle"});
     const auto angle = parse_numbers(e.get("angle"));
     if (!angle || angle->size() != 1)
       fail(e.location, "<rotate>: angle=\"" + e.get("angle") + "\" is not a finite number (degrees)");
@@ -200,21 +199,23 @@ std::optional<std::vector<double>> parse_numbers(const std::string& text) {
   }
 }
 
+std::optional<Vec3d> parse_hex_color(const std::string& text) {
+  if (text.size() != 7 || text[0] != '#') return std::nullopt;
+  Vec3d rgb;
+  for (int i = 0; i < 3; ++i) {
+    int byte = 0;
+    const char* begin = text.data() + 1 + 2 * i;
+    const auto result = std::from_chars(begin, begin + 2, byte, 16);
+    if (result.ptr != begin + 2 || byte < 0) return std::nullopt;
+    rgb[i] = decode_srgb(byte / 255.0);
+  }
+  return rgb;
+}
+
 Vec3f parse_rgb(const Element& element) {
   check_attributes(element, {"name", "value"});
   const std::string text = trimmed(value_of(element));
-  if (text.size() == 7 && text[0] == '#') {
-    Vec3f rgb;
-    for (int i = 0; i < 3; ++i) {
-      int byte = 0;
-      const char* begin = text.data() + 1 + 2 * i;
-      const auto result = std::from_chars(begin, begin + 2, byte, 16);
-      if (result.ptr != begin + 2 || byte < 0)
-        fail(element.location, "\"" + text + "\" is not a colour of the form #rrggbb");
-      rgb[i] = static_cast<float>(decode_srgb(byte / 255.0));
-    }
-    return rgb;
-  }
+  if (const auto color = parse_hex_color(text)) return Vec3f(*color);
   const auto numbers = parse_numbers(text);
   if (!numbers || (numbers->size() != 1 && numbers->size() != 3)) {
     fail(element.location,
@@ -415,7 +416,7 @@ std::string Params::choice(const std::string& name, const std::string& fallback,
 Vec3d Params::get_point(const std::string& name, Vec3d fallback) {
   return read<Vec3d>(name, fallback, [&] {
     const Element* e = take(name, {"point", "vector"});
-    return e ? parse_vector(*e, Vec3d(0.0), true, {"name"}) : fallback;
+    return e ? parse_vector(*e, Vec3d(0.0), {"name"}) : fallback;
   });
 }
 

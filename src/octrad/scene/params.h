@@ -19,6 +19,8 @@ inline constexpr const char* kNoMedia =
 
 // Numbers separated by commas and white space; nullopt when anything else is in between or a number is not finite.
 std::optional<std::vector<double>> parse_numbers(const std::string& text);
+// Linear colour of "#rrggbb"; none for other texts.
+std::optional<Vec3d> parse_hex_color(const std::string& text);
 
 class Params {
  public:
@@ -103,9 +105,9 @@ class Params {
 // Refuses attributes that are not in the list.
 void check_attributes(const Element& element, const std::vector<std::string>& supported);
 
-// value="x y z" or x=, y=, z= attributes, of which absent ones are the fallback's; `other` attributes are permitted.
-Vec3d parse_vector(const Element& element, Vec3d fallback, bool allow_single,
-                   const std::vector<std::string>& other = {});
+// value="x y z" or one number for all, or x=, y=, z= attributes, of which absent ones are the fallback's; `other`
+// attributes are permitted.
+Vec3d parse_vector(const Element& element, Vec3d fallback, const std::vector<std::string>& other = {});
 
 // The element that a <ref> names (or the element itself when it is none).
 const Element& follow_reference(const Description& description, const Element& element);

@@ -109,9 +109,10 @@ Spectrum read_spectrum(const std::string& file) {
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     const std::string line = text.substr(begin, end - begin);
-    if (line.find_first_not_of(" \t\r") != std::string::npos && line[0] != '#') {
-      const auto numbers = parse_numbers(line);
-      if (!numbers || numbers->size() != 2) fail({source, begin}, "expected a wavelength and a value");
+    const std::size_t first = line.find_first_not_of(" \t\r");
+    if (first != std::string::npos && line[first] != '#') {
+      const auto numbers = parse_numbers(line);  // further columns are skipped, as in Mitsuba
+      if (!numbers || numbers->size() < 2) fail({source, begin}, "expected a wavelength and a value");
       wavelengths.push_back((*numbers)[0]);
       values.push_back((*numbers)[1]);
     }

@@ -131,7 +131,7 @@ TEST_F(SpectrumTest, Mistakes) {
   bad("<spectrum name=\"NAME\" type=\"sky\"/>", "spectrum \"sky\" is not supported; supported: uniform, d65");
   bad("<spectrum name=\"NAME\" type=\"irregular\"><string name=\"wavelengths\" value=\"400 500\"/><string name=\"values\" value=\"1\"/></spectrum>",
       "as many values as wavelengths");
-  folder_.write("b.spd", "400 1\n500 1 2\n");
+  folder_.write("b.spd", "400 1 7\n500\n");
   EXPECT_NE(error("<spectrum name=\"NAME\" filename=\"b.spd\"/>").find("b.spd:2:1: expected a wavelength and a value"),
             std::string::npos);
   // A blackbody reflects nothing of its own.

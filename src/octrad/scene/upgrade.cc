@@ -35,16 +35,6 @@ std::unique_ptr<Element> object(const std::string& tag, const std::string& type,
   return e;
 }
 
-void set(Element& element, const std::string& attribute, const std::string& value) {
-  for (auto& [name, old] : element.attributes) {
-    if (name == attribute) {
-      old = value;
-      return;
-    }
-  }
-  element.attributes.emplace_back(attribute, value);
-}
-
 void drop_attribute(Element& element, const std::string& attribute) {
   auto& list = element.attributes;
   list.erase(std::remove_if(list.begin(), list.end(), [&](const auto& a) { return a.first == attribute; }), list.end());
@@ -79,11 +69,15 @@ double number_or(const Element* element, double fallback) {
 void upgrade_srgb(Element& e) {
   e.tag = "rgb";
   const std::string& text = e.get("value");
-  const auto numbers = parse_numbers(text);
-  if (!numbers || (numbers->size() != 1 && numbers->size() != 3)) return;  // #rrggbb, or a mistake that is found later
   std::string linear;
-  for (const double v : *numbers) linear += (linear.empty() ? "" : ", ") + number_text(decode_srgb(v));
-  set(e, "value", linear);
+  if (const auto color = parse_hex_color(text)) {
+    for (const double v : {color->x, color->y, color->z}) linear += (linear.empty() ? "" : ", ") + number_text(v);
+  } else {
+    const auto numbers = parse_numbers(text);
+    if (!numbers || (numbers->size() != 1 && numbers->size() != 3)) return;  // a mistake that is found later
+    for (const double v : *numbers) linear += (linear.empty() ? "" : ", ") + number_text(decode_srgb(v));
+  }
+  e.set("value", linear);
 }
 
 void upgrade_blackbody(Element& e) {
@@ -94,7 +88,7 @@ void upgrade_blackbody(Element& e) {
   if (const std::string* scale = e.find("scale")) e.children.push_back(property("float", "scale", *scale, e));
   drop_attribute(e, "temperature");
   drop_attribute(e, "scale");
-  set(e, "type", "blackbody");
+  e.set("type", "blackbody");
 }
 
 void upgrade_spectrum(Element& e, SceneReport& report) {
@@ -132,7 +126,7 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
     const std::string kind = filter->get("value");
     if (kind == "trilinear" || kind == "ewa") {
       report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear, as Mitsuba 3 has no mip maps");
-      set(*filter, "value", "bilinear");
+      filter->set("value", "bilinear");
     }
   }
   const std::unique_ptr<Element> u = take(e, "wrap_mode_u"), v = take(e, "wrap_mode_v");
@@ -145,7 +139,7 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
     const std::string kind = wrap->get("value");
     if (kind == "zero" || kind == "one") {
       report.assume(wrap->location, "wrap_mode \"" + kind + "\" read as clamp");
-      set(*wrap, "value", "clamp");
+      wrap->set("value", "clamp");
     }
   }
   if (const std::unique_ptr<Element> gamma = take(e, "gamma")) {
@@ -171,7 +165,7 @@ void upgrade_film(Element& e, SceneReport& report) {
   const std::string type = e.get("type");
   if (type == "ldrfilm" || type == "tiledhdrfilm" || type == "mfilm") {
     report.assume(e.location, "film \"" + type + "\" read as hdrfilm");
-    set(e, "type", "hdrfilm");
+    e.set("type", "hdrfilm");
   }
   for (const char* name : {"gamma", "exposure", "tonemap_method", "key", "burn", "attach_log", "variable", "digits"})
     take(e, name);
@@ -202,7 +196,7 @@ void divide(Element& e, double by) {
   const auto numbers = parse_numbers(e.get("value"));
   std::string text;
   for (const double v : *numbers) text += (text.empty() ? "" : ", ") + number_text(std::min(1.0, v / by));
-  set(e, "value", text);
+  e.set("value", text);
 }
 
 // Diffuse and glossy reflectance that add up (phong, ward) as a blend of a diffuse surface and a rough mirror: each is
@@ -221,10 +215,10 @@ void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::
   if (kd >= 0.0 && share < 1.0) divide(*diffuse, 1.0 - share);
   if (ks >= 0.0 && share > 0.0) divide(*specular, share);
   auto base = object("bsdf", "diffuse", e);
-  set(*diffuse, "name", "reflectance");
+  diffuse->set("name", "reflectance");
   base->children.push_back(std::move(diffuse));
   auto gloss = object("bsdf", "roughconductor", e);
-  set(*specular, "name", "specular_reflectance");
+  specular->set("name", "specular_reflectance");
   gloss->children.push_back(property("string", "material", "none", e));
   gloss->children.push_back(property("string", "distribution", "beckmann", e));
   gloss->children.push_back(std::move(specular));
@@ -232,7 +226,7 @@ void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::
     std::unique_ptr<Element> given = take(e, name);
     gloss->children.push_back(given ? std::move(given) : property("float", name, value, e));
   }
-  set(e, "type", "blendbsdf");
+  e.set("type", "blendbsdf");
   e.children.clear();
   e.children.push_back(property("float", "weight", number_text(share), e));
   e.children.push_back(std::move(base));
@@ -261,7 +255,7 @@ void upgrade_ward(Element& e, SceneReport& report) {
 // a name of its own.
 void stand_for(Element& e, std::unique_ptr<Element> nested) {
   if (nested->tag == "bsdf" && !nested->find("id")) {
-    set(e, "type", nested->get("type"));
+    e.set("type", nested->get("type"));
     std::vector<std::unique_ptr<Element>> inside = std::move(nested->children);
     e.children = std::move(inside);
     return;
@@ -269,7 +263,17 @@ void stand_for(Element& e, std::unique_ptr<Element> nested) {
   e.children.clear();
   e.children.push_back(std::move(nested));
   e.children.push_back(property("float", "opacity", "1", e));
-  set(e, "type", "mask");
+  e.set("type", "mask");
+}
+
+void upgrade_distribution(Element& e, SceneReport& report) {
+  Element* distribution = child(e, "distribution");
+  if (!distribution) return;
+  const std::string kind = distribution->get("value");
+  if (kind == "phong" || kind == "as") {
+    report.assume(distribution->location, "distribution \"" + kind + "\" read as beckmann");
+    distribution->set("value", "beckmann");
+  }
 }
 
 // A coat over a diffuse surface is plastic; over others Mitsuba 3 has none.
@@ -287,11 +291,12 @@ void upgrade_coating(Element& e, SceneReport& report) {
     e.children.erase(
         std::find_if(e.children.begin(), e.children.end(), [&](const auto& c) { return c.get() == nested; }));
     if (reflectance) {
-      set(*reflectance, "name", "diffuse_reflectance");
+      reflectance->set("name", "diffuse_reflectance");
       e.children.push_back(std::move(reflectance));
     }
     if (!child(e, "int_ior")) e.children.push_back(property("string", "int_ior", "bk7", e));
-    set(e, "type", rough ? "roughplastic" : "plastic");
+    e.set("type", rough ? "roughplastic" : "plastic");
+    if (rough) upgrade_distribution(e, report);
     return;
   }
   report.assume(e.location, "the coat of bsdf \"" + e.get("type") + "\" left out: what is under it is read alone");
@@ -340,20 +345,20 @@ void upgrade_mixture(Element& e, SceneReport& report) {
     stand_for(e, std::move(sum));
     return;
   }
-  set(e, "type", "blendbsdf");
+  e.set("type", "blendbsdf");
   e.children = std::move(sum->children);
 }
 
 void upgrade_difftrans(Element& e, SceneReport& report) {
   report.assume(e.location, "bsdf \"difftrans\" read as principledthin that only transmits diffusely");
   if (Element* transmittance = child(e, "transmittance")) {
-    set(*transmittance, "name", "base_color");
+    transmittance->set("name", "base_color");
   } else {
     e.children.push_back(property("float", "base_color", "0.5", e));
   }
   e.children.push_back(property("float", "diff_trans", "2", e));
   e.children.push_back(property("float", "roughness", "1", e));
-  set(e, "type", "principledthin");
+  e.set("type", "principledthin");
 }
 
 void upgrade_conductor(Element& e, SceneReport& report) {
@@ -362,13 +367,6 @@ void upgrade_conductor(Element& e, SceneReport& report) {
     const double eta = number_or(outside.get(), text == "air" || text == "vacuum" ? 1.0 : -1.0);
     if (std::fabs(eta - 1.0) > 1e-3)
       report.assume(outside->location, "ext_eta " + text + " of a conductor read as 1, as Mitsuba 3 knows no other");
-  }
-  if (Element* distribution = child(e, "distribution")) {
-    const std::string kind = distribution->get("value");
-    if (kind == "phong" || kind == "as") {
-      report.assume(distribution->location, "distribution \"" + kind + "\" read as beckmann");
-      set(*distribution, "value", "beckmann");
-    }
   }
 }
 
@@ -392,7 +390,7 @@ void upgrade_bumpmap(Element& e) {
 void upgrade_normalmap(Element& e) {
   for (auto& c : e.children) {
     if (c->tag != "texture" || !c->get("name").empty()) continue;
-    set(*c, "name", "normalmap");
+    c->set("name", "normalmap");
     return;
   }
 }
@@ -411,7 +409,7 @@ void upgrade_object(Element& e, SceneReport& report) {
       report.assume(e.location, "texture \"vertexcolors\" read as mesh_attribute \"vertex_color\"");
       e.children.clear();
       e.children.push_back(property("string", "name", "vertex_color", e));
-      set(e, "type", "mesh_attribute");
+      e.set("type", "mesh_attribute");
     }
   }
   if (e.tag == "film") upgrade_film(e, report);
@@ -424,7 +422,7 @@ void upgrade_object(Element& e, SceneReport& report) {
   static const std::map<std::string, Rule> rules = {
       {"diffuse",
        [](Element& d, SceneReport&) {
-         if (Element* reflectance = child(d, "diffuse_reflectance")) set(*reflectance, "name", "reflectance");
+         if (Element* reflectance = child(d, "diffuse_reflectance")) reflectance->set("name", "reflectance");
        }},
       {"phong", upgrade_phong},
       {"ward", upgrade_ward},
@@ -434,9 +432,20 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"mixture", upgrade_mixture},
       {"difftrans", upgrade_difftrans},
       {"conductor", upgrade_conductor},
-      {"roughconductor", upgrade_conductor},
-      {"roughdielectric", upgrade_conductor},
-      {"roughplastic", upgrade_conductor},
+      {"roughconductor",
+       [](Element& c, SceneReport& r) {
+         upgrade_conductor(c, r);
+         upgrade_distribution(c, r);
+       }},
+      {"roughdielectric", upgrade_distribution},
+      {"roughplastic", upgrade_distribution},
+      {"blendbsdf",
+       [](Element& b, SceneReport&) {
+         for (const auto& c : b.children) {
+           if (c->get("name") == "weight") return;
+         }
+         b.children.push_back(property("float", "weight", "0.5", b));  // the default before version 3
+       }},
       {"bumpmap", [](Element& b, SceneReport&) { upgrade_bumpmap(b); }},
       {"normalmap", [](Element& n, SceneReport&) { upgrade_normalmap(n); }},
   };

@@ -22,9 +22,9 @@ class UpgradeTest : public ::testing::Test {
         "s.xml", "<scene version=\"" + version + "\">\n" + body + kOldSensor + kOldSphere + "</scene>\n"));
   }
   // Both files are the same scene.
-  void same(const std::string& old, const std::string& now) const {
-    EXPECT_EQ(load(old, "0.6.0").fingerprint, load(now, "3.0.0").fingerprint) << old;
-    EXPECT_EQ(load(old, "0.5.0").fingerprint, load(now, "3.0.0").fingerprint) << old;
+  void same(const std::string& old, const std::string& now, const std::string& version = "3.0.0") const {
+    EXPECT_EQ(load(old, "0.6.0").fingerprint, load(now, version).fingerprint) << old;
+    EXPECT_EQ(load(old, "0.5.0").fingerprint, load(now, version).fingerprint) << old;
   }
   void assumes(const std::string& old, const std::string& text) const {
     const std::string all = join(load(old, "0.6.0").assumed, "\n");
@@ -140,9 +140,19 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   same(
       R"(<bsdf type="ward"><float name="alpha" value="0.3"/><float name="diffuseReflectance" value="0.3"/><float name="specularReflectance" value="0.1"/></bsdf>)",
       gloss(R"(<float name="alpha_u" value="0.3"/><float name="alpha_v" value="0.3"/>)"));
+  same(
+      R"(<bsdf type="phong"><float name="exponent" value="49.5"/><srgb name="diffuseReflectance" value="#808080"/><srgb name="specularReflectance" value="#ffffff"/></bsdf>)",
+      R"(<bsdf type="phong"><float name="exponent" value="49.5"/><srgb name="diffuseReflectance" value="0.5019607843137255"/><srgb name="specularReflectance" value="1"/></bsdf>)",
+      "0.6.0");
+  same(
+      R"(<bsdf type="roughcoating"><string name="distribution" value="as"/><bsdf type="diffuse"/></bsdf>)",
+      R"(<bsdf type="roughplastic"><string name="distribution" value="beckmann"/><string name="int_ior" value="bk7"/></bsdf>)");
   // What a mixture leaves over is absorbed.
   const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)",
                     metal = R"(<bsdf type="conductor"/>)";
+  same("<bsdf type=\"blendbsdf\">" + red + metal + "</bsdf>",
+       R"(<bsdf type="blendbsdf"><float name="weight" value="0.5"/>)" + red + metal + "</bsdf>");
+  EXPECT_THROW(load("<bsdf type=\"blendbsdf\">" + red + metal + "</bsdf>", "3.0.0"), InputError);
   same(R"(<bsdf type="mixturebsdf"><string name="weights" value="0.25, 0.25"/>)" + red + metal + "</bsdf>",
        R"(<bsdf type="blendbsdf"><float name="weight" value="0.75"/>)" + red +
            R"(<bsdf type="blendbsdf"><float name="weight" value="0.6666666666666666"/>)" + metal +
