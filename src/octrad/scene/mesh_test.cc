@@ -105,7 +105,7 @@ TEST(Obj, SyntaxVariants) {
   const RawMesh bare = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/0/0 2/0 3//0\nf 1 2\n");
   EXPECT_EQ(bare.triangles.size(), 1u);
   EXPECT_TRUE(bare.uvs.empty() && bare.normals.empty());
-  EXPECT_EQ(obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt nan 0.25\nf 1/1 2/1 3/1\n").uvs[0], Vec2f(0, 0.25f));
+  EXPECT_EQ(obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt nan 0.25\nf 1/1 2/1 3/1\n").uvs[0], (Vec2f{0, 0.25f}));
   EXPECT_EQ(obj("v 1e-60 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nf 1/1/ 2/1 3/1").uvs[0].x, 0.5f);
 }
 
