@@ -73,8 +73,8 @@ class Run {
   void make_jobs();
   void do_jobs(PaperSummary& summary);
   bool do_job(Job& job);
-  void fail(const Job& job, const nlohmann::json& why);
-  void fail(const Job& job, const std::string& message, const std::string& command, bool unavailable);
+  void fail(Job& job, const nlohmann::json& why);
+  void fail(Job& job, const std::string& message, const std::string& command, bool unavailable);
   void describe_plan(PaperSummary& summary) const;
   void forget_errors_without_lpips();
 
@@ -566,17 +566,17 @@ void Run::make_jobs() {
 }
 
 // Ends the job, and with it all that need it.
-void Run::fail(const Job& job, const nlohmann::json& why) {
-  const std::size_t failed = std::size_t(&job - jobs_.data());
-  jobs_[failed].state = Job::State::failed;
+void Run::fail(Job& job, const nlohmann::json& why) {
+  job.state = Job::State::failed;
   store_.make_folder(job.folder);
   store_.write(job.result + ".failed", why);
-  for (const Job& other : jobs_)
-    if (other.state == Job::State::waiting && std::count(other.needs.begin(), other.needs.end(), failed))
+  const auto number = static_cast<std::size_t>(&job - jobs_.data());
+  for (Job& other : jobs_)
+    if (other.state == Job::State::waiting && std::count(other.needs.begin(), other.needs.end(), number))
       fail(other, why);
 }
 
-void Run::fail(const Job& job, const std::string& message, const std::string& command, bool unavailable) {
+void Run::fail(Job& job, const std::string& message, const std::string& command, bool unavailable) {
   fail(job, {{"message", message}, {"command", command}, {"unavailable", unavailable}});
   if (unavailable) log_info("{}: not available: {}", job.title, message);
   else log_warning(fmt::format("{} failed: {}", job.title, message));

@@ -14,6 +14,7 @@
 #include "octrad/scene/transform.h"
 
 namespace octrad {
+
 const std::vector<std::string>& camera_kind_names() {
   static const std::vector<std::string> names = {"perspective", "thinlens", "orthographic"};
   return names;

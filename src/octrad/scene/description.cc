@@ -442,17 +442,15 @@ std::string Description::resolve(const std::string& file, const Location& where)
   if (file.empty()) fail(where, "empty file name");
   std::error_code code;
   std::vector<std::string> tried;
-  for (const std::string& folder : search_paths) {
+  std::vector<std::string> folders = search_paths;
+  if (where.file) folders.push_back(folder_of(where.file->name()));  // of the file that names it, maybe an included one
+  for (const std::string& folder : folders) {
     const std::filesystem::path path = std::filesystem::path(folder) / file;  // an absolute `file` replaces the folder
     if (std::filesystem::exists(path, code)) {
       if (std::filesystem::is_directory(path, code)) fail(where, "\"" + path.string() + "\" is a folder, not a file");
       return files.emplace_back(path.string());
     }
     if (tried.empty() || tried.back() != path.string()) tried.push_back(path.string());
-  }
-  if (where.file) {  // beside the file that names it, which may be an included one
-    const std::filesystem::path path = std::filesystem::path(folder_of(where.file->name())) / file;
-    if (std::filesystem::is_regular_file(path, code)) return files.emplace_back(path.string());
   }
   if (file.find('\\') != std::string::npos) {  // of another system
     std::string slashes = file;

@@ -24,7 +24,7 @@ struct Element {
   mutable bool was_read = false;  // by a Params
 
   const std::string* find(std::string_view attribute) const;
-  void set(const std::string& attribute, const std::string& value);
+  void set(const std::string& attribute, const std::string& value);  // or adds it
   // Value of the attribute or "" when absent.
   const std::string& get(std::string_view attribute) const;
 };

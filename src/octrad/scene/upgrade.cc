@@ -441,10 +441,7 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"roughplastic", upgrade_distribution},
       {"blendbsdf",
        [](Element& b, SceneReport&) {
-         for (const auto& c : b.children) {
-           if (c->get("name") == "weight") return;
-         }
-         b.children.push_back(property("float", "weight", "0.5", b));  // the default before version 3
+         if (!child(b, "weight")) b.children.push_back(property("float", "weight", "0.5", b));  // as before version 3
        }},
       {"bumpmap", [](Element& b, SceneReport&) { upgrade_bumpmap(b); }},
       {"normalmap", [](Element& n, SceneReport&) { upgrade_normalmap(n); }},

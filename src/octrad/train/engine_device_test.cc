@@ -86,8 +86,8 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     // The same paths but where rounding sends a ray another way.
     EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries),
                 1e-3 * static_cast<double>(on_cpu.rhs_queries));
-    // On the host 6e-4 and .003 (ncr) at most, .0001 and .0004 for the others; the order in which threads and lanes add
-    // to a table is theirs.
+    // On the host .0015 (octaoctree) and .004 (ncr) at most, .0002 and .001 for the others; the order in which threads
+    // and lanes add to a table is theirs.
     RecordProperty(std::string("loss_difference_") + field, std::to_string(pair.loss_difference));
     RecordProperty(std::string("difference_") + field, std::to_string(pair.difference));
     EXPECT_LT(pair.loss_difference, 0.05) << field;
@@ -246,7 +246,7 @@ TEST_P(TrainOnStream, RunsContinueOnTheOtherDevice) {
     const double difference = mean_difference(*result.field, *whole.field, probes_);
     RecordProperty(std::string("difference_") + field + (starts_on_cpu ? "_from_cpu" : "_to_cpu"),
                    std::to_string(difference));
-    EXPECT_LT(difference, 0.05) << field;  // on the host 4e-4 at most
+    EXPECT_LT(difference, 0.05) << field;  // on the host .006 at most
     std::filesystem::remove(options.output);
   }
 }
