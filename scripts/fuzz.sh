@@ -42,13 +42,14 @@ if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*
 [ -w /dev/shm ] && export TMPDIR=${TMPDIR:-/dev/shm}
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=1:quarantine_size_mb=64 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 bad=0 passed=0
+TIMEFORMAT=%U+%S
 for name in $names; do
   log=build-fuzz/$name.log
   # -max_len: small files reach as much and are faster. A reader that takes 10 seconds for one is a finding too.
-  if OCTRAD_FUZZ=$name build-fuzz/fuzz "$corpus/$name" -dict="$corpus/$name.dict" -max_total_time="$seconds" -max_len=60000 -timeout=10 \
-    -rss_limit_mb=2500 -malloc_limit_mb=800 -artifact_prefix="$found/$name-" -print_final_stats=1 >"$log" 2>&1; then
+  if spent=$({ time OCTRAD_FUZZ=$name build-fuzz/fuzz "$corpus/$name" -dict="$corpus/$name.dict" -max_total_time="$seconds" -max_len=60000 \
+    -timeout=10 -rss_limit_mb=2500 -malloc_limit_mb=800 -artifact_prefix="$found/$name-" -print_final_stats=1 >"$log" 2>&1; } 2>&1); then
     passed=$((passed + 1))
-    printf '  ok       %-8s %s\n' "$name" "$(grep -E '^#[0-9]+' "$log" | tail -n 1 | tr '\t' ' ')"
+    printf '  ok       %-8s %s s of a processor  %s\n' "$name" "$spent" "$(grep -E '^#[0-9]+' "$log" | tail -n 1 | tr '\t' ' ')"
   else
     bad=$((bad + 1))
     printf '  FAILED   %s: %s\n' "$name" "$(grep -E 'SUMMARY|ERROR|Test unit written' "$log" | head -n 3 | tr '\n' ' ')"

@@ -7,10 +7,8 @@ import os
 import pathlib
 import re
 import shutil
-import struct
 import subprocess
 import sys
-import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "cli"))

@@ -22,6 +22,7 @@
 #include "octrad/model/model_file.h"
 #include "octrad/model/radiance_field.h"
 #include "octrad/perceptual/lpips.h"
+#include "octrad/render/integrator.h"
 #include "octrad/render/renderer.h"
 #include "octrad/scene/camera.h"
 #include "octrad/scene/camera_path.h"

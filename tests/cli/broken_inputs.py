@@ -538,11 +538,18 @@ def exr_window(name, width, height):
     return exr_attribute(name, "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1))
 
 
-# A picture of one line, whose block may inflate to 16.
-case("cost-exr-one-line", {"a.exr": EXR_START + exr_attribute("channels", "chlist", b"".join(b"c%03d\0" % i + struct.pack("<iBBBBii", 2, 0, 0, 0, 0, 1, 1) for i in range(100)) + b"\0")
-     + exr_attribute("compression", "compression", b"\3") + exr_window("dataWindow", 50000, 1) + exr_window("displayWindow", 50000, 1) + exr_attribute("lineOrder", "lineOrder", b"\0")
-     + exr_attribute("pixelAspectRatio", "float", struct.pack("<f", 1)) + exr_attribute("screenWindowCenter", "v2f", bytes(8)) + exr_attribute("screenWindowWidth", "float", struct.pack("<f", 1))
-     + b"\0" + bytes(16)}, ["info", "a.exr"], 4, "picture of 50000 x 1 pixels")
+def exr_of(width, height, channels, start=EXR_START, more=b""):
+    """A file of float channels with zip blocks, up to its first block."""
+    names = b"".join(b"c%03d\0" % i + struct.pack("<iBBBBii", 2, 0, 0, 0, 0, 1, 1) for i in range(channels))
+    return (start + exr_attribute("channels", "chlist", names + b"\0") + exr_attribute("compression", "compression", b"\3") + exr_window("dataWindow", width, height)
+            + exr_window("displayWindow", width, height) + exr_attribute("lineOrder", "lineOrder", b"\0") + exr_attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+            + exr_attribute("screenWindowCenter", "v2f", bytes(8)) + exr_attribute("screenWindowWidth", "float", struct.pack("<f", 1)) + more + b"\0" + bytes(16))
+
+
+# A picture of one line, whose block may inflate to 16; one whose only tile may inflate to more than the picture.
+case("cost-exr-one-line", {"a.exr": exr_of(50000, 1, 100)}, ["info", "a.exr"], 4, "picture of 50000 x 1 pixels")
+case("cost-exr-tile", {"a.exr": exr_of(64, 64, 4, EXR_START[:5] + b"\2\0\0", exr_attribute("tiles", "tiledesc", struct.pack("<2IB", 4096, 4096, 0)))},
+     ["info", "a.exr"], 4, "picture of 64 x 64 pixels")
 
 
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):

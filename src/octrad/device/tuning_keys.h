@@ -1,18 +1,15 @@
 // The numbers of DeviceTuning by name. On the command line: -D device.KEY=VALUE.
 #pragma once
 
-#include <span>
 #include <string>
+#include <vector>
 
 #include "octrad/device/tuning.h"
 
 namespace octrad {
 
-struct TuningKey {
-  const char* name;     // without "device."
-  const char* meaning;  // half a sentence
-};
-std::span<const TuningKey> tuning_keys();
+// Without "device.".
+std::vector<std::string> tuning_keys();
 
 bool operator==(const DeviceTuning& a, const DeviceTuning& b);
 

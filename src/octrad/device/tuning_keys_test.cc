@@ -20,18 +20,17 @@ std::string error_of(const std::string& key, const std::string& value) {
 
 TEST(Tuning, EveryKeyChangesItsOwnValue) {
   DeviceTuning all;
-  for (const TuningKey& key : tuning_keys()) {
+  for (const std::string& key : tuning_keys()) {
     DeviceTuning one;
     int changes = 0;
     for (const char* value : {"0", "1", "32"}) {
-      const std::string text = value, error = error_of(key.name, text);
+      const std::string text = value, error = error_of(key, text);
       if (!error.empty()) continue;
-      set(one, key.name, text);
-      set(all, key.name, text);
+      set(one, key, text);
+      set(all, key, text);
       changes += one == DeviceTuning{} ? 0 : 1;
     }
-    EXPECT_GT(changes, 0) << key.name;
-    EXPECT_GT(std::string(key.meaning).size(), 10u) << key.name;
+    EXPECT_GT(changes, 0) << key;
   }
   EXPECT_EQ(all.cast_refill, 32);
   EXPECT_TRUE(all.sort_queries && all.scan_touched && all.pixel_tiles);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
@@ -47,7 +48,7 @@ SurfaceSampler::SurfaceSampler(const Scene& scene, std::span<const int> shapes) 
     };
     if (shape.kind == Shape::Kind::sphere) {
       const double r = static_cast<double>(scene.spheres[static_cast<std::size_t>(shape.geometry)].radius);
-      add(0, 4.0 * 3.14159265358979323846 * r * r);
+      add(0, 4.0 * std::numbers::pi * r * r);
       continue;
     }
     const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(shape.geometry)];

@@ -1,6 +1,7 @@
 // OpenEXR files through the OpenEXR library's general interface.
 #include <IexBaseExc.h>
 #include <ImfChannelList.h>
+#include <ImfChromaticities.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfIO.h>
@@ -9,12 +10,14 @@
 #include <ImfMultiPartInputFile.h>
 #include <ImfOutputFile.h>
 #include <ImfPartType.h>
+#include <ImfStandardAttributes.h>
 #include <ImfStringAttribute.h>
 #include <ImfTestFile.h>
 #include <ImfVersion.h>
 #include <half.h>
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <cstring>
@@ -191,9 +194,8 @@ long long side(const Imath::Box2i& window, int axis) {
 }
 
 // Lines that are in memory twice while they are read, compressed and uncompressed. A block of lines may inflate to its
-// full height also where the picture ends before; of tiles, which the library cuts first, a row.
-long long lines_at_once(const Imf::Header& header, long long height) {
-  if (header.hasTileDescription()) return std::min<long long>(header.tileDescription().ySize, height);
+// full height also where the picture ends before.
+long long lines_at_once(const Imf::Header& header) {
   switch (header.compression()) {
     case Imf::NO_COMPRESSION:
     case Imf::RLE_COMPRESSION:
@@ -203,6 +205,20 @@ long long lines_at_once(const Imf::Header& header, long long height) {
     case Imf::DWAB_COMPRESSION: return 256;
     default: return 32;
   }
+}
+
+// Bytes that the library needs beside the picture to read a part: of all its channels, whether or not they are wanted.
+// Of tiles, a row of those that the picture has, and one whole tile three times: as read, inflated, and put in order.
+std::uint64_t bytes_beside(const Imf::Header& header, long long width, long long height) {
+  std::uint64_t pixel = 0;
+  const Imf::ChannelList& channels = header.channels();
+  for (auto c = channels.begin(); c != channels.end(); ++c)
+    pixel += c.channel().type == Imf::HALF ? sizeof(half) : sizeof(float);
+  if (!header.hasTileDescription()) return 2 * pixel * static_cast<std::uint64_t>(width * lines_at_once(header));
+  const Imf::TileDescription& tile = header.tileDescription();
+  const auto across = static_cast<std::uint64_t>(width);
+  return pixel * (across * std::min<std::uint64_t>(tile.ySize, static_cast<std::uint64_t>(height)) +
+                  3 * std::uint64_t{tile.xSize} * tile.ySize);
 }
 
 // A part of a file, and its channels by their names there and in the picture.
@@ -248,6 +264,7 @@ void OpenFile::read(const Part& part, const Imf::FrameBuffer& buffer, const Imat
     Imf::InputPart in(*multiple, part.number);
     in.setFrameBuffer(buffer);
     in.readPixels(window.min.y, window.max.y);
+    multiple->flushPartCache();  // the library would keep what it needed for this part
   } else {
     single->setFrameBuffer(buffer);
     single->readPixels(window.min.y, window.max.y);
@@ -351,6 +368,51 @@ std::map<std::string, std::string> metadata_of(const Imf::Header& header, bool m
   return result;
 }
 
+// The matrix (a row of colours times it) from primaries of the file to Rec. 709, without adapting the white point; none
+// where they are Rec. 709 or no primaries at all.
+std::optional<Imath::M44f> from_primaries(const Imf::Header& header) {
+  if (!Imf::hasChromaticities(header)) return std::nullopt;
+  const Imf::Chromaticities own = Imf::chromaticities(header), rec709;
+  const auto near = [](Imath::V2f a, Imath::V2f b) { return (a - b).length() < 1e-3f; };
+  if (near(own.red, rec709.red) && near(own.green, rec709.green) && near(own.blue, rec709.blue) &&
+      near(own.white, rec709.white))
+    return std::nullopt;
+  try {
+    const Imath::M44f matrix = Imf::RGBtoXYZ(own, 1.0f) * Imf::XYZtoRGB(rec709, 1.0f);
+    const bool finite = std::all_of(&matrix[0][0], &matrix[0][0] + 16, [](float v) { return std::isfinite(v); });
+    return finite ? std::optional(matrix) : std::nullopt;
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
+// The main colours become linear Rec. 709, as in Mitsuba: from other primaries (`chromaticities`), or from channels X,
+// Y and Z, which become R, G and B.
+void to_rec709(const Imf::Header& header, Image& image) {
+  const auto places = [&](const std::array<const char*, 3>& names) {
+    return std::array{image.channel(names[0]), image.channel(names[1]), image.channel(names[2])};
+  };
+  constexpr std::array kRgb{"R", "G", "B"};
+  const auto is_there = [](int place) { return place >= 0; };
+  std::array<int, 3> at = places(kRgb);
+  std::optional<Imath::M44f> matrix;
+  if (std::ranges::all_of(at, is_there)) {
+    matrix = from_primaries(header);
+  } else if (std::ranges::none_of(at, is_there)) {
+    at = places({"X", "Y", "Z"});
+    if (!std::ranges::all_of(at, is_there)) return;
+    matrix = Imf::XYZtoRGB(Imf::Chromaticities(), 1.0f);
+    for (std::size_t c = 0; c < 3; ++c) image.channels[static_cast<std::size_t>(at[c])] = kRgb[c];
+  }
+  if (!matrix) return;
+  const std::size_t stride = image.channels.size();
+  for (std::size_t i = 0; i < image.pixel_count(); ++i) {
+    float* pixel = image.data.data() + i * stride;
+    const Imath::V3f color = Imath::V3f(pixel[at[0]], pixel[at[1]], pixel[at[2]]) * *matrix;
+    for (unsigned c = 0; c < 3; ++c) pixel[at[c]] = color[c];
+  }
+}
+
 }  // namespace
 
 Image image_io::read_exr(const std::string& file, const std::string& bytes) {
@@ -364,10 +426,9 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
 
     std::set<std::string> known;
     for (Part& part : open.parts) find_channels(file, part, &part != open.parts.data(), known);
-    long long lines = 1;
-    for (const Part& part : open.parts) lines = std::max(lines, lines_at_once(*part.header, height));
-    check_size(file, width, height, static_cast<long long>(known.size()),
-               2 * sizeof(float) * static_cast<std::uint64_t>(width * lines) * known.size());
+    std::uint64_t beside = 0;
+    for (const Part& part : open.parts) beside = std::max(beside, bytes_beside(*part.header, width, height));
+    check_size(file, width, height, static_cast<long long>(known.size()), beside);
     for (const Part& part : open.parts) {
       if (!part.complete)
         throw InputError(file + ": incomplete EXR file (it was cut off, or not finished by its writer)");
@@ -388,6 +449,7 @@ Image image_io::read_exr(const std::string& file, const std::string& bytes) {
       open.read(part, buffer, window);
     }
     image.metadata = metadata_of(first, open.multiple.has_value());
+    to_rec709(first, image);
     return image;
   } catch (const Error&) {
     throw;

@@ -8,6 +8,7 @@
 #include <ImfOutputPart.h>
 #include <ImfPartType.h>
 #include <ImfRgbaFile.h>
+#include <ImfStandardAttributes.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -118,6 +119,39 @@ TEST_F(ExrTest, OwnLayersKeepTheirNames) {
   image.metadata["octrad.version"] = "0";
   write_exr(folder_.file("a.exr"), image);
   EXPECT_EQ(read_image(folder_.file("a.exr")).channels, image.channels);
+}
+
+TEST_F(ExrTest, OtherPrimariesBecomeRec709) {
+  const std::string file = folder_.file("primaries.exr");
+  const auto read = [&](const Names& channels, const std::vector<float>& color, const Imf::Chromaticities* primaries) {
+    Image image(1, 1, channels);
+    image.data = color;
+    Imf::Header header(1, 1);
+    if (primaries != nullptr) Imf::addChromaticities(header, *primaries);
+    Imf::FrameBuffer buffer;
+    add_channels(image, header, buffer);
+    {
+      Imf::OutputFile out(file.c_str(), header);
+      out.setFrameBuffer(buffer);
+      out.writePixels(1);
+    }
+    return read_image(file);
+  };
+  // ITU-R BT.2087, its matrix from Rec. 2020 inverted; alpha and other channels stay.
+  const Imf::Chromaticities rec2020({0.708f, 0.292f}, {0.17f, 0.797f}, {0.131f, 0.046f}, {0.3127f, 0.329f});
+  const Image wide = read({"R", "G", "B", "A"}, {1.0f, 0.5f, 0.25f, 0.5f}, &rec2020);
+  EXPECT_EQ(wide.channels, (Names{"R", "G", "B", "A"}));
+  const float expected[4] = {1.3485f, 0.4398f, 0.2112f, 0.5f};
+  for (int c = 0; c < 4; ++c) EXPECT_NEAR(wide.at(0, 0, c), expected[c], 2e-3f) << c;
+  // X, Y and Z of the white of Rec. 709 (D65).
+  const Image xyz = read({"X", "Y", "Z"}, {0.9505f, 1.0f, 1.0891f}, nullptr);
+  EXPECT_EQ(xyz.channels, (Names{"R", "G", "B"}));
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(xyz.at(0, 0, c), 1.0f, 2e-3f) << c;
+  // Nothing to do: the same bits. Primaries on one line span no colours.
+  const std::vector<float> color{0.1f, 0.2f, 0.3f};
+  const Imf::Chromaticities rec709, line({0.1f, 0.1f}, {0.2f, 0.2f}, {0.3f, 0.3f}, {0.3f, 0.3f});
+  EXPECT_EQ(read({"R", "G", "B"}, color, &rec709).data, color);
+  EXPECT_EQ(read({"R", "G", "B"}, color, &line).data, color);
 }
 
 TEST_F(ExrTest, LuminanceAndChromaAreRefusedByName) {

@@ -12,8 +12,6 @@
 namespace octrad {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 // Contrast sensitivity (section 4.1.1): a1 sqrt(pi / b1) exp(-pi^2 x^2 / b1) + a2 ..., x in degrees.
 struct Sensitivity {
   double a, b;
@@ -56,16 +54,18 @@ FlipConstants constants_of(double pixels_per_degree) {
     throw InputError("FLIP needs 1 to 1000 pixels per degree");
   FlipConstants k;
   // Three standard deviations of the widest Gaussian, which is blue-yellow's.
-  const int spatial =
-      static_cast<int>(std::ceil(3.0 * std::sqrt(kBlueYellow[0].b / (2.0 * kPi * kPi)) * pixels_per_degree));
+  const int spatial = static_cast<int>(
+      std::ceil(3.0 * std::sqrt(kBlueYellow[0].b / (2.0 * std::numbers::pi * std::numbers::pi)) * pixels_per_degree));
   const double deviation = 0.5 * kFeatureWidth * pixels_per_degree;
   const int feature = static_cast<int>(std::ceil(3.0 * deviation));
   k.radius = std::max(spatial, feature);
   const auto sensitivity = [&](Sensitivity s, FlipFilter& to) {
-    const auto g = [&](int x) { return std::exp(-kPi * kPi * x * x / (pixels_per_degree * pixels_per_degree * s.b)); };
+    const auto g = [&](int x) {
+      return std::exp(-std::numbers::pi * std::numbers::pi * x * x / (pixels_per_degree * pixels_per_degree * s.b));
+    };
     const double sum = sum_of(spatial, g);
     to = taps_of(spatial, sum, g);
-    return s.a * std::sqrt(kPi / s.b) * sum * sum;  // of the product along x and y
+    return s.a * std::sqrt(std::numbers::pi / s.b) * sum * sum;  // of the product along x and y
   };
   sensitivity(kAchromatic, k.achromatic);
   sensitivity(kRedGreen, k.red_green);

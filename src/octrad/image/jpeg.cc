@@ -36,7 +36,8 @@ void on_message(j_common_ptr jpeg, int level) {
   switch (jpeg->err->msg_code) {
     case JWRN_EXTRANEOUS_DATA:
     case JWRN_JFIF_MAJOR:
-    case JWRN_ADOBE_XFORM: return;
+    case JWRN_ADOBE_XFORM:
+    case JWRN_NOT_SEQUENTIAL: return;  // some writers leave 0 where a scan says which of its numbers are kept
     default: on_error(jpeg);
   }
 }

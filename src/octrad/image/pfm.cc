@@ -42,6 +42,9 @@ Image image_io::read_pfm(const std::string& file, const std::string& bytes) {
   if (scale > 0.0) {  // big-endian
     for (float& v : image.data) v = swapped(v);
   }
+  if (const auto factor = static_cast<float>(std::fabs(scale)); factor != 1.0f) {
+    for (float& v : image.data) v *= factor;
+  }
   return image;
 }
 

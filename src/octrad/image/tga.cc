@@ -22,13 +22,15 @@ class TgaReader {
     const int type = kind & 7;
     if (kind > 11 || (kind & ~11) != 0 || type < 1 || type > 3)
       throw InputError(file_ + ": TGA of type " + std::to_string(kind) + "; 1, 2, 3, 9, 10 and 11 are supported");
-    if (type == 1 ? depth != 8 || map_type != 1 : type == 3 ? depth != 8 : depth != 16 && depth != 24 && depth != 32)
+    if (type == 1   ? depth != 8 || map_type != 1
+        : type == 3 ? depth != 8 && depth != 16
+                    : depth != 15 && depth != 16 && depth != 24 && depth != 32)
       throw InputError(file_ + ": TGA of " + std::to_string(depth) + " bits a pixel is not supported");
     image_io::check_size(file_, width, height, type == 3 ? 1 : 3);
     at_ += static_cast<std::size_t>(id);
     std::vector<Vec3f> map;
     if (map_type == 1) {
-      if (map_depth != 16 && map_depth != 24 && map_depth != 32)
+      if (map_depth != 15 && map_depth != 16 && map_depth != 24 && map_depth != 32)
         throw InputError(file_ + ": TGA palette of " + std::to_string(map_depth) + " bits is not supported");
       for (int i = 0; i < map_length; ++i) map.push_back(color(map_depth));
     }
@@ -79,7 +81,7 @@ class TgaReader {
     return low | next() << 8;
   }
   Vec3f color(int depth) {
-    if (depth == 16) {
+    if (depth <= 16) {
       const int v = next16();
       return Vec3f(static_cast<float>(v >> 10 & 31), static_cast<float>(v >> 5 & 31), static_cast<float>(v & 31)) /
              31.0f;
@@ -91,6 +93,7 @@ class TgaReader {
   Vec3f read_pixel(int type, int depth, const std::vector<Vec3f>& map, int first) {
     if (type == 2) return color(depth);
     const int value = next();
+    if (depth == 16) next();  // grey with alpha, which is not used
     if (type == 3) return Vec3f(static_cast<float>(value) / 255.0f);
     const int index = value - first;
     if (index < 0 || static_cast<std::size_t>(index) >= map.size())

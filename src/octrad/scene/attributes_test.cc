@@ -74,6 +74,30 @@ TEST_F(AttributesTest, AreReadFromPly) {
   EXPECT_EQ(parse_ply("m.ply", kPly).attributes.size(), 0u);
 }
 
+// Values that Mitsuba 3.9.1 reads.
+TEST_F(AttributesTest, IntegersAreEncodedShares) {
+  struct {
+    const char *type, *largest, *half;
+    std::vector<float> expected;
+  } const cases[] = {{"uchar", "255", "128", {255, 128, 0}},
+                     {"char", "127", "64", {1, 0.2177f, 0}},
+                     {"ushort", "65535", "32768", {1, 0.21405f, 0}},
+                     {"int", "2147483647", "1073741824", {1, 0.21404f, 0}},
+                     {"uint", "4294967295", "2147483648", {1, 0.21404f, 0}}};
+  for (const auto& c : cases) {
+    const RawMesh mesh = parse_ply("m.ply",
+                                   "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                                   "property float z\nproperty " +
+                                       std::string(c.type) +
+                                       " weight_0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                                       "0 0 0 " +
+                                       c.largest + "\n1 0 0 " + c.half + "\n0 1 0 0\n3 0 1 2\n",
+                                   {"vertex_weight"});
+    ASSERT_EQ(mesh.attributes.at(0).values.size(), 3u) << c.type;
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(mesh.attributes[0].values[i], c.expected[i], 1e-5f) << c.type;
+  }
+}
+
 TEST_F(AttributesTest, AreInterpolatedOverTriangles) {
   const std::string scale = "<float name=\"scale\" value=\"0.00392156862745098\"/>";
   Scene scene = load(shape("vertex_color", "reflectance", scale) + shape("face_tint_color"));

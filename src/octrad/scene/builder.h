@@ -50,6 +50,7 @@ class SceneBuilder {
   void share_files();
 
   // load_sensors.cc
+  void not_used(const Element& element);
   void add_sensor(const Element& element);
   Film read_film(const Element& element, Camera& camera);  // sets the camera's picture and crop window
   void read_filter(const Element& element, Film& film);
@@ -161,6 +162,7 @@ class SceneBuilder {
     std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;
     std::size_t negative = 0;  // values of radiance that were read as 0
+    std::size_t beyond = 0;    // values a little outside of [0, 1] that were read as its nearer end
     Location where;
   };
   struct Projector {

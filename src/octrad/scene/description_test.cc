@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/join.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/texture.h"
 
@@ -72,6 +73,27 @@ TEST(Description, FilesAndFoldersBesideIncludedFiles) {
                 .positions[0]
                 .x,
             7.0f);
+  // The working directory comes last.
+  std::filesystem::create_directories(folder.file("work"));
+  folder.write("work/q.obj", mesh("8"));
+  folder.write("work/n.obj", mesh("9"));
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.file("work"));
+  const Scene there = load_scene(folder.write("w.xml", sensor + shape("q.obj") + shape("n.obj") + "</scene>"));
+  std::filesystem::current_path(before);
+  EXPECT_EQ(there.meshes.at(0).positions[0].x, 8.0f);
+  EXPECT_EQ(there.meshes.at(1).positions[0].x, 4.0f);
+}
+
+TEST(Description, WhatHasNoEffectIsNoMistake) {
+  const TestFolder folder;
+  const Scene scene = load_scene(folder.write("s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/>
+    <sampler type="independent"/><film type="hdrfilm"/><texture type="checkerboard"/>
+    <shape type="sphere"><transform name="to_world"><translate/><scale/></transform></shape></scene>)"));
+  EXPECT_EQ(scene.assumed.size(), 3u);
+  EXPECT_NE(join(scene.assumed).find("a <sampler> at the top level without an id is not used"), std::string::npos)
+      << join(scene.assumed);
+  EXPECT_EQ(scene.spheres.at(0).center, Vec3f(0.0f));
 }
 
 TEST(Description, AnIncludedObjectHasTheNameOfItsInclude) {

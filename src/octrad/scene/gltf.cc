@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 
 #include "octrad/base/error.h"
 #include "octrad/base/lower_case.h"
@@ -14,7 +15,7 @@
 namespace octrad {
 namespace {
 
-constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr int kFilmHeight = 720;
 constexpr std::size_t kMaxPlaced = 4'000'000;
 constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
@@ -417,7 +418,7 @@ class GltfReader {
     add_matrix(emitter, where, "to_world", type == "point" ? Transform::translate(to_world.column(3)) : *view);
     if (type != "spot") return;
     const GltfObject spot = light.object("spot");
-    const double outer = spot.number("outerConeAngle", 3.14159265358979323846 / 4.0, 1e-4, 1.5708),
+    const double outer = spot.number("outerConeAngle", std::numbers::pi / 4.0, 1e-4, 1.5708),
                  inner = spot.number("innerConeAngle", 0.0, 0.0, outer);
     add_element(emitter, where, "float", {{"name", "cutoff_angle"}, {"value", number_text(outer * kDegrees)}});
     add_element(emitter, where, "float",

@@ -111,6 +111,11 @@ Scene SceneBuilder::build() {
   return std::move(scene_);
 }
 
+// An object at the top level that nothing can refer to, as it has no id.
+void SceneBuilder::not_used(const Element& element) {
+  report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
+}
+
 void SceneBuilder::add_object(const Element& element) {
   if (element.tag == "shape") {
     add_shape(element);
@@ -125,11 +130,9 @@ void SceneBuilder::add_object(const Element& element) {
     // One with an id may be meant for shapes that refer to it.
     if (element.get("type") != "area" || !element.find("id")) add_emitter(element);
   } else if (element.tag == "texture" || element.tag == "spectrum") {
-    if (element.find("id") == nullptr)
-      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to");
+    if (element.find("id") == nullptr) not_used(element);
   } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
-    if (element.find("id") == nullptr)
-      fail(element.location, "a <" + element.tag + "> at the top level needs an id, to be referred to by a sensor");
+    if (element.find("id") == nullptr) not_used(element);
   } else if (element.old && element.find("name") && element.find("value")) {
     report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
   } else if (element.tag == "boolean" && (element.get("name") == "embree_use_robust_intersections" ||
@@ -250,6 +253,9 @@ void SceneBuilder::load_files() {
     if (job.negative > 0)
       report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.negative) +
                                      " negative values of radiance, read as 0");
+    if (job.beyond > 0)
+      report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.beyond) +
+                                     " values a little below 0 or above 1, read as 0 and 1");
   }
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -56,7 +57,7 @@ void SceneBuilder::field_of_view(Params& params, float& degrees, Camera::FovAxis
   if (!f || f->size() != 1 || !((*f)[0] > 0.0))
     fail(params.where("focal_length"), "focal_length \"" + focal_length + "\" is not a length such as 50mm");
   degrees = static_cast<float>(2.0 * std::atan(std::sqrt(36.0 * 36.0 + 24.0 * 24.0) / (2.0 * (*f)[0])) * 180.0 /
-                               3.14159265358979323846);
+                               std::numbers::pi);
   fov_axis = Camera::FovAxis::diagonal;
   params.ignore({"fov_axis"});
 }

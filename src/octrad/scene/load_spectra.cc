@@ -101,6 +101,7 @@ Vec3f SceneBuilder::spectrum_value(const Element& element, TextureRole role) {
     const Element* color = params.find("color");
     if (!color) fail(element.location, params.what() + " needs the parameter <rgb name=\"color\" value=\"...\"/>");
     value = parse_rgb(*color);
+    params.ignore({"unbounded"});
   } else if (type == "rawconstant") {
     const Element* given = params.find("value");
     if (!given) fail(element.location, params.what() + " needs the parameter \"value\"");

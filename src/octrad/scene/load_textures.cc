@@ -129,6 +129,21 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   return index;
 }
 
+// The channel of a picture without R, G and B that its texture is: Y, R, or the only one beside alpha. -1: none.
+static int grey_channel(const Image& image) {
+  for (const char* name : {"Y", "R"}) {
+    if (const int channel = image.channel(name); channel >= 0) return channel;
+  }
+  int only = -1;
+  for (std::size_t i = 0; i < image.channels.size(); ++i) {
+    const std::string& name = image.channels[i];
+    if (name == "A" || name.ends_with(".A")) continue;
+    if (only >= 0) return -1;
+    only = static_cast<int>(i);
+  }
+  return only;
+}
+
 void SceneBuilder::load_bitmap(std::size_t number) {
   BitmapJob& job = bitmaps_[number];
   const std::shared_ptr<const Image> picture =
@@ -137,12 +152,14 @@ void SceneBuilder::load_bitmap(std::size_t number) {
   const Image& image = *picture;
   const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   if (pixels == 0) fail(job.where, "the picture " + job.path + " is empty");
-  // Alpha is not used (Mitsuba drops it as well); one or two channels are grey.
+  // Alpha is not used (Mitsuba drops it as well).
   int channel[3] = {image.channel("R"), image.channel("G"), image.channel("B")};
   if (channel[0] < 0 || channel[1] < 0 || channel[2] < 0) {
-    int grey = image.channel("Y");
-    if (grey < 0) grey = std::max(channel[0], 0);
-    if (image.channel_count() < 1) fail(job.where, "the picture " + job.path + " has no channels");
+    const int grey = grey_channel(image);
+    if (grey < 0)
+      fail(job.where, "the picture " + job.path +
+                          " has neither R, G and B nor one channel that could be grey; it has " +
+                          join(image.channels, ", "));
     channel[0] = channel[1] = channel[2] = grey;
   }
   const bool decode = !job.raw && is_display_referred(image);
@@ -180,11 +197,15 @@ void SceneBuilder::load_bitmap(std::size_t number) {
   }
   for (const TextureRole role : job.roles) {
     const Range range = range_of(role);
-    constexpr float kTolerance = 1e-3f;  // of filters and of half precision
-    for (const Vec3f& v : result) {
+    constexpr float kTolerance = 1e-3f,  // of half precision
+        kOvershoot = 0.05f;              // of filters and of lossy compression
+    for (Vec3f& v : result) {
       for (int c = 0; c < 3; ++c) {
-        if (!range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f))
+        if (range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f)) continue;
+        if (range.high > 1.0f || !range.holds(v[c], kOvershoot))
           fail(job.where, "the picture " + job.path + " has the value " + number_text(v[c]) + ": " + range.text);
+        v[c] = std::clamp(v[c], range.low, range.high);
+        ++job.beyond;
       }
     }
   }

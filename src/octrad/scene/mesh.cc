@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "octrad/base/error.h"
 #include "octrad/scene/limits.h"
@@ -11,7 +12,7 @@ namespace {
 
 // Angle between unit vectors, accurate near 0 and pi (Kahan).
 double angle_between(Vec3d a, Vec3d b) {
-  return dot(a, b) < 0.0 ? 3.14159265358979323846 - 2.0 * std::asin(std::min(1.0, 0.5 * length(a + b)))
+  return dot(a, b) < 0.0 ? std::numbers::pi - 2.0 * std::asin(std::min(1.0, 0.5 * length(a + b)))
                          : 2.0 * std::asin(std::min(1.0, 0.5 * length(b - a)));
 }
 

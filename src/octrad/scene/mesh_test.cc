@@ -242,6 +242,15 @@ TEST(Ply, ErrorsSayWhatIsWrong) {
   has(xyz + rows + "200 0 1 2\n", "does not fit");
 }
 
+TEST(Ply, NormalsAndUvsThatAreNotFiniteAreNone) {
+  const RawMesh mesh = parse_ply("a.ply", header("ascii", "x y z nx ny nz u v", 3, 1) +
+                                              "0 0 0 0 nan 1 nan 0.5\n1 0 0 0 0 1 1 0\n0 1 0 0 0 1 0 inf\n3 0 1 2\n");
+  EXPECT_EQ(mesh.normals[0], Vec3f(0.0f));
+  EXPECT_EQ(mesh.normals[1], Vec3f(0, 0, 1));
+  EXPECT_EQ(mesh.uvs[0], (Vec2f{0, 0.5f}));
+  EXPECT_EQ(mesh.uvs[2], (Vec2f{0, 0}));
+}
+
 TEST(Ply, HugeCountsAreRefusedBeforeAnythingIsAllocated) {
   for (const std::string count : {"4000000000", "2000000000", "18446744073709551615", "99999999999999999999"}) {
     for (const std::string format : {"ascii", "binary_little_endian"}) {

@@ -93,6 +93,7 @@ Vec3d parse_vector(const Element& element, Vec3d fallback, const std::vector<std
     if (numbers && numbers->size() == 1) return Vec3d((*numbers)[0]);
     fail(element.location, "<" + element.tag + ">: \"" + *value + "\" is not one or three finite numbers");
   }
+  if (!by_component && (element.tag == "translate" || element.tag == "scale")) return fallback;
   if (!by_component) fail(element.location, "<" + element.tag + "> needs \"value\" or some of \"x\", \"y\", \"z\"");
   Vec3d result = fallback;
   for (int i = 0; i < 3; ++i) {

@@ -9,6 +9,7 @@
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/read_decimal.h"
+#include "octrad/image/tonemap_math.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/source.h"
@@ -36,6 +37,18 @@ std::size_t size_of(Type type) {
     case Type::uint16: return 2;
     case Type::float64: return 8;
     default: return 4;
+  }
+}
+
+// Of integer types other than uint8; 0: of others.
+double largest_of(Type type) {
+  switch (type) {
+    case Type::int8: return 127.0;
+    case Type::int16: return 32767.0;
+    case Type::uint16: return 65535.0;
+    case Type::int32: return 2147483647.0;
+    case Type::uint32: return 4294967295.0;
+    default: return 0.0;
   }
 }
 
@@ -287,6 +300,7 @@ class PlyReader {
     for (std::uint64_t i = 0; i < element.count; ++i) {
       const char* where = p_;
       float row[8] = {};
+      bool without_normal = false;
       for (std::size_t j = 0; j < targets.size(); ++j) {
         if (targets[j] < 0 && channels[j].channel >= 0) {
           read_channel(channels[j], element.properties[j]);
@@ -294,14 +308,15 @@ class PlyReader {
           skip_property(element.properties[j]);
         } else {
           const auto value = static_cast<float>(read_value(element.properties[j].type));
-          if (!std::isfinite(value))
+          if (std::isfinite(value)) row[targets[j]] = value;
+          else if (targets[j] < 3)
             fail_at(where,
                     "vertex " + std::to_string(i) + " has a \"" + element.properties[j].name + "\" that is not finite");
-          row[targets[j]] = value;
+          else without_normal |= targets[j] < 6;  // some exporters write nan where an edge has no length
         }
       }
       mesh_.positions.push_back({row[0], row[1], row[2]});
-      if (normals) mesh_.normals.push_back({row[3], row[4], row[5]});
+      if (normals) mesh_.normals.push_back(without_normal ? Vec3f(0.0f) : Vec3f(row[3], row[4], row[5]));
       if (uvs) mesh_.uvs.push_back({row[6], row[7]});
     }
   }
@@ -331,10 +346,12 @@ class PlyReader {
     return channels;
   }
 
-  // Reads one property of an attribute; its channels stand in the file in their order.
+  // Reads one property of an attribute; its channels stand in the file in their order. Integers are shares of their
+  // type's largest and encoded as sRGB, but for uchar, which stays as it is: Mitsuba 3.9.1.
   void read_channel(const Channel& channel, const Property& property) {
     const char* where = p_;
-    const auto value = static_cast<float>(read_value(property.type));
+    const double read = read_value(property.type), largest = largest_of(property.type);
+    const auto value = static_cast<float>(largest > 0.0 ? decode_srgb(read / largest) : read);
     if (!std::isfinite(value)) fail_at(where, "the attribute property \"" + property.name + "\" is not finite");
     mesh_.attributes[channel.attribute].values.push_back(value);
   }

@@ -1,5 +1,6 @@
 // Disks and cylinders as meshes. Their facets have the area of the round shape, so that lights on them send as much.
 #include <cmath>
+#include <numbers>
 
 #include "octrad/base/frame.h"
 #include "octrad/scene/mesh.h"
@@ -10,7 +11,7 @@ namespace {
 // The normals of a cylinder's facets differ by 1.4 degrees; where a facet lies off the circle, it is by less than a
 // ten-thousandth of the radius.
 constexpr int kSegments = 256;
-constexpr double kTurn = 2.0 * 3.14159265358979323846;
+constexpr double kTurn = 2.0 * std::numbers::pi;
 
 Vec2f around(int i) {
   const double phi = kTurn * i / kSegments;

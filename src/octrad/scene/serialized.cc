@@ -58,9 +58,14 @@ class SerializedReader {
     }
     ask_memory(vertices * 3 * sizeof(Vec3f) + triangles * sizeof(Vec3i), name_);
     RawMesh mesh;
-    read_vectors(mesh.positions, vertices, wide, "a position");
-    if (flags & kNormals) read_vectors(mesh.normals, vertices, wide, "a normal");
-    if (flags & kTexcoords) read_vectors(mesh.uvs, vertices, wide, "a texture coordinate");
+    read_vectors(mesh.positions, vertices, wide);
+    for (const Vec3f& p : mesh.positions) {
+      if (!is_finite(p)) fail_here("a position is not finite");
+    }
+    if (flags & kNormals) read_vectors(mesh.normals, vertices, wide);
+    if (flags & kTexcoords) read_vectors(mesh.uvs, vertices, wide);
+    make_finite(mesh.normals);
+    make_finite(mesh.uvs);
     if (flags & kColors) skip(vertices * 3 * number);
     mesh.triangles.resize(triangles);
     inflate_to(mesh.triangles.data(), triangles * sizeof(Vec3i));
@@ -159,7 +164,7 @@ class SerializedReader {
   }
 
   template <typename Vector>
-  void read_vectors(std::vector<Vector>& out, std::uint64_t count, bool wide, const char* what) {
+  void read_vectors(std::vector<Vector>& out, std::uint64_t count, bool wide) {
     out.resize(count);
     constexpr std::size_t kNumbers = sizeof(Vector) / sizeof(float);
     if (!wide) {
@@ -171,9 +176,14 @@ class SerializedReader {
         for (std::size_t i = 0; i < kNumbers; ++i) v[static_cast<int>(i)] = static_cast<float>(row[i]);
       }
     }
-    for (const Vector& v : out) {
-      for (std::size_t i = 0; i < kNumbers; ++i) {
-        if (!std::isfinite(v[static_cast<int>(i)])) fail_here(std::string(what) + " is not finite");
+  }
+
+  // Some exporters write nan where an edge has no length.
+  template <typename Vector>
+  static void make_finite(std::vector<Vector>& vectors) {
+    for (Vector& v : vectors) {
+      for (std::size_t i = 0; i < sizeof(Vector) / sizeof(float); ++i) {
+        if (!std::isfinite(v[static_cast<int>(i)])) v = Vector{};
       }
     }
   }

@@ -99,6 +99,19 @@ std::string damage_of(const std::string& bytes, int index = 0) {
   return "";
 }
 
+TEST(Serialized, NormalsAndUvsThatAreNotFiniteAreNone) {
+  std::string bytes = content(kSingle | kNormals | kUvs, 4, 1.0f);
+  const float nan = std::nanf("");
+  constexpr std::size_t kHead = 4 + 5 + 16, kPositions = 4 * 3 * 4;
+  std::memcpy(&bytes[kHead + kPositions + 4], &nan, sizeof nan);      // y of the first normal
+  std::memcpy(&bytes[kHead + 2 * kPositions + 8], &nan, sizeof nan);  // u of the second vertex
+  const RawMesh mesh = parse_serialized("a.serialized", file_of({bytes}, 4), 0);
+  EXPECT_EQ(mesh.normals[0], Vec3f(0.0f));
+  EXPECT_EQ(mesh.normals[1], Vec3f(0, 0.5f, 1));
+  EXPECT_EQ(mesh.uvs[1], (Vec2f{0, 0}));
+  EXPECT_EQ(mesh.uvs[2], (Vec2f{1, 1}));
+}
+
 TEST(Serialized, DamageIsNamed) {
   const auto says = [](const std::string& found, const std::string& text) {
     EXPECT_NE(found.find("a.serialized:1:"), std::string::npos) << found;

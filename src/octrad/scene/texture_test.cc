@@ -7,6 +7,7 @@
 #include <span>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/image/io.h"
 #include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
@@ -278,6 +279,41 @@ TEST_F(TextureTest, BrokenPicturesAreRefused) {
       EXPECT_NE(std::string(error.what()).find("scene.xml:1:"), std::string::npos) << error.what();
       EXPECT_NE(std::string(error.what()).find(file), std::string::npos) << error.what();
     }
+  }
+}
+
+TEST_F(TextureTest, OvershootOfFiltersIsClamped) {
+  Image image(2, 1, {"R", "G", "B"});
+  image.data = {1.04f, 0.5f, -0.03f, 1.0f, 0.0f, 0.25f};
+  write_exr(folder_.file("lanczos.exr"), image);
+  const Scene scene = load(bitmap("lanczos.exr"));
+  const Texture& t = scene.textures.at(static_cast<std::size_t>(scene.materials[1].specular_reflectance));
+  EXPECT_EQ(t.pixels[0], Vec3f(1.0f, 0.5f, 0.0f));
+  EXPECT_EQ(t.pixels[1], Vec3f(1.0f, 0.0f, 0.25f));
+  EXPECT_NE(join(scene.assumed).find("2 values a little below 0 or above 1, read as 0 and 1"), std::string::npos)
+      << join(scene.assumed);
+  image.data[0] = 1.06f;
+  write_exr(folder_.file("lanczos.exr"), image);
+  EXPECT_THROW(load(bitmap("lanczos.exr")), InputError);
+}
+
+TEST_F(TextureTest, GreyIsOfTheOnlyChannel) {
+  const auto pixel = [&](const std::vector<std::string>& channels) {
+    Image image(1, 1, channels);
+    for (std::size_t c = 0; c < channels.size(); ++c) image.data[c] = 0.25f * static_cast<float>(c + 1);
+    write_exr(folder_.file("grey.exr"), image);
+    const Scene scene = load(bitmap("grey.exr"));
+    return scene.textures.at(static_cast<std::size_t>(scene.materials[1].specular_reflectance)).pixels.at(0).x;
+  };
+  EXPECT_EQ(pixel({"V"}), 0.25f);
+  EXPECT_EQ(pixel({"A", "depth.Z"}), 0.5f);
+  EXPECT_EQ(pixel({"A", "Y"}), 0.5f);
+  // Which of two layers of colours is meant cannot be told.
+  try {
+    pixel({"diffuse.R", "diffuse.G", "diffuse.B", "gloss.R", "gloss.G", "gloss.B"});
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("it has diffuse.R, diffuse.G"), std::string::npos) << error.what();
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace octrad {
 
@@ -24,7 +25,7 @@ Transform Transform::scale(Vec3d v) {
 // Rodrigues' formula.
 Transform Transform::rotate(Vec3d axis, double degrees) {
   const Vec3d a = normalize(axis);
-  const double radians = degrees * (3.14159265358979323846 / 180.0);
+  const double radians = degrees * (std::numbers::pi / 180.0);
   const double s = std::sin(radians), c = std::cos(radians), k = 1.0 - c;
   Transform t;
   t(0, 0) = c + a.x * a.x * k;

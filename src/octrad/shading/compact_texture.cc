@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/prefetch.h"
 
 namespace octrad {
@@ -39,9 +41,16 @@ constexpr std::size_t kSmallest = 64 * 64;
 
 std::unique_ptr<CompactTexture> CompactTexture::make(const Texture& t) {
   if (t.kind != Texture::Kind::bitmap || t.wrap == Texture::Wrap::mirror || t.pixels.size() < kSmallest) return nullptr;
+  const auto columns = static_cast<std::size_t>((t.width + 3) / 4),
+             tiles = columns * static_cast<std::size_t>((t.height + 3) / 4);
+  const MemoryScope scope;
+  try {
+    ask_memory(tiles * sizeof(TexelTile), "a texture");
+  } catch (const MemoryError&) {
+    return nullptr;  // the texture's own pixels are there
+  }
   auto out = std::make_unique<CompactTexture>();
-  const auto columns = static_cast<std::size_t>((t.width + 3) / 4);
-  out->tiles_.resize(columns * static_cast<std::size_t>((t.height + 3) / 4));
+  out->tiles_.resize(tiles);
   Palette palette;
   for (int y = 0; y < t.height; ++y) {
     const Vec3f* row = t.pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(t.width);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "octrad/base/memory_limit.h"
@@ -42,8 +43,8 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
   ask_memory(h * w * sizeof(AliasEntry), "the environment map's table");
   sines_.resize(h);
   for (std::size_t y = 0; y < h; ++y) {
-    sines_[y] = std::max(0.0f, static_cast<float>(std::sin(3.14159265358979323846 * static_cast<double>(y) /
-                                                           static_cast<double>(h - 1))));
+    sines_[y] = std::max(
+        0.0f, static_cast<float>(std::sin(std::numbers::pi * static_cast<double>(y) / static_cast<double>(h - 1))));
   }
   rows_.resize((h - 1) * kEnvironmentColumns);
   cells_.resize((h - 1) * w);

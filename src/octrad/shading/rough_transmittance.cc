@@ -1,6 +1,7 @@
 #include "octrad/shading/rough_transmittance.h"
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "octrad/base/threads.h"
@@ -18,7 +19,7 @@ struct Quadrature {
 Quadrature gauss_legendre(int n) {
   Quadrature q;
   for (int i = 0; i < n; ++i) {
-    double x = std::cos(3.14159265358979323846 * (i + 0.75) / (n + 0.5)), derivative = 1.0;
+    double x = std::cos(std::numbers::pi * (i + 0.75) / (n + 0.5)), derivative = 1.0;
     for (int step = 0; step < 100; ++step) {
       double p0 = 1.0, p1 = x;
       for (int k = 2; k <= n; ++k) {

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "octrad/train/trainer.h"
 
@@ -18,8 +19,7 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
   s.rate_scale = std::min(1.0, static_cast<double>(step + 1) / std::max(1, config.adam_warmup));
   if (fraction > config.adam_decay_start && config.adam_decay_start < 1.0) {
     const double t = std::min(1.0, (fraction - config.adam_decay_start) / (1.0 - config.adam_decay_start));
-    s.rate_scale *=
-        config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * 3.14159265358979323846));
+    s.rate_scale *= config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
   }
   return s;
 }

@@ -8,7 +8,7 @@ namespace octrad {
 
 // Random numbers for the rays of left-hand-side point `i` of step `stream`.
 OCTRAD_HD inline Rng lobe_generator(unsigned long long seed, unsigned long long stream, unsigned long long i) {
-  return Rng(seed, RngPurpose::lobe, mix64(stream * 0x9e3779b97f4a7c15ull + 1) ^ i);
+  return Rng(seed, RngPurpose::lobe, stream_index(stream) ^ i);
 }
 
 // One ray of a point, drawn with a number of a SobolSet; wo: local. False where the sample carries no light: it counts

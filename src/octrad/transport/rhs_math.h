@@ -17,9 +17,14 @@ OCTRAD_HD inline RhsKey rhs_key(const unsigned long long* keys, std::size_t i) {
   return keys != nullptr ? RhsKey{keys[i], true} : RhsKey{i, false};
 }
 
+// What keeps the random numbers of one stream (the step of a training) apart from those of others.
+OCTRAD_HD inline std::uint64_t stream_index(unsigned long long stream) {
+  return mix64(stream * 0x9e3779b97f4a7c15ull + 1);
+}
+
 // Random numbers of a point in `stream`.
 OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long stream, RhsKey key) {
-  const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
+  const std::uint64_t index = stream_index(stream);
   if (key.seen) return Rng::of_sample_key(seed, RngPurpose::rhs, index, key.number);
   return Rng(seed, RngPurpose::rhs, index ^ key.number);
 }
@@ -28,7 +33,7 @@ OCTRAD_HD inline Rng rhs_generator(unsigned long long seed, unsigned long long s
 // direction, so that all can be followed in parallel.
 OCTRAD_HD inline Rng rhs_chain_generator(unsigned long long seed, unsigned long long stream, RhsKey key,
                                          std::uint32_t m) {
-  const std::uint64_t index = mix64(stream * 0x9e3779b97f4a7c15ull + 1);
+  const std::uint64_t index = stream_index(stream);
   if (key.seen) return Rng::of_sample_key(seed, RngPurpose::chain, mix64(index) + m, key.number);
   return Rng(seed, RngPurpose::chain, mix64(index ^ key.number) + m);
 }

@@ -5,6 +5,8 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const length = a => Math.hypot(...a);
 export const normalize = a => { const l = length(a) || 1; return a.map(v => v / l); };
+// Of linear sRGB (Rec. 709 primaries), as luminance() of src/octrad/base/vec.h.
+export const luminance = a => 0.212671 * a[0] + 0.71516 * a[1] + 0.072169 * a[2];
 export const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
 
 // About a unit axis (Rodrigues).

@@ -1,10 +1,9 @@
 // Training and edits: the parts of the panel that are there where a model is being trained (docs/viewer.md).
-import { element, short, rate, clamp } from "./tools.js";
+import { element, short, rate, clamp, luminance } from "./tools.js";
 
 const get = id => document.getElementById(id);
 const hex = rgb => "#" + rgb.map(v => Math.round(255 * clamp(v, 0, 1) ** (1 / 2.2)).toString(16).padStart(2, "0")).join("");
 const linear = text => [1, 3, 5].map(i => +((parseInt(text.slice(i, i + 2), 16) / 255) ** 2.2).toFixed(4));
-const luminance = rgb => 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
 const clock = s => s < 60 ? `${s.toFixed(1)} s` : `${Math.floor(s / 60)} min ${Math.floor(s % 60)} s`;
 
 // A factor of a light as the page shows it: on or off, stops, and a colour of luminance 1 (its largest number is 1 in

@@ -1,5 +1,6 @@
 // The page of octrad view. The server holds the state; the page asks for changes and shows what comes (docs/viewer.md).
-import { add, subtract, normalize, clamp, axes, turned, tangentX, copyOf, element, saveFile, short, list, bytes, rate, quoted, length }
+import { add, subtract, normalize, clamp, axes, turned, tangentX, copyOf, element, saveFile, short, list, bytes, rate, quoted, length,
+         luminance }
   from "./tools.js";
 import { TrainingPanel } from "./training.js";
 
@@ -530,8 +531,7 @@ class Viewer {
     if (!found) return;
     const { pixels } = found, rgb = pixels.a ? pixels.a.radiance : [0, 0, 0];
     if (Math.min(...rgb) <= 0) return this.say("That pixel has no colour that could be white.", true);
-    const luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-    this.set({ white: rgb.map(v => clamp(luminance / v, 0.01, 100)) });
+    this.set({ white: rgb.map(v => clamp(luminance(rgb) / v, 0.01, 100)) });
     this.arm(null);
   }
 
