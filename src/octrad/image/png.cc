@@ -44,7 +44,8 @@ class PngReader {
     if (info_ == nullptr) throw MemoryError("not enough memory to read a PNG file");
     png_set_read_fn(png_, &source_, on_read);
     png_set_user_limits(png_, 0x7fffffff, 0x7fffffff);  // check_size() knows the limits
-    // Chunks that the picture does not need are passed over. libpng would allocate what some of them say is their length.
+    // Chunks that the picture does not need are passed over: libpng would allocate what some of them say is their
+    // length.
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
   }
   ~PngReader() { png_destroy_read_struct(&png_, &info_, nullptr); }

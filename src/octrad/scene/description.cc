@@ -444,7 +444,8 @@ std::string Description::resolve(const std::string& file, const Location& where)
   std::vector<std::string> tried;
   std::vector<std::string> folders = search_paths;
   if (where.file) folders.push_back(folder_of(where.file->name()));  // of the file that names it, maybe an included one
-  folders.emplace_back();                                            // the working directory, as in Mitsuba
+  // At last the working directory, as in Mitsuba.
+  if (std::find(folders.begin(), folders.end(), ".") == folders.end()) folders.emplace_back();
   for (const std::string& folder : folders) {
     const std::filesystem::path path = std::filesystem::path(folder) / file;  // an absolute `file` replaces the folder
     if (std::filesystem::exists(path, code)) {
