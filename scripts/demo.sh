@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The method in one go, from a bare Debian 12: installs what is missing, builds, renders a modest reference, trains a
-# radiance cache for the glossy room, renders it with one query a pixel, and compares that with path tracing given the
+# radiance cache for the glossy room, renders it with one query a sample, and compares that with path tracing given the
 # same time. Results land in demo/. About 12 minutes on two cores.
 #   scripts/demo.sh            the whole thing
 #   scripts/demo.sh --quick    the same steps, small and short, to see that they run (the pictures are poor)
@@ -35,7 +35,7 @@ show octrad render $scene --integrator path --spp 100000 --time $noise_time "${s
 step "Training the cache ($train_time)"
 show octrad train $scene -o demo/room.octrad --overwrite --preset cpu --time $train_time --reference demo/ref.exr
 
-step "The cache's picture: one query a pixel"
+step "The cache's picture: one query a sample"
 show octrad render $scene --integrator lhs --model demo/room.octrad "${size[@]}" -o demo/lhs.exr --json >demo/lhs.json
 
 step "Path tracing in the same time"
