@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 
 namespace octrad {
 
@@ -21,11 +22,9 @@ Image extract_rgb(const Image& image, const std::string& layer) {
     index[c] = image.channel(prefix + (is_vector ? axes[c] : names[c]));
     if (index[c] < 0) index[c] = image.channel(prefix + "Y");
     if (index[c] < 0) {
-      std::string have;
-      for (const std::string& name : image.channels) have += (have.empty() ? "" : ", ") + name;
       throw InputError("picture has no " + (layer.empty() ? std::string("colour") : "layer \"" + layer + "\"") +
                        ": needs " + prefix + "R, " + prefix + "G and " + prefix + "B, or " + prefix + "Y; it has " +
-                       have);
+                       join(image.channels));
     }
   }
   Image out(image.width, image.height, {"R", "G", "B"});

@@ -50,7 +50,6 @@ class SceneBuilder {
   void share_files();
 
   // load_sensors.cc
-  void not_used(const Element& element);
   void add_sensor(const Element& element);
   Film read_film(const Element& element, Camera& camera);  // sets the camera's picture and crop window
   void read_filter(const Element& element, Film& film);

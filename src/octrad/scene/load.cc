@@ -111,11 +111,6 @@ Scene SceneBuilder::build() {
   return std::move(scene_);
 }
 
-// An object at the top level that nothing can refer to, as it has no id.
-void SceneBuilder::not_used(const Element& element) {
-  report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
-}
-
 void SceneBuilder::add_object(const Element& element) {
   if (element.tag == "shape") {
     add_shape(element);
@@ -129,10 +124,11 @@ void SceneBuilder::add_object(const Element& element) {
   } else if (element.tag == "emitter") {
     // One with an id may be meant for shapes that refer to it.
     if (element.get("type") != "area" || !element.find("id")) add_emitter(element);
-  } else if (element.tag == "texture" || element.tag == "spectrum") {
-    if (element.find("id") == nullptr) not_used(element);
-  } else if (element.tag == "film" || element.tag == "sampler" || element.tag == "rfilter") {
-    if (element.find("id") == nullptr) not_used(element);
+  } else if (element.tag == "texture" || element.tag == "spectrum" || element.tag == "film" ||
+             element.tag == "sampler" || element.tag == "rfilter") {
+    // Those with an id are for what refers to them.
+    if (element.find("id") == nullptr)
+      report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
   } else if (element.old && element.find("name") && element.find("value")) {
     report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
   } else if (element.tag == "boolean" && (element.get("name") == "embree_use_robust_intersections" ||

@@ -28,6 +28,21 @@ std::string texture_advice(const std::string& type) {
   return "";
 }
 
+// The channel of a picture without R, G and B that its texture is: Y, R, or the only one beside alpha. -1: none.
+int grey_channel(const Image& image) {
+  for (const char* name : {"Y", "R"}) {
+    if (const int channel = image.channel(name); channel >= 0) return channel;
+  }
+  int only = -1;
+  for (std::size_t i = 0; i < image.channels.size(); ++i) {
+    const std::string& name = image.channels[i];
+    if (name == "A" || name.ends_with(".A")) continue;
+    if (only >= 0) return -1;
+    only = static_cast<int>(i);
+  }
+  return only;
+}
+
 }  // namespace
 
 std::vector<std::string> texture_types() { return kTextures; }
@@ -129,21 +144,6 @@ int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   return index;
 }
 
-// The channel of a picture without R, G and B that its texture is: Y, R, or the only one beside alpha. -1: none.
-static int grey_channel(const Image& image) {
-  for (const char* name : {"Y", "R"}) {
-    if (const int channel = image.channel(name); channel >= 0) return channel;
-  }
-  int only = -1;
-  for (std::size_t i = 0; i < image.channels.size(); ++i) {
-    const std::string& name = image.channels[i];
-    if (name == "A" || name.ends_with(".A")) continue;
-    if (only >= 0) return -1;
-    only = static_cast<int>(i);
-  }
-  return only;
-}
-
 void SceneBuilder::load_bitmap(std::size_t number) {
   BitmapJob& job = bitmaps_[number];
   const std::shared_ptr<const Image> picture =
@@ -158,8 +158,7 @@ void SceneBuilder::load_bitmap(std::size_t number) {
     const int grey = grey_channel(image);
     if (grey < 0)
       fail(job.where, "the picture " + job.path +
-                          " has neither R, G and B nor one channel that could be grey; it has " +
-                          join(image.channels, ", "));
+                          " has neither R, G and B nor one channel that could be grey; it has " + join(image.channels));
     channel[0] = channel[1] = channel[2] = grey;
   }
   const bool decode = !job.raw && is_display_referred(image);
