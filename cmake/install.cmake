@@ -13,6 +13,7 @@ configure_package_config_file(cmake/octradConfig.cmake.in octradConfig.cmake INS
                               NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
 write_basic_package_version_file(octradConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/octradConfig.cmake ${PROJECT_BINARY_DIR}/octradConfigVersion.cmake
+              cmake/FindWebP.cmake
         DESTINATION ${package})
 
 file(RELATIVE_PATH up /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)

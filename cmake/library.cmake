@@ -10,4 +10,5 @@ target_compile_options(octrad_library INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${OCTR
 target_include_directories(octrad_library PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>
                                                  $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 target_link_libraries(octrad_library PUBLIC fmt::fmt nlohmann_json::nlohmann_json
-                      PRIVATE TBB::tbb embree OpenEXR::OpenEXR PNG::PNG JPEG::JPEG pugixml::pugixml ZLIB::ZLIB hwy::hwy ${OCTRAD_CUDA_RUNTIME})
+                      PRIVATE TBB::tbb embree OpenEXR::OpenEXR PNG::PNG JPEG::JPEG WebP::webp pugixml::pugixml
+                              ZLIB::ZLIB meshoptimizer::meshoptimizer hwy::hwy ${OCTRAD_CUDA_RUNTIME})

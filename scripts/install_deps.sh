@@ -6,7 +6,7 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build ccache
-  libembree-dev libtbb-dev libopenexr-dev libpng-dev libjpeg-dev libpugixml-dev zlib1g-dev libcli11-dev libboost-dev libfmt-dev nlohmann-json3-dev libhwy-dev
+  libembree-dev libtbb-dev libopenexr-dev libpng-dev libjpeg-dev libwebp-dev libpugixml-dev zlib1g-dev libmeshoptimizer-dev libcli11-dev libboost-dev libfmt-dev nlohmann-json3-dev libhwy-dev
 )
 optional=()  # what is tested with these is skipped without them
 case "${1:-}" in

@@ -57,6 +57,12 @@ put("bmp", "24", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, 2, 2, 1, 2
 put("bmp", "8", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 62, 40, 2, -1, 1, 8, 0, 0, 0, 0, 0, 0) + bytes(12))
 put("tga", "24", struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 2, 2, 24, 0) + bytes(12))
 put("tga", "runs", struct.pack("<BBBHHBHHHHBB", 0, 0, 11, 0, 0, 0, 0, 0, 3, 1, 8, 0) + b"\x82\xff")
+# libwebp's encoder made these, of 4 x 4 pixels.
+for name, digits in (
+        ("lossy", "524946464c000000574542505650382040000000d001009d012a0400040002804225b00274010ef6a8180000fd9d4ece3b97f3c6ff3aa4d0be787c1c6382359e3b1e4e401959eec3bcdafaa66be94271a3dd0000"),
+        ("alpha", "524946466c00000057454250565038580a00000010000000030000030000414c504811000000000f1f2f3f4f5f6f7f8f9fafbfcfdfefff005650382034000000d001009d012a0400040002804225880274010ef8a7a80000fbf9a02848e0cdff31998cceb5692ba25e5c6798898e8dafde000000"),
+        ("lossless", "5249464662000000574542505650384c560000002f03c000107fa0a66d03e6ae3401943fd28250c8360224b07b00ce9fec4014b28d00c704760fc0311c41b68dda4cae50b4239601ff08da4640d036826d27d8f67b042012808836f9e48b0d2ed8e2824f11fd8f1e9433")):
+    put("webp", name, bytes.fromhex(digits))
 put("tga", "palette", struct.pack("<BBBHHBHHHHBB", 0, 1, 9, 0, 2, 24, 0, 0, 2, 1, 8, 32) + bytes(6) + b"\x81\0")
 put("old_scene", "all", '<scene version="0.6.0"><sensor type="perspective"><transform name="toWorld"><lookAt origin="0 0 1" target="0 0 0" up="0 1 0"/></transform></sensor><shape type="sphere">'
     '<bsdf type="mixturebsdf"><string name="weights" value="0.2, 0.3"/><bsdf type="phong"/><bsdf type="coating"><bsdf type="diffuse"/></bsdf></bsdf><emitter type="area"><blackbody name="radiance" temperature="3000K"/>'
@@ -81,6 +87,22 @@ ALL.json["cameras"].append({"type": "orthographic", "orthographic": {"xmag": 2, 
 ALL.node(camera=1)
 put("gltf", "all", ALL.text())
 put("gltf", "all-container", ALL.container())
+
+
+def meshopt_vertices(data, stride):
+    """Codec of attributes of EXT_meshopt_compression, for at most 16 vertices: differences of bytes as they are."""
+    rows = [data[at:at + stride] for at in range(0, len(data), stride)]
+    out = b"\xa0"
+    for column in range(stride):
+        steps = [(b[column] - a[column]) & 0xff for a, b in zip([rows[0]] + rows, rows)]
+        out += b"\3" + bytes((2 * step ^ (0xff if step & 0x80 else 0)) & 0xff for step in steps) + bytes(16 - len(steps))
+    return out + bytes(max(32 - stride, 0)) + rows[0]
+
+
+PACKED = triangle()
+PACKED_AT = PACKED.view(meshopt_vertices(PACKED.binary[:36], 12))
+PACKED.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {**PACKED.json["bufferViews"][PACKED_AT], "byteStride": 12, "count": 3, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}}
+put("gltf", "packed", PACKED.text())
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
 put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
@@ -281,7 +303,7 @@ WORDS = {
     "gltf": "glTF JSON BIN\\x00 asset version 2.0 scene scenes nodes children mesh meshes primitives attributes POSITION NORMAL TEXCOORD_0 TEXCOORD_1 COLOR_0 indices mode material materials accessors bufferView "
             "byteOffset byteStride byteLength buffers uri data:;base64, componentType 5120 5121 5122 5123 5125 5126 count type SCALAR VEC2 VEC3 VEC4 normalized sparse values images textures source samplers "
             "pbrMetallicRoughness baseColorTexture metallicRoughnessTexture normalTexture emissiveFactor emissiveTexture alphaMode MASK BLEND doubleSided extensions KHR_lights_punctual KHR_texture_transform "
-            "KHR_materials_transmission KHR_materials_volume EXT_mesh_gpu_instancing cameras perspective orthographic yfov xmag matrix rotation scale translation 1e30 -1 null".split(),
+            "KHR_materials_transmission KHR_materials_volume EXT_mesh_gpu_instancing EXT_meshopt_compression EXT_texture_webp ATTRIBUTES TRIANGLES INDICES OCTAHEDRAL QUATERNION EXPONENTIAL filter cameras perspective orthographic yfov xmag matrix rotation scale translation 1e30 -1 null".split(),
     "hdr": "#?RADIANCE #?RGBE FORMAT=32-bit_rle_rgbe -Y +X \\x02\\x02 \\x01\\x01\\x01".split(),
     "pfm": "PF Pf -1.0 nan inf 131072".split(),
     "png": "IHDR PLTE tRNS IDAT IEND gAMA iCCP sBIT \\x89PNG\\x0d\\x0a\\x1a\\x0a".split(),
@@ -292,6 +314,7 @@ WORDS = {
     "camera": "origin target up fov to_world width height near_clip far_clip 1e30 1e999 null".split(),
     "bmp": "BM \\x28\\x00\\x00\\x00 \\x7c\\x00\\x00\\x00".split(),
     "tga": ["TRUEVISION-XFILE."],
+    "webp": "RIFF WEBP VP8\\x20 VP8L VP8X ALPH ANIM ANMF \\x9d\\x01\\x2a \\x2f".split(),
     "old_scene": "<scene <bsdf <spectrum <srgb <blackbody <texture <lookAt version=\\\"0.6.0\\\" mixturebsdf weights phong ward coating roughcoating difftrans irawan 400:1 toWorld uscale filterType intent= $ />".split(),
     "path": "keys frames duration fps time origin target 1e9 1e30".split(),
     "spectrum": "# 400 1e-3 nan".split(),

@@ -231,7 +231,7 @@ std::string changed_file(std::string_view target, const std::string& bytes, cons
   }
   if (target == "model" || target == "state") return changed_header(bytes, 0, 8, from, room, random);
   if (target == "serialized" && below(random, 2) == 0) return changed_serialized(bytes, room);
-  for (const char* other : {"serialized", "png", "jpeg", "exr", "hdr", "pfm", "bmp", "tga"}) {
+  for (const char* other : {"serialized", "png", "jpeg", "webp", "exr", "hdr", "pfm", "bmp", "tga"}) {
     if (target != other) continue;
     std::string out = fuzzed(bytes, room);
     if (target == "png" && below(random, 8) != 0) mend_png(out);

@@ -129,6 +129,7 @@ constexpr Target kTargets[] = {
      }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},
+    {"webp", guarded<read_picture>},
     {"exr", guarded<read_picture>},
     {"hdr", guarded<read_picture>},
     {"pfm", guarded<read_picture>},

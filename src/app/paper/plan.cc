@@ -50,8 +50,6 @@ std::vector<ViewSpec> views_of(const Matrix& matrix, const PaperScene& scene) {
   for (const std::string& key : {scene.name, std::string("*")}) {
     if (const auto it = matrix.views.find(key); it != matrix.views.end()) return it->second;
   }
-  if (scene.info.at("cameras").empty())
-    throw InputError(fmt::format("{}: views: {} has no sensor, and no camera is given", matrix.name, scene.name));
   std::vector<ViewSpec> all;
   for (std::size_t i = 0; i < scene.info.at("cameras").size(); ++i)
     all.push_back({fmt::format("sensor{}", i), static_cast<int>(i), {}});
@@ -259,8 +257,6 @@ struct Planner {
 
   void add_film() {
     if (matrix().temporal_frames == 0) return;
-    if (scene().info.at("cameras").empty() && matrix().paths.count(scene().name) == 0)
-      throw InputError(fmt::format("{}: paths: {} has no sensor, and no path is given", matrix().name, scene().name));
     Film f;
     f.scene = s;
     const auto own = matrix().paths.find(scene().name);

@@ -293,7 +293,8 @@ void find_channels(const std::string& file, Part& part, bool further, std::set<s
 }
 
 // Where no channels are called R, G and B (nor Y), those of the layer that is the picture, and their short names: "r",
-// "Red"; "ViewLayer.Combined.R" of Blender; "rgba.R", "beauty.R" of others; else the only layer of colours.
+// "Red"; "ViewLayer.Combined.R" and the grey "V" of Blender; "rgba.R", "beauty.R" of others; else the only layer of
+// colours.
 std::map<std::string, std::string> main_picture(const std::vector<std::string>& names, bool own) {
   const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
   if (own || has("Y") || (has("R") && has("G") && has("B"))) return {};
@@ -319,6 +320,7 @@ std::map<std::string, std::string> main_picture(const std::vector<std::string>& 
   const auto best = std::min_element(layers.begin(), layers.end(),
                                      [&](const auto& a, const auto& b) { return rank(a.first) < rank(b.first); });
   std::map<std::string, std::string> result;
+  if (layers.empty() && has("V")) result.emplace("V", "Y");  // a grey picture of Blender 5
   if (best == layers.end() || (layers.size() > 1 && rank(best->first) == std::size(kMain))) return result;
   for (const auto& [color, name] : best->second) {
     if (!has(color)) result.emplace(name, color);

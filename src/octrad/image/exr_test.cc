@@ -110,6 +110,7 @@ TEST_F(ExrTest, NamesOfOtherPrograms) {
           .front(),
       "R");
   EXPECT_EQ(read_names({"Y"}, {0}), Names{"Y"});
+  EXPECT_EQ(read_names({"V"}, {0}), Names{"Y"});
   // Which of two is the picture, nobody can know.
   EXPECT_EQ(read_names({"a.R", "a.G", "a.B", "b.R", "b.G", "b.B"}).front(), "a.R");
 }

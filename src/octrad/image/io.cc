@@ -44,12 +44,13 @@ Image parse_image(const std::string& file, const std::string& bytes) {
   if (bytes.starts_with("\x76\x2f\x31\x01")) return image_io::read_exr(file, bytes);
   if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return image_io::read_png(file, bytes);
   if (bytes.starts_with("\xff\xd8\xff")) return image_io::read_jpeg(file, bytes);
+  if (bytes.starts_with("RIFF") && bytes.find("WEBP", 8) == 8) return image_io::read_webp(file, bytes);
   if (bytes.starts_with("#?")) return image_io::read_hdr(file, bytes);
   if (bytes.starts_with("PF") || bytes.starts_with("Pf")) return image_io::read_pfm(file, bytes);
   if (bytes.starts_with("BM")) return image_io::read_bmp(file, bytes);
   if (ending_of(file) == ".tga" || bytes.ends_with(std::string_view("TRUEVISION-XFILE.\0", 18)))
     return image_io::read_tga(file, bytes);
-  throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR, PFM, BMP and TGA can)");
+  throw InputError(file + ": not a picture that can be read (EXR, PNG, JPEG, HDR, PFM, BMP, TGA and WebP can)");
 }
 
 Image read_image(const std::string& file) {

@@ -20,6 +20,7 @@ Image read_hdr(const std::string& file, const std::string& bytes);
 Image read_pfm(const std::string& file, const std::string& bytes);
 Image read_png(const std::string& file, const std::string& bytes);
 Image read_jpeg(const std::string& file, const std::string& bytes);
+Image read_webp(const std::string& file, const std::string& bytes);
 Image read_bmp(const std::string& file, const std::string& bytes);
 Image read_tga(const std::string& file, const std::string& bytes);
 

@@ -602,7 +602,7 @@ TEST_F(IoTest, ErrorsNameTheFileAndTheReason) {
   EXPECT_NE(error_of<IoError>("missing.exr").find("missing.exr: No such file"), std::string::npos);
   write_bytes("text.exr", "hello");
   EXPECT_NE(error_of<InputError>("text.exr")
-                .find("text.exr: not a picture that can be read (EXR, PNG, JPEG, HDR, PFM, BMP and TGA can)"),
+                .find("text.exr: not a picture that can be read (EXR, PNG, JPEG, HDR, PFM, BMP, TGA and WebP can)"),
             std::string::npos);
   write_bytes("empty.png", "");
   EXPECT_NE(error_of<InputError>("empty.png"), "");

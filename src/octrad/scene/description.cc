@@ -69,6 +69,8 @@ class XmlReader {
       read_gltf(file, std::move(text), description_, report_);
       return check_definitions();
     }
+    if (std::filesystem::path(file).extension() == ".octrad")
+      throw InputError(file + ": a trained model, not a scene: the scene comes first, the model after --model");
     if (std::filesystem::path(file).extension() == ".pbrt")
       throw InputError(
           file +

@@ -16,24 +16,22 @@ namespace octrad {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-constexpr int kFilmHeight = 720;
 constexpr std::size_t kMaxPlaced = 4'000'000;
 constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
 
 // Extensions that are read. Others are refused where the file requires them, else noted.
 const std::set<std::string> kExtensions = {
-    "EXT_mesh_gpu_instancing", "KHR_lights_punctual",   "KHR_materials_clearcoat", "KHR_materials_emissive_strength",
-    "KHR_materials_ior",       "KHR_materials_sheen",   "KHR_materials_specular",  "KHR_materials_transmission",
-    "KHR_materials_volume",    "KHR_mesh_quantization", "KHR_texture_transform"};
+    "EXT_mesh_gpu_instancing", "EXT_meshopt_compression",         "EXT_texture_webp",     "KHR_lights_punctual",
+    "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",    "KHR_materials_sheen",
+    "KHR_materials_specular",  "KHR_materials_transmission",      "KHR_materials_volume", "KHR_mesh_quantization",
+    "KHR_texture_transform"};
 
 std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
-      {"EXT_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"KHR_materials_pbrSpecularGlossiness", "; convert it, as by \"gltf-transform metalrough\""},
       {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
       {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
-      {"EXT_texture_webp", "; save the pictures as PNG or JPEG"},
       {"EXT_texture_avif", "; save the pictures as PNG or JPEG"},
       {"MSFT_texture_dds", "; save the pictures as PNG or JPEG"},
   };
@@ -99,7 +97,10 @@ class GltfReader {
       add_mesh(mesh, places, {mesh});
     }
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
-    if (!has_camera_) add_default_camera();
+    if (!has_camera_) {
+      report_.assume(here, "the file has no camera: one that sees everything is added");
+      add_overview_sensor(root(), here, bounds_);
+    }
     if (!has_light_) {
       report_.assume(here, "the file has no light: one that is the same from all sides is added");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
@@ -362,39 +363,22 @@ class GltfReader {
       camera.fail("the type must be perspective or orthographic, not \"" + type + "\"");
     const GltfObject p = camera.object(type);
     const double near_clip = p.number("znear", 0.01, 0.0, 1e12), far_clip = p.number("zfar", 1e9, 0.0, 1e12);
-    double aspect = p.number("aspectRatio", 16.0 / 9.0, 1e-3, 1e3);
+    MadeSensor sensor{type};
+    sensor.near_clip = std::max(near_clip, 1e-6);
+    sensor.far_clip = std::max(far_clip, 2e-6);
+    sensor.aspect = p.number("aspectRatio", 16.0 / 9.0, 1e-3, 1e3);
     Transform t = *view;
-    double degrees = 0.0;
     if (type == "perspective") {
-      degrees = p.number("yfov", 0.0, 1e-6, 3.1415) * kDegrees;
+      sensor.fov_degrees = p.number("yfov", 0.0, 1e-6, 3.1415) * kDegrees;
       if (!p.has("yfov")) p.fail("needs yfov");
     } else {
       const double x = p.number("xmag", 1.0, 1e-9, 1e9), y = p.number("ymag", 1.0, 1e-9, 1e9);
-      aspect = std::clamp(x / y, 1e-3, 1e3);
+      sensor.aspect = std::clamp(x / y, 1e-3, 1e3);
       t = t * Transform::scale({x, x, 1.0});
     }
-    add_sensor(camera.location(), t, type, degrees, aspect, std::max(near_clip, 1e-6), std::max(far_clip, 2e-6));
-  }
-
-  void add_sensor(const Location& where, const Transform& to_world, const std::string& type, double degrees,
-                  double aspect, double near_clip, double far_clip) {
     has_camera_ = true;
     meter_.add(kPlacedBytes);
-    Element& sensor = add_element(root(), where, "sensor", {{"type", type}});
-    const auto number = [&](Element& parent, const char* tag, const char* name, const std::string& value) {
-      add_element(parent, where, tag, {{"name", name}, {"value", value}});
-    };
-    if (type == "perspective") {
-      number(sensor, "float", "fov", number_text(degrees));
-      number(sensor, "string", "fov_axis", "y");
-    }
-    number(sensor, "float", "near_clip", number_text(near_clip));
-    number(sensor, "float", "far_clip", number_text(std::max(far_clip, near_clip * 2.0)));
-    add_matrix(sensor, where, "to_world", to_world);
-    Element& film = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
-    const int width = std::clamp(static_cast<int>(std::lround(kFilmHeight * aspect)), 1, kMostFilmPixels);
-    number(film, "integer", "width", std::to_string(width));
-    number(film, "integer", "height", std::to_string(kFilmHeight));
+    add_sensor(root(), camera.location(), t, sensor);
   }
 
   void add_light(const GltfObject& reference, const Transform& to_world) {
@@ -436,21 +420,6 @@ class GltfReader {
     }
   }
 
-  // From the front, which glTF has at +z, a little from above and the side.
-  void add_default_camera() {
-    const Location here = file_->root().location();
-    report_.assume(here, "the file has no camera: one that sees everything is added");
-    if (!(bounds_.lower.x <= bounds_.upper.x)) bounds_ = {Vec3f(-1.0f), Vec3f(1.0f)};  // nothing is there
-    const Vec3d center = (Vec3d(bounds_.lower) + Vec3d(bounds_.upper)) * 0.5;
-    const double radius = std::max(0.5 * length(Vec3d(bounds_.upper) - Vec3d(bounds_.lower)), 1e-6);
-    constexpr double kFov = 40.0;
-    const double distance = radius / std::sin(0.5 * kFov / kDegrees);
-    const Vec3d direction = normalize(Vec3d(0.5, 0.4, 1.0));
-    const auto view = Transform::look_at(center + direction * distance, center, {0, 1, 0});
-    if (!view) return;
-    add_sensor(here, *view, "perspective", kFov, 4.0 / 3.0, distance * 1e-4, distance * 10.0);
-  }
-
   std::shared_ptr<const GltfFile> file_;
   Description& description_;
   SceneReport& report_;
@@ -466,27 +435,6 @@ class GltfReader {
 };
 
 }  // namespace
-
-Element& add_element(Element& parent, const Location& where, const std::string& tag, Attributes attributes) {
-  auto element = std::make_unique<Element>();
-  element->tag = tag;
-  element->attributes = std::move(attributes);
-  element->location = where;
-  parent.children.push_back(std::move(element));
-  return *parent.children.back();
-}
-
-void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t) {
-  std::string numbers;
-  for (const double v : t.m) {
-    if (!numbers.empty()) numbers += ' ';
-    numbers += number_text(v);
-  }
-  Element& transform = add_element(parent, where, "transform", {{"name", name}});
-  add_element(transform, where, "matrix", {{"value", numbers}});
-}
-
-std::string three_numbers(Vec3d v) { return number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z); }
 
 bool is_gltf(const std::string& file, const std::string& bytes) {
   const std::string ending = lower_case(std::filesystem::path(file).extension().string());

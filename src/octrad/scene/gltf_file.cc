@@ -13,6 +13,7 @@
 #include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
+#include "octrad/scene/gltf_meshopt.h"
 #include "octrad/scene/limits.h"
 
 namespace octrad {
@@ -20,6 +21,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
+constexpr char kMeshopt[] = "EXT_meshopt_compression";
 constexpr std::size_t kMaxUri = 1 << 14;  // of a file: no name is that long, and many may refer to it
 constexpr std::uint64_t kNumbersRead = 1 << 28, kNumbersReadPerByte = 64;  // from accessors, in all
 // Objects of lists, in all. Those of a mesh are read again for each node that poses it.
@@ -238,6 +240,7 @@ GltfFile::GltfFile(const std::string& file, std::string bytes, const Description
     if (found != json_.end() && !found->is_array()) root().fail(std::string("\"") + list + "\" must be a list");
   }
   load_buffers();
+  unpack_views();
 }
 
 // The container: 12 bytes of header, then chunks of a length, a type and content; first JSON, then at most one BIN.
@@ -342,9 +345,9 @@ void GltfFile::load_buffers() {
       content = is_data(uri) ? decode(uri, buffer) : read_file(resolve(uri, buffer));
     } else if (i == 0 && !binary_.empty()) {
       content = std::move(binary_);
-    } else if (!buffer.extension("EXT_meshopt_compression").exists()) {  // refused elsewhere
+    } else if (!buffer.extension(kMeshopt).exists()) {
       buffer.fail("has no uri, and the file no binary chunk for it");
-    } else {
+    } else {  // of views that are compressed: for readers that do not know how
       buffers_.emplace_back();
       continue;
     }
@@ -357,18 +360,30 @@ void GltfFile::load_buffers() {
   }
 }
 
-std::string_view GltfFile::view(int index) const {
-  if (index < 0) return {};
-  const GltfObject v = item("bufferViews", index);
-  const int buffer = v.index("buffer", "buffers");
-  if (buffer < 0) v.fail("needs a buffer");
+void GltfFile::unpack_views() {
+  unpacked_.resize(count("bufferViews"));
+  for (std::size_t i = 0; i < unpacked_.size(); ++i) {
+    const GltfObject packed = item("bufferViews", static_cast<int>(i)).extension(kMeshopt);
+    if (packed.exists()) unpacked_[i] = unpack_meshopt(packed, range_of_buffer(packed));
+  }
+}
+
+std::string_view GltfFile::range_of_buffer(const GltfObject& range) const {
+  const int buffer = range.index("buffer", "buffers");
+  if (buffer < 0) range.fail("needs a buffer");
   const std::string& bytes = buffers_[static_cast<std::size_t>(buffer)];
-  const std::uint64_t offset = v.size("byteOffset", 0), length = v.size("byteLength", 0);
+  const std::uint64_t offset = range.size("byteOffset", 0), length = range.size("byteLength", 0);
   if (offset > bytes.size() || length > bytes.size() - offset) {
-    v.fail("byteOffset " + std::to_string(offset) + " and byteLength " + std::to_string(length) +
-           " lead beyond the buffer of " + std::to_string(bytes.size()) + " bytes");
+    range.fail("byteOffset " + std::to_string(offset) + " and byteLength " + std::to_string(length) +
+               " lead beyond the buffer of " + std::to_string(bytes.size()) + " bytes");
   }
   return std::string_view(bytes).substr(offset, length);
+}
+
+std::string_view GltfFile::view(int index) const {
+  if (index < 0) return {};
+  const std::string& unpacked = unpacked_[static_cast<std::size_t>(index)];
+  return unpacked.empty() ? range_of_buffer(item("bufferViews", index)) : std::string_view(unpacked);
 }
 
 GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size,

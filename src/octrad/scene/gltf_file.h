@@ -102,8 +102,11 @@ class GltfFile {
   };
   void read_binary(const std::string& bytes);
   void load_buffers();
+  void unpack_views();
   void count_read(std::uint64_t numbers, const GltfObject& accessor) const;
   void count_items(std::uint64_t items, const GltfObject& owner) const;
+  // The part of a buffer that `range`, a buffer view or what stands for it, says.
+  std::string_view range_of_buffer(const GltfObject& range) const;
   // `count` elements of `size` bytes from `offset` in a view, all inside.
   Elements elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size, bool packed,
                     const GltfObject& user) const;
@@ -113,6 +116,7 @@ class GltfFile {
   nlohmann::json json_;
   std::string binary_;  // the chunk of a .glb
   std::vector<std::string> buffers_;
+  std::vector<std::string> unpacked_;  // content of buffer views that are compressed; empty for others
   std::uint64_t buffer_bytes_ = 0;
   mutable std::uint64_t numbers_read_ = 0;  // by values() and indices()
   std::uint64_t most_items_;

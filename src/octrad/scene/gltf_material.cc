@@ -291,7 +291,8 @@ bool GltfMaterials::add_texture(Element& parent, const std::string& name, const 
   const int index = info.index("index", "textures");
   if (index < 0) info.fail("needs the index of a texture");
   const GltfObject texture = file_->item("textures", index);
-  const int source = texture.index("source", "images");
+  int source = texture.index("source", "images");
+  if (source < 0) source = texture.extension("EXT_texture_webp").index("source", "images");
   if (source < 0) {
     std::string way = "has no source";
     for (const std::string& extension : texture.object("extensions").keys())
@@ -357,7 +358,9 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   const std::string file = outside ? file_->resolve(*uri, image) : "";
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
   encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
-  if (encoded && outside) return std::filesystem::absolute(file).string();  // it is looked for once more
+  // It is looked for once more; WebP is no picture for other scene files.
+  if (encoded && outside && lower_case(std::filesystem::path(file).extension().string()) != ".webp")
+    return std::filesystem::absolute(file).string();
 
   std::string key = image.path();
   if (!encoded) {

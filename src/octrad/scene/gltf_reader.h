@@ -14,16 +14,10 @@
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/gltf_file.h"
+#include "octrad/scene/make_element.h"
 #include "octrad/scene/transform.h"
 
 namespace octrad {
-
-using Attributes = std::vector<std::pair<std::string, std::string>>;
-
-// A new element at the end of `parent`.
-Element& add_element(Element& parent, const Location& where, const std::string& tag, Attributes attributes);
-void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
-std::string three_numbers(Vec3d v);
 
 // For each joint what takes vertices, and normals, as they were bound to where the joint has them.
 using GltfNormalMatrix = std::array<double, 9>;

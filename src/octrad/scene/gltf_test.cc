@@ -1,8 +1,11 @@
 // glTF: accessors, primitives, nodes, materials, cameras, lights; files are made here.
 #include <gtest/gtest.h>
+#include <meshoptimizer.h>
+#include <webp/encode.h>
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "octrad/base/error.h"
@@ -60,6 +63,7 @@ class GltfTest : public ::testing::Test {
   Json& primitive() { return json_["meshes"][0]["primitives"][0]; }
   std::string write(bool container = false) {
     json_["buffers"] = {{{"byteLength", binary_.size()}}};
+    for (const Json& buffer : more_buffers_) json_["buffers"].push_back(buffer);
     if (!container) {
       json_["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64(binary_);
       return folder_.write("s.gltf", json_.dump());
@@ -102,7 +106,7 @@ class GltfTest : public ::testing::Test {
   }
 
   TestFolder folder_;
-  Json json_;
+  Json json_, more_buffers_ = Json::array();
   std::string binary_;
 };
 
@@ -489,6 +493,96 @@ TEST_F(GltfTest, Extensions) {
   EXPECT_NE(error().find("KHR_draco_mesh_compression, which is not supported; decompress"), std::string::npos);
   EXPECT_EQ(load(true).refused.size(), 2u);
   EXPECT_EQ(check_scene_file(write()).refused.size(), 2u);
+}
+
+// What packs and unpacks is the same library; pictures of scenes that gltfpack packed were compared by hand.
+TEST_F(GltfTest, PackedByMeshopt) {
+  const std::vector<float> positions = {0, 0, 0, 1, 0, 0, 0, 2, 0, 1, 2, 0};
+  std::vector<unsigned char> vertices(meshopt_encodeVertexBufferBound(4, 12));
+  vertices.resize(meshopt_encodeVertexBuffer(vertices.data(), vertices.size(), positions.data(), 4, 12));
+  const std::vector<unsigned> order = {0, 1, 2, 2, 1, 3};
+  std::vector<unsigned char> triangles(meshopt_encodeIndexBufferBound(6, 4));
+  triangles.resize(meshopt_encodeIndexBuffer(triangles.data(), triangles.size(), order.data(), 6));
+  const std::vector<float> directions = {0.6f, 0, 0.8f, 0, 0, 0, 1, 0, 0, -0.6f, -0.8f, 0, 0, 1, 0, 0};  // and a fourth value
+  std::vector<signed char> normals(16);
+  meshopt_encodeFilterOct(normals.data(), 4, 4, 8, directions.data());
+  std::vector<unsigned char> filtered(meshopt_encodeVertexBufferBound(4, 4));
+  filtered.resize(meshopt_encodeVertexBuffer(filtered.data(), filtered.size(), normals.data(), 4, 4));
+  const auto pack = [&](const std::vector<unsigned char>& bytes, int count, int stride, const char* mode, const char* filter) {
+    const int index = view(std::string(bytes.begin(), bytes.end()));
+    Json& own = json_["bufferViews"][static_cast<std::size_t>(index)];
+    own["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}, {"byteOffset", own["byteOffset"]},
+        {"byteLength", own["byteLength"]}, {"byteStride", stride}, {"count", count}, {"mode", mode}, {"filter", filter}};
+    own["byteOffset"] = 0;
+    own["byteLength"] = count * stride;
+    own["buffer"] = 1;  // there is nothing
+    if (std::string(mode) == "ATTRIBUTES") own["byteStride"] = stride;
+    return index;
+  };
+  json_["accessors"] = {{{"type", "VEC3"}, {"componentType", 5126}, {"count", 4}, {"bufferView", pack(vertices, 4, 12, "ATTRIBUTES", "NONE")}},
+      {{"type", "SCALAR"}, {"componentType", 5123}, {"count", 6}, {"bufferView", pack(triangles, 6, 2, "TRIANGLES", "NONE")}},
+      {{"type", "VEC3"}, {"componentType", 5120}, {"normalized", true}, {"count", 4}, {"bufferView", pack(filtered, 4, 4, "ATTRIBUTES", "OCTAHEDRAL")}}};
+  primitive() = Json::parse(R"({"attributes": {"POSITION": 0, "NORMAL": 2}, "indices": 1})");
+  json_["extensionsRequired"] = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
+  more_buffers_ = {{{"byteLength", 1000}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}};
+  const Scene scene = load();
+  ASSERT_EQ(scene.meshes.size(), 1u);
+  const TriangleMesh& mesh = scene.meshes[0];
+  ASSERT_EQ(mesh.positions.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(mesh.positions[i], Vec3f(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]));
+    const Vec3f normal(directions[4 * i], directions[4 * i + 1], directions[4 * i + 2]);
+    EXPECT_LT(length(mesh.normals[i] - normal), 0.02f) << i;
+  }
+  EXPECT_EQ(mesh.triangles, (std::vector<Vec3i>{{0, 1, 2}, {2, 1, 3}}));
+
+  // What the library takes on trust, and data that are none.
+  const Json good = json_;
+  const auto expect = [&](const char* key, const Json& value, const char* message) {
+    json_ = good;
+    json_["bufferViews"][1]["extensions"]["EXT_meshopt_compression"][key] = value;
+    EXPECT_NE(error().find(message), std::string::npos) << key << ": " << error();
+  };
+  expect("byteStride", 6, "byteStride does not fit");
+  expect("byteStride", 260, "byteStride does not fit");
+  expect("byteStride", 0, "byteStride does not fit");
+  expect("mode", "LINES", "mode must be");
+  expect("mode", "TRIANGLES", "does not fit");
+  expect("filter", "QUATERNION", "filter \"QUATERNION\" does not fit");
+  expect("count", 0, "count above 0");
+  expect("count", 1e15, "count above 0");
+  expect("count", 100, "are broken");
+  expect("byteLength", 20, "are broken");
+  expect("byteLength", 99999, "beyond the buffer");
+  expect("buffer", 1, "beyond the buffer of 0 bytes");
+}
+
+TEST_F(GltfTest, TexturesOfWebp) {
+  const std::uint8_t color[3] = {255, 128, 64};
+  std::uint8_t* out = nullptr;
+  const std::size_t size = WebPEncodeLosslessRGB(color, 1, 1, 3, &out);
+  const std::string bytes(reinterpret_cast<const char*>(out), size);
+  WebPFree(out);
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}])");
+  const Scene expected = load();
+  json_["extensionsRequired"] = {"EXT_texture_webp"};
+  json_["textures"] = Json::parse(R"([{"extensions": {"EXT_texture_webp": {"source": 0}}}])");
+  folder_.write("a.webp", bytes);
+  for (const bool inside : {false, true}) {
+    json_["images"][0] = {{"uri", "a.webp"}};
+    if (inside) json_["images"][0] = {{"bufferView", view(bytes)}, {"mimeType", "image/webp"}};
+    Scene scene;
+    const SceneFiles files = scene_as_xml(write(), folder_.file("o.xml"), {}, scene);
+    const auto base = [&](const Scene& s) { return value(s, material(s).reflectance); };
+    EXPECT_EQ(base(scene), base(expected));
+    // Mitsuba does not read WebP.
+    std::filesystem::create_directory(folder_.path() / "o-files");
+    for (const auto& [name, put] : files.others) put(folder_.file(name));
+    EXPECT_TRUE(std::filesystem::exists(folder_.path() / "o-files/picture0.png"));
+    EXPECT_EQ(base(load_scene(folder_.write("o.xml", files.xml))), base(expected));
+    std::filesystem::remove_all(folder_.path() / "o-files");
+  }
 }
 
 TEST_F(GltfTest, ConvertedToXml) {

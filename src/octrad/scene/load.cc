@@ -11,6 +11,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"
+#include "octrad/scene/make_element.h"
 #include "octrad/scene/plugins.h"
 
 namespace octrad {
@@ -81,13 +82,14 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
   if (description_.understood) description_.understood->left_out.insert(&element);
 }
 
+bool SceneBuilder::names_sensor() const {
+  const auto& children = description_.root->children;
+  return std::any_of(children.begin(), children.end(), [](const auto& child) { return child->tag == "sensor"; });
+}
+
 void SceneBuilder::check_complete() const {
   const Location& where = description_.root->location;
-  const auto& children = description_.root->children;
-  const bool named = std::any_of(children.begin(), children.end(), [](const auto& c) { return c->tag == "sensor"; });
-  if (scene_.cameras.empty())
-    fail(where, named ? "the scene has no sensor that can be used"
-                      : "the scene has no sensor; add <sensor type=\"perspective\">");
+  if (scene_.cameras.empty() && names_sensor()) fail(where, "the scene has no sensor that can be used");
   if (scene_.shapes.empty()) fail(where, "the scene has no shape");
   const std::vector<float> weights = scene_.sampling_weights();
   if (!weights.empty() && *std::max_element(weights.begin(), weights.end()) == 0.0f)
@@ -107,6 +109,11 @@ Scene SceneBuilder::build() {
   check_complete();
   aim_projectors();
   find_bounds();
+  if (scene_.cameras.empty()) {  // as in scenes that a program gives its sensors
+    report().assume(root.location, "the scene has no sensor: one that sees everything, with y up, is added");
+    add_overview_sensor(*description_.root, root.location, scene_.bounds);
+    add_sensor(*root.children.back());
+  }
   scene_.fingerprint = scene_fingerprint(scene_);
   return std::move(scene_);
 }

@@ -712,8 +712,22 @@ TEST_F(LoadTest, SensorsAndFilms) {
   refuses(R"(<integrator type="path"/><integrator type="path"/>)", "2:26", {"second integrator"});
 }
 
+TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
+  const std::string shapes = R"(<shape type="sphere"><point name="center" x="3" y="-2" z="50"/><float name="radius" value="4"/></shape>)";
+  const Scene scene = load_scene(folder_.write("s.xml", scene_text(shapes)));
+  ASSERT_EQ(scene.cameras.size(), 1u);
+  EXPECT_NE(join(scene.assumed).find("the scene has no sensor: one that sees everything, with y up, is added"), std::string::npos);
+  // It looks at the middle of the box of the sphere, whose corners are within the height of the picture.
+  const Camera& camera = scene.cameras[0];
+  const Vec3f to_center = Vec3f(3, -2, 50) - camera.origin;
+  EXPECT_NEAR(dot(normalize(to_center), camera.forward), 1.0f, 1e-5f);
+  EXPECT_NEAR(std::asin(4.0f * std::sqrt(3.0f) / length(to_center)) * 360.0f / 3.14159265f, camera.fov_degrees, 1e-3f);
+  EXPECT_GT(camera.up.y, 0.5f);
+  // One that cannot be used is not replaced.
+  EXPECT_NE(error_whole(scene_text(shapes + R"(<sensor type="radiancemeter"/>)")).find("radiancemeter"), std::string::npos);
+}
+
 TEST_F(LoadTest, WholeFiles) {
-  EXPECT_NE(error_whole(scene_text(kSphere)).find("s.xml:1:1: the scene has no sensor"), std::string::npos);
   EXPECT_NE(error_whole(scene_text(kSensor)).find("s.xml:1:1: the scene has no shape"), std::string::npos);
   EXPECT_NE(error_whole("").find("s.xml:1:1: "), std::string::npos);
   EXPECT_NE(error_whole("<scene/>").find("no version attribute"), std::string::npos);

@@ -203,12 +203,12 @@ class Writer {
     }
     if (const BuiltPicture* picture = description_.built_picture(name)) {
       const std::string encoded = picture->encoded ? picture->encoded() : "";
-      const char* ending = encoded.starts_with("\x89PNG") ? ".png" : encoded.starts_with("\xff\xd8") ? ".jpg" : ".exr";
-      const std::string file = files_ + "/" + name + ending;
-      const bool same = ending != std::string(".exr");
-      result.others[file] = [picture, same, keep = description_.built](const std::string& path) {
+      const bool png = encoded.starts_with("\x89PNG"), jpeg = encoded.starts_with("\xff\xd8"),
+                 webp = encoded.starts_with("RIFF");  // which Mitsuba does not read
+      const std::string file = files_ + "/" + name + (png || webp ? ".png" : jpeg ? ".jpg" : ".exr");
+      result.others[file] = [picture, same = png || jpeg, keep = description_.built](const std::string& path) {
         if (same) write_file(path, picture->encoded());
-        else write_exr(path, picture->read());
+        else write_image(path, picture->read());
       };
       return file;
     }

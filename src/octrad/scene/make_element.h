@@ -1,0 +1,34 @@
+// Elements that no XML file has: of a glTF file, or added where something is missing. Internal to the module.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "octrad/base/vec.h"
+#include "octrad/scene/description.h"
+#include "octrad/scene/transform.h"
+
+namespace octrad {
+
+using Attributes = std::vector<std::pair<std::string, std::string>>;
+
+// A new element at the end of `parent`.
+Element& add_element(Element& parent, const Location& where, const std::string& tag, Attributes attributes);
+void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
+std::string three_numbers(Vec3d v);
+
+// How a sensor that is made sees. Its film has 720 rows.
+struct MadeSensor {
+  std::string type = "perspective";  // or "orthographic", whose half sizes are the scale of its transform
+  double fov_degrees = 40.0;         // of the height; perspective
+  double aspect = 4.0 / 3.0;         // width by height
+  double near_clip = 0.01, far_clip = 10000.0;
+};
+void add_sensor(Element& root, const Location& where, const Transform& to_world, const MadeSensor& sensor);
+
+// A sensor that sees all of `bounds`, with y up: from the front, which glTF has at +z, a little from above and the
+// side. Of empty bounds, those of a cube.
+void add_overview_sensor(Element& root, const Location& where, Bounds3f bounds);
+
+}  // namespace octrad
