@@ -32,8 +32,9 @@ std::string webp(int channels, bool lossless) {
   std::uint8_t* out = nullptr;
   const int stride = kWidth * channels;
   const std::size_t size =
-      lossless ? (channels == 4 ? WebPEncodeLosslessRGBA : WebPEncodeLosslessRGB)(data.data(), kWidth, kHeight, stride, &out)
-               : (channels == 4 ? WebPEncodeRGBA : WebPEncodeRGB)(data.data(), kWidth, kHeight, stride, 95.0f, &out);
+      lossless
+          ? (channels == 4 ? WebPEncodeLosslessRGBA : WebPEncodeLosslessRGB)(data.data(), kWidth, kHeight, stride, &out)
+          : (channels == 4 ? WebPEncodeRGBA : WebPEncodeRGB)(data.data(), kWidth, kHeight, stride, 95.0f, &out);
   std::string bytes(reinterpret_cast<const char*>(out), size);
   WebPFree(out);
   return bytes;
@@ -50,7 +51,8 @@ TEST(WebpTest, ColoursAndAlpha) {
       EXPECT_EQ(image.metadata.at("encoding"), "srgb8");
       const std::vector<std::uint8_t> expected = pixels(channels);
       for (std::size_t i = 0; i < expected.size(); ++i)
-        ASSERT_NEAR(image.data[i], static_cast<float>(expected[i]) / 255.0f, lossless ? 1e-6 : 0.09) << channels << " " << i;
+        ASSERT_NEAR(image.data[i], static_cast<float>(expected[i]) / 255.0f, lossless ? 1e-6 : 0.09)
+            << channels << " " << i;
     }
   }
 }

