@@ -3,7 +3,6 @@
 #include <octrad/octrad.h>
 
 #include <cstdio>
-#include <cstdlib>
 
 int main(int argc, char** argv) {
   if (argc < 4) {

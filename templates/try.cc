@@ -1,10 +1,8 @@
 // Run by tests/test_templates.py: what the templates do in a picture, in numbers. try SCENE.xml FIELD STEPS
 #include <octrad/octrad.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 
 namespace {
 

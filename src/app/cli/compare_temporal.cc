@@ -25,10 +25,7 @@ std::vector<std::string> frames_of(const std::string& sequence) {
   std::error_code error;
   if (fs::is_directory(sequence, error)) {
     for (fs::directory_iterator entry(sequence, error), end; !error && entry != end; entry.increment(error)) {
-      const std::string ending = lower_case(entry->path().extension().string());
-      for (const char* known : {".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".bmp", ".tga"}) {
-        if (ending == known) files.push_back(entry->path().string());
-      }
+      if (is_picture_name(entry->path().string())) files.push_back(entry->path().string());
     }
     if (error) throw IoError(fmt::format("cannot read folder {}: {}", sequence, error.message()));
     std::sort(files.begin(), files.end());

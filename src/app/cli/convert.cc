@@ -6,7 +6,6 @@
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
-#include "octrad/base/error.h"
 #include "octrad/base/log.h"
 #include "octrad/scene/write_xml.h"
 

@@ -460,9 +460,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (options.config.given()) throw UsageError("--preset, --config and -D belong to a scene or to --keys");
   if (options.file.empty()) return info_program(common, device_verbs);
   if (extension == ".octrad") return info_model(common, options.file);
-  if (extension == ".exr" || extension == ".hdr" || extension == ".pfm" || extension == ".png" || extension == ".jpg" ||
-      extension == ".jpeg" || extension == ".bmp" || extension == ".tga")
-    return info_image(common, options.file);
+  if (is_picture_name(options.file)) return info_image(common, options.file);
   throw UsageError(fmt::format(
       "cannot tell what {} is: expected a scene (.xml, .gltf, .glb), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
       options.file));

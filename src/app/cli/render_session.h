@@ -4,7 +4,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "app/cli/common.h"
 #include "app/cli/denoise_options.h"

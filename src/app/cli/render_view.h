@@ -5,6 +5,7 @@
 
 #include "app/cli/common.h"
 #include "octrad/render/view.h"
+#include "octrad/scene/scene.h"
 
 namespace octrad::cli {
 

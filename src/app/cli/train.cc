@@ -20,7 +20,6 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
-#include "octrad/model/field_registry.h"
 #include "octrad/scene/camera.h"
 #include "octrad/scene/fingerprint.h"
 #include "octrad/train/trainer.h"

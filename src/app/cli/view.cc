@@ -1,7 +1,6 @@
 // octrad view: walk through a scene in a browser.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -18,7 +17,6 @@
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
-#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
 #include "octrad/scene/fingerprint.h"

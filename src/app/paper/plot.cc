@@ -6,8 +6,6 @@
 #include <array>
 #include <cmath>
 
-#include "app/paper/report.h"
-#include "app/report/image_page.h"
 #include "octrad/base/escape.h"
 
 namespace octrad::paper {

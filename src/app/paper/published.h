@@ -1,7 +1,6 @@
 // Figures that the paper prints (arXiv 2606.08469), to stand beside measured ones.
 #pragma once
 
-#include <optional>
 #include <span>
 
 namespace octrad::paper {

@@ -1,8 +1,6 @@
 // results.json: what is in the folder of a run, in one file.
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "app/paper/published.h"
 #include "app/paper/report.h"
 

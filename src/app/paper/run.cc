@@ -12,7 +12,6 @@
 #include "app/paper/report.h"
 #include "app/paper/store.h"
 #include "octrad/base/atomic_file.h"
-#include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"

@@ -6,7 +6,6 @@
 
 #include "app/paper/published.h"
 #include "app/paper/report.h"
-#include "app/report/image_page.h"
 #include "octrad/base/escape.h"
 
 namespace octrad::paper {

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 
-#include "app/report/image_page.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/escape.h"
 

@@ -9,7 +9,6 @@
 #include "app/view/protocol.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
-#include "octrad/base/json_file.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/scene/camera_json.h"

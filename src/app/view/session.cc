@@ -6,7 +6,6 @@
 #include <cmath>
 #include <utility>
 
-#include "app/report/picture_origin.h"
 #include "app/view/inspect.h"
 #include "app/view/points_layer.h"
 #include "octrad/base/bytes.h"

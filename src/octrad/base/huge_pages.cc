@@ -4,7 +4,6 @@
 
 #include <cinttypes>
 #include <cstdint>
-#include <cstdio>
 #include <fstream>
 #include <string>
 

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "octrad/base/bytes.h"
-#include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
 

@@ -1,6 +1,5 @@
 #include "octrad/encoding/octaoctree.h"
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>

@@ -6,7 +6,6 @@
 #include <hwy/cache_control.h>
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE

@@ -5,7 +5,6 @@
 #include <cstring>
 #include <limits>
 #include <map>
-#include <memory>
 
 #include "octrad/base/each_target_test_helper.h"
 #include "octrad/base/error.h"

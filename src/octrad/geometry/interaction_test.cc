@@ -1,10 +1,8 @@
 // Geometry of hits against Mitsuba 3.9.1's (ray_intersect), through scene files and the tracer.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/geometry/tracer.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 
 namespace octrad {

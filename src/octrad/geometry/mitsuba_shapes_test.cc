@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/geometry/bvh8.h"
 #include "octrad/geometry/surface_sampling.h"
 #include "octrad/geometry/tracer.h"
 #include "octrad/geometry/voxelize.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mitsuba_world_test_data.h"
 

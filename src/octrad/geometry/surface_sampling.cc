@@ -1,6 +1,5 @@
 #include "octrad/geometry/surface_sampling.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>

@@ -1,9 +1,7 @@
 // Windows bitmaps (.bmp): uncompressed, with a palette or of 16, 24 or 32 bits. Layout as Microsoft's documentation of
 // BITMAPFILEHEADER, BITMAPINFOHEADER and its later versions describes it.
-#include <algorithm>
 #include <bit>
 #include <cstdint>
-#include <cstdlib>
 
 #include "octrad/base/error.h"
 #include "octrad/image/io_internal.h"

@@ -21,7 +21,6 @@
 #include <cassert>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -320,7 +319,7 @@ std::map<std::string, std::string> main_picture(const std::vector<std::string>& 
   const auto best = std::min_element(layers.begin(), layers.end(),
                                      [&](const auto& a, const auto& b) { return rank(a.first) < rank(b.first); });
   std::map<std::string, std::string> result;
-  if (layers.empty() && has("V")) result.emplace("V", "Y");  // a grey picture of Blender 5
+  if (names == std::vector<std::string>{"V"}) result.emplace("V", "Y");  // a grey picture of Blender 5
   if (best == layers.end() || (layers.size() > 1 && rank(best->first) == std::size(kMain))) return result;
   for (const auto& [color, name] : best->second) {
     if (!has(color)) result.emplace(name, color);

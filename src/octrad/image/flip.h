@@ -5,8 +5,6 @@
 //   Eurographics Short Papers, 2021.
 #pragma once
 
-#include <vector>
-
 #include "octrad/image/image.h"
 
 namespace octrad {

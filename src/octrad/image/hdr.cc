@@ -3,7 +3,6 @@
 // Radiance's picture-file notes.
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "octrad/base/error.h"
 #include "octrad/image/io_internal.h"

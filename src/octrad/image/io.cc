@@ -44,7 +44,7 @@ Image parse_image(const std::string& file, const std::string& bytes) {
   if (bytes.starts_with("\x76\x2f\x31\x01")) return image_io::read_exr(file, bytes);
   if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return image_io::read_png(file, bytes);
   if (bytes.starts_with("\xff\xd8\xff")) return image_io::read_jpeg(file, bytes);
-  if (bytes.starts_with("RIFF") && bytes.find("WEBP", 8) == 8) return image_io::read_webp(file, bytes);
+  if (is_webp(bytes)) return image_io::read_webp(file, bytes);
   if (bytes.starts_with("#?")) return image_io::read_hdr(file, bytes);
   if (bytes.starts_with("PF") || bytes.starts_with("Pf")) return image_io::read_pfm(file, bytes);
   if (bytes.starts_with("BM")) return image_io::read_bmp(file, bytes);
@@ -56,6 +56,12 @@ Image parse_image(const std::string& file, const std::string& bytes) {
 Image read_image(const std::string& file) {
   const MemoryScope scope;
   return parse_image(file, read_file(file));
+}
+
+bool is_picture_name(const std::string& file) {
+  static const char* const kEndings[] = {".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga"};
+  const std::string ending = ending_of(file);
+  return std::find(std::begin(kEndings), std::end(kEndings), ending) != std::end(kEndings);
 }
 
 PictureFormat picture_format(const std::string& file) {

@@ -1,8 +1,8 @@
 // Pictures on disk.
 //
 // Metadata keys with a meaning here:
-//   "encoding"        "srgb8": values in [0, 1] still sRGB-encoded (PNG, JPEG, BMP and TGA, whatever their depth);
-//                     "linear" (HDR, PFM). EXR files are linear and get no such key.
+//   "encoding"        "srgb8": values in [0, 1] still sRGB-encoded (PNG, JPEG, WebP, BMP and TGA, whatever
+//                     their depth); "linear" (HDR, PFM). EXR files are linear and get no such key.
 //   "dataWindow.min"  "x y": where the picture lies in a larger display window (a crop); absent for 0 0.
 //   "displayWindow"   "width height" of that display window; absent when it is the picture itself.
 #pragma once
@@ -15,13 +15,14 @@
 
 namespace octrad {
 
-// Reads EXR, PNG, JPEG, Radiance HDR, PFM, BMP or TGA; the format is recognised by content, only TGA also by name.
+// Reads EXR, PNG, JPEG, WebP, Radiance HDR, PFM, BMP or TGA; the format is recognised by content, only TGA also by
+// name.
 //
 // EXR: scanline or tiled (full resolution), any compression that the OpenEXR library knows, half, float and uint
 // channels; of several parts the first flat one, and the channels of those of the same size under their names as
 // layers. Where no channels are called R, G, B or Y, those of the layer that is the picture are (exr.cc). Channels are
 // ordered by layer, main picture first, and R, G, B, A or X, Y, Z within one. String attributes become metadata. PNG,
-// JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A.
+// JPEG: 8 or 16 bits, channels Y | Y, A | R, G, B | R, G, B, A. WebP: 8 bits, R, G, B or R, G, B, A; no animation.
 //
 // BMP: uncompressed, 1 to 32 bits. TGA: grey, colour, palettes, plain or run-length encoded. Without their alpha.
 //
@@ -33,6 +34,10 @@ namespace octrad {
 Image read_image(const std::string& file);
 // The same of a file's content; `file` is for messages.
 Image parse_image(const std::string& file, const std::string& bytes);
+// Whether the name ends as those of pictures do, in any case.
+bool is_picture_name(const std::string& file);
+// Whether this is the content of a WebP file, which Mitsuba does not read.
+bool is_webp(const std::string& bytes);
 
 enum class ExrPrecision { float32, half };
 

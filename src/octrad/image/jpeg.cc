@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <csetjmp>
 #include <cstdio>
-#include <cstring>
 // After <cstdio>, which they need and do not include.
 #include <jerror.h>
 #include <jpeglib.h>

@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "octrad/base/error.h"
-#include "octrad/image/tonemap.h"
 
 namespace octrad {
 namespace {

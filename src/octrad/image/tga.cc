@@ -1,6 +1,5 @@
 // Truevision TGA pictures: grey, true colour and with a palette, plain or run-length encoded, as the specification of
 // version 2.0 describes them. The format has no signature: files are known by their names.
-#include <cstdint>
 #include <vector>
 
 #include "octrad/base/error.h"

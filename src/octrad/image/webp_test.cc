@@ -2,12 +2,10 @@
 #include <gtest/gtest.h>
 #include <webp/encode.h>
 
-#include <cmath>
 #include <string>
 #include <vector>
 
 #include "octrad/base/error.h"
-#include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 
 namespace octrad {

@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "octrad/base/error.h"
-#include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/encoding/octaoctree_math.h"

@@ -1,7 +1,6 @@
 #include "octrad/model/octaoctree_field.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/spherical_harmonics_math.h"

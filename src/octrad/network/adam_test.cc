@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <vector>
 
 #include "octrad/base/each_target_test_helper.h"
@@ -13,7 +12,6 @@
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/network/adam_math.h"
-#include "octrad/network/mlp_simd.h"
 
 namespace octrad {
 namespace {

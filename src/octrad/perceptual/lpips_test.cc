@@ -8,7 +8,6 @@
 #include <cmath>
 #include <deque>
 #include <filesystem>
-#include <fstream>
 
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"

@@ -1,7 +1,6 @@
 // Accumulates samples into a picture: reconstruction filter, first-hit layers, double precision.
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/rng.h"
 #include "octrad/device/array.h"

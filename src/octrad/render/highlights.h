@@ -2,8 +2,6 @@
 // and one bounce at the first hit shows them (render.highlights).
 #pragma once
 
-#include <string>
-
 #include "octrad/model/config.h"
 #include "octrad/transport/prepared_scene.h"
 

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "octrad/device/stage_times.h"
 #include "octrad/model/config.h"
 #include "octrad/render/film_math.h"
 #include "octrad/render/view.h"

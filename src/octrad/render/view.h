@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "octrad/scene/scene.h"
+#include "octrad/scene/camera.h"
 
 namespace octrad {
 

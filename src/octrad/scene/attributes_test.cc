@@ -1,8 +1,6 @@
 // Attributes of meshes as textures.
 #include <gtest/gtest.h>
 
-#include <cstring>
-
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
 #include "octrad/base/frame.h"

@@ -44,7 +44,6 @@ class SceneBuilder {
   // load.cc
   void add_object(const Element& element);
   void drop_failed_shapes();
-  bool names_sensor() const;
   void check_complete() const;
   void add_integrator(const Element& element);
   void load_files();

@@ -4,9 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 
-#include "octrad/base/error.h"
 #include "octrad/scene/files_test_helper.h"
 
 namespace octrad {

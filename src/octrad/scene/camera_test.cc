@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "octrad/base/error.h"
-#include "octrad/scene/files_test_helper.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mitsuba_world_test_data.h"
 

@@ -1,9 +1,7 @@
 // Lists of what a scene file holds that cannot be used, stand-ins for it, and scenes written again.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <fstream>
-#include <sstream>
 
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"

@@ -64,13 +64,13 @@ class XmlReader {
   void read_main(const std::string& file) {
     std::error_code code;
     including_.push_back(std::filesystem::weakly_canonical(file, code).string());
+    if (std::filesystem::path(file).extension() == ".octrad")
+      throw InputError(file + ": a trained model, not a scene: the scene comes first, the model after --model");
     std::string text = read_file(file);
     if (is_gltf(file, text)) {
       read_gltf(file, std::move(text), description_, report_);
       return check_definitions();
     }
-    if (std::filesystem::path(file).extension() == ".octrad")
-      throw InputError(file + ": a trained model, not a scene: the scene comes first, the model after --model");
     if (std::filesystem::path(file).extension() == ".pbrt")
       throw InputError(
           file +

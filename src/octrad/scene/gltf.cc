@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <numbers>
 
-#include "octrad/base/error.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
@@ -29,6 +28,7 @@ const std::set<std::string> kExtensions = {
 std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
+      {"KHR_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"KHR_materials_pbrSpecularGlossiness", "; convert it, as by \"gltf-transform metalrough\""},
       {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
       {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
@@ -97,10 +97,6 @@ class GltfReader {
       add_mesh(mesh, places, {mesh});
     }
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
-    if (!has_camera_) {
-      report_.assume(here, "the file has no camera: one that sees everything is added");
-      add_overview_sensor(root(), here, bounds_);
-    }
     if (!has_light_) {
       report_.assume(here, "the file has no light: one that is the same from all sides is added");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
@@ -288,8 +284,6 @@ class GltfReader {
         }
       });
     }
-    for (const Transform& to_world : places) extend(to_world, mesh_bounds_);
-    mesh_bounds_ = {};
     if (!group) return;
     for (const Transform& to_world : places) {
       Element& instance = add_element(root(), mesh.location(), "shape", {{"type", "instance"}});
@@ -326,7 +320,6 @@ class GltfReader {
     }
     const auto keep = [&](RawMesh&& m) {
       const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
-      for (const Vec3f& p : m.positions) mesh_bounds_.extend(p);
       description_.built->meshes.emplace(name, std::move(m));
       result.emplace_back(name, surface);
     };
@@ -376,9 +369,8 @@ class GltfReader {
       sensor.aspect = std::clamp(x / y, 1e-3, 1e3);
       t = t * Transform::scale({x, x, 1.0});
     }
-    has_camera_ = true;
     meter_.add(kPlacedBytes);
-    add_sensor(root(), camera.location(), t, sensor);
+    make_sensor(root(), camera.location(), t, sensor);
   }
 
   void add_light(const GltfObject& reference, const Transform& to_world) {
@@ -410,16 +402,6 @@ class GltfReader {
     report_.assume(where, "the light of a spot falls linearly with the angle between its cones, as in Mitsuba");
   }
 
-  void extend(const Transform& to_world, const Bounds3f& box) {
-    if (!(box.lower.x <= box.upper.x)) return;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Vec3d p(static_cast<double>((corner & 1 ? box.upper : box.lower).x),
-                    static_cast<double>((corner & 2 ? box.upper : box.lower).y),
-                    static_cast<double>((corner & 4 ? box.upper : box.lower).z));
-      bounds_.extend(Vec3f(to_world.point(p)));
-    }
-  }
-
   std::shared_ptr<const GltfFile> file_;
   Description& description_;
   SceneReport& report_;
@@ -430,8 +412,7 @@ class GltfReader {
   std::map<int, GltfSkin> skins_;                 // that were used
   std::size_t placed_count_ = 0;
   MemoryMeter meter_{"the tree of the scene file"};
-  bool has_camera_ = false, has_light_ = false;
-  Bounds3f bounds_, mesh_bounds_;
+  bool has_light_ = false;
 };
 
 }  // namespace

@@ -1,7 +1,6 @@
 // glTF 2.0 -> the elements of a scene file, from which a Scene is built as from any other. Internal to the module.
 #pragma once
 
-#include <map>
 #include <string>
 
 #include "octrad/scene/description.h"

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <limits>
 
-#include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/json_file.h"
@@ -240,7 +239,7 @@ GltfFile::GltfFile(const std::string& file, std::string bytes, const Description
     if (found != json_.end() && !found->is_array()) root().fail(std::string("\"") + list + "\" must be a list");
   }
   load_buffers();
-  unpack_views();
+  decode_views();
 }
 
 // The container: 12 bytes of header, then chunks of a length, a type and content; first JSON, then at most one BIN.
@@ -341,16 +340,13 @@ void GltfFile::load_buffers() {
     const std::string& uri = buffer.long_text("uri");
     if (length == 0) buffer.fail("needs a byteLength above 0");
     std::string content;
-    if (!uri.empty()) {
-      content = is_data(uri) ? decode(uri, buffer) : read_file(resolve(uri, buffer));
-    } else if (i == 0 && !binary_.empty()) {
-      content = std::move(binary_);
-    } else if (!buffer.extension(kMeshopt).exists()) {
-      buffer.fail("has no uri, and the file no binary chunk for it");
-    } else {  // of views that are compressed: for readers that do not know how
+    // A fallback is for readers that cannot decode what is compressed.
+    if (buffer.extension(kMeshopt).flag("fallback") || (uri.empty() && (i > 0 || binary_.empty()))) {
       buffers_.emplace_back();
       continue;
     }
+    if (uri.empty()) content = std::move(binary_);
+    else content = is_data(uri) ? decode(uri, buffer) : read_file(resolve(uri, buffer));
     if (content.size() < length)
       buffer.fail("byteLength is " + std::to_string(length) + ", but there are " + std::to_string(content.size()) +
                   " bytes");
@@ -360,11 +356,21 @@ void GltfFile::load_buffers() {
   }
 }
 
-void GltfFile::unpack_views() {
-  unpacked_.resize(count("bufferViews"));
-  for (std::size_t i = 0; i < unpacked_.size(); ++i) {
-    const GltfObject packed = item("bufferViews", static_cast<int>(i)).extension(kMeshopt);
-    if (packed.exists()) unpacked_[i] = unpack_meshopt(packed, range_of_buffer(packed));
+// The extension says once more what the view says. Many views of one range would take memory in the square of the
+// file's size.
+void GltfFile::decode_views() {
+  decoded_.resize(count("bufferViews"));
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < decoded_.size(); ++i) {
+    const GltfObject view = item("bufferViews", static_cast<int>(i)), compressed = view.extension(kMeshopt);
+    if (!compressed.exists()) continue;
+    const std::uint64_t stride = compressed.size("byteStride", 0);
+    if (view.size("byteStride", stride) != stride) view.fail("its byteStride is not that of the compressed data");
+    decoded_[i] = decode_meshopt(compressed, range_of_buffer(compressed));
+    if (view.size("byteLength", 0) != decoded_[i].size())
+      view.fail("byteLength is not that of the compressed data: " + std::to_string(decoded_[i].size()));
+    sum += decoded_[i].size();
+    if (sum > kMeshoptRatio * buffer_bytes_) view.fail("compressed data are used too often");
   }
 }
 
@@ -372,6 +378,7 @@ std::string_view GltfFile::range_of_buffer(const GltfObject& range) const {
   const int buffer = range.index("buffer", "buffers");
   if (buffer < 0) range.fail("needs a buffer");
   const std::string& bytes = buffers_[static_cast<std::size_t>(buffer)];
+  if (bytes.empty()) item("buffers", buffer).fail("has no uri, and the file no binary chunk for it");
   const std::uint64_t offset = range.size("byteOffset", 0), length = range.size("byteLength", 0);
   if (offset > bytes.size() || length > bytes.size() - offset) {
     range.fail("byteOffset " + std::to_string(offset) + " and byteLength " + std::to_string(length) +
@@ -382,8 +389,8 @@ std::string_view GltfFile::range_of_buffer(const GltfObject& range) const {
 
 std::string_view GltfFile::view(int index) const {
   if (index < 0) return {};
-  const std::string& unpacked = unpacked_[static_cast<std::size_t>(index)];
-  return unpacked.empty() ? range_of_buffer(item("bufferViews", index)) : std::string_view(unpacked);
+  const std::string& decoded = decoded_[static_cast<std::size_t>(index)];
+  return decoded.empty() ? range_of_buffer(item("bufferViews", index)) : std::string_view(decoded);
 }
 
 GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size,

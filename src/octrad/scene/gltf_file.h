@@ -102,7 +102,7 @@ class GltfFile {
   };
   void read_binary(const std::string& bytes);
   void load_buffers();
-  void unpack_views();
+  void decode_views();
   void count_read(std::uint64_t numbers, const GltfObject& accessor) const;
   void count_items(std::uint64_t items, const GltfObject& owner) const;
   // The part of a buffer that `range`, a buffer view or what stands for it, says.
@@ -114,9 +114,9 @@ class GltfFile {
   std::string name_;
   const Description& description_;
   nlohmann::json json_;
-  std::string binary_;  // the chunk of a .glb
-  std::vector<std::string> buffers_;
-  std::vector<std::string> unpacked_;  // content of buffer views that are compressed; empty for others
+  std::string binary_;                // the chunk of a .glb
+  std::vector<std::string> buffers_;  // empty: of those that are not there, and of fallback
+  std::vector<std::string> decoded_;  // content of buffer views that are compressed; empty for others
   std::uint64_t buffer_bytes_ = 0;
   mutable std::uint64_t numbers_read_ = 0;  // by values() and indices()
   std::uint64_t most_items_;

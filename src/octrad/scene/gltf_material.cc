@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <utility>
 
 #include "octrad/base/input_file.h"
@@ -291,12 +290,12 @@ bool GltfMaterials::add_texture(Element& parent, const std::string& name, const 
   const int index = info.index("index", "textures");
   if (index < 0) info.fail("needs the index of a texture");
   const GltfObject texture = file_->item("textures", index);
-  int source = texture.index("source", "images");
-  if (source < 0) source = texture.extension("EXT_texture_webp").index("source", "images");
+  int source = texture.extension("EXT_texture_webp").index("source", "images");
+  if (source < 0) source = texture.index("source", "images");
   if (source < 0) {
     std::string way = "has no source";
     for (const std::string& extension : texture.object("extensions").keys())
-      way = extension + " is not supported; save its picture as PNG or JPEG";
+      if (extension != "EXT_texture_webp") way = extension + " is not supported; save its picture as PNG or JPEG";
     report_.refuse(texture.location(), way);
     return false;
   }
@@ -358,7 +357,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   const std::string file = outside ? file_->resolve(*uri, image) : "";
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
   encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
-  // It is looked for once more; WebP is no picture for other scene files.
+  // It is looked for once more. Of WebP, which Mitsuba does not read, `convert` makes a PNG.
   if (encoded && outside && lower_case(std::filesystem::path(file).extension().string()) != ".webp")
     return std::filesystem::absolute(file).string();
 

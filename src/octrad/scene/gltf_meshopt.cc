@@ -10,10 +10,10 @@ namespace {
 
 constexpr std::size_t kMaxStride = 256;
 
-// What the decoders take without checks of their own.
+// The library asserts these, which would end the program.
 void check(const GltfObject& extension, const std::string& mode, const std::string& filter, std::uint64_t count,
            std::uint64_t stride) {
-  if (count == 0 || count > kMostMeshElements * 3) extension.fail("needs a count above 0");
+  if (count == 0 || count > kMostMeshElements * 3) extension.fail("the count is out of range");
   const bool attributes = mode == "ATTRIBUTES", triangles = mode == "TRIANGLES";
   if (!attributes && !triangles && mode != "INDICES")
     extension.fail("the mode must be ATTRIBUTES, TRIANGLES or INDICES, not \"" + mode + "\"");
@@ -28,17 +28,20 @@ void check(const GltfObject& extension, const std::string& mode, const std::stri
 
 }  // namespace
 
-std::string unpack_meshopt(const GltfObject& extension, std::string_view packed) {
+std::string decode_meshopt(const GltfObject& extension, std::string_view compressed) {
   const std::string mode = extension.text("mode", ""), filter = extension.text("filter", "NONE");
   const std::uint64_t count = extension.size("count", 0), stride = extension.size("byteStride", 0);
   check(extension, mode, filter, count, stride);
+  const auto broken = [&] { extension.fail("the compressed data are broken"); };
+  if (count * stride > kMeshoptRatio * compressed.size()) broken();
   ask_memory(count * stride, extension.location().text());
   std::string out(count * stride, '\0');
-  const auto* in = reinterpret_cast<const unsigned char*>(packed.data());
-  const int failed = mode == "ATTRIBUTES"  ? meshopt_decodeVertexBuffer(out.data(), count, stride, in, packed.size())
-                     : mode == "TRIANGLES" ? meshopt_decodeIndexBuffer(out.data(), count, stride, in, packed.size())
-                                           : meshopt_decodeIndexSequence(out.data(), count, stride, in, packed.size());
-  if (failed != 0) extension.fail("the compressed data are broken");
+  const auto* in = reinterpret_cast<const unsigned char*>(compressed.data());
+  const int failed = mode == "ATTRIBUTES" ? meshopt_decodeVertexBuffer(out.data(), count, stride, in, compressed.size())
+                     : mode == "TRIANGLES"
+                         ? meshopt_decodeIndexBuffer(out.data(), count, stride, in, compressed.size())
+                         : meshopt_decodeIndexSequence(out.data(), count, stride, in, compressed.size());
+  if (failed != 0) broken();
   if (filter == "OCTAHEDRAL") meshopt_decodeFilterOct(out.data(), count, stride);
   if (filter == "QUATERNION") meshopt_decodeFilterQuat(out.data(), count, stride);
   if (filter == "EXPONENTIAL") meshopt_decodeFilterExp(out.data(), count, stride);

@@ -4,6 +4,7 @@
 // EXT_meshopt_compression, The Khronos Group 2021.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -11,8 +12,12 @@
 
 namespace octrad {
 
-// The content of a buffer view: `count` elements of `byteStride` bytes, as the object of the extension says. `packed`:
-// the bytes that this object refers to. Broken data are an InputError, as is more than memory has room for.
-std::string unpack_meshopt(const GltfObject& extension, std::string_view packed);
+// What no compressed data exceed: bytes that one byte stands for (64 vertices whose byte is that of the one before).
+constexpr std::uint64_t kMeshoptRatio = 64;
+
+// The content of a buffer view: `count` elements of `byteStride` bytes, as the object of the extension says.
+// `compressed`: the bytes that this object refers to. Throws InputError where they are broken, MemoryError where there
+// is no room for the content.
+std::string decode_meshopt(const GltfObject& extension, std::string_view compressed);
 
 }  // namespace octrad

@@ -1,7 +1,6 @@
 #include "octrad/scene/load.h"
 
 #include <algorithm>
-#include <cmath>
 #include <exception>
 #include <memory>
 
@@ -82,14 +81,8 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
   if (description_.understood) description_.understood->left_out.insert(&element);
 }
 
-bool SceneBuilder::names_sensor() const {
-  const auto& children = description_.root->children;
-  return std::any_of(children.begin(), children.end(), [](const auto& child) { return child->tag == "sensor"; });
-}
-
 void SceneBuilder::check_complete() const {
   const Location& where = description_.root->location;
-  if (scene_.cameras.empty() && names_sensor()) fail(where, "the scene has no sensor that can be used");
   if (scene_.shapes.empty()) fail(where, "the scene has no shape");
   const std::vector<float> weights = scene_.sampling_weights();
   if (!weights.empty() && *std::max_element(weights.begin(), weights.end()) == 0.0f)
@@ -109,10 +102,10 @@ Scene SceneBuilder::build() {
   check_complete();
   aim_projectors();
   find_bounds();
-  if (scene_.cameras.empty()) {  // as in scenes that a program gives its sensors
-    report().assume(root.location, "the scene has no sensor: one that sees everything, with y up, is added");
-    add_overview_sensor(*description_.root, root.location, scene_.bounds);
-    add_sensor(*root.children.back());
+  if (scene_.cameras.empty()) {
+    report().assume(root.location,
+                    "the scene has no sensor: one that looks at all of it from outside, with y up, is added");
+    add_sensor(make_overview_sensor(*description_.root, root.location, scene_.bounds));
   }
   if (scene_.area_lights.empty() && scene_.delta_lights.empty() && scene_.environments.empty())
     scene_.warnings.push_back(root.location.text() + ": the scene has no emitter: everything is black");

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "octrad/base/error.h"
 #include "octrad/base/frame.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"

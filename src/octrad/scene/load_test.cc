@@ -8,7 +8,6 @@
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/rng.h"
-#include "octrad/base/threads.h"
 #include "octrad/image/io.h"
 #include "octrad/scene/files_test_helper.h"
 
@@ -720,7 +719,8 @@ TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
       R"(<shape type="sphere"><point name="center" x="3" y="-2" z="50"/><float name="radius" value="4"/></shape>)";
   const Scene scene = load_scene(folder_.write("s.xml", scene_text(shapes)));
   ASSERT_EQ(scene.cameras.size(), 1u);
-  EXPECT_NE(join(scene.assumed).find("the scene has no sensor: one that sees everything, with y up, is added"),
+  EXPECT_NE(join(scene.assumed)
+                .find("the scene has no sensor: one that looks at all of it from outside, with y up, is added"),
             std::string::npos);
   // It looks at the middle of the box of the sphere, whose corners are within the height of the picture.
   const Camera& camera = scene.cameras[0];
@@ -728,7 +728,13 @@ TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
   EXPECT_NEAR(dot(normalize(to_center), camera.forward), 1.0f, 1e-5f);
   EXPECT_NEAR(std::asin(4.0f * std::sqrt(3.0f) / length(to_center)) * 360.0f / 3.14159265f, camera.fov_degrees, 1e-3f);
   EXPECT_GT(camera.up.y, 0.5f);
-  // One that cannot be used is not replaced.
+  // One that cannot be used is replaced where that is asked for.
+  LoadOptions options;
+  options.permissive = true;
+  EXPECT_EQ(load_scene(folder_.write("s.xml", scene_text(shapes + R"(<sensor type="radiancemeter"/>)")), options)
+                .cameras[0]
+                .origin,
+            camera.origin);
   EXPECT_NE(error_whole(scene_text(shapes + R"(<sensor type="radiancemeter"/>)")).find("radiancemeter"),
             std::string::npos);
 }

@@ -2,7 +2,6 @@
 #include <cmath>
 #include <memory>
 
-#include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 
 #include "octrad/base/number_text.h"
 #include "octrad/scene/limits.h"
@@ -31,7 +30,7 @@ void add_matrix(Element& parent, const Location& where, const std::string& name,
 
 std::string three_numbers(Vec3d v) { return number_text(v.x) + ", " + number_text(v.y) + ", " + number_text(v.z); }
 
-void add_sensor(Element& root, const Location& where, const Transform& to_world, const MadeSensor& sensor) {
+Element& make_sensor(Element& root, const Location& where, const Transform& to_world, const MadeSensor& sensor) {
   constexpr int kFilmHeight = 720;
   Element& element = add_element(root, where, "sensor", {{"type", sensor.type}});
   const auto value = [&](Element& parent, const char* tag, const char* name, const std::string& text) {
@@ -48,10 +47,10 @@ void add_sensor(Element& root, const Location& where, const Transform& to_world,
   const int width = std::clamp(static_cast<int>(std::lround(kFilmHeight * sensor.aspect)), 1, kMostFilmPixels);
   value(film, "integer", "width", std::to_string(width));
   value(film, "integer", "height", std::to_string(kFilmHeight));
+  return element;
 }
 
-void add_overview_sensor(Element& root, const Location& where, Bounds3f bounds) {
-  if (!(bounds.lower.x <= bounds.upper.x)) bounds = {Vec3f(-1.0f), Vec3f(1.0f)};
+Element& make_overview_sensor(Element& root, const Location& where, const Bounds3f& bounds) {
   const Vec3d center = (Vec3d(bounds.lower) + Vec3d(bounds.upper)) * 0.5;
   const double radius = std::max(0.5 * length(Vec3d(bounds.upper) - Vec3d(bounds.lower)), 1e-6);
   MadeSensor sensor;
@@ -60,7 +59,7 @@ void add_overview_sensor(Element& root, const Location& where, Bounds3f bounds) 
   sensor.far_clip = distance * 10.0;
   const Vec3d direction = normalize(Vec3d(0.5, 0.4, 1.0));
   const auto view = Transform::look_at(center + direction * distance, center, {0, 1, 0});
-  if (view) add_sensor(root, where, *view, sensor);
+  return make_sensor(root, where, view.value_or(Transform()), sensor);
 }
 
 }  // namespace octrad

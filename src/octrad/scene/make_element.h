@@ -25,10 +25,10 @@ struct MadeSensor {
   double aspect = 4.0 / 3.0;         // width by height
   double near_clip = 0.01, far_clip = 10000.0;
 };
-void add_sensor(Element& root, const Location& where, const Transform& to_world, const MadeSensor& sensor);
+Element& make_sensor(Element& root, const Location& where, const Transform& to_world, const MadeSensor& sensor);
 
-// A sensor that sees all of `bounds`, with y up: from the front, which glTF has at +z, a little from above and the
-// side. Of empty bounds, those of a cube.
-void add_overview_sensor(Element& root, const Location& where, Bounds3f bounds);
+// A sensor that has all of `bounds` in its picture, with y up: from the front, which glTF has at +z, a little from
+// above and the side.
+Element& make_overview_sensor(Element& root, const Location& where, const Bounds3f& bounds);
 
 }  // namespace octrad

@@ -1,6 +1,5 @@
 #include "octrad/scene/named_materials.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "octrad/base/lower_case.h"

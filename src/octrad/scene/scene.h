@@ -3,7 +3,6 @@
 // Units: world units for positions, linear Rec. 709 RGB for colours and radiance. Indices are -1 where absent.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 

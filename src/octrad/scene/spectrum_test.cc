@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
 #include "octrad/scene/load.h"

@@ -7,9 +7,9 @@
 #include <span>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/base/join.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 
 namespace octrad {

@@ -6,6 +6,7 @@
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/escape.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
 #include "octrad/scene/builder.h"
@@ -203,8 +204,7 @@ class Writer {
     }
     if (const BuiltPicture* picture = description_.built_picture(name)) {
       const std::string encoded = picture->encoded ? picture->encoded() : "";
-      const bool png = encoded.starts_with("\x89PNG"), jpeg = encoded.starts_with("\xff\xd8"),
-                 webp = encoded.starts_with("RIFF");  // which Mitsuba does not read
+      const bool png = encoded.starts_with("\x89PNG"), jpeg = encoded.starts_with("\xff\xd8"), webp = is_webp(encoded);
       const std::string file = files_ + "/" + name + (png || webp ? ".png" : jpeg ? ".jpg" : ".exr");
       result.others[file] = [picture, same = png || jpeg, keep = description_.built](const std::string& path) {
         if (same) write_file(path, picture->encoded());
@@ -212,6 +212,8 @@ class Writer {
       };
       return file;
     }
+    if (lower_case(std::filesystem::path(name).extension().string()) == ".webp")
+      notes.insert("Mitsuba does not read WebP, which the written file refers to");
     std::error_code code;
     const std::filesystem::path file =
         std::filesystem::weakly_canonical(description_.resolve(e.get("value"), e.location), code);

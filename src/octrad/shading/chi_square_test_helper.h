@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "octrad/base/rng.h"
-#include "octrad/shading/materials.h"
 
 namespace octrad::testing {
 

@@ -4,7 +4,6 @@
 #include <memory>
 #include <span>
 
-#include "octrad/geometry/tracer.h"
 #include "octrad/scene/scene.h"
 #include "octrad/shading/lights_math.h"
 

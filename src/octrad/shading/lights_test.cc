@@ -4,6 +4,7 @@
 
 #include <numeric>
 
+#include "octrad/geometry/tracer.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/chi_square_test_helper.h"
 #include "octrad/shading/environment_map.h"

@@ -1,8 +1,8 @@
 // Lights without extent against numbers that Mitsuba 3 computed (tests/mitsuba_world_values.py).
 #include <gtest/gtest.h>
 
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mitsuba_world_test_data.h"
 #include "octrad/shading/lights.h"

@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/shading/materials.h"
 

@@ -9,10 +9,8 @@
 #include <fstream>
 
 #include "octrad/base/sanitized_test_helper.h"
-#include "octrad/base/threads.h"
 #include "octrad/scene/load.h"
 #include "octrad/train/trainer.h"
-#include "octrad/transport/lhs_sampler.h"
 #include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_estimator.h"
 

@@ -4,9 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 
-#include "octrad/scene/files_test_helper.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/transport/prepared_scene.h"
 

@@ -2,7 +2,6 @@
 // any training.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "octrad/transport/direction_guide_math.h"

@@ -1,8 +1,6 @@
 // Rays through masks and over mirrors and glass.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "octrad/transport/furnace_test_helper.h"
 
 namespace octrad {

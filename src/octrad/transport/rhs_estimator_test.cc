@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/threads.h"
 #include "octrad/transport/furnace_test_helper.h"

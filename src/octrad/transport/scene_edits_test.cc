@@ -4,8 +4,8 @@
 #include <string>
 
 #include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
 #include "octrad/device/stream_test_helper.h"
-#include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/checks.h"
