@@ -101,7 +101,7 @@ def meshopt_vertices(data, stride):
 
 PACKED = triangle()
 PACKED_AT = PACKED.view(meshopt_vertices(PACKED.binary[:36], 12))
-PACKED.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {**PACKED.json["bufferViews"][PACKED_AT], "byteStride": 12, "count": 3, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}}
+PACKED.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {**PACKED.json["bufferViews"][PACKED_AT], "byteStride": 12, "count": 3, "mode": "ATTRIBUTES"}}
 put("gltf", "packed", PACKED.text())
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
