@@ -68,7 +68,7 @@ def texture(tree, image, nearest=False, scale=None, turn=0.0, uv=None):
 
 
 class World:
-    """Rectangles in two rows before a floor, and their names."""
+    """Rectangles in two rows on a floor, before a wall."""
 
     def __init__(self, spp):
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -100,8 +100,10 @@ class World:
         metal = picture("metal", 64, lambda u, v: (0.0, 0.3 + 0.4 * u, np.where(v > 0.5, 1.0, 0.0), 1.0), True)
         slope = lambda u: 0.5 * np.sin(u * 12 * math.pi)  # noqa: E731
         bumps = picture("bumps", 128, lambda u, v: (0.5 - 0.5 * slope(u) / np.hypot(1, slope(u)), 0.5, 0.5 + 0.5 / np.hypot(1, slope(u)), 1.0), True)
-        bpy.ops.mesh.primitive_plane_add(size=24)
-        bpy.context.object.data.materials.append(principled("floor", Base_Color=(0.5, 0.5, 0.5, 1))[0])
+        grey = principled("floor and wall", Base_Color=(0.5, 0.5, 0.5, 1))[0]
+        for place, turn in (((0, 0, 0), 0), ((0, 8, 10), 90)):  # half-transparent surfaces have something behind them
+            bpy.ops.mesh.primitive_plane_add(size=24, location=place, rotation=(math.radians(turn), 0, 0))
+            bpy.context.object.data.materials.append(grey)
         self.place("diffuse", principled("diffuse", Base_Color=(0.8, 0.4, 0.2, 1))[0])
         self.place("metal", principled("rough metal", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.4)[0])
         self.place("half metal", principled("half metal", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=0.5, Roughness=0.4)[0])
