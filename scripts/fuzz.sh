@@ -32,12 +32,14 @@ fi
 [ -n "$octrad" ] || { echo "no octrad to make seeds with: build one, or set OCTRAD" >&2; exit 1; }
 python=python3
 /usr/bin/python3 -c '' 2>/dev/null && python=/usr/bin/python3
+if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
 (  # several targets may be started side by side
   flock 9
-  [ -d "$corpus/scene" ] || "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"
+  for name in $names; do
+    [ -d "$corpus/$name" ] || { "$python" tests/fuzz/make_seeds.py "$octrad" "$corpus"; break; }
+  done
 ) 9>"$corpus.lock"
 
-if [ -n "$target" ]; then names=$target; else names=$(sed -n 's/^    {"\([a-z_]*\)", guarded.*/\1/p' tests/fuzz/targets.cc); fi
 # Each run writes a file: into memory, where that is a file system.
 [ -w /dev/shm ] && export TMPDIR=${TMPDIR:-/dev/shm}
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_stack_use_after_return=1:quarantine_size_mb=64 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
