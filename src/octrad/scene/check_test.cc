@@ -232,6 +232,12 @@ class ConvertTest : public CheckTest {
   }
 };
 
+TEST_F(ConvertTest, SensorThatWasAdded) {
+  const std::string file =
+      folder_.write("s.xml", R"(<scene version="3.0.0"><shape type="sphere"/><emitter type="constant"/></scene>)");
+  EXPECT_NE(round_trip(file).find("<sensor type=\"perspective\">"), std::string::npos);
+}
+
 TEST_F(ConvertTest, RoundTrip) {
   folder_.write("fine.obj", "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n");
   std::filesystem::create_directories(folder_.file("sub"));
