@@ -10,7 +10,6 @@
 #include "app/cli/compare.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
-#include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"

@@ -448,7 +448,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
   if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
   if (options.keys) return info_keys(common, options.config.resolve());
-  const std::string extension = lower_case(std::filesystem::path(options.file).extension().string());
+  const std::string extension = ending_of(options.file);
   const bool scene = extension == ".xml" || extension == ".gltf" || extension == ".glb" || extension == ".pbrt";
   if (options.check && !scene) throw UsageError("--check belongs to a scene (.xml, .gltf, .glb)");
   if (options.check && common.permissive)

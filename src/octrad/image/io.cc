@@ -33,13 +33,6 @@ void check_size(const std::string& file, long long width, long long height, long
 
 }  // namespace image_io
 
-namespace {
-
-// Of the file's name, in small letters.
-std::string ending_of(const std::string& file) { return lower_case(std::filesystem::path(file).extension().string()); }
-
-}  // namespace
-
 Image parse_image(const std::string& file, const std::string& bytes) {
   if (bytes.starts_with("\x76\x2f\x31\x01")) return image_io::read_exr(file, bytes);
   if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return image_io::read_png(file, bytes);

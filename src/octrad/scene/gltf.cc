@@ -418,7 +418,7 @@ class GltfReader {
 }  // namespace
 
 bool is_gltf(const std::string& file, const std::string& bytes) {
-  const std::string ending = lower_case(std::filesystem::path(file).extension().string());
+  const std::string ending = ending_of(file);
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
   return ending == ".gltf" || ending == ".glb" || bytes.starts_with("glTF") ||
          (first != std::string::npos && bytes[first] == '{');

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "octrad/base/input_file.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
@@ -358,8 +359,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
   encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
   // It is looked for once more. Of WebP, which Mitsuba does not read, `convert` makes a PNG.
-  if (encoded && outside && lower_case(std::filesystem::path(file).extension().string()) != ".webp")
-    return std::filesystem::absolute(file).string();
+  if (encoded && outside && ending_of(file) != ".webp") return std::filesystem::absolute(file).string();
 
   std::string key = image.path();
   if (!encoded) {

@@ -212,8 +212,7 @@ class Writer {
       };
       return file;
     }
-    if (lower_case(std::filesystem::path(name).extension().string()) == ".webp")
-      notes.insert("Mitsuba does not read WebP, which the written file refers to");
+    if (ending_of(name) == ".webp") notes.insert("Mitsuba does not read WebP, which the written file refers to");
     std::error_code code;
     const std::filesystem::path file =
         std::filesystem::weakly_canonical(description_.resolve(e.get("value"), e.location), code);
