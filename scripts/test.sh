@@ -3,7 +3,7 @@
 # "N passed, N failed, N skipped". About half an hour on two cores the first time, mostly compiling.
 #   scripts/test.sh              everything
 #   scripts/test.sh --fast       without the sanitizers, clang and the demo
-#   scripts/test.sh --long       everything, and a minute of fuzzing for every reader of files
+#   scripts/test.sh --long       everything, a minute of fuzzing for every reader of files, and fifty kills in each test of kills
 # The work tree is only read; builds are in build-test, build-sanitize and build-thread.
 # Scenes that are not part of this repository are looked for in $OCTRAD_SHARED, else in ../shared; tests that need them
 # are skipped without them.
@@ -22,6 +22,7 @@ started=$SECONDS
 passed=0 failed=0 skipped=0
 logs=$(mktemp -d)
 trap 'rm -rf "$logs"' EXIT
+[ $long = 0 ] || export OCTRAD_KILLS=50
 export CLICOLOR=0 GTEST_COLOR=no PYTHONDONTWRITEBYTECODE=1
 
 # Wall time, and processor time of what ran so far.
@@ -70,6 +71,7 @@ count() {
     local cuda
     cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+Cuda$' "$log" || true)
     [ "$cuda" = 0 ] || printf '             SKIPPED: %d tests on a GPU: no CUDA device\n' "$cuda"
+    grep -hE 'largest peak|peak over estimate' "$log" | sed 's/^/             /'
     grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | grep -vE 'Cuda( |$)|^SKIPPED: no CUDA device' | sort -u | head -n 5 |
       sed 's/^/             /'
   fi
@@ -112,6 +114,9 @@ TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -
 export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
 
 step "Unit tests"
+# What fuzzing starts from, of every reader of files; test_fuzz reads it.
+"$python" tests/fuzz/make_seeds.py "$OCTRAD" "$logs/seeds" >"$logs/make_seeds" 2>&1 || { tail "$logs/make_seeds"; fatal "tests/fuzz/make_seeds.py"; }
+export OCTRAD_FUZZ_SEEDS=$logs/seeds
 # Large programs first: they run for longest, and no processor should wait for one at the end.
 programs=$(cd build-test && ls -S test_*)
 for program in $programs; do add "$program" "build-test/$program"; done

@@ -1,15 +1,18 @@
-// Faults of files and jumps of the clock for tests/cli/test_files.py: preloaded into the program (LD_PRELOAD), instead
-// of the functions of the C library with these names.
+// Faults of files, refused threads and jumps of the clock for tests/cli: preloaded into the program (LD_PRELOAD),
+// instead of the functions of the C library with these names.
 //
 // OCTRAD_FAULTS   rules with ";" between them, "FOLDER:CALL:ERROR:FIRST:COUNT": the FIRST call (from 1) of files under
 //                 FOLDER and the COUNT - 1 after it (0: all) fail. CALL: open (a new file for writing), tmpfile (the
-//                 same, of those without a name), write, short (write takes half of it, and does not fail), fsync,
-//                 close, link, rename, flock, read, shortread, map (memory for tables, whatever FOLDER). ERROR: the
-//                 number of errno. hang (a read that never ends) needs none.
+//                 same, of those without a name), input (opening a file for reading), access (may it be written?),
+//                 write, short (write takes half of it, and does not fail), fsync, close, link, rename, flock, read,
+//                 shortread; whatever FOLDER: map (memory for tables), thread (a new thread), threads (the same, but
+//                 from FIRST at once, not counting the program's own: a limit of the user). ERROR: the number of errno.
+//                 hang (a read that never ends) needs none.
 // OCTRAD_CLOCK    seconds by which the time of day jumps forth and back, call by call. The steady clock goes on.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <sys/file.h>
 #include <sys/mman.h>
@@ -22,6 +25,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 
 namespace {
 
@@ -87,6 +91,7 @@ int open_watched(const char* path, int flags, const Open& open) {
   const bool unnamed = (flags & O_TMPFILE) == O_TMPFILE;
   if (unnamed && fails(path, "tmpfile")) return -1;
   if ((unnamed || (flags & O_EXCL) != 0) && fails(path, "open")) return -1;
+  if ((flags & (O_ACCMODE | O_CREAT | O_DIRECTORY)) == O_RDONLY && fails(path, "input")) return -1;
   const int descriptor = open();
   for (int i = 0; i < g_rule_count && descriptor >= 0 && descriptor < 1024; ++i)
     g_watched[descriptor][i] = is_under(path, i);
@@ -95,6 +100,31 @@ int open_watched(const char* path, int flags, const Open& open) {
 
 mode_t mode_of(int flags, va_list arguments) {
   return (flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE ? static_cast<mode_t>(va_arg(arguments, int)) : 0;
+}
+
+// Threads besides the first one: each counts from when it is asked for until its work has ended.
+std::atomic<int> g_threads{0};
+struct Counted {
+  void* (*work)(void*);
+  void* argument;
+};
+void* run_counted(void* counted) {
+  const Counted thread = *std::unique_ptr<Counted>(static_cast<Counted*>(counted));
+  struct Leave {
+    ~Leave() { --g_threads; }
+  } const leave;
+  return thread.work(thread.argument);
+}
+// Whether one more is too many.
+bool refused() {
+  const int n = ++g_threads;
+  for (int i = 0; i < g_rule_count; ++i) {
+    if (rule_fails(i, "thread")) return true;
+    if (strcmp(g_rules[i].call, "threads") != 0 || n < g_rules[i].first) continue;
+    errno = g_rules[i].error;
+    return true;
+  }
+  return false;
 }
 
 long jump() {
@@ -120,6 +150,11 @@ int open64(const char* path, int flags, ...) {
   const mode_t mode = mode_of(flags, arguments);
   va_end(arguments);
   return open_watched(path, flags, [&] { return next<int(const char*, int, ...)>("open64")(path, flags, mode); });
+}
+
+int access(const char* path, int mode) noexcept {
+  if ((mode & W_OK) != 0 && fails(path, "access")) return -1;
+  return next<int(const char*, int)>("access")(path, mode);
 }
 
 ssize_t write(int descriptor, const void* data, size_t bytes) {
@@ -175,6 +210,20 @@ void* mmap(void* address, size_t bytes, int protection, int flags, int descripto
   }
   using Map = void*(void*, size_t, int, int, int, off_t);
   return next<Map>("mmap")(address, bytes, protection, flags, descriptor, offset);
+}
+
+int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*work)(void*), void* argument) noexcept {
+  using Create = int(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
+  int error = 0;
+  if (refused()) {
+    error = errno;
+  } else {
+    std::unique_ptr<Counted> counted(new Counted{work, argument});
+    error = next<Create>("pthread_create")(thread, attributes, run_counted, counted.get());
+    if (error == 0) counted.release();
+  }
+  if (error != 0) --g_threads;
+  return error;
 }
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {

@@ -142,6 +142,8 @@ class SceneDocuments(unittest.TestCase):
         mesh = '<shape type="ply"><string name="filename" value="mesh.ply"/>%s</shape>'
         shape = {"shape": text, "bsdf": '<shape type="sphere">%s</shape>' % text, "texture": mesh % ('<bsdf type="diffuse">%s</bsdf>' % text),
                  "spectrum": '<shape type="sphere"><emitter type="area">%s</emitter></shape>' % text}.get(tag, mesh % "")
+        if tag == "emitter":  # in the way of the light
+            shape += '<shape type="sphere"><float name="radius" value="0.3"/><bsdf type="mask">%s</bsdf></shape>' % DIFFUSE
         if (tag, name) == ("emitter", "area"):
             shape = '<shape type="sphere">%s</shape>' % text
         light = text if tag == "emitter" and name != "area" else ""

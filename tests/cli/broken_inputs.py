@@ -1,13 +1,17 @@
 """Broken, hostile and odd inputs: a table of cases for test_broken_inputs.py.
 
-A case is (name, files {name: str or bytes}, arguments, exit code, text that the error or warning holds). Files are made in
-a folder of the case's own, in which the program runs.
+A case is (name, files {name: str or bytes}, arguments, exit code, text that the error or warning holds, or where there is
+none of it the output). Files are made in a folder of the case's own, in which the program runs.
 """
 import base64
 import json
+import os
+import random
 import struct
+import tempfile
 import zlib
 
+from exr import write_exr
 from gltf import glb, triangle
 from support import ROOM
 
@@ -74,7 +78,7 @@ bad("entity-bomb", '<!DOCTYPE s [<!ENTITY a "1"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a
 bad("external-entity", '<!DOCTYPE s [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + scene(SENSOR + '<shape type="&x;"/>'), 'shape "&x;" is not supported')
 bad("not-utf8", scene('<shape type="W\xfcrfel"/>').encode("latin-1"), r'shape "W\xfcrfel" is not supported')
 bad("control-characters", scene('<shape type="\x1b]0;title\x07"/>'), r'shape "\x1b]0;title\x07" is not supported')
-bad("nul-byte", scene('<shape type="cu\0be"/>'), "")
+bad("nul-byte", scene('<shape type="cu\0be"/>'), "s.xml:2:14: not well-formed XML")
 bad("undefined-parameter", scene('<shape type="$what"/>'), "undefined parameter $what")
 bad("lone-dollar", scene('<shape type="$"/>'), "undefined parameter $")
 bad("long-substitution", scene('<default name="a" value="' + "x" * 60000 + '"/><shape type="$a$a"/>'), "longer than 65536 characters")
@@ -89,14 +93,14 @@ bad("include-too-deep", scene('<include filename="0.xml"/>'), "nested more than 
     **{f"{i}_xml": scene(f'<include filename="{i + 1}.xml"/>') for i in range(20)})
 bad("include-too-many", scene('<include filename="t.xml"/>' * 1001), "more than 1000 files", t_xml=scene(""))
 bad("include-a-folder", scene('<include filename="."/>'), "is a folder")
-bad("include-outside", scene('<include filename="../../../../../../etc/hostname"/>'), "", 2)
+bad("include-outside", scene('<include filename="../../../../../../etc/hostname"/>'), "not well-formed XML", 2)
 bad("include-a-device", scene('<include filename="/dev/zero"/>'), "a device, not a file", 3)
 bad("path-to-nothing", scene('<path value="none"/>'), "is not a folder")
 bad("alias-of-nothing", scene('<alias id="a" as="b"/>'), 'nothing has the id "a"')
 bad("alias-taken", scene('<bsdf type="diffuse" id="a"/><bsdf type="diffuse" id="b"/><alias id="a" as="b"/>'), "taken already")
 bad("id-twice", scene('<bsdf type="diffuse" id="a"/><bsdf type="diffuse" id="a"/>'), "is taken already")
 body("reference-to-nothing", '<shape type="cube"><ref id="a"/></shape>', '"a"')
-body("reference-to-itself", '<ref id="a"/><alias id="a" as="a"/>', "")
+body("reference-to-itself", '<ref id="a"/><alias id="a" as="a"/>', 'nothing has the id "a"')
 body("material-of-itself", '<bsdf type="twosided" id="a"><ref id="a"/></bsdf>', "itself")
 body("materials-in-a-circle", '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>', "itself")
 body("group-of-itself", '<shape type="shapegroup" id="g"><shape type="instance"><ref id="g"/></shape></shape>', "cannot hold another one")
@@ -170,7 +174,7 @@ bad("filter-wide", sensor("", '<film type="hdrfilm"><rfilter type="gaussian"><fl
 # Shapes
 body("shape-unknown", '<shape type="cubes"/>', 'did you mean "cube"')
 body("flattened", '<shape type="cube"><transform name="to_world"><scale x="0"/></transform></shape>', "singular")
-body("scaled-away", '<shape type="cube"><transform name="to_world"><scale value="1e300"/></transform></shape>', "")
+body("scaled-away", '<shape type="cube"><transform name="to_world"><scale value="1e300"/></transform></shape>', "to_world of shape \"cube\" is singular")
 body("moved-away", '<shape type="rectangle"><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
 for radius in ("0", "-1", "1e18"):
     body(f"radius-{radius}", f'<shape type="sphere"><float name="radius" value="{radius}"/></shape>', "sphere")
@@ -193,7 +197,7 @@ for name, text, message in (
         ("index-word", OBJ_BOX + "f a b c\n", "expected the index"), ("vt-missing", OBJ_BOX + "f 1/1 2/1 3/1\n", "there is no texture vertex 1"),
         ("vn-missing", OBJ_BOX + "f 1//1 2//1 3//1\n", "there is no vertex normal 1"), ("vertex-nan", "v nan 0 0\n", "not finite"),
         ("vertex-huge", "v 1e99 0 0\n", "not finite"), ("vertex-short", "v 1 2\n", "expected a number"), ("vertex-glued", "v 1x 2 3\n", "expected a blank"),
-        ("vertex-far", "v 1e30 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n", "too far away"), ("nul", OBJ_BOX + "f 1 2\0 3\n", "")):
+        ("vertex-far", "v 1e30 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n", "too far away"), ("nul", OBJ_BOX + "f 1 2\0 3\n", "m.obj:4:6: face: expected a blank")):
     body(f"obj-{name}", '<shape type="obj"><string name="filename" value="m.obj"/></shape>', message, m_obj=text)
 
 
@@ -237,7 +241,7 @@ def serialized(data=None, version=4, flags=0x1000, vertices=3, triangles=1, corn
 
 for name, data, message in (
         ("empty", b"", "not a serialized mesh"), ("another-file", b"ply\nformat ascii 1.0\n", "not a serialized mesh"), ("version", serialized(version=2), "version 2 are not supported"),
-        ("cut-off", serialized()[:-1], ""), ("half", serialized()[:30], ""), ("no-table", serialized(count=0), "no table"), ("table-huge", serialized()[:-4] + b"\xff" * 4, "no table"),
+        ("cut-off", serialized()[:-1], "no table of its meshes"), ("half", serialized()[:30], "no table of its meshes"), ("no-table", serialized(count=0), "no table"), ("table-huge", serialized()[:-4] + b"\xff" * 4, "no table"),
         ("hollow", serialized(b""), "ends early"), ("vertices-huge", serialized(vertices=2 ** 28), "announces"), ("vertices-beyond", serialized(vertices=2 ** 63), "too many"),
         ("triangles-huge", serialized(triangles=2 ** 28), "announces"), ("nothing", serialized(triangles=0), "no triangles"), ("index-9", serialized(corner=9), "refers to vertex 9"),
         ("index-huge", serialized(corner=2 ** 32 - 1), "refers to vertex 4294967295"), ("nan", serialized(positions=struct.pack("<9f", *[float("nan")] * 9)), "not finite"),
@@ -379,6 +383,15 @@ def tga(kind, width, height, depth=24):
     return struct.pack("<BBBHHBHHHHBB", 0, 0, kind, 0, 0, 0, 0, 0, width, height, depth, 0)
 
 
+def pictured(name, data, message, code):
+    """A picture that is refused: alone, as a texture, and as a sky where a small file claims, or inflates to, more than the budget."""
+    text = name if code == 2 else f"{name}: picture of "
+    case(f"picture-{name}", {name: data}, ["info", name], code, message)
+    body(f"texture-{name}", f'<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="{name}"/></texture></bsdf>', text, code, **{name: data})
+    if code == 4:
+        body(f"envmap-{name}", f'<emitter type="envmap"><string name="filename" value="{name}"/></emitter>', text, code, **{name: data})
+
+
 GOOD_PNG = png(2, 2, b"\0\x40\x80\0\x80\x40")
 for name, data, message, code in (
         ("cut.bmp", bmp(2, 2), "truncated BMP", 2), ("huge.bmp", bmp(100000, 100000), "too large", 2), ("least.bmp", bmp(2, -2 ** 31), "too large", 2), ("short.bmp", b"BM", "truncated BMP", 2),
@@ -388,15 +401,15 @@ for name, data, message, code in (
         ("0x0.png", png(0, 0), "broken picture", 2), ("100k.png", png(100000, 100000), "too large", 2), ("side.png", png(2000000, 1), "too large", 2), ("row.png", png(2 ** 31 - 1, 1, color=6, bits=16), "too large", 2),
         ("hollow.png", png(5000, 5000), "truncated", 2), ("cut.png", GOOD_PNG[:50], "broken picture", 2), ("crc.png", GOOD_PNG[:30] + b"\0" + GOOD_PNG[31:], "CRC", 2),
         ("text.png", b"hello", "not a picture", 2), ("empty.png", b"", "not a picture", 2), ("bomb.png", png(16000, 16000, bytes(16001 * 16000)), "the budget is", 4),
+        ("16k.png", png(16000, 16000, bytes(100)), "the budget is", 4), ("16k.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 16000\n", "the budget is", 4), ("16k.pfm", b"PF\n16000 16000\n-1\n", "the budget is", 4),
+        ("16k.bmp", bmp(16000, 16000), "the budget is", 4), ("16k.tga", tga(10, 16000, 16000), "the budget is", 4),
         ("start.jpg", b"\xff\xd8\xff", "JPEG", 2), ("tables.jpg", b"\xff\xd8\xff\xc4\x01\x13\x00" + b"\xff" * 16 + bytes(256) + b"\xff\xd9", "Huffman", 2),
         ("100k.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n", "too large", 2), ("upside.hdr", b"#?RADIANCE\n\n+Y 2 +X 2\n", "not supported", 2),
         ("0x0.hdr", b"#?RADIANCE\n\n-Y 0 +X 0\n", "picture of 0 x 0", 2), ("cut.hdr", b"#?RADIANCE\n\n-Y 2 +X 2\n\1\2", "truncated", 2),
         ("line.hdr", b"#?RADIANCE\n" + b"x" * 5000, "more than 4096", 2), ("nan.pfm", b"PF\n2 2\nnan\n" + bytes(48), "broken PFM header", 2),
         ("cut.pfm", pfm(0.5)[:-1], "truncated PFM", 2), ("huge.pfm", b"PF\n99999999999 2\n-1\n", "too large", 2), ("magic.exr", b"\x76\x2f\x31\x01", "EXR", 2),
         ("attribute.exr", b"\x76\x2f\x31\x01\2\0\0\0channels\0chlist\0\xff\xff\xff\x7f", "broken EXR header", 2)):
-    case(f"picture-{name}", {name: data}, ["info", name], code, message)
-    if code == 2 and message:
-        body(f"texture-{name}", f'<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="{name}"/></texture></bsdf>', name, **{name: data})
+    pictured(name, data, message, code)
 for name, where, value, message in (
         ("reflectance-5", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', 5, "has the value 5"),
         ("reflectance-negative", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "has the value -1"),
@@ -413,12 +426,16 @@ case("shown", {"a.png": BIG}, ["info", "a.png"], 0, "")
 for name, inside in (("texture", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="a.png"/></texture></bsdf>'),
                      ("envmap", '<emitter type="envmap"><string name="filename" value="a.png"/></emitter>')):
     odd(f"large-{name}", scene(SENSOR + CUBE + inside), a_png=BIG)
+    # The picture alone is within the budget, its colours are not.
+    body(f"{name}-grows", inside, "a.png needs", 4, a_png=png(4000, 4000, bytes(4000 * 4001)))
+# The colours as well, the table of what to sample is not.
+body("envmap-table-grows", '<emitter type="envmap"><string name="filename" value="a.png"/></emitter>', "the environment map's table", 4, a_png=png(3200, 3200, bytes(3200 * 3201)))
 
 # JSON
 DEEP = "[" * 200000 + "]" * 200000
 for name, text, message in (
         ("empty", "", "not valid JSON"), ("deep", '{"a": ' + DEEP + "}", "nested more than 100"), ("open", "[" * 1000000, "nested more than 100"), ("1e999", '{"adam.rate": 1e999}', "too large"),
-        ("list", "[]", ""), ("comma", '{"octree.levels": 3,}', "not valid JSON"), ("kind", '{"octree.levels": "many"}', "octree.levels"), ("range", '{"octree.levels": 99}', "octree.levels"),
+        ("list", "[]", "a configuration is a JSON object"), ("comma", '{"octree.levels": 3,}', "not valid JSON"), ("kind", '{"octree.levels": "many"}', "octree.levels"), ("range", '{"octree.levels": 99}', "octree.levels"),
         ("fraction", '{"octree.levels": 2.5}', "octree.levels"), ("unknown", '{"octre.levels": 3}', "octre.levels"), ("nan", '{"octree.levels": NaN}', "not valid JSON"), ("utf8", b'{"\xff": 1}', "not valid JSON"),
         ("preset", '{"preset": ' + "[" * 50 + "]" * 50 + "}", "preset")):
     case(f"config-{name}", {"c.json": text}, ["info", "--keys", "--config", "c.json"], 2, message)
@@ -449,7 +466,7 @@ def model_header(**metadata):
 POINTS = "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n"
 for name, data, message in (
         ("empty", b"", "it is empty"), ("short", b"abc", "only a few bytes"), ("huge-header", struct.pack("<Q", 2 ** 62), "claims"), ("no-json", tensors("{x"), "not valid JSON"), ("deep", tensors("[" * 100000), "not a JSON object"),
-        ("deep-object", tensors('{"a":' * 100000), ""), ("no-model", tensors({}), "not an octrad model"), ("another-format", tensors(model_header(format="x")), "not an octrad model"),
+        ("deep-object", tensors('{"a":' * 100000), "nested too deeply"), ("no-model", tensors({}), "not an octrad model"), ("another-format", tensors(model_header(format="x")), "not an octrad model"),
         ("another-version", tensors(model_header(version="9")), "format version 9"), ("deep-config", tensors(model_header(config=DEEP)), "nested more than 100"), ("config-1e999", tensors(model_header(config='{"adam.rate": 1e999}')), "too large"),
         ("deep-scene", tensors(model_header(scene=DEEP)), "nested more than 100"), ("no-state", tensors(model_header(state="{}")), "broken model header"), ("no-domain", tensors(model_header(config='{"target.scale": 1}')), "octree.origin"),
         ("negative-step", tensors(model_header(state='{"step": -1, "seconds": 1.0, "lhs_samples": 1, "rhs_queries": 1}')), "step must be a whole number"),
@@ -508,6 +525,29 @@ cost("long-file-included-often", scene('<include filename="t.xml"/>' * 999 + SEN
 cost("ply-lines", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>'), m_ply=b"ply\nformat ascii 1.0\n" + b"element a 0\n" * 100001, code=2, text="more than 100000 lines")
 cost("serialized-name", scene(SENSOR + '<shape type="serialized"><string name="filename" value="m.serialized"/></shape>'), m_serialized=serialized(struct.pack("<I", 0x1000) + b"a" * 70000 + b"\0" + struct.pack("<QQ", 3, 1) + TRIANGLE + struct.pack("<3I", 0, 1, 2)), code=2, text="a name of more than 65536 bytes")
 
+# One position with many texture coordinates.
+cost("obj-vt", scene(SENSOR + CUBE + '<shape type="obj"><string name="filename" value="m.obj"/></shape>'), m_obj="v 0 0 0\nv 0.001 0 0\nv 0 0.001 0\n"
+     + repeated("vt 0.{:06} 0\n", 200000) + "".join(f"f 1/{i} 2/1 3/1\n" for i in range(1, 200001)))
+
+
+def soup(count, corner):
+    """Triangles that share no vertex, corner() each of theirs."""
+    return ply(vertices=3 * count, faces=count, form="binary_little_endian", rows=b"".join(struct.pack("<3f", *corner(i)) for i in range(3 * count))
+               + b"".join(struct.pack("<B3i", 3, 3 * i, 3 * i + 1, 3 * i + 2) for i in range(count)))
+
+
+# Triangles and instances as large as the scene: each meets very many cells of the octree, which takes up to a millisecond.
+SOUP = scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>')
+NUMBERS = random.Random(1)
+cost("soup", SOUP, m_ply=soup(10000, lambda i: [NUMBERS.uniform(-1, 1) for _ in range(3)]))
+cost("soup-in-a-plane", SOUP, m_ply=soup(4000, lambda i: ((-1, -1, 0), (1, -1, 0.1), (0, 1, -0.1))[i % 3]))
+cost("soup-9", SOUP, 4, "the octree's cells", ["-D", "octree.levels=9"], m_ply=soup(20, lambda i: [NUMBERS.uniform(-1, 1) for _ in range(3)]))
+cost("soup-in-a-plane-9", SOUP, 0, "", ["-D", "octree.levels=9"], m_ply=soup(20, lambda i: ((-1, -1, 0), (1, -1, 0.1), (0, 1, -0.1))[i % 3]))
+cost("soup-of-too-many", SOUP, 2, "would take minutes", m_ply=soup(40000, lambda i: ((-1, -1, 0), (1, -1, 0.1), (0, 1, -0.1))[i % 3]))
+for name, members, count, code, text in (("large", 1, 3000, 0, ""), ("of-many-shapes", 15, 150, 0, ""), ("of-too-many-shapes", 60, 600, 2, "would take minutes")):
+    cost(f"instances-{name}", scene(SENSOR + '<shape type="shapegroup" id="g">' + '<shape type="rectangle"/>' * members + "</shape>"
+         + '<shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/></transform></shape>' * count), code, text)
+
 ONE_PIXEL = png(1, 1, b"\0\1")
 TEXTS = b"".join(chunk(b"zTXt", b"k%d\0\0" % i + zlib.compress(bytes(7900000), 9)) for i in range(60))
 case("cost-png-texts", {"a.png": ONE_PIXEL[:33] + TEXTS + ONE_PIXEL[33:]}, ["info", "a.png"], 0, "")
@@ -530,6 +570,7 @@ def many_scans(side, count):
     return data + b"\xff\xd9"
 
 
+pictured("16k.jpg", many_scans(16000, 0), "the budget is", 4)
 case("cost-jpeg-scans", {"a.jpg": many_scans(5500, 490)}, ["info", "a.jpg"], 2, "more than 283 scans")
 case("cost-jpeg-small-scans", {"a.jpg": many_scans(16, 490)}, ["info", "a.jpg"], 0, "")
 EXR_START = b"\x76\x2f\x31\x01\2\0\0\0"
@@ -558,9 +599,8 @@ def exr_of(width, height, channels, start=EXR_START, more=b""):
 
 
 # A picture of one line, whose block may inflate to 16; one whose only tile may inflate to more than the picture.
-case("cost-exr-one-line", {"a.exr": exr_of(50000, 1, 100)}, ["info", "a.exr"], 4, "picture of 50000 x 1 pixels")
-case("cost-exr-tile", {"a.exr": exr_of(64, 64, 4, EXR_START[:5] + b"\2\0\0", exr_attribute("tiles", "tiledesc", struct.pack("<2IB", 4096, 4096, 0)))},
-     ["info", "a.exr"], 4, "picture of 64 x 64 pixels")
+pictured("one-line.exr", exr_of(50000, 1, 100), "picture of 50000 x 1 pixels", 4)
+pictured("one-tile.exr", exr_of(64, 64, 4, EXR_START[:5] + b"\2\0\0", exr_attribute("tiles", "tiledesc", struct.pack("<2IB", 4096, 4096, 0))), "picture of 64 x 64 pixels", 4)
 
 
 def cost_gltf(name, change, code=0, text="", arguments=(), **files):
@@ -602,6 +642,46 @@ cost_gltf("targets-in-many-poses", posed(lambda primitives: primitives[0].update
 cost_gltf("many-objects", lambda g: g.json.update(extras=[{}] * 300000))
 case("cost-json-objects", {"s.xml": ROOM, "c.json": "[" + '{"a":0},' * 300000 + "{}]"}, ["render", "s.xml", "--camera", "c.json", "-o", "a.exr", "-q"], 2, "c.json")
 case("cost-model-objects", {"m.octrad": tensors("{" + ",".join('"%d":{}' % i for i in range(150000)) + "}")}, ["info", "m.octrad"], 2, "lacks dtype")
+
+# Control characters: in names of files, and in what files say of themselves. All but the line end is shown as \\xNN.
+CONTROL = "\x1b]0;t\x07\x1b[31m\x9b2J\x7f\r\n"
+SHOWN = r"\x1b]0;t\x07\x1b[31m\xc2\x9b2J\x7f\x0d" + "\n"
+NAME, SHOWN_NAME = CONTROL + "\udc9b", SHOWN + r"\x9b"  # the last byte is no UTF-8
+
+
+def spoken_exr(seed, value):
+    """A picture of 4 x 4 pixels with such characters in names and values of its metadata and in a channel's name."""
+    render = json.dumps({"spp": 1, "seed": seed, "integrator": CONTROL, "view": CONTROL}, ensure_ascii=False)
+    with tempfile.TemporaryDirectory() as folder:
+        made = write_exr(os.path.join(folder, "a.exr"), 4, 4, {name: [value] * 16 for name in ("R", "G", "B", CONTROL + ".Y")},
+                         {"owner": CONTROL, "n" + CONTROL: "#", "octrad.scene": CONTROL, "octrad.render": render})
+        with open(made, "rb") as file:
+            return file.read().replace(b"#", b"\x9b")
+
+
+TALKING_PNG = ONE_PIXEL[:33] + b"".join(chunk(b"tEXt", key + b"\0" + CONTROL.encode("latin-1")) for key in (b"Comment", b"a\x1b\x9b")) + ONE_PIXEL[33:]
+TALKING_MODEL = tensors({**model_header(config=json.dumps({"x": CONTROL}), scene=json.dumps({"file": CONTROL}), program=CONTROL, **{CONTROL: CONTROL}),
+                         CONTROL: {"dtype": "U8", "shape": [1], "data_offsets": [0, 1]}}, b"a")
+A_EXR, B_EXR, C_EXR = spoken_exr(1, 1.0), spoken_exr(2, 0.5), spoken_exr(1, 0.25)
+for name, files, arguments, code, text in (
+        ("exr", {"a.exr": A_EXR}, ["info", "a.exr"], 0, "owner: " + SHOWN), ("exr-channel", {"a.exr": A_EXR}, ["info", "a.exr"], 0, SHOWN + ".Y"), ("exr-json", {"a.exr": A_EXR}, ["info", "a.exr", "--json"], 0, r"\u001b]0;t"),
+        ("exr-name", {NAME + ".exr": A_EXR}, ["info", NAME + ".exr"], 0, SHOWN_NAME + ".exr: 4 x 4"), ("exr-broken", {NAME + ".exr": b""}, ["info", NAME + ".exr"], 2, SHOWN_NAME + ".exr: not a picture"),
+        ("exr-header", {"a.exr": EXR_START + exr_attribute("channels", CONTROL, b"x") + bytes(99)}, ["info", "a.exr"], 2, "a.exr: cannot read EXR file"),
+        ("png", {"a.png": TALKING_PNG}, ["info", "a.png"], 0, "a.png: 1 x 1"), ("png-name", {NAME + ".png": TALKING_PNG[:-20]}, ["info", NAME + ".png"], 2, SHOWN_NAME + ".png: "),
+        ("png-chunk", {"a.png": ONE_PIXEL[:33] + chunk(b"\x1b[\x9bm", b"") + ONE_PIXEL[33:]}, ["info", "a.png"], 2, "a.png: "),
+        ("model", {"m.octrad": TALKING_MODEL}, ["info", "m.octrad"], 0, "program: " + SHOWN), ("model-tensor", {"m.octrad": TALKING_MODEL}, ["info", "m.octrad"], 0, SHOWN + "    u8 "),
+        ("model-json", {NAME + ".octrad": TALKING_MODEL}, ["info", NAME + ".octrad", "--json"], 0, r"\u001b]0;t"), ("model-no-octrad", {NAME + ".octrad": tensors(model_header(format=CONTROL))}, ["info", NAME + ".octrad"], 2, SHOWN_NAME + ".octrad is a"),
+        ("model-version", {"m.octrad": tensors(model_header(version=CONTROL)), "p.csv": POINTS}, ["query", "m.octrad", "--points", "p.csv"], 2, "m.octrad: format version " + SHOWN),
+        ("model-dtype", {"m.octrad": tensors({CONTROL: {"dtype": CONTROL, "shape": [1], "data_offsets": [0, 1]}}, b"a")}, ["info", "m.octrad"], 2, "m.octrad"),
+        ("scene-name", {NAME + ".xml": scene(SENSOR + CUBE)}, ["info", NAME + ".xml"], 0, SHOWN_NAME + ".xml (fingerprint"), ("scene-name-broken", {NAME + ".xml": "x"}, ["info", NAME + ".xml"], 2, SHOWN_NAME + ".xml:1:2: not well-formed"),
+        ("compare", {"a.exr": A_EXR, NAME + ".exr": B_EXR}, ["compare", "a.exr", NAME + ".exr"], 0, "\n" + SHOWN_NAME + ".exr  0.4"), ("compare-json", {NAME + ".exr": A_EXR, "b.exr": B_EXR}, ["compare", "b.exr", NAME + ".exr", "--json"], 0, r"\u001b]0;t"),
+        ("compare-layer", {NAME + ".exr": A_EXR, "b.exr": B_EXR}, ["compare", NAME + ".exr", "b.exr", "--by-roughness"], 2, SHOWN_NAME + ".exr"),
+        ("compare-png", {NAME + ".png": TALKING_PNG, "b.exr": B_EXR}, ["compare", "b.exr", NAME + ".png"], 2, SHOWN_NAME + ".png"), ("compare-broken", {NAME + ".exr": A_EXR[:-9], "b.exr": B_EXR}, ["compare", "b.exr", NAME + ".exr"], 2, SHOWN_NAME + ".exr: "),
+        ("merge", {"a.exr": A_EXR, NAME + ".exr": B_EXR}, ["merge", "a.exr", NAME + ".exr", "-o", NAME + "o.exr"], 0, SHOWN_NAME + "o.exr: 2 spp of 2 pictures"),
+        ("merge-one-seed", {"a.exr": A_EXR, NAME + ".exr": C_EXR}, ["merge", "a.exr", NAME + ".exr", "-o", "o.exr"], 2, SHOWN_NAME + ".exr have the same seed"),
+        ("merge-png", {"a.exr": A_EXR, NAME + ".png": TALKING_PNG}, ["merge", "a.exr", NAME + ".png:1", "-o", "o.exr"], 2, SHOWN_NAME + ".png"),
+        ("merge-model", {"a.exr": A_EXR, NAME + ".octrad": TALKING_MODEL}, ["merge", "a.exr", NAME + ".octrad:1", "-o", "o.exr"], 2, SHOWN_NAME + ".octrad")):
+    case(f"control-{name}", files, arguments, code, text)
 
 # What is odd and right
 odd("camera-inside-a-shape", scene(SENSOR + CUBE + '<shape type="sphere"><point name="center" value="0 0 4"/><float name="radius" value="0.5"/></shape>' + LIGHT))

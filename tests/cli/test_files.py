@@ -3,15 +3,18 @@ import errno
 import json
 import os
 import random
-import resource
+import shutil
 import signal
 import subprocess
+import tempfile
 import time
 import unittest
 import unittest.mock
 
 from exr import read_exr
+from gltf import Gltf
 from support import PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
+from web_client import Viewer
 
 FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")
 NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
@@ -28,22 +31,68 @@ def run_with(environment, *arguments, timeout=PATIENCE, **keywords):
     return Result(done)
 
 
+def somebody():
+    """Words before a command that make it run without the rights of root, if it has them."""
+    return ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups") if os.geteuid() == 0 else ()
+
+
+def why_not_somebody():
+    if not somebody():
+        return ""
+    if shutil.which("setpriv") is None:
+        return "SKIPPED: root may write everywhere, and setpriv is not installed"
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        done = subprocess.run([*somebody(), "sh", "-c", 'cd "$1" && exec "$2" --version', "sh", folder, os.path.abspath(PROGRAM)], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL)
+    return "SKIPPED: root may write everywhere, and nobody else may run the program here" if done.returncode != 0 else ""
+
+
+NOT_SOMEBODY = why_not_somebody()
+
+
 class Files(Case):
     def setUp(self):
         super().setUp()
         self.scene = self.write("room.xml", ROOM)
         self.out = self.path("out.exr")
 
-    def faulty(self, rules, *arguments):
+    def rules(self, rules):
         """rules: (call, error, first, count); they hold for files in the test's folder."""
-        text = ";".join(f"{self.folder}:{call}:{error}:{first}:{count}" for call, error, first, count in rules)
-        return run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": text}, *arguments)
+        return {"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": ";".join(f"{self.folder}:{call}:{error}:{first}:{count}" for call, error, first, count in rules)}
+
+    def faulty(self, rules, *arguments):
+        return run_with(self.rules(rules), *arguments)
+
+    def faults(self, rules):
+        """For what is started meanwhile."""
+        return unittest.mock.patch.dict(os.environ, self.rules(rules))
 
     def listing(self):
         return sorted(os.path.join(root, name) for root, _, names in os.walk(self.folder) for name in names)
 
+    def contents(self):
+        """To be compared without assertEqual, which would print how they differ."""
+        return {file: read(file) for file in self.listing()}
+
     def render(self, *options, out=None):
         return self.ok("render", self.scene, "-o", out or self.out, "--spp", 1, "-q", *options)
+
+    def glb(self, name, meshes=1, height=0.0):
+        """A file with as many triangles, and with a picture."""
+        self.render(out=self.path("texture.exr"))
+        self.ok("tonemap", self.path("texture.exr"), "-o", self.path("texture.png"), f"--exposure={height}", "-q")
+        g = Gltf()
+        g.add("images", {"bufferView": g.view(read(self.path("texture.png"))), "mimeType": "image/png"})
+        g.add("textures", {"source": 0})
+        g.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+        for i in range(meshes):
+            g.node(mesh=g.mesh([0, height, i, 1, 0, i, 0, 1, i], uvs=[0, 0, 1, 0, 0, 1], material=0))
+        for texture in ("texture.exr", "texture.png"):
+            os.remove(self.path(texture))
+        with open(self.path(name), "wb") as file:
+            file.write(g.container())
+        return self.path(name)
 
     def train(self, *options, model=None):
         return self.ok("train", self.scene, "-o", model or self.path("m.octrad"), *SMALL, *options)
@@ -67,6 +116,7 @@ class Files(Case):
             "out.pfm": (*r, "-o", self.path("out.pfm")),
             "frame0.exr": (*r, "-o", self.path("frame#.exr"), "--path", path, "--overwrite"),
             "merged.exr": ("merge", a, b, "-o", self.path("merged.exr"), "-q"),
+            "converted.xml": ("convert", self.scene, "-o", self.path("converted.xml"), "-q"),
             "a.jpg": ("tonemap", a, "-o", self.path("a.jpg"), "-q"),
             "table.csv": ("compare", a, b, "--csv", self.path("table.csv"), "-q"),
             "table.tex": ("compare", a, b, "--latex", self.path("table.tex"), "-q"),
@@ -85,10 +135,10 @@ class Files(Case):
         commands = self.written()
         for name, command in commands.items():
             self.ok(*command)
-            all_faults = name in ("out.exr", "n.octrad", "page.html")
+            all_faults = name in ("out.exr", "n.octrad", "page.html", "converted.xml")
             for fault in faults if all_faults else faults[1:2] + faults[-1:]:
                 for rules in ([fault], [unnamed, fault]) if all_faults and fault[0] != "link" else ([fault],):
-                    if fault[:1] == ("write",) and fault[2] == 2 and name != "n.octrad":
+                    if fault[0] == "write" and fault[2] == 2 and name != "n.octrad":
                         continue  # written in one piece
                     if fault[0] == "close":  # locks and inputs are closed too: the output's turn
                         rules = [*rules[:-1], ("close", errno.EDQUOT, self.closes_before(command, rules[:-1]), 1)]
@@ -111,6 +161,128 @@ class Files(Case):
         self.fail("no close() is looked at")
 
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_converted_scenes_are_replaced_as_a_whole(self):
+        """A scene and the meshes and pictures that it refers to belong together."""
+        first, second, out = self.glb("first.glb"), self.glb("second.glb", meshes=3, height=0.5), self.path("out.xml")
+        self.ok("convert", first, "-o", out, "-q")
+        before = self.contents()
+        self.assertEqual(len(before), 6, sorted(before))  # two scenes in, one out with a mesh and a picture, and the room
+        for call in ("write", "link"):
+            for unnamed in ([], [("tmpfile", errno.EOPNOTSUPP, 1, 0)]):
+                if unnamed and call == "link":
+                    continue  # what has a name is not linked
+                for n in range(1, 30):
+                    with self.subTest(call, n=n, unnamed=unnamed):
+                        self.start_over(before, "convert", first, "-o", out, "-q")
+                        result = self.faulty([*unnamed, (call, errno.ENOSPC, n, 0)], "convert", second, "-o", out)
+                        if result.code == 0:
+                            break
+                        self.assertEqual(result.code, 3, result.err)
+                        self.assertIn(os.strerror(errno.ENOSPC), result.err)
+                        now = self.contents()
+                        self.assertEqual(sorted(now), sorted(before), "something was left, or is gone")
+                        self.assertEqual([name for name in before if now[name] != before[name]], [], "replaced without the others")
+                self.assertEqual(result.code, 0, result.err)
+                self.assertGreater(n, 4, "one for each file that is written")
+                self.ok("convert", second, "-o", self.path("sound.xml"), "-q")
+                for name in ("mesh0.ply", "mesh1.ply", "mesh2.ply", "picture0.png"):
+                    self.assertTrue(read(self.path("out-files/" + name)) == read(self.path("sound-files/" + name)), name)
+
+    def start_over(self, before, *command):
+        for name in set(self.listing()) - set(before):
+            os.remove(name)
+        self.ok(*command)
+        self.assertTrue(self.contents() == before)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_faults_of_what_view_saves(self):
+        self.train("--steps", 2)
+        model, before = self.path("m.octrad"), self.contents()
+        unnamed = ("tmpfile", errno.EOPNOTSUPP, 1, 0)
+        for *unnamed, fault in ([("write", errno.ENOSPC, 1, 0)], [("write", errno.EDQUOT, 2, 0)], [("fsync", errno.EIO, 1, 0)], [("link", errno.ENOSPC, 1, 0)],
+                                [("rename", errno.EIO, 1, 0)], [unnamed, ("open", errno.EACCES, 1, 0)], [unnamed, ("write", errno.ENOSPC, 2, 0)],
+                                [unnamed, ("rename", errno.EIO, 1, 0)]):
+            with self.subTest(fault, unnamed=unnamed):
+                with self.faults([*unnamed, fault]):
+                    process = start("view", self.scene, "--model", model, "--train", "-o", model, "--json", "--width", "32", "--height", "24")
+                self.addCleanup(process.communicate)
+                self.addCleanup(process.kill)
+                viewer = Viewer(json.loads(process.stdout.readline())["url"])
+                self.addCleanup(viewer.close)
+                trains = lambda m: isinstance(m, dict) and m["type"] == "training"
+                viewer.send("train", do="start")
+                step = viewer.until(lambda m: trains(m) and m["step"] > 2)["step"]
+                viewer.send("train", do="save")  # it goes on
+                last = viewer.until(lambda m: trains(m) and m["step"] > step + 20)
+                self.assertIsNone(last["saved"])
+                self.assertIn(model, last["error"])
+                self.assertIn(os.strerror(fault[1]), last["error"])
+                process.send_signal(signal.SIGINT)
+                _, err = process.communicate(timeout=PATIENCE)
+                result = Result(subprocess.CompletedProcess((), process.returncode, b"", err))
+                self.assertIn("octrad: warning: cannot", result.err)
+                self.assert_kept(before, model, fault[1], result)
+
+    # ---- folders that may not be written
+
+    def assert_kept(self, before, name, why, result):
+        self.assertEqual(result.code, 3, result.err)
+        lines = [line for line in result.err.splitlines() if line.startswith("octrad: error: ")]
+        self.assertEqual(len(lines), 1, result.err)
+        self.assertIn(name, lines[0])
+        self.assertIn(os.strerror(why), lines[0])
+        self.assertTrue(self.contents() == before)
+
+    def endless_in(self, folder):
+        """Commands of which none would end, for it is refused before the work begins; with the file of each."""
+        self.render("--resume", out=os.path.join(folder, "out.exr"))
+        self.train("--steps", 2, model=os.path.join(folder, "m.octrad"))
+        out, new, model = (os.path.join(folder, name) for name in ("out.exr", "new.exr", "m.octrad"))
+        r, t = ("render", self.scene, "--spp", 100000000, "-o"), ("train", self.scene, "-o", model, *SMALL, "--steps", 100000000)
+        return [(out, *r, out), (out, *r, out, "--resume"), (new, *r, new), (model, *t, "--overwrite"), (model, *t, "--resume"),
+                (model, "view", self.scene, "--model", model, "--train", "-o", model)]
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_read_only_file_systems_are_told_at_once(self):
+        os.mkdir(self.path("folder"))
+        commands = self.endless_in(self.path("folder"))
+        before = self.contents()
+        for why in (errno.EROFS, errno.EACCES):
+            for name, *command in commands:
+                with self.subTest(command, why=why):
+                    rules = f"{self.path('folder')}:access:{why}:1:0"
+                    self.assert_kept(before, name, why, run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": rules}, *command))
+
+    @unittest.skipIf(NOT_SOMEBODY, NOT_SOMEBODY)
+    def test_folders_without_permission_are_told_at_once(self):
+        folder = self.path("folder")
+        os.mkdir(folder)
+        commands = self.endless_in(folder)
+        log, device = os.path.join(folder, "log.jsonl"), ("-o", "/dev/null", "--log-json")
+        commands += [(log, "render", self.scene, "--spp", 100000000, *device, log), (log, "train", self.scene, *SMALL, "--steps", 100000000, *device, log)]
+        before, user = self.contents(), 65534 if somebody() else -1
+        for file in self.listing():
+            os.chmod(file, 0o644)
+        for name in (os.path.join(folder, name) for name in os.listdir(folder)):
+            os.chown(name, user, -1)  # the file may be written, but not replaced
+        os.chmod(self.folder, 0o755)
+        os.chmod(folder, 0o555)
+        self.addCleanup(os.chmod, folder, 0o755)
+        as_somebody = lambda *words: Result(subprocess.run([*somebody(), os.path.abspath(PROGRAM), *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                                           timeout=PATIENCE, cwd=self.folder))
+        for name, *command in commands:
+            with self.subTest(command):
+                self.assert_kept(before, name, errno.EACCES, as_somebody(*command))
+        os.chmod(folder, 0o755)  # the other way round: the file may be replaced, but is not to be written
+        os.chown(folder, user, -1)
+        for name in (os.path.join(folder, name) for name in os.listdir(folder)):
+            os.chmod(name, 0o444)
+        for name, *command in commands:
+            if os.path.exists(name):
+                with self.subTest(command):
+                    self.assert_kept(before, name, errno.EACCES, as_somebody(*command))
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
     def test_writes_and_reads_in_pieces(self):
         commands = self.written()
         for name in ("merged.exr", "a.jpg", "page.html", "points.out"):
@@ -120,6 +292,59 @@ class Files(Case):
             result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], *commands[name])
             self.assertEqual(result.code, 0, result.err)
             self.assertEqual(read(self.path(name)), before)
+        # A model says how long it took: its tensors are the same.
+        model, whole = self.path("n.octrad"), self.path("whole.octrad")
+        fixed = ("-D", "adam.decay.start=1", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")  # whatever the budget
+        self.train("--steps", 4, *fixed, model=whole)
+        for more in (("--steps", 2), ("--steps", 4, "--resume")):
+            result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], "train", self.scene, "-o", model, *SMALL, *fixed, *more)
+            self.assertEqual(result.code, 0, result.err)
+        (_, ours), (_, theirs) = read_safetensors(model), read_safetensors(whole)
+        self.assertEqual(ours.keys(), theirs.keys())
+        self.assertEqual([name for name in ours if ours[name] != theirs[name]], [])
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_inputs_that_cannot_be_opened(self):
+        """No descriptor is left: it is not the file that is broken."""
+        self.render(out=self.path("a.exr"))
+        self.render("--seed", 1, out=self.path("b.exr"))
+        self.train("--steps", 2)
+        write_pfm(self.path("p.pfm"), 32, 24, lambda x, y: (1, 1, 1))
+        self.write("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        self.write("lamp.xml", '<scene version="3.0.0"><shape type="sphere"><emitter type="area"><rgb name="radiance" value="3"/></emitter></shape></scene>')
+        refers = self.write("refers.xml", """<scene version="3.0.0"><include filename="lamp.xml"/><shape type="obj"><string name="filename" value="m.obj"/>
+            <bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="p.pfm"/><boolean name="raw" value="true"/>
+            </texture></bsdf></shape><sensor type="perspective"/></scene>""")
+        self.write("points.csv", "x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0,-1,0,0,1,0,0,1,0,.5,.5,.5,1\n")
+        self.write("camera.json", json.dumps({"origin": [0, 0, 0.9], "target": [0, 0, 0]}))
+        self.write("cameras.json", json.dumps([{"origin": [0, 0, 0.9], "target": [0, 0, 0], "fov": 60}]))
+        self.write("path.json", json.dumps({"fps": 2, "keys": [{"time": t, "origin": [0, 0, 0.9], "target": [0, 0, 0], "fov": 60} for t in (0, 1)]}))
+        self.write("config.json", "{}")
+        self.glb("scene.glb")
+        a, b, m, out, n = (self.path(name) for name in ("a.exr", "b.exr", "m.octrad", "out.exr", "n.octrad"))
+        r, q, t = ("render", self.scene, "-o", out, "--spp", 1), ("query", m, "--points", self.path("points.csv")), ("train", self.scene, "-o", n, *SMALL, "--steps", 2)
+        commands = [("a.exr", "info", a), ("m.octrad", "info", m), ("room.xml", "info", self.scene), ("room.xml", *r), ("m.octrad", *r, "--model", m),
+                    ("camera.json", *r, "--camera", self.path("camera.json")), ("p.pfm", *r, "--mask", self.path("p.pfm")),
+                    ("path.json", "render", self.scene, "-o", self.path("f#.exr"), "--path", self.path("path.json"), "--spp", 1),
+                    *((name, "render", refers, "-o", out, "--spp", 1) for name in ("lamp.xml", "m.obj", "p.pfm")),
+                    ("scene.glb", "render", self.path("scene.glb"), "-o", out, "--spp", 1), ("scene.glb", "convert", self.path("scene.glb"), "-o", self.path("g.xml")),
+                    ("room.xml", *t), ("a.exr", *t, "--reference", a), ("config.json", *t, "--config", self.path("config.json")),
+                    ("cameras.json", *t, "-D", "train.cameras=" + self.path("cameras.json")), ("m.octrad", "train", self.scene, "-o", m, *SMALL, "--steps", 3, "--resume"),
+                    ("b.exr", "merge", a, b, "-o", out), ("b.exr", "compare", a, b), ("a.exr", "tonemap", a, "-o", self.path("a.png")),
+                    ("m.octrad", *q), ("points.csv", *q), ("room.xml", "view", self.scene), ("m.octrad", "view", self.scene, "--model", m)]
+        if run("denoise", a, "-o", out).code == 0:  # the library is there
+            os.remove(out)
+            commands.append(("a.exr", "denoise", a, "-o", out))
+        before = self.contents()
+        for name, *command in commands:
+            with self.subTest(name, command=command):
+                result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": f"{self.path(name)}:input:{errno.EMFILE}:1:0"}, *command)
+                self.assertEqual(result.code, 3, result.err)
+                lines = [line for line in result.err.splitlines() if line.startswith("octrad: error: ")]
+                self.assertEqual(len(lines), 1, result.err)
+                self.assertIn(self.path(name), lines[0])
+                self.assertIn(os.strerror(errno.EMFILE), lines[0])
+                self.assertTrue(self.contents() == before)
 
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
     def test_reads_that_fail(self):
@@ -163,6 +388,86 @@ class Files(Case):
             process.communicate(timeout=PATIENCE)
             ends.add(process.returncode)
         self.assertLessEqual(ends, {0, 2, 3})
+
+    # ---- threads that the system refuses
+
+    def viewed(self, rules, *options):
+        """octrad view under these faults, until a first picture is there: how it ended, and whether there was one."""
+        seen = False
+        with unittest.mock.patch.dict(os.environ, LD_PRELOAD=FAULTS, OCTRAD_FAULTS=rules):
+            process = start("view", self.scene, "--json", "--width", "32", "--height", "24", *options)
+        try:
+            line = process.stdout.readline()
+            if line:
+                try:
+                    viewer = Viewer(json.loads(line)["url"])
+                    self.addCleanup(viewer.close)
+                    viewer.frame(lambda header: not header["moving"])
+                    seen = True
+                    process.send_signal(signal.SIGINT)
+                except ConnectionError:  # it ended
+                    pass
+            out, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.communicate()
+        return Result(subprocess.CompletedProcess((), process.returncode, line + out, err)), seen
+
+    def assert_says_threads(self, result):
+        self.assertIn(result.code, (3, 4), result.err)
+        lines = [line for line in result.err.splitlines() if line.startswith("octrad: error: ")]
+        self.assertEqual(len(lines), 1, result.err)
+        self.assertIn("thread", lines[0])
+        self.assertIn(os.strerror(errno.EAGAIN), lines[0])
+        self.assertNotIn("internal error", lines[0])
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_few_threads_are_enough(self):
+        """A limit of the user or of the container: so many threads at once, the first one included."""
+        self.render(out=self.path("a.exr"))
+        self.train("--steps", 3, model=self.path("a.octrad"))
+        model = self.path("m.octrad")
+        for most in (1, 2, 5):
+            rules = {"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": f"/:threads:{errno.EAGAIN}:{most}:0"}
+            warning = r"warning: only [1-%d] of 8 threads can be started" % most
+            with self.subTest("render", most=most):
+                result = run_with(rules, "render", self.scene, "-o", self.out, "--spp", 1, "-q", "--threads", 8)
+                self.assertEqual(result.code, 0, result.err)
+                self.assertRegex(result.err, warning)
+                self.assertTrue(read_exr(self.out)[2] == read_exr(self.path("a.exr"))[2])
+            with self.subTest("train", most=most):
+                result = run_with(rules, "train", self.scene, "-o", model, "--overwrite", *SMALL, "--steps", 3, "--threads", 8)
+                self.assertEqual(result.code, 0, result.err)
+                self.assertRegex(result.err, warning)
+                self.assertTrue(read_safetensors(model)[1] == read_safetensors(self.path("a.octrad"))[1])
+            for options in ((), ("--model", self.path("a.octrad"), "--train")):
+                with self.subTest("view", options=options, most=most):  # which needs threads of its own, for each of its tasks
+                    result, seen = self.viewed(rules["OCTRAD_FAULTS"], *options, "--threads", 8)
+                    self.assertRegex(result.err, warning)
+                    if seen:
+                        self.assertEqual(result.code, 130, result.err)
+                    else:
+                        self.assert_says_threads(result)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_threads_that_are_refused_later(self):
+        """Another process of the user took them, after it was tried how many there are: seven are asked for to try four and some to spare."""
+        self.render()
+        self.train("--steps", 3)
+        model = self.path("m.octrad")
+        for first in (7, 8, 9, 10):
+            rules = f"/:thread:{errno.EAGAIN}:{first}:0"
+            for command in (("render", self.scene, "-o", self.out, "--spp", 1), ("train", self.scene, "-o", model, "--overwrite", *SMALL, "--steps", 3)):
+                with self.subTest(command[0], first=first):
+                    before = self.contents()
+                    result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_FAULTS": rules}, *command, "--threads", 4)
+                    if result.code != 0:  # it may have done with fewer
+                        self.assert_says_threads(result)
+                        self.assertTrue(self.contents() == before)
+            with self.subTest("view", first=first):
+                result, seen = self.viewed(rules, "--threads", 4)
+                if not seen or result.code != 130:
+                    self.assert_says_threads(result)
 
     # ---- training: its log and its checkpoints
 
@@ -210,16 +515,32 @@ class Files(Case):
 
     @unittest.skipIf(NO_FAULTS, NO_FAULTS)
     def test_the_time_of_day_does_not_matter(self):
-        model = self.path("m.octrad")
+        model, log = self.path("m.octrad"), self.path("log.jsonl")
         for jump in (3600, -7200):
             begin, longest = time.monotonic(), 600  # less than the jumps, and more than other work on the machine adds
             result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "train", self.scene, "-o", model, "--overwrite", *SMALL,
-                              "--time", "1s", "-D", "checkpoint.every=300ms", "--json")
+                              "--time", "1s", "-D", "checkpoint.every=300ms", "--json", "--log-json", log)
             self.assertEqual(result.code, 0, result.err)
             self.assertTrue(0.95 <= result.json()["seconds"] <= longest, result.out)
-            self.assertGreaterEqual(time.monotonic() - begin, 0.9)
+            passed = time.monotonic() - begin
+            self.assertGreaterEqual(passed, 0.9)
+            saved = [json.loads(line)["event"] for line in read(log).decode().splitlines()].count("saved")
+            self.assertTrue(2 <= saved <= passed / 0.3 + 2, (saved, passed))  # the last one is of the end
             result = run_with({"LD_PRELOAD": FAULTS, "OCTRAD_CLOCK": str(jump)}, "render", self.scene, "-o", self.out, "--time", "300ms", "--json")
             self.assertTrue(0.28 <= result.json()["seconds"] <= longest, result.out)
+            # How often --resume saves: each time with more samples, of which some are seen here.
+            begin, state, seen = time.monotonic(), self.out + ".state", set()
+            with unittest.mock.patch.dict(os.environ, LD_PRELOAD=FAULTS, OCTRAD_CLOCK=str(jump)):
+                process = start("render", self.scene, "-o", self.out, "--time", "2s", "--resume", "--save-every", "400ms", "--seed", abs(jump), "-q")
+            while process.poll() is None:
+                if os.path.exists(state):
+                    seen.add(json.loads(read_safetensors(state)[0]["state"])["samples"])
+                time.sleep(0.01)
+            _, err = process.communicate()
+            self.assertEqual(process.returncode, 0, err)
+            self.assertTrue(2 <= len(seen) <= (time.monotonic() - begin) / 0.4 + 1, seen)
+            for file in (self.out, state):
+                os.remove(file)
 
     # ---- two programs, one file
 
@@ -309,15 +630,40 @@ class Files(Case):
             file.write(ROOM)
         with open(name(b"cameras\xff.json"), "w") as file:
             json.dump([{"origin": [0, 0, 0.9], "target": [0, 0, 0], "fov": 60}], file)
+        with open(name(b"points\xff.csv"), "w") as file:
+            file.write("x,y,z,wox,woy,woz,nx,ny,nz,ar,ag,ab,alpha\n0,-1,0,0,1,0,0,1,0,.5,.5,.5,1\n")
+        os.rename(self.glb("mesh.glb"), name(b"m\xff.glb"))
         scene, model, out = name(b"r\xe4um.xml"), name(b"m\xff.octrad"), name(b"\xfe.exr")
         call = lambda *words: subprocess.run([os.fsencode(PROGRAM), *(os.fsencode(str(w)) for w in words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         train = ("train", scene, "-o", model, *SMALL, "-D", "train.cameras=" + name(b"cameras\xff.json"), "--log-json", name(b"log\xff"))
         for command in ((*train, "--steps", 2), (*train, "--steps", 4, "--resume"), ("render", scene, "--model", model, "-o", out, "--spp", 1, "--json"),
                         ("render", scene, "-o", name(b"p.exr"), "--spp", 1, "--resume"), ("info", model, "--json"), ("info", out, "--json"),
-                        ("compare", name(b"p.exr"), out, "--json", "--html", name(b"\xff.html")), ("tonemap", out, "-o", name(b"\xff.png"))):
+                        ("compare", name(b"p.exr"), out, "--json", "--html", name(b"\xff.html")), ("tonemap", out, "-o", name(b"\xff.png")),
+                        ("render", scene, "-o", name(b"q\xff.exr"), "--spp", 1, "--seed", 1), ("merge", name(b"p.exr"), name(b"q\xff.exr"), "-o", name(b"pq\xff.exr"), "--json"),
+                        ("query", model, "--points", name(b"points\xff.csv"), "-o", name(b"answers\xff"), "--json"),
+                        ("convert", scene, "-o", name(b"r\xff.xml"), "--json"), ("convert", name(b"m\xff.glb"), "-o", name(b"g\xff.xml"), "--json"),
+                        ("render", name(b"g\xff.xml"), "-o", name(b"g.exr"), "--width", 16, "--spp", 1),
+                        ("convert", name(b"g\xff.xml"), "-o", self.path("elsewhere.xml")), ("render", self.path("elsewhere.xml"), "-o", name(b"h.exr"), "--width", 16, "--spp", 1)):
             done = call(*command)
             self.assertEqual(done.returncode, 0, done.stderr)
             done.stdout.decode()  # is UTF-8
+            done.stderr.decode()
+            if "--json" in command:
+                report = json.loads(done.stdout)
+                if "-o" in command:
+                    self.assertIn("/sz\\xe4ne/", report["output"])
+        self.assertEqual(sorted(os.listdir(os.path.join(folder, b"g\xff-files"))), [b"mesh0.ply", b"picture0.png"])
+        self.assertTrue(read_exr(name(b"g.exr"))[2] == read_exr(name(b"h.exr"))[2])  # with its mesh and picture
+        denoised = call("denoise", out, "-o", name(b"d\xff.exr"), "--json")
+        if denoised.returncode == 0:  # the library is there
+            self.assertIn("/sz\\xe4ne/d\\xff.exr", json.loads(denoised.stdout)["output"])
+            read_exr(name(b"d\xff.exr"))
+        for command in (("merge", out, name(b"none\xff.exr"), "-o", name(b"n\xff.exr")), ("query", model, "--points", name(b"none\xff.exr")),
+                        ("convert", name(b"none\xff.exr"), "-o", name(b"n\xff.xml")), ("denoise", name(b"none\xff.exr"), "-o", name(b"n\xff.exr"))):
+            done = call(*command)
+            self.assertEqual(done.returncode, 3, done.stderr)
+            if command[0] != "denoise" or denoised.returncode == 0:
+                self.assertIn("/sz\\xe4ne/none\\xff.exr", done.stderr.decode())
         self.assertIn("/sz\\xe4ne/r\\xe4um.xml", json.loads(read_safetensors(model)[0]["scene"])["file"])
         self.assertIn("/sz\\xe4ne/cameras\\xff.json", json.loads(read_safetensors(model)[0]["config"])["train"]["cameras"])
         self.assertIn("/sz\\xe4ne/m\\xff.octrad", json.loads(read_exr(out)[3]["octrad.model"])["file"])
@@ -428,10 +774,6 @@ class Files(Case):
                 result = run(text, stdout=full)
             self.assertEqual(result.code, 3, result.err)
             self.assertIn("standard output", result.err)
-        # No descriptor is left for the picture: it is not the picture that is broken.
-        few = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
-        result = run_with({"LD_BIND_NOW": "1"}, "info", a, preexec_fn=few)
-        self.assertNotEqual(result.code, 2, result.err)
 
     def test_standard_streams_that_are_closed(self):
         """What is written to them must not go into the files that take their place."""

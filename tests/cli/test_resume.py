@@ -31,7 +31,7 @@ class Resume(Case):
         self.assertEqual(settings(a), settings(b))
 
     def samples_saved(self):
-        return json.loads(read_safetensors(self.out + ".state")[0]["state"])["samples"]
+        return json.loads(read_safetensors(self.out + ".state")[0]["state"])["samples"] if os.path.exists(self.out + ".state") else 0
 
     def test_in_parts(self):
         """Also where a part ends inside a pass: 1, 1, 2, 4, 8, ... samples."""
@@ -103,19 +103,32 @@ class Resume(Case):
                     os.remove(file)
 
     def test_after_kills_at_any_time(self):
-        """Of runs that have no end, some time after they have saved."""
-        chance, saved = random.Random(1), 0
-        for _ in range(int(os.environ.get("OCTRAD_KILLS", "4"))):
-            process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--save-every", "10ms", "-q")
+        """Half of them some time after a run without an end has saved its state, half at any moment from the start of one that
+        writes its picture soon."""
+        chance, saved, shown = random.Random(1), 0, 0
+        for i in range(int(os.environ.get("OCTRAD_KILLS", "4"))):
+            soon = i % 2 == 0
+            process = start("render", self.scene, "-o", self.out, *(("--time", "100ms") if soon else ("--spp", 100000000)), "--resume", "--save-every", "10ms", "-q")
             try:
-                self.assertTrue(wait_for(lambda: os.path.exists(self.out + ".state") and self.samples_saved() > saved))
-                time.sleep(chance.uniform(0, 0.1))
-                self.assertIsNone(process.poll())
+                if not soon:
+                    self.assertTrue(wait_for(lambda: self.samples_saved() > saved))
+                time.sleep(chance.uniform(0, 0.3 if soon else 0.1))
+                if not soon:
+                    self.assertIsNone(process.poll())
             finally:
                 process.kill()
                 process.communicate(timeout=PATIENCE)
-            self.assertGreater(self.samples_saved(), saved)
+            self.assertIn(process.returncode, (-signal.SIGKILL, 0) if soon else (-signal.SIGKILL,))
+            self.assertGreaterEqual(self.samples_saved(), saved if soon else saved + 1)
             saved = self.samples_saved()
+            if os.path.exists(self.out):  # whole, like the state
+                width, height, channels, texts = read_exr(self.out)
+                self.assertEqual((width, height, {len(channel) for channel in channels.values()}), (32, 24, {4 * 32 * 24}))
+                shown = json.loads(texts["octrad.render"])["spp"]
+                self.assertGreater(shown, 0)
+        if shown > 0:
+            self.render("--spp", shown, out=self.whole)
+            self.assert_same_bits()
         self.render("--spp", saved + 3, out=self.whole)
         self.assertEqual(self.render("--spp", saved + 3, "--resume")["resumed_spp"], saved)
         self.assert_same_bits()
@@ -158,8 +171,13 @@ class Resume(Case):
             with open(self.out + ".state", "wb") as file:
                 file.write(broken)
             self.assertIn(".state", self.fails(2, "", *r).err)
+        flipped = bytearray(sound)
+        flipped[-5] ^= 16
+        with open(self.out + ".state", "wb") as file:
+            file.write(flipped)
+        self.assertIn(self.out + ".state", self.fails(2, "damaged", *r).err)
         for number in (b"0", b"1.5", b"1e300", b"-4", b"9000000000000"):
-            header = sound[8:8 + struct.unpack("<Q", sound[:8])[0]]
+            header = sound[8:8 + struct.unpack("<Q", sound[:8])[0]].replace(b"checksums", b"unchecked")
             wrong = header.replace(b'samples\\":4', b'samples\\":' + number)
             self.assertNotEqual(wrong, header)
             with open(self.out + ".state", "wb") as file:

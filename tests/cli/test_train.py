@@ -366,22 +366,65 @@ class Train(Case):
         rng = random.Random(1)
         broken = {"empty": b"", "text": b"not a model at all", "truncated": sound[:-1000], "half": sound[:len(sound) // 2], "header": sound[:200],
                   "longer": sound + b"x", "noise": bytes(rng.randrange(256) for _ in range(5000))}
+        resume = ("train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 3)
         for name, content in broken.items():
             with self.subTest(name=name):
-                with open(self.model, "wb") as file:
-                    file.write(content)
+                self.damage(content)
                 self.fails(2, "m.octrad", "render", self.scene, "--model", self.model, "-o", out)
-                self.fails(2, "m.octrad", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 3)
+                self.fails(2, "m.octrad", *resume)
+                self.assert_untouched(content)
         self.assertFalse(os.path.exists(out))
-        # Damage anywhere in the header is an error with a message, or harmless; never a crash.
+        # Damage anywhere in the header is an error with a message, or harmless; never a crash. A model that is not usable
+        # is not written.
         size = int.from_bytes(sound[:8], "little")
-        for _ in range(60):
+        for i in range(60):
             damaged = bytearray(sound)
             damaged[rng.randrange(8, 8 + size)] ^= 1 << rng.randrange(8)
-            with open(self.model, "wb") as file:
-                file.write(damaged)
+            self.damage(damaged)
             result = run("render", self.scene, "--model", self.model, "-o", out, "--spp", 1, "--width", 8, "-q")
             self.assertIn(result.code, (0, 1, 2, 4), result.err)
+            if i % 2 == 0:
+                result = run(*resume)
+                self.assertIn(result.code, (0, 1, 2, 4), result.err)
+                if result.code != 0:
+                    self.assertIn(self.model, result.err)
+                    self.assert_untouched(damaged)
+        for bytes_left in [0, 1, 7, 8, 9, 8 + size - 1, 8 + size, 8 + size + 1, len(sound) - 1, *(rng.randrange(len(sound)) for _ in range(12))]:
+            with self.subTest(bytes_left=bytes_left):
+                self.damage(sound[:bytes_left])
+                self.assertIn(self.model, self.fails(2, "", *resume).err)
+                self.assert_untouched(sound[:bytes_left])
+
+    def damage(self, content):
+        with open(self.model, "wb") as file:
+            file.write(content)
+
+    def assert_untouched(self, content):
+        with open(self.model, "rb") as file:
+            self.assertTrue(file.read() == content)
+        self.assertEqual([name for name in os.listdir(self.folder) if name.startswith(("m.octrad.", ".octrad"))], [])
+
+    def test_a_flipped_bit_of_a_tensor_is_told(self):
+        """In what is trained and in what only --resume needs, the first and the last byte included."""
+        self.train("--steps", 2)
+        with open(self.model, "rb") as file:
+            sound = file.read()
+        size = int.from_bytes(sound[:8], "little")
+        tensors = {name: entry["data_offsets"] for name, entry in json.loads(sound[8:8 + size]).items() if name != "__metadata__"}
+        rng = random.Random(1)
+        for position in [8 + size, len(sound) - 1, *(rng.randrange(8 + size, len(sound)) for _ in range(18))]:
+            name = next(name for name, (begin, end) in tensors.items() if begin <= position - 8 - size < end)
+            with self.subTest(name, position=position):
+                damaged = bytearray(sound)
+                damaged[position] ^= 1 << rng.randrange(8)
+                self.damage(damaged)
+                for command in (("train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 3),
+                                ("render", self.scene, "--model", self.model, "-o", self.path("out.exr"), "--spp", 1, "-q")):
+                    if command[0] == "train" or not name.startswith("optimizer."):
+                        result = self.fails(2, "damaged", *command)
+                        self.assertIn(self.model, result.err)
+                        self.assertIn(name, result.err)
+                self.assert_untouched(damaged)
 
 
 class Query(Case):

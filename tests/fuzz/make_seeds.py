@@ -283,13 +283,18 @@ for compression in ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a",
 os.makedirs(os.path.join(folder, "state"), exist_ok=True)
 run("render", "room.xml", "-o", "r.exr", "--spp", "1", "--width", "2", "--height", "2", "--resume")
 os.rename(os.path.join(folder, "r.exr.state"), os.path.join(folder, "state", "room"))
-TINY = "-D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.hidden=1 -D train.poses=2 -D ncr.rays.train=4 -D octree.levels=1 -D octree.features=2 " \
+TINY = "-D train.guide=0 -D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.hidden=1 -D train.poses=2 -D ncr.rays.train=4 -D octree.levels=1 -D octree.features=2 " \
        "-D disparity.log2_table=10 -D disparity.levels=1 -D disparity.features=2 -D disparity.width=16 -D disparity.hidden=1 -D nr.levels=1 -D nr.features=2 -D nr.log2_table=10 " \
        "-D nr.width=16 -D nr.hidden=1 -D ncr.levels=1 -D ncr.features=2 -D ncr.log2_table=10 -D ncr.cone.levels=1 -D ncr.cone.log2_table=10 -D ncr.cone.features=2 -D ncr.width=16 " \
        "-D ncr.hidden=1 -D ncr.cone.width=16 -D ncr.cone.hidden=1 -D ncr.merge.width=16 -D ncr.merge.hidden=1"
 os.makedirs(os.path.join(folder, "model"), exist_ok=True)
-for field in ("octaoctree", "nr", "ncr"):
-    run("train", "room.xml", "-o", f"model/{field}.octrad", "--field", field, "--steps", "2", "--overwrite", *TINY.split())
+for field in ("octaoctree", "nr", "ncr"):  # below the 60,000 bytes of scripts/fuzz.sh
+    run("train", "room.xml", "-o", f"model/{field}.octrad", "--field", field, "--steps", "2", "--overwrite", *TINY.split(),
+        *(("-D", "train.average=0") if field == "octaoctree" else ()))
+# The same without checksums, which refuse nearly every change.
+for name in ("model/octaoctree.octrad", "model/nr.octrad", "model/ncr.octrad", "state/room"):
+    with open(os.path.join(folder, name), "rb") as file:
+        put(*(name + "-unchecked").split("/"), file.read().replace(b"checksums", b"unchecked"))
 for name in ("room.xml", "r.exr"):
     os.remove(os.path.join(folder, name))
 

@@ -1,7 +1,8 @@
 // Without libFuzzer, in the ordinary tests: every file of tests/fuzz/found once through the reader that it broke, and
-// what a few thousand blind changes make of it.
+// what a few thousand blind changes make of it. Where OCTRAD_FUZZ_SEEDS names what make_seeds.py made, each of those too.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -14,10 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Of the folder OCTRAD_FUZZ_FILES, by the target's name, sorted.
-std::vector<fs::path> files_of(const std::string& target) {
+// Sorted.
+std::vector<fs::path> files_of(const fs::path& folder) {
   std::vector<fs::path> files;
-  const fs::path folder = fs::path(OCTRAD_FUZZ_FILES) / target;
   if (fs::is_directory(folder)) {
     for (const auto& entry : fs::directory_iterator(folder)) files.push_back(entry.path());
   }
@@ -36,7 +36,7 @@ class Replay : public ::testing::TestWithParam<Target> {
 };
 
 TEST_P(Replay, WhatWasFoundIsRead) {
-  for (const fs::path& file : files_of(GetParam().name)) {
+  for (const fs::path& file : files_of(fs::path(OCTRAD_FUZZ_FILES) / GetParam().name)) {
     SCOPED_TRACE(file.string());
     const std::string bytes = content(file);
     EXPECT_NO_THROW(GetParam().run(bytes));
@@ -47,6 +47,14 @@ TEST_P(Replay, WhatWasFoundIsRead) {
       EXPECT_NO_THROW(GetParam().run(changed));
     }
   }
+}
+
+TEST_P(Replay, SeedsAreRead) {
+  const char* seeds = std::getenv("OCTRAD_FUZZ_SEEDS");
+  if (seeds == nullptr) GTEST_SKIP() << "OCTRAD_FUZZ_SEEDS is not set";
+  const std::vector<fs::path> files = files_of(fs::path(seeds) / GetParam().name);
+  EXPECT_FALSE(files.empty());
+  for (const fs::path& file : files) EXPECT_NO_THROW(GetParam().run(content(file))) << file;
 }
 
 TEST_P(Replay, NothingAndOneByte) {

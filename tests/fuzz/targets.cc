@@ -24,6 +24,8 @@
 #include "octrad/scene/load.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/spectrum.h"
+#include "octrad/transport/path.h"
+#include "octrad/transport/prepared_scene.h"
 
 namespace octrad::fuzz {
 namespace {
@@ -34,17 +36,29 @@ std::string write_input(const std::string& bytes, const char* name) {
   return name;
 }
 
-void read_scene(const std::string& bytes) {
-  const Scene scene = load_scene(write_input(bytes, "in.xml"));
-  for (const Camera& camera : scene.cameras) camera.generate({0.5f, 0.5f}, 1, 1);
+// What is made of a scene: cells, trees, tables of materials and lights, and a few paths from each sensor.
+void use_scene(Scene scene) {
   occupied_cells(scene, scene_domain(scene.bounds, true), 2);
+  constexpr std::size_t kMost = 1000;  // a larger one takes too long
+  if (scene.triangle_count() > kMost || scene.shapes.size() > kMost || scene.cameras.size() > 10) return;
+  const PreparedScene prepared(std::move(scene));
+  std::vector<PathSample> paths;
+  for (const Camera& camera : prepared.scene().cameras) {
+    for (std::uint64_t i = 0; i < 8; ++i) {
+      const float at = (static_cast<float>(i) + 0.5f) / 8.0f;
+      paths.push_back({camera.generate({2.0f * at, 3.0f * at}, 2, 3), Rng(1, RngPurpose::test, i), {}, {}});
+    }
+  }
+  PathCounters counters;
+  trace_paths(prepared.context(), {6, 5}, paths, counters);
 }
+
+void read_scene(const std::string& bytes) { use_scene(load_scene(write_input(bytes, "in.xml"))); }
 
 void read_gltf_scene(const std::string& bytes) {
   LoadOptions options;
   options.permissive = true;  // goes on after a mistake: more of the file is read
-  const Scene scene = load_scene(write_input(bytes, bytes.starts_with("glTF") ? "in.glb" : "in.gltf"), options);
-  occupied_cells(scene, scene_domain(scene.bounds, true), 2);
+  use_scene(load_scene(write_input(bytes, bytes.starts_with("glTF") ? "in.glb" : "in.gltf"), options));
 }
 
 void read_mesh(RawMesh mesh) { place_mesh(std::move(mesh), Transform(), {}); }

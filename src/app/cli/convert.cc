@@ -1,7 +1,13 @@
 // octrad convert: a scene file of any version that can be read, as a plain file of Mitsuba 3.
 #include <fmt/format.h>
+#include <sys/resource.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -17,6 +23,64 @@ struct ConvertOptions {
   ConfigOptions definitions;
 };
 
+// The folder of files that belong to a scene file; where it is new, it is removed again unless it was kept().
+class FolderBeside {
+ public:
+  explicit FolderBeside(std::filesystem::path path) : path_(std::move(path)) {
+    std::error_code failed;  // writing says what is wrong
+    made_ = std::filesystem::create_directory(path_, failed);
+  }
+  ~FolderBeside() {
+    std::error_code failed;
+    if (made_) std::filesystem::remove(path_, failed);
+  }
+  FolderBeside(const FolderBeside&) = delete;
+  FolderBeside& operator=(const FolderBeside&) = delete;
+  void keep() { made_ = false; }
+
+ private:
+  std::filesystem::path path_;
+  bool made_ = false;
+};
+
+// How many new files can be open at once; asks the system for as many as it gives.
+std::size_t most_open_files() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return 64;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+  getrlimit(RLIMIT_NOFILE, &limit);
+  constexpr rlim_t others = 64;
+  return static_cast<std::size_t>(std::clamp<rlim_t>(limit.rlim_cur, others + 1, 100'000 + others) - others);
+}
+
+// All files are on the disk before the first of them replaces one that was there; the scene file is the last. More than
+// a program may have open are replaced in portions.
+void write_all(const std::filesystem::path& folder, const SceneFiles& files, const std::string& output) {
+  const std::size_t most = most_open_files();
+  std::optional<FolderBeside> beside;
+  std::vector<std::unique_ptr<AtomicFile>> written;
+  const auto commit = [&] {
+    for (const auto& file : written) file->prepare();
+    if (beside) beside->keep();
+    for (const auto& file : written) file->commit();
+    written.clear();
+  };
+  const auto add = [&](const std::string& file, const std::string& bytes) {
+    written.push_back(std::make_unique<AtomicFile>(file));
+    written.back()->write(bytes);
+    written.back()->sync();
+  };
+  for (const auto& [name, bytes] : files.others) {
+    const std::filesystem::path path = folder / name;
+    if (!beside) beside.emplace(path.parent_path());
+    add(path.string(), bytes());
+    if (written.size() >= most) commit();
+  }
+  add(output, files.xml);
+  commit();
+}
+
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
   o.definitions.refuse_tuning();
@@ -29,16 +93,10 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   const SceneFiles files = scene_as_xml(o.scene, o.output, options, scene);
   const std::filesystem::path folder = std::filesystem::path(o.output).parent_path();
   std::vector<std::string> outputs = {o.output};
-  for (const auto& [name, write] : files.others) outputs.push_back((folder / name).string());
+  for (const auto& [name, bytes] : files.others) outputs.push_back((folder / name).string());
   refuse_inputs_as_outputs("-o", outputs, scene.other_files);
   log_findings(scene);
-  for (const auto& [name, write] : files.others) {
-    const std::filesystem::path path = folder / name;
-    std::error_code failed;
-    std::filesystem::create_directory(path.parent_path(), failed);  // writing says what is wrong
-    write(path.string());
-  }
-  write_file(o.output, files.xml);
+  write_all(folder, files, o.output);
   if (common.json) {
     print_json({{"output", o.output},
                 {"files", files.others.size()},

@@ -108,6 +108,8 @@ int run(int argc, char** argv) {
   return interrupted() ? static_cast<int>(ExitCode::interrupted) : 0;
 }
 
+const std::string kNoThread = "a thread cannot be started (a limit of the user or of the container): ";
+
 // Where a standard stream is closed, the next file that is opened would take its place and get its text. What is opened
 // here cannot be used: to print is then an error.
 void fill_standard_streams() {
@@ -136,9 +138,16 @@ int main(int argc, char** argv) {
     octrad::log_error("out of memory; --max-memory makes the estimate before the work stricter");
     return static_cast<int>(ExitCode::out_of_memory);
   } catch (const std::system_error& error) {
-    octrad::log_error(error.what());  // of the file system
+    const bool thread = error.code() == std::errc::resource_unavailable_try_again;
+    octrad::log_error(thread ? octrad::cli::kNoThread + error.code().message()
+                             : error.what());  // else of the file system
     return static_cast<int>(ExitCode::io);
   } catch (const std::exception& error) {
+    const std::string_view what = error.what();
+    if (constexpr std::string_view of_tbb = "pthread_create has failed: "; what.starts_with(of_tbb)) {
+      octrad::log_error(octrad::cli::kNoThread + std::string(what.substr(of_tbb.size())));
+      return static_cast<int>(ExitCode::io);
+    }
     octrad::log_error(std::string("internal error: ") + error.what() + "; please report it with the command line");
     return 70;  // EX_SOFTWARE of sysexits.h
   }

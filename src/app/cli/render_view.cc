@@ -8,6 +8,7 @@
 #include "octrad/base/error.h"
 #include "octrad/image/io.h"
 #include "octrad/image/metrics.h"
+#include "octrad/render/renderer.h"
 #include "octrad/scene/camera.h"
 
 namespace octrad::cli {
@@ -78,6 +79,7 @@ View choose_view(const Scene& scene, const ViewOptions& o, Camera camera) {
     view.crop = {static_cast<int>(crop[0]), static_cast<int>(crop[1]), static_cast<int>(crop[2]),
                  static_cast<int>(crop[3])};
     if (view.crop.width <= 0 || view.crop.height <= 0) throw UsageError("--crop: width and height must be above 0");
+    require_crop_inside(view);
   }
   if (!o.mask.empty()) {
     const Image mask = read_image(o.mask);

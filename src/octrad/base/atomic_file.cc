@@ -189,6 +189,7 @@ void remove_temporary_files() {
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
+  synced_ = false;
   const char* p = static_cast<const char*>(data);
   while (bytes > 0) {
     const ssize_t n = ::write(descriptor_, p, std::min<std::size_t>(bytes, std::size_t{1} << 30));
@@ -201,20 +202,28 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
   }
 }
 
-void AtomicFile::commit() {
+void AtomicFile::sync() {
   // EINVAL: a file system that cannot sync
-  if (!direct_ && fsync(descriptor_) != 0 && errno != EINVAL) fail("write", name_, errno);
-  if (!direct_ && temporary_.empty()) {
-    // The only way to give it a name; it must be a new one, which is then renamed. Without locks nobody removes it.
-    flock(descriptor_, LOCK_EX | LOCK_NB);
-    const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
-    std::string name = unused_name(file_);
-    while (linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-      if (errno != EEXIST) fail("write", name_, errno);
-      name = unused_name(file_);
-    }
-    name_temporary(name);
+  if (!direct_ && !synced_ && fsync(descriptor_) != 0 && errno != EINVAL) fail("write", name_, errno);
+  synced_ = true;
+}
+
+void AtomicFile::prepare() {
+  sync();
+  if (direct_ || !temporary_.empty()) return;
+  // The only way to give it a name; it must be a new one, which is then renamed. Without locks nobody removes it.
+  flock(descriptor_, LOCK_EX | LOCK_NB);
+  const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
+  std::string name = unused_name(file_);
+  while (linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+    if (errno != EEXIST) fail("write", name_, errno);
+    name = unused_name(file_);
   }
+  name_temporary(name);
+}
+
+void AtomicFile::commit() {
+  prepare();
   const Closer holds_lock{direct_ ? -1 : fcntl(descriptor_, F_DUPFD_CLOEXEC, 0)};  // until the file has its name
   if (close(std::exchange(descriptor_, -1)) != 0) fail("write", name_, errno);
   if (direct_) return;

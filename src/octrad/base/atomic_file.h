@@ -24,6 +24,10 @@ class AtomicFile {
 
   void write(const void* data, std::size_t bytes);
   void write(const std::string& text) { write(text.data(), text.size()); }
+  // What was written is on the disk, and, after prepare(), the new file has a name and waits for nothing but commit(): of
+  // several files that belong together all can be so far before the first one takes the place of the old one.
+  void sync();
+  void prepare();
   void commit();
 
  private:
@@ -34,7 +38,7 @@ class AtomicFile {
   std::string temporary_;    // empty while the new file has no name
   int slot_ = -1;            // of the list that remove_temporary_files() reads
   int descriptor_ = -1;
-  bool direct_ = false;
+  bool direct_ = false, synced_ = false;
 };
 
 // A whole file at once, by an AtomicFile.

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
+#include <utility>
 
 namespace octrad {
 
@@ -41,7 +43,7 @@ void ask_to_grow(const Vector& v, std::string_view what) {
 // For many small things: adds up, and asks each time a few megabytes have come together.
 class MemoryMeter {
  public:
-  explicit MemoryMeter(std::string_view what) : what_(what) {}
+  explicit MemoryMeter(std::string what) : what_(std::move(what)) {}
   void add(std::uint64_t bytes) {
     sum_ += bytes;
     if (sum_ < kStep) return;
@@ -51,7 +53,7 @@ class MemoryMeter {
 
  private:
   static constexpr std::uint64_t kStep = 4 << 20;
-  std::string_view what_;
+  std::string what_;
   std::uint64_t sum_ = 0;
 };
 

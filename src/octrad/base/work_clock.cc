@@ -1,15 +1,20 @@
 #include "octrad/base/work_clock.h"
 
+#include <system_error>
+
 namespace octrad {
 namespace {
 constexpr double kStopped = 1.0;  // seconds between two looks
 }
 
 WorkClock::WorkClock() {
-  looker_ = std::thread([this] {
-    std::unique_lock lock(mutex_);
-    while (!ending_.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended_; })) look();
-  });
+  try {
+    looker_ = std::thread([this] {
+      std::unique_lock lock(mutex_);
+      while (!ending_.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended_; })) look();
+    });
+  } catch (const std::system_error&) {  // a limit of the user or of the container: no thread, all time counts
+  }
 }
 
 WorkClock::~WorkClock() {
@@ -18,14 +23,14 @@ WorkClock::~WorkClock() {
     ended_ = true;
   }
   ending_.notify_one();
-  looker_.join();
+  if (looker_.joinable()) looker_.join();
 }
 
 void WorkClock::look() {
   const Clock::time_point now = Clock::now();
   const double passed = std::chrono::duration<double>(now - last_).count();
   last_ = now;
-  if (passed < kStopped) counted_ += passed;
+  if (passed < kStopped || !looker_.joinable()) counted_ += passed;
 }
 
 double WorkClock::seconds() {

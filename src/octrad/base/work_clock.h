@@ -9,7 +9,7 @@
 namespace octrad {
 
 // A thread looks at the clock ten times a second. When more than a second passes between two looks, nothing ran, and
-// that time is not counted.
+// that time is not counted. Where no thread can be started, all time is.
 class WorkClock {
  public:
   WorkClock();

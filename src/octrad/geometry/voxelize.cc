@@ -1,9 +1,12 @@
 #include "octrad/geometry/voxelize.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <string>
 
 #include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
@@ -20,9 +23,12 @@ constexpr double kGrow = 1e-4;  // of a cell: rounding of positions to float mus
 // One bit a cell of the finest level, set from several threads; the result does not depend on their order.
 class Bits {
  public:
-  explicit Bits(int resolution) : n_(static_cast<std::uint64_t>(resolution)) {
+  // `scene`: the file that messages name.
+  Bits(int resolution, const std::string& scene)
+      : n_(static_cast<std::uint64_t>(resolution)),
+        what_(scene + ": the grid of the octree's cells") {
     const std::uint64_t words = (n_ * n_ * n_ + 63) / 64;
-    ask_memory(words * sizeof(std::uint64_t), "the octree's cells");
+    ask_memory(words * sizeof(std::uint64_t), what_);
     words_.resize(words);
   }
   void set(Vec3i c) {
@@ -41,7 +47,7 @@ class Bits {
   std::vector<std::uint64_t> codes() const {
     std::uint64_t count = 0;
     for (const std::uint64_t word : words_) count += static_cast<std::uint64_t>(__builtin_popcountll(word));
-    ask_memory(count * (sizeof(std::uint64_t) + sizeof(Vec3i) * 8 / 7), "the octree's cells");  // 1 + 1/8 + 1/64 + ...
+    ask_memory(count * (sizeof(std::uint64_t) + sizeof(Vec3i) * 8 / 7), what_);  // 1 + 1/8 + 1/64 + ...
     std::vector<std::uint64_t> result;
     result.reserve(count);
     for (std::size_t w = 0; w < words_.size(); ++w) {
@@ -53,6 +59,7 @@ class Bits {
 
  private:
   std::uint64_t n_;
+  std::string what_;
   std::vector<std::uint64_t> words_;
 };
 
@@ -115,10 +122,30 @@ void mark_cells(const Grid& grid, Vec3i low, Vec3i high, Bits& bits, const Meets
   }
 }
 
-void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
+// What marking costs, in cells that the surface crosses, about; 0 for one cell. All of them together are bounded: a
+// small file can place very many surfaces that each span the scene.
+std::uint64_t crossings(Vec3i low, Vec3i high, double area) {
+  const Vec3i extent = high - low;
+  const auto of_box = [](Vec3i e) {
+    return static_cast<double>(e.x) * e.y + static_cast<double>(e.y) * e.z + static_cast<double>(e.z) * e.x;
+  };
+  return static_cast<std::uint64_t>(std::min(of_box(extent), area) + max_component(extent));
+}
+
+// A scene that people make has surfaces of some dozen times its cross-section. About ten seconds of a processor.
+std::uint64_t most_crossings(const Grid& grid) {
+  const auto side = static_cast<std::uint64_t>(grid.resolution);
+  return std::max<std::uint64_t>(200'000'000, 1000 * side * side);
+}
+
+// Returns crossings().
+std::uint64_t mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
   const Vec3d lower = min(min(a, b), c) - Vec3d(kGrow), upper = max(max(a, b), c) + Vec3d(kGrow);
   const Vec3i low = grid.cell(lower), high = grid.cell(upper);
-  if (low == high) return bits.set(low);
+  if (low == high) {
+    bits.set(low);
+    return 0;
+  }
   const Vec3d n = cross(b - a, c - a);
   const double n_sum = std::abs(n.x) + std::abs(n.y) + std::abs(n.z), n_offset = dot(n, a);
   // The plane first: most cells of a large triangle's box fail there.
@@ -141,11 +168,12 @@ void mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
       [&](int x, int y, int z) {
         return meets({x, y, z}, 1, kGrow);
       });
+  return crossings(low, high, 0.5 * length(n));
 }
 
 // A sphere's surface meets a box when its centre is nearer than the radius to the box and its farthest corner is not
-// inside.
-void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
+// inside. Returns crossings().
+std::uint64_t mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
   const Vec3d cell = Vec3d(grid.domain.size) / static_cast<double>(grid.resolution);
   const Vec3d center(sphere.center);
   const double r = static_cast<double>(sphere.radius);
@@ -170,6 +198,7 @@ void mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
       [&](int x, int y, int z) {
         return meets({x, y, z}, 1, kGrow);
       });
+  return crossings(low, high, 4.0 * kPi * r * r / (cell.x * cell.y));
 }
 
 std::vector<std::vector<Vec3i>> levels_of(const Bits& bits, int levels) {
@@ -257,23 +286,41 @@ bool overlaps(Vec3d lower, Vec3d upper, Vec3d a, Vec3d b, Vec3d c) {
 
 std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels) {
   const Grid grid = make_grid(domain, levels);
-  Bits bits(grid.resolution);
+  Bits bits(grid.resolution, scene.file);
+  // Triangles and spheres of all shapes, one after the other.
+  std::vector<std::size_t> first(scene.shapes.size() + 1, 0);
   for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
     const Shape& shape = scene.shapes[s];
-    if (shape.kind == Shape::Kind::sphere) {
-      mark_sphere(grid, scene.spheres[static_cast<std::size_t>(shape.geometry)], bits);
-      continue;
-    }
-    const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(shape.geometry)];
-    const MeshView view = shape_view(scene, s).mesh;
-    parallel_blocks(mesh.triangles.size(), 64, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t t = begin; t < end; ++t) {
-        const Vec3i tri = mesh.triangles[t];
-        mark_triangle(grid, grid.cells(mesh_position(view, tri.x)), grid.cells(mesh_position(view, tri.y)),
-                      grid.cells(mesh_position(view, tri.z)), bits);
-      }
-    });
+    const bool sphere = shape.kind == Shape::Kind::sphere;
+    first[s + 1] = first[s] + (sphere ? 1 : scene.meshes[static_cast<std::size_t>(shape.geometry)].triangles.size());
   }
+  const std::uint64_t most = most_crossings(grid);
+  std::atomic<std::uint64_t> crossed_by_all = 0;
+  parallel_blocks(first.back(), 64, [&](std::size_t begin, std::size_t end) {
+    auto s = static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), begin) - first.begin()) - 1;
+    std::uint64_t crossed = 0;
+    for (std::size_t i = begin; i < end; ++s) {
+      const std::size_t last = std::min(end, first[s + 1]);
+      const Shape& shape = scene.shapes[s];
+      const auto geometry = static_cast<std::size_t>(shape.geometry);
+      if (shape.kind == Shape::Kind::sphere) {
+        for (; i < last; ++i) crossed += mark_sphere(grid, scene.spheres[geometry], bits);
+        continue;
+      }
+      const MeshView view = shape_view(scene, s).mesh;
+      for (; i < last; ++i) {
+        const Vec3i t = scene.meshes[geometry].triangles[i - first[s]];
+        crossed += mark_triangle(grid, grid.cells(mesh_position(view, t.x)), grid.cells(mesh_position(view, t.y)),
+                                 grid.cells(mesh_position(view, t.z)), bits);
+      }
+    }
+    if (crossed_by_all.fetch_add(crossed) + crossed > most) {
+      throw InputError(
+          fmt::format("{}: the scene's surfaces, one by one, cross more than {} million cells of the octree: "
+                      "thousands of them that each span the scene would take minutes to be put into cells",
+                      scene.file, most / 1'000'000));
+    }
+  });
   return levels_of(bits, levels);
 }
 
@@ -281,7 +328,7 @@ std::vector<std::vector<Vec3i>> sampled_cells(const Scene& scene, const Domain& 
                                               std::uint64_t samples) {
   const Grid grid = make_grid(domain, levels);
   const SurfaceSampler surfaces(scene);
-  Bits bits(grid.resolution);
+  Bits bits(grid.resolution, scene.file);
   parallel_blocks(samples, 1 << 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Rng rng(seed, RngPurpose::occupancy, i);

@@ -10,8 +10,8 @@
 #include "octrad/base/input_file.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/image/encode.h"
 #include "octrad/image/io_internal.h"
-#include "octrad/image/tonemap.h"
 
 namespace octrad {
 namespace image_io {
@@ -79,11 +79,8 @@ void require_format_size(const std::string& file, int width, int height) {
 }
 
 void write_image(const std::string& file, const Image& image, const ToneMapping& mapping, const ExrSettings& exr) {
-  const PictureFormat format = picture_format(file);
-  if (format == PictureFormat::exr) return write_exr(file, image, exr);
-  if (is_display_format(format)) return write_image(file, tonemap(image, mapping));
-  const Image rgb = extract_rgb(image);
-  write_file(file, format == PictureFormat::hdr ? image_io::hdr_bytes(rgb) : image_io::pfm_bytes(rgb));
+  if (picture_format(file) == PictureFormat::exr) require_writable(file);
+  write_file(file, encode_image(file, image, mapping, exr));
 }
 
 void write_image(const std::string& file, const Image8& image) {

@@ -12,7 +12,7 @@
 namespace octrad {
 namespace {
 
-constexpr std::size_t kBlock = 1 << 16;
+constexpr std::int64_t kBlock = 1 << 16;
 
 // Copies a tensor whose numbers are of type T in the file.
 template <typename T, typename Convert>
@@ -20,13 +20,13 @@ void read_finite(const TensorReader& in, const TensorReader::Tensor& tensor, con
                  std::span<float> out, const Convert& convert) {
   std::atomic<bool> finite = true;
   out = out.first(static_cast<std::size_t>(tensor.count));
-  parallel_blocks(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-    std::vector<T> block(end - begin);
-    in.read(tensor, static_cast<std::int64_t>(begin), static_cast<std::int64_t>(end - begin), block.data());
+  in.read_blocks(tensor, kBlock, [&](const void* values, std::int64_t first, std::int64_t count) {
+    const std::span block(static_cast<const T*>(values), static_cast<std::size_t>(count));
+    float* to = out.data() + first;
     bool good = true;
-    for (std::size_t i = begin; i < end; ++i) {
-      out[i] = convert(block[i - begin]);
-      good &= std::isfinite(out[i]);
+    for (const T value : block) {
+      *to = convert(value);
+      good &= std::isfinite(*to++);
     }
     if (!good) finite = false;
   });

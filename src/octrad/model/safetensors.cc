@@ -1,6 +1,7 @@
 #include "octrad/model/safetensors.h"
 
 #include <fmt/format.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <bit>
@@ -11,6 +12,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/threads.h"
 
 namespace octrad {
 namespace {
@@ -19,6 +21,12 @@ static_assert(std::endian::native == std::endian::little, "tensors are stored li
 
 constexpr std::size_t kMaxHeader = 100'000'000;  // the reference implementation's limit
 constexpr std::size_t kMaxRank = 16;
+constexpr std::size_t kChecksumBlock = std::size_t{1} << 20;  // bytes whose checksum one thread computes at once
+
+// Of the metadata: a JSON object of checksums, as eight hexadecimal digits, by the name of the tensor; of all other
+// metadata by kMetadata.
+constexpr const char* kChecksums = "checksums";
+constexpr const char* kMetadata = "__metadata__";
 
 struct TypeName {
   DType type;
@@ -53,6 +61,45 @@ std::size_t product(const std::vector<std::int64_t>& shape) {
   std::size_t n = 1;
   for (const std::int64_t d : shape) n *= static_cast<std::size_t>(d);
   return n;
+}
+
+std::string json_bytes(const nlohmann::ordered_json& value) {
+  return value.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::uint32_t crc(const void* data, std::size_t bytes, uLong before = 0) {
+  return static_cast<std::uint32_t>(crc32_z(before, static_cast<const Bytef*>(data), bytes));
+}
+
+// The CRC-32 of `bytes` bytes from those of their blocks, block(begin, end). Parallel.
+std::uint32_t crc_of_blocks(std::size_t bytes, std::size_t block_bytes,
+                            const std::function<std::uint32_t(std::size_t, std::size_t)>& block) {
+  std::vector<std::uint32_t> parts((bytes + block_bytes - 1) / block_bytes);
+  parallel_blocks(bytes, block_bytes,
+                  [&](std::size_t begin, std::size_t end) { parts[begin / block_bytes] = block(begin, end); });
+  uLong all = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    all = crc32_combine(all, parts[i], static_cast<z_off_t>(std::min(block_bytes, bytes - i * block_bytes)));
+  return static_cast<std::uint32_t>(all);
+}
+
+std::uint32_t crc_of_metadata(const std::map<std::string, std::string>& metadata) {
+  std::uint32_t all = 0;
+  for (const auto& [key, value] : metadata) {
+    if (key == kChecksums) continue;
+    all = crc(key.c_str(), key.size() + 1, all);
+    all = crc(value.c_str(), value.size() + 1, all);
+  }
+  return all;
+}
+
+std::string crc_text(std::uint32_t value) { return fmt::format("{:08x}", value); }
+
+std::optional<std::uint32_t> crc_from(const nlohmann::json& value) {
+  if (!value.is_string()) return std::nullopt;
+  const auto& text = value.get_ref<const std::string&>();
+  if (text.size() != 8 || text.find_first_not_of("0123456789abcdef") != std::string::npos) return std::nullopt;
+  return static_cast<std::uint32_t>(std::stoul(text, nullptr, 16));
 }
 
 // Two levels of objects with one list inside are all that a header has; a key twice would hide what was checked. Not by
@@ -121,8 +168,17 @@ void TensorWriter::write(const std::string& file) const {
   std::stable_sort(order.begin(), order.end(),
                    [](const Entry* a, const Entry* b) { return size_of(a->type) > size_of(b->type); });
 
-  nlohmann::ordered_json header;
-  if (!metadata_.empty()) header["__metadata__"] = metadata_;
+  nlohmann::ordered_json header, checksums;
+  auto metadata = nlohmann::json::parse(json_bytes(metadata_)).get<std::map<std::string, std::string>>();  // as UTF-8
+  checksums[kMetadata] = crc_text(crc_of_metadata(metadata));
+  for (const Entry* entry : order) {
+    const std::size_t bytes = product(entry->shape) * size_of(entry->type);
+    const auto* data = static_cast<const unsigned char*>(entry->data);
+    checksums[entry->name] = crc_text(crc_of_blocks(
+        bytes, kChecksumBlock, [&](std::size_t begin, std::size_t end) { return crc(data + begin, end - begin); }));
+  }
+  metadata[kChecksums] = json_bytes(checksums);
+  header[kMetadata] = metadata;
   std::size_t offset = 0;
   for (const Entry* entry : order) {
     const std::size_t bytes = product(entry->shape) * size_of(entry->type);
@@ -132,8 +188,7 @@ void TensorWriter::write(const std::string& file) const {
         {"dtype", type_name(entry->type)}, {"shape", entry->shape}, {"data_offsets", {offset, offset + bytes}}};
     offset += bytes;
   }
-  std::string text =
-      header.is_null() ? "{}" : header.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  std::string text = json_bytes(header);
   text.append((64 - (text.size() + 8) % 64) % 64, ' ');  // data begins on a cache line
   AtomicFile out(file);
   const std::uint64_t length = text.size();
@@ -157,6 +212,8 @@ struct TensorReader::Impl {
   }
 
   void parse_header();
+  void take_checksums();
+  void check(const Tensor& tensor, std::uint32_t found) const;
   Tensor parse_tensor(const std::string& name, const nlohmann::json& entry, std::size_t data_bytes, std::size_t& begin,
                       std::size_t& end) const;
 };
@@ -174,7 +231,7 @@ TensorReader::Tensor TensorReader::Impl::parse_tensor(const std::string& name, c
     broken(fmt::format("has dtype {}; supported are F16, F32, F64, I32, I64, U8, U16, U32, U64", dtype.dump()));
   const nlohmann::json& shape = entry["shape"];
   if (!shape.is_array() || shape.size() > kMaxRank) broken("has a shape that is not a list of at most 16 numbers");
-  Tensor tensor{*type, {}, 0, size_of(*type), 1};
+  Tensor tensor{name, *type, {}, 0, size_of(*type), 1, {}};
   for (const nlohmann::json& d : shape) {
     if (!d.is_number_unsigned() || d.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX))
       broken("has a shape with something else than non-negative whole numbers");
@@ -237,7 +294,7 @@ void TensorReader::Impl::parse_header() {
   };
   std::vector<Extent> extents;
   for (const auto& [name, entry] : header.items()) {
-    if (name == "__metadata__") {
+    if (name == kMetadata) {
       if (!entry.is_object()) refuse("its __metadata__ is not an object");
       for (const auto& [key, value] : entry.items()) {
         if (!value.is_string()) refuse(fmt::format("its metadata \"{}\" is not a text", key));
@@ -263,6 +320,23 @@ void TensorReader::Impl::parse_header() {
   }
   if (reached != data_bytes)
     refuse(fmt::format("{} bytes after the last tensor belong to no tensor", data_bytes - reached));
+  take_checksums();
+}
+
+void TensorReader::Impl::take_checksums() {
+  const auto listed = metadata.find(kChecksums);
+  if (listed == metadata.end()) return;
+  const nlohmann::json checksums = nlohmann::json::parse(listed->second, nullptr, false);
+  if (!checksums.is_object() || checksums.size() != tensors.size() + 1)
+    refuse("its header is damaged: it does not list a checksum for each tensor");
+  const auto of = [&](const std::string& name) {
+    const auto found = checksums.find(name);
+    const std::optional<std::uint32_t> value = found == checksums.end() ? std::nullopt : crc_from(*found);
+    if (!value) refuse(fmt::format("its header is damaged: it has no checksum of \"{}\"", name));
+    return *value;
+  };
+  if (of(kMetadata) != crc_of_metadata(metadata)) refuse("its header is damaged: the checksum of its metadata differs");
+  for (auto& [name, tensor] : tensors) tensor.checksum = of(name);
 }
 
 TensorReader::TensorReader(const std::string& file) : impl_(std::make_unique<Impl>(file)) { impl_->parse_header(); }
@@ -298,12 +372,30 @@ TensorReader::Tensor TensorReader::get(const std::string& name, DType type,
   return tensor;
 }
 
-void TensorReader::read(const Tensor& tensor, void* to) const { impl_->in.read(to, tensor.bytes, tensor.position); }
+void TensorReader::Impl::check(const Tensor& tensor, std::uint32_t found) const {
+  if (tensor.checksum && *tensor.checksum != found)
+    refuse(fmt::format("tensor \"{}\" is damaged: its checksum differs", tensor.name));
+}
 
-void TensorReader::read(const Tensor& tensor, std::int64_t first, std::int64_t count, void* to) const {
+void TensorReader::read(const Tensor& tensor, void* to) const {
+  auto* const bytes = static_cast<unsigned char*>(to);
+  impl_->check(tensor, crc_of_blocks(tensor.bytes, kChecksumBlock, [&](std::size_t begin, std::size_t end) {
+                 impl_->in.read(bytes + begin, end - begin, tensor.position + begin);
+                 return tensor.checksum ? crc(bytes + begin, end - begin) : 0;
+               }));
+}
+
+void TensorReader::read_blocks(const Tensor& tensor, std::int64_t block,
+                               const std::function<void(const void*, std::int64_t, std::int64_t)>& body) const {
   const std::size_t size = size_of(tensor.type);
-  impl_->in.read(to, static_cast<std::size_t>(count) * size,
-                 tensor.position + static_cast<std::uint64_t>(first) * size);
+  const auto values = [size](std::size_t bytes) { return static_cast<std::int64_t>(bytes / size); };
+  impl_->check(tensor, crc_of_blocks(tensor.bytes, static_cast<std::size_t>(block) * size,
+                                     [&](std::size_t begin, std::size_t end) {
+                                       std::vector<unsigned char> bytes(end - begin);
+                                       impl_->in.read(bytes.data(), bytes.size(), tensor.position + begin);
+                                       body(bytes.data(), values(begin), values(end - begin));
+                                       return tensor.checksum ? crc(bytes.data(), bytes.size()) : 0;
+                                     }));
 }
 
 void TensorReader::require_unchanged() const { impl_->in.require_unchanged(); }

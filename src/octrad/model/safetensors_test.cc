@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
@@ -70,10 +71,12 @@ TEST_F(Safetensors, RoundTrip) {
   const auto t = reader.get("a", DType::f32, {-1, 3});
   EXPECT_TRUE(std::ranges::equal(values<float>(reader, "a"), a));
   EXPECT_EQ(t.count, 6);
-  float part[2];
-  reader.read(t, 3, 2, part);
-  EXPECT_EQ(part[0], a[3]);
-  EXPECT_EQ(part[1], a[4]);
+  std::vector<float> blocks(6);
+  reader.read_blocks(t, 4, [&](const void* block, std::int64_t first, std::int64_t count) {
+    EXPECT_TRUE((first == 0 && count == 4) || (first == 4 && count == 2));
+    std::copy_n(static_cast<const float*>(block), count, blocks.begin() + first);
+  });
+  EXPECT_EQ(blocks, a);
   const auto w = reader.get("wide");
   EXPECT_EQ(w.position % 8, 0u);
   EXPECT_TRUE(std::ranges::equal(values<std::int64_t>(reader, "wide"), wide));
@@ -84,6 +87,61 @@ TEST_F(Safetensors, RoundTrip) {
   EXPECT_THROW(reader.get("a", DType::f16, {2, 3}), InputError);
   EXPECT_THROW(reader.get("a", DType::f32, {3, 2}), InputError);
   EXPECT_THROW(reader.get("a", DType::f32, {6}), InputError);
+}
+
+// Each bit of a small file, but those of white space; and some of a file of several blocks.
+TEST_F(Safetensors, DamageIsFound) {
+  for (const std::size_t count : {30u, 300'000u}) {
+    std::vector<float> numbers(count);
+    for (std::size_t i = 0; i < count; ++i) numbers[i] = static_cast<float>(i % 7);
+    TensorWriter writer;
+    writer.metadata("format", "octrad");
+    writer.metadata("scene", "not UTF-8: \xff");
+    writer.add("numbers", DType::f32, {3, static_cast<std::int64_t>(count / 3)}, numbers.data());
+    writer.add("few", DType::u8, {3}, "abc");
+    writer.write(file_);
+    ASSERT_EQ(refusal(), "");
+    std::ostringstream read;
+    read << std::ifstream(file_, std::ios::binary).rdbuf();
+    const std::string bytes = read.str();
+    const std::size_t data = bytes.size() - count * sizeof(float) - 3;
+    const std::size_t list = bytes.find("\"checksums\""), list_end = list + 11;  // under another name it is no list
+    for (std::size_t place = count > 30 ? data : 0; place<bytes.size(); place += count> 30 ? 71'111 : 1) {
+      if (bytes[place] == ' ' || (place >= list && place < list_end)) continue;
+      for (int bit = 0; bit < 8; ++bit) {
+        std::string other = bytes;
+        other[place] = static_cast<char>(other[place] ^ (1 << bit));
+        std::ofstream(file_, std::ios::binary) << other;
+        EXPECT_NE(refusal().find(place < data ? " is not a usable model file" : "is damaged: its checksum differs"),
+                  std::string::npos)
+            << place << ": " << refusal();
+      }
+    }
+  }
+}
+
+// A checksum is the CRC-32 of zlib, so that other programs can make and check them.
+TEST_F(Safetensors, ChecksumsAreThoseOfZlib) {
+  TensorWriter writer;
+  writer.add("digits", DType::u8, {9}, "123456789");
+  writer.write(file_);
+  const TensorReader reader(file_);
+  EXPECT_EQ(reader.get("digits").checksum, 0xcbf43926u);
+  EXPECT_EQ(reader.metadata().at("checksums"), R"({"__metadata__":"00000000","digits":"cbf43926"})");
+  const std::string tensor = R"("digits":{"dtype":"U8","shape":[9],"data_offsets":[0,9]})";
+  const auto with = [&](const std::string& list) {
+    put("{\"__metadata__\":{\"checksums\":\"" + list + "\"}," + tensor + "}", "123456789");
+    return refusal();
+  };
+  EXPECT_EQ(with(R"({\"__metadata__\":\"00000000\",\"digits\":\"cbf43926\"})"), "");
+  for (const char* list :
+       {"", "[]", "{}", R"({\"digits\":\"cbf43926\"})", R"({\"__metadata__\":\"00000000\",\"other\":\"cbf43926\"})",
+        R"({\"__metadata__\":\"00000001\",\"digits\":\"cbf43926\"})",
+        R"({\"__metadata__\":\"00000000\",\"digits\":\"CBF43926\"})",
+        R"({\"__metadata__\":\"00000000\",\"digits\":0})"})
+    EXPECT_NE(with(list).find("its header is damaged"), std::string::npos) << list;
+  EXPECT_NE(with(R"({\"__metadata__\":\"00000000\",\"digits\":\"cbf43927\"})").find("tensor \"digits\" is damaged"),
+            std::string::npos);
 }
 
 TEST_F(Safetensors, EmptyModelIsAFile) {

@@ -41,7 +41,7 @@ void write_film_state(const std::string& file, const FilmState& state, const Fil
 
 FilmState read_film_state(const std::string& file, const FilmIdentity& identity) {
   const std::string no_state =
-      "not the state of a picture that this program can continue; delete the file to start anew";
+      "damaged, or not the state of a picture that this program can continue; delete the file to start anew";
   std::optional<TensorReader> opened;
   try {
     opened.emplace(file);
@@ -81,10 +81,14 @@ FilmState read_film_state(const std::string& file, const FilmIdentity& identity)
     throw InputError(fmt::format("{}: broken: its metadata cannot be read", file));
   }
   if (!(state.seconds >= 0.0)) throw InputError(fmt::format("{}: broken: {} seconds", file, state.seconds));
-  const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
-  ask_memory(sums.bytes, file);
-  state.sums.resize(static_cast<std::size_t>(sums.count));
-  in.read(sums, state.sums.data());
+  try {
+    const TensorReader::Tensor sums = in.get("film.sums", DType::f64, {-1, kFilmNumbers});
+    ask_memory(sums.bytes, file);
+    state.sums.resize(static_cast<std::size_t>(sums.count));
+    in.read(sums, state.sums.data());
+  } catch (const InputError&) {
+    throw InputError(fmt::format("{}: {}", file, no_state));
+  }
   in.require_unchanged();
   for (const double v : state.sums) {
     if (!std::isfinite(v)) throw InputError(fmt::format("{}: broken: a sum is not finite", file));

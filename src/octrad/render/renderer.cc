@@ -10,6 +10,18 @@
 #include "octrad/render/renderer_device.h"
 
 namespace octrad {
+
+void require_crop_inside(const View& view) {
+  const Crop& c = view.crop;
+  if (c.width == 0 && c.height == 0) return;
+  if (c.x >= 0 && c.y >= 0 && c.width >= 1 && c.height >= 1 && c.x <= view.width - c.width &&
+      c.y <= view.height - c.height)
+    return;
+  throw UsageError(
+      fmt::format("the crop {},{},{},{} (x, y, width, height) does not lie inside the picture of {} x {}", c.x, c.y,
+                  c.width, c.height, view.width, view.height));
+}
+
 namespace {
 
 constexpr int kLargestReach = 8;  // of a reconstruction filter, pixels; half a tile of the CPU's renderer
@@ -42,15 +54,7 @@ FilmWindow film_window(const View& view, const Film& film) {
   if (view.width < 1 || view.height < 1) {
     throw UsageError(fmt::format("a picture of {} x {} pixels: at least 1 x 1 is needed", view.width, view.height));
   }
-  const Crop& c = view.crop;
-  if (c.width != 0 || c.height != 0) {
-    if (c.x < 0 || c.y < 0 || c.width < 1 || c.height < 1 || c.x > view.width - c.width ||
-        c.y > view.height - c.height) {
-      throw UsageError(
-          fmt::format("the crop {},{},{},{} (x, y, width, height) does not lie inside the picture of {} x {}", c.x, c.y,
-                      c.width, c.height, view.width, view.height));
-    }
-  }
+  require_crop_inside(view);
   FilmWindow window;
   window.crop = view.part();
   const ReconstructionFilter filter(film);

@@ -16,6 +16,9 @@
 
 namespace octrad {
 
+// Throws UsageError for a crop that does not lie inside the view's picture.
+void require_crop_inside(const View& view);
+
 // What does not change while a renderer lives.
 struct RenderSettings {
   Film film;           // reconstruction filter

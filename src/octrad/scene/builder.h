@@ -22,7 +22,9 @@ namespace octrad {
 
 class SceneBuilder {
  public:
-  explicit SceneBuilder(const Description& description) : description_(description) {}
+  explicit SceneBuilder(const Description& description)
+      : description_(description),
+        shape_meter_(description.root->location.text() + ": the list of shapes") {}
   Scene build();
 
  private:
@@ -187,7 +189,7 @@ class SceneBuilder {
   bool in_shape_ = false;
   int black_material_ = -1;
   bool has_integrator_ = false;
-  MemoryMeter shape_meter_{"the shapes of the scene"};
+  MemoryMeter shape_meter_;
   std::vector<BitmapJob> bitmaps_;
   std::vector<MeshJob> mesh_jobs_;
   // What load_files() reads: by path, and of meshes what else decides their content.

@@ -190,6 +190,8 @@ CameraView Camera::view(int width, int height) const {
 }
 
 Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::FovAxis axis) {
+  if (!is_finite(origin) || !is_finite(target))
+    throw InputError("the camera, or what it looks at, is too far away: its coordinates may be up to 1e12");
   const auto t = Transform::look_at(Vec3d(origin), Vec3d(target), Vec3d(up));
   if (!t)
     throw InputError(

@@ -23,6 +23,7 @@ struct DeltaLight {
   float cutoff = 0.0f, inverse_transition = 0.0f;  // spot: radians; 1 / (cutoff - beam width)
   float sampling_weight = kNoSamplingWeight;
   float tan_x = 1.0f, tan_y = 1.0f;  // half the picture (spot: the texture) at depth 1
+  bool through_masks = false;        // masks and `null` weaken it by their opacity; else they block it, as in Mitsuba
 };
 
 }  // namespace octrad

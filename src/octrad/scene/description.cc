@@ -55,11 +55,13 @@ bool is_name_character(char c) {
 
 class XmlReader {
  public:
-  XmlReader(const std::map<std::string, std::string>& definitions, Description& description, SceneReport& report)
+  XmlReader(const std::string& file, const std::map<std::string, std::string>& definitions, Description& description,
+            SceneReport& report)
       : description_(description),
         report_(report),
         parameters_(definitions.begin(), definitions.end()),
-        definitions_(definitions) {}
+        definitions_(definitions),
+        meter_(file + ": the tree of the scene") {}
 
   void read_main(const std::string& file) {
     std::error_code code;
@@ -412,7 +414,7 @@ class XmlReader {
   std::uint64_t included_bytes_ = 0;
   std::size_t path_bytes_ = 0;
   std::size_t elements_ = 0;
-  MemoryMeter meter_{"the tree of the scene file"};
+  MemoryMeter meter_;
 };
 
 }  // namespace
@@ -481,7 +483,7 @@ Description read_description(const std::string& file, const std::map<std::string
   Description description;
   description.report = &report;
   description.search_paths.push_back(folder_of(file));
-  XmlReader(definitions, description, report).read_main(file);
+  XmlReader(file, definitions, description, report).read_main(file);
   return description;
 }
 

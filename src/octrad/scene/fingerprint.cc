@@ -117,10 +117,11 @@ std::string scene_fingerprint(const Scene& scene) {
   }
   for (const DeltaLight& l : scene.delta_lights) {
     const auto& [kind, texture, position, axis, intensity, to_local, cos_cutoff, cos_beam, cutoff, inverse_transition,
-                 sampling_weight, tan_x, tan_y] = l;
+                 sampling_weight, tan_x, tan_y, through_masks] = l;
     static_cast<void>(sampling_weight);  // changes no picture's mean
     h.add(kind).add(texture).add(position).add(axis).add(intensity).add(to_local).add(cos_cutoff).add(cos_beam);
     h.add(cutoff).add(inverse_transition).add(tan_x).add(tan_y);
+    if (through_masks) h.add(through_masks);
   }
   for (const Environment& e : scene.environments) h.add(e.width).add(e.height).add(e.pixels).add(e.to_world);
   return h.text();

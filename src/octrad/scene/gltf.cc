@@ -84,7 +84,8 @@ class GltfReader {
       : file_(std::make_shared<const GltfFile>(file, std::move(bytes), description)),
         description_(description),
         report_(report),
-        materials_(file_, description, report) {}
+        materials_(file_, description, report),
+        meter_(file + ": the tree of the scene") {}
 
   void read() {
     check_extensions();
@@ -97,6 +98,10 @@ class GltfReader {
       add_mesh(mesh, places, {mesh});
     }
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
+    if (materials_.has_masks()) {
+      for (Element* light : lights_)
+        add_element(*light, light->location, "boolean", {{"name", "through_masks"}, {"value", "true"}});
+    }
     if (!has_light_) {
       report_.assume(here, "the file has no light: one that is the same from all sides is added");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
@@ -386,6 +391,7 @@ class GltfReader {
     const Vec3d intensity = color * light.number("intensity", 1.0, 0.0, 1e15);
     has_light_ = true;
     Element& emitter = add_element(root(), where, "emitter", {{"type", type}});
+    lights_.push_back(&emitter);
     add_element(emitter, where, "rgb",
                 {{"name", type == "directional" ? "irradiance" : "intensity"}, {"value", three_numbers(intensity)}});
     if (light.has("range")) report_.assume(where, "the range of lights is left out: they shine as far as light does");
@@ -411,8 +417,9 @@ class GltfReader {
   std::vector<std::pair<int, Transform>> posed_;  // nodes whose mesh has a skin or weights of its own
   std::map<int, GltfSkin> skins_;                 // that were used
   std::size_t placed_count_ = 0;
-  MemoryMeter meter_{"the tree of the scene file"};
+  MemoryMeter meter_;
   bool has_light_ = false;
+  std::vector<Element*> lights_;  // punctual
 };
 
 }  // namespace

@@ -165,6 +165,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     const double plain = mode == "MASK" ? (factor >= cutoff ? 1.0 : 0.0) : factor;
     if (textured(base, s) || plain < 1.0) {
       nest("mask");
+      has_masks_ = true;
       if (!textured(base, s) || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, plain);
     }
   }

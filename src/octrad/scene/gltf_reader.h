@@ -64,6 +64,8 @@ class GltfMaterials {
   // Whether colours of vertices can be shown, and by what they are multiplied.
   bool shows_colors(int material, bool uvs) const;
   Vec3f base_color(int material) const;
+  // Of any bsdf so far.
+  bool has_masks() const { return has_masks_; }
 
  private:
   // What of a picture counts.
@@ -95,6 +97,7 @@ class GltfMaterials {
   std::map<GltfSurface, std::string> bsdfs_;
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names
   std::set<int> noted_;
+  bool has_masks_ = false;
 };
 
 }  // namespace octrad

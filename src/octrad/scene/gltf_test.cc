@@ -476,6 +476,12 @@ TEST_F(GltfTest, Lights) {
   EXPECT_NEAR(scene.delta_lights[2].cos_cutoff, std::cos(0.5f), 1e-6f);
   EXPECT_NEAR(scene.delta_lights[2].cos_beam, std::cos(0.25f), 1e-6f);
   EXPECT_TRUE(scene.environments.empty());
+  for (const DeltaLight& l : scene.delta_lights) EXPECT_FALSE(l.through_masks);
+  json_["materials"] =
+      Json::parse(R"([{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5]}}])");
+  for (const DeltaLight& l : load().delta_lights) EXPECT_FALSE(l.through_masks);  // nothing has the material
+  primitive()["material"] = 0;
+  for (const DeltaLight& l : load().delta_lights) EXPECT_TRUE(l.through_masks);
 }
 
 TEST_F(GltfTest, Extensions) {
@@ -662,7 +668,7 @@ TEST_F(GltfTest, TexturesOfWebp) {
     EXPECT_EQ(base(scene), base(expected));
     // Mitsuba does not read WebP.
     std::filesystem::create_directory(folder_.path() / "o-files");
-    for (const auto& [name, put] : files.others) put(folder_.file(name));
+    for (const auto& [name, content] : files.others) folder_.write(name, content());
     EXPECT_TRUE(std::filesystem::exists(folder_.path() / "o-files/picture0.png"));
     EXPECT_EQ(base(load_scene(folder_.write("o.xml", files.xml))), base(expected));
     std::filesystem::remove_all(folder_.path() / "o-files");
@@ -689,7 +695,7 @@ TEST_F(GltfTest, ConvertedToXml) {
   folder_.write("o.xml", files.xml);
   EXPECT_EQ(files.others.size(), 5u);  // the mesh, the picture, and three made of it
   std::filesystem::create_directory(folder_.path() / "o-files");
-  for (const auto& [name, put] : files.others) put(folder_.file(name));
+  for (const auto& [name, bytes] : files.others) folder_.write(name, bytes());
   const Scene second = load_scene(folder_.file("o.xml"));
   EXPECT_EQ(second.fingerprint, first.fingerprint) << files.xml;
   EXPECT_EQ(second.cameras[0].origin, first.cameras[0].origin);

@@ -106,6 +106,7 @@ void SceneBuilder::add_delta_light(Params& params) {
     }
   }
   light.sampling_weight = sampling_weight(params);
+  light.through_masks = params.get_bool("through_masks", false);
   params.finish();
   scene_.delta_lights.push_back(light);
 }

@@ -138,7 +138,7 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
     if (const RawMesh* built = description_.built_mesh(file)) {
-      ask_memory(built->bytes(), "a mesh of the scene");
+      ask_memory(built->bytes(), job.where.text() + ": a mesh of the scene");
       job.raw = *built;
     } else {
       job.path = description_.resolve(file, job.where);

@@ -59,6 +59,25 @@ TEST(Obj, NormalsBreakWhereTextureCoordinatesDo) {
   EXPECT_FLOAT_EQ(mesh.uvs[2].x, 0.5f);
 }
 
+// A vertex with very many texture coordinates: each of them becomes one vertex, however often it is met.
+TEST(Obj, VerticesAreSharedAmongMany) {
+  constexpr int kCoordinates = 500;
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int i = 0; i < kCoordinates; ++i) text += "vt 0." + std::to_string(1000 + i) + " 0\n";
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 1; i <= kCoordinates; ++i) text += "f 1/" + std::to_string(i) + " 2/1 3/1\n";
+  }
+  const RawMesh mesh = obj(text);
+  ASSERT_EQ(mesh.positions.size(), static_cast<std::size_t>(kCoordinates + 2));
+  ASSERT_EQ(mesh.triangles.size(), static_cast<std::size_t>(2 * kCoordinates));
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto corner = static_cast<std::size_t>(mesh.triangles[i].x);
+    EXPECT_EQ(mesh.triangles[i], mesh.triangles[i % kCoordinates]);
+    EXPECT_EQ(mesh.positions[corner], Vec3f(0, 0, 0));
+    EXPECT_NEAR(mesh.uvs[corner].x, 0.1f + 1e-4f * static_cast<float>(i % kCoordinates), 1e-6f);
+  }
+}
+
 TEST(Obj, NormalsAreComputedInWorldSpace) {
   const TriangleMesh mesh = placed(obj(kQuad + "f 1 2 3\nf 1 3 4\n"), {}, Transform::scale({-1, 2, 1}));
   expect_normals(mesh.normals, {{0.1435356f, 0.0717678f, -0.98703957f},

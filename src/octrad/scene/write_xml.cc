@@ -4,11 +4,10 @@
 #include <filesystem>
 #include <set>
 
-#include "octrad/base/atomic_file.h"
 #include "octrad/base/escape.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
-#include "octrad/image/io.h"
+#include "octrad/image/encode.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
@@ -139,7 +138,12 @@ class Writer {
     line(depth, tag(e.tag, attributes, e.children.empty()));
     if (e.children.empty()) return;
     for (const auto& child : e.children) {
-      if (!(matt && child->get("name") == "alpha")) element(*child, depth + 1, e.tag);
+      if (matt && child->get("name") == "alpha") continue;
+      if (e.tag == "emitter" && child->get("name") == "through_masks") {
+        notes.insert("through_masks of lights is left out: in Mitsuba 3 masks have solid shadows");
+        continue;
+      }
+      element(*child, depth + 1, e.tag);
     }
     line(depth, std::string("</").append(e.tag).append(">"));
   }
@@ -197,18 +201,15 @@ class Writer {
     const std::string& name = e.get("value");
     if (const RawMesh* mesh = description_.built_mesh(name)) {
       const std::string file = files_ + "/" + name + ".ply";
-      result.others[file] = [mesh, keep = description_.built](const std::string& path) {
-        write_file(path, ply_bytes(*mesh));
-      };
+      result.others[file] = [mesh, keep = description_.built] { return ply_bytes(*mesh); };
       return file;
     }
     if (const BuiltPicture* picture = description_.built_picture(name)) {
       const std::string encoded = picture->encoded ? picture->encoded() : "";
       const bool png = encoded.starts_with("\x89PNG"), jpeg = encoded.starts_with("\xff\xd8"), webp = is_webp(encoded);
       const std::string file = files_ + "/" + name + (png || webp ? ".png" : jpeg ? ".jpg" : ".exr");
-      result.others[file] = [picture, same = png || jpeg, keep = description_.built](const std::string& path) {
-        if (same) write_file(path, picture->encoded());
-        else write_image(path, picture->read());
+      result.others[file] = [picture, file, same = png || jpeg, keep = description_.built] {
+        return same ? picture->encoded() : encode_image(file, picture->read());
       };
       return file;
     }

@@ -10,10 +10,11 @@
 namespace octrad {
 
 // The text of a scene file, and the meshes and pictures that it refers to and that no file holds: by the paths that the
-// text has for them, relative to its folder, functions that write such a file (and throw IoError or InputError).
+// text has for them, relative to its folder, functions that give the bytes of such a file (and throw IoError or
+// InputError).
 struct SceneFiles {
   std::string xml;
-  std::map<std::string, std::function<void(const std::string& file)>> others;
+  std::map<std::string, std::function<std::string()>> others;
 };
 
 // What was understood of `file` in the terms of Mitsuba 3: parameters and included files in their places, transforms as

@@ -52,6 +52,7 @@ OCTRAD_HD_APART inline Vec3f aimed_radiance(const DeltaLight& l, const TextureVi
 OCTRAD_HD inline LightSample sample_delta_light(const DeltaLight& l, const TextureView* textures, float pick, Vec3f x) {
   LightSample s;
   s.delta = true;
+  s.through_masks = l.through_masks;
   s.pdf = pick;
   if (l.kind == DeltaLight::Kind::directional) {
     s.direction = -l.axis;

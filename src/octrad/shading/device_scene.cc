@@ -232,6 +232,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.materials = {block.at<MaterialRecord>(place(plan.records)), block.at<TextureView>(place(plan.textures))};
   world_.plain = true;
   for (const Material& m : tables.scene.materials) world_.plain = world_.plain && !is_extended(m.type);
+  for (const DeltaLight& l : tables.scene.delta_lights) world_.plain = world_.plain && !l.through_masks;
   const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(tables.lights.view(), shapes, plan, block);
   plan.layout.pieces[plan.shapes].from = shapes.data();

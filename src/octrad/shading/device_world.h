@@ -10,15 +10,12 @@
 
 namespace octrad {
 
-struct DeviceWorld {
+// The part of it that rays meet: few numbers, so that a function that is not inlined takes it as a value.
+struct DeviceSurfaces {
   static constexpr Models kModels = Models::all;
   Bvh8View bvh{};
   const ShapeView* shapes = nullptr;
   MaterialsView materials;
-  LightsView lights;
-  bool plain = false;  // PlainDeviceWorld will do
-  bool hidden_emitters = false;
-  SurfaceSamplerView surfaces;  // without elements where DeviceScene was given no sampler
 
   // The nearest surface between t_min and t_max, and whether there is one.
   OCTRAD_HD Hit intersect(Vec3f origin, Vec3f direction, float t_min, float t_max) const {
@@ -34,6 +31,14 @@ struct DeviceWorld {
   OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
     return octrad::shade<kModels>(materials, surface, wo);
   }
+};
+
+struct DeviceWorld : DeviceSurfaces {
+  using Surfaces = DeviceSurfaces;
+  LightsView lights;
+  bool plain = false;  // PlainDeviceWorld will do
+  bool hidden_emitters = false;
+  SurfaceSamplerView surfaces;  // without elements where DeviceScene was given no sampler
 
   OCTRAD_HD LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const {
     return octrad::sample_light(lights, x, u_pick, u);

@@ -30,7 +30,7 @@ void set_inverse(const float* m, EnvironmentView& view) {
 
 }  // namespace
 
-EnvironmentMap::EnvironmentMap(const Environment& environment) {
+EnvironmentMap::EnvironmentMap(const Environment& environment, const std::string& of) {
   view_.pixels = environment.pixels.data();
   view_.width = environment.width;
   view_.height = environment.height;
@@ -40,7 +40,7 @@ EnvironmentMap::EnvironmentMap(const Environment& environment) {
   // zero everywhere, so such maps are sampled uniformly.
   if (view_.height < 2) return;
   const std::size_t w = static_cast<std::size_t>(view_.width), h = static_cast<std::size_t>(view_.height);
-  ask_memory(h * w * sizeof(AliasEntry), "the environment map's table");
+  ask_memory(h * w * sizeof(AliasEntry), (of.empty() ? of : of + ": ") + "the environment map's table");
   sines_.resize(h);
   for (std::size_t y = 0; y < h; ++y) {
     sines_[y] = std::max(

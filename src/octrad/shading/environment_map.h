@@ -25,7 +25,8 @@ struct EnvironmentPlaces {
 // The environment must outlive this object.
 class EnvironmentMap {
  public:
-  explicit EnvironmentMap(const Environment& environment);
+  // `of`: a file that messages name.
+  explicit EnvironmentMap(const Environment& environment, const std::string& of = "");
   EnvironmentMap(const EnvironmentMap&) = delete;
   EnvironmentMap& operator=(const EnvironmentMap&) = delete;
 

@@ -12,7 +12,8 @@ struct LightSample {
   Vec3f radiance;         // emitted towards the reference point
   float pdf = 0.0f;       // solid angle at the reference point, times the probability of picking the light
   bool valid = false;
-  bool delta = false;  // of a light without extent: no ray from a BSDF finds it
+  bool delta = false;          // of a light without extent: no ray from a BSDF finds it
+  bool through_masks = false;  // DeltaLight::through_masks
 };
 
 // What the sample's contribution is divided by: the balance heuristic of its density and of the BSDF's for the same

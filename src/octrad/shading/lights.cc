@@ -138,7 +138,7 @@ Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.del
   view_.delta_count = static_cast<int>(scene.delta_lights.size());
   view_.count = view_.area_count + view_.delta_count;
   if (!scene.environments.empty()) {
-    impl_->environment.emplace(scene.environments.front());
+    impl_->environment.emplace(scene.environments.front(), scene.file);
     view_.environment = impl_->environment->view();
     ++view_.count;
   }

@@ -13,6 +13,7 @@ namespace octrad {
 
 struct TransportContext {
   static constexpr Models kModels = Models::all;
+  using Surfaces = const TransportContext&;
   const Scene& scene;
   const Tracer& tracer;
   const Materials& materials;

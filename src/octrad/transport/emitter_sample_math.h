@@ -6,6 +6,7 @@
 #include "octrad/shading/light_sample.h"
 #include "octrad/shading/shading_point.h"
 #include "octrad/transport/direction_guide_math.h"
+#include "octrad/transport/masked_light_math.h"
 
 namespace octrad {
 
@@ -27,10 +28,11 @@ OCTRAD_HD inline EmitterSample sample_emitter(const World& world, const ShadingP
   const Vec3f wi = point.to_local(light.direction);
   const BsdfValue f = evaluate_bsdf<World::kModels>(point.bsdf, wo, wi);
   if (max_component(f.value) <= 0.0f) return sample;
-  sample.valid = true;
   sample.ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
+  const float left = left_by_masks(world, light, sample.ray);
+  sample.valid = left > 0.0f;
   sample.contribution =
-      f.value * light.radiance * (1.0f / light_mis_density(light, guide.density(light.direction, f.pdf)));
+      f.value * light.radiance * (left / light_mis_density(light, guide.density(light.direction, f.pdf)));
   return sample;
 }
 

@@ -13,7 +13,6 @@
 namespace octrad {
 
 inline constexpr float kRayInfinity = 1e30f;
-inline constexpr int kMostMasks = 256;  // that a ray passes
 
 // The normal on the side of the viewer.
 OCTRAD_HD inline Vec3f viewed_normal(const ShadingPoint& point) {

@@ -45,10 +45,11 @@ struct Meeting {
 
 Meeting meet(const TransportContext& world, const ShadingPoint& point, Vec3f wo, const LightSample& light) {
   const BsdfValue f = evaluate_bsdf(point.bsdf, wo, point.to_local(light.direction));
-  const float value = luminance(f.value * light.radiance);
+  float value = luminance(f.value * light.radiance);
   if (!(value > 0.0f)) return {};
-  const RayQuery ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
-  if (world.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) return {};
+  RayQuery ray = shadow_ray(point.surface.position, point.surface.geometric_normal, light);
+  value *= left_by_masks(world, light, ray);
+  if (!(value > 0.0f) || world.occluded(ray.origin, ray.direction, 0.0f, ray.t_max)) return {};
   const Meeting met{value / light_mis_density(light, f.pdf), static_cast<double>(value / light.pdf)};
   return std::isfinite(met.radiance) && std::isfinite(met.brought) ? met : Meeting{};
 }

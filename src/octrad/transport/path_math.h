@@ -90,8 +90,10 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
     if (light.valid) {
       const BsdfValue f = evaluate_bsdf<World::kModels>(bsdf, wo, point.to_local(light.direction));
       if (max_component(f.value) > 0.0f) {
-        connect(shadow_ray(surface.position, surface.geometric_normal, light),
-                path.throughput * f.value * light.radiance * (1.0f / light_mis_density(light, f.pdf)));
+        RayQuery ray = shadow_ray(surface.position, surface.geometric_normal, light);
+        const float left = left_by_masks(world, light, ray);
+        if (left > 0.0f)
+          connect(ray, path.throughput * f.value * light.radiance * (left / light_mis_density(light, f.pdf)));
       }
     }
   }
