@@ -24,8 +24,8 @@ class AtomicFile {
 
   void write(const void* data, std::size_t bytes);
   void write(const std::string& text) { write(text.data(), text.size()); }
-  // What was written is on the disk, and, after prepare(), the new file has a name and waits for nothing but commit(): of
-  // several files that belong together all can be so far before the first one takes the place of the old one.
+  // What was written is on the disk, and, after prepare(), the new file has a name and waits for nothing but commit():
+  // of several files that belong together all can be so far before the first one takes the place of the old one.
   void sync();
   void prepare();
   void commit();

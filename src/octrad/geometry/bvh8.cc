@@ -51,7 +51,8 @@ std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_ou
   }
   if (first.back() > (std::size_t{1} << 30)) throw MemoryError("ray tracing: more than 2^30 triangles");
   // Instances are copied out: a bounded price for one kind of tree in the kernels.
-  if (!scene.placements.empty()) ask_memory(first.back() * kBuildBytes, scene.file + ": the tree over the triangles of all instances");
+  if (!scene.placements.empty())
+    ask_memory(first.back() * kBuildBytes, scene.file + ": the tree over the triangles of all instances");
   std::vector<BvhReference> references(first.back());
   for (std::size_t i = 0; i < scene.shapes.size(); ++i) {
     const Shape& shape = scene.shapes[i];

@@ -17,9 +17,8 @@ void require_crop_inside(const View& view) {
   if (c.x >= 0 && c.y >= 0 && c.width >= 1 && c.height >= 1 && c.x <= view.width - c.width &&
       c.y <= view.height - c.height)
     return;
-  throw UsageError(
-      fmt::format("the crop {},{},{},{} (x, y, width, height) does not lie inside the picture of {} x {}", c.x, c.y,
-                  c.width, c.height, view.width, view.height));
+  throw UsageError(fmt::format("the crop {},{},{},{} (x, y, width, height) does not lie inside the picture of {} x {}",
+                               c.x, c.y, c.width, c.height, view.width, view.height));
 }
 
 namespace {
