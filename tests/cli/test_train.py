@@ -10,7 +10,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, SMALL, Case, on_terminal, read_safetensors, run, start, wait_for, write_pfm
+from support import PATIENCE, ROOM, SMALL, Case, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 # Nothing that depends on the share of the budget: 5 and 3 steps are 8.
@@ -566,7 +566,25 @@ class Memory(Case):
                 self.assertEqual(tight["steps"], 3)
         print(f"peak over estimate: at most {max(ratios)}", file=sys.stderr)
 
+    def check_pictures(self, scenes):
+        """A budget that the peak of a picture would break is refused before."""
+        peaks = []
+        with open(os.devnull, "w") as nowhere:
+            for scene in scenes:
+                with self.subTest(scene):
+                    render = ("render", scene, "--integrator", "path", "--spp", 1, "--width", 1024, "-o", self.path("a.exr"), "-q")
+                    code, peak, _ = measured(*render, stderr=nowhere)
+                    self.assertEqual(code, 0)
+                    peaks.append((round(peak / 1e6), os.path.basename(os.path.dirname(scene))))
+                    budget = 0.97 * (peak - 100e6) / 1.1
+                    if budget > 40e6:  # the program itself has half of that
+                        code, peak, _ = measured(*render, "--max-memory", int(budget), stderr=nowhere)
+                        self.assertEqual(code, 4)
+                        self.assertLess(peak, 1.1 * budget + 100e6)
+        print(f"pictures of 1024 pixels: largest peak {max(peaks)} MB", file=sys.stderr)
+
     def test_own_scenes(self):
+        self.check_pictures(os.path.join(ROOT, "scenes", name, "scene.xml") for name in ("cornell-box", "glossy-room", "courtyard"))
         self.check((os.path.join(ROOT, "scenes", name, "scene.xml"), field)
                    for name, field in (("cornell-box", "octaoctree"), ("glossy-room", "nr"), ("courtyard", "octaoctree")))
 
@@ -575,6 +593,7 @@ class Memory(Case):
         scenes = sorted(glob.glob(os.path.join(shared, "scenes", "*", "scene.xml")))
         if not scenes:
             self.skipTest("SKIPPED: no scenes in OCTRAD_SHARED")
+        self.check_pictures(scenes)
         self.check((scene, "octaoctree") for scene in scenes)
 
 

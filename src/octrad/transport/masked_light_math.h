@@ -14,7 +14,7 @@ inline constexpr int kMostMasks = 256;  // that a ray passes
 // The product of 1 - opacity over the surfaces that a shadow ray meets.
 OCTRAD_HD_OR_HOST
 template <typename Surfaces>
-OCTRAD_HD_APART_ON_DEVICE inline float transmittance_of_masks(Surfaces world, RayQuery ray) {
+OCTRAD_HD_APART inline float transmittance_of_masks(Surfaces world, RayQuery ray) {
   float left = 1.0f;
   for (int met = 0; met <= kMostMasks; ++met) {
     const Hit hit = world.intersect(ray.origin, ray.direction, 0.0f, ray.t_max);
