@@ -8,11 +8,13 @@
 //                 shortread; whatever FOLDER: map (memory for tables), thread (a new thread), threads (the same, but
 //                 from FIRST at once, not counting the program's own: a limit of the user). ERROR: the number of errno.
 //                 hang (a read that never ends) needs none.
+// OCTRAD_PROCESSORS   how many processors the system says that it has.
 // OCTRAD_CLOCK    seconds by which the time of day jumps forth and back, call by call. The steady clock goes on.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <pthread.h>
+#include <sched.h>
 #include <stdarg.h>
 #include <sys/file.h>
 #include <sys/mman.h>
@@ -37,6 +39,7 @@ struct Rule {
 constinit Rule g_rules[8];  // before the constructor runs
 int g_rule_count = 0;
 long g_jump = 0;
+int g_processors = 0;
 std::atomic<bool> g_watched[1024][8];  // files under the rules' folders, by descriptor
 
 template <typename Function>
@@ -46,6 +49,7 @@ Function* next(const char* name) {
 
 __attribute__((constructor)) void read_environment() {
   if (const char* jump = getenv("OCTRAD_CLOCK")) g_jump = atol(jump);
+  if (const char* processors = getenv("OCTRAD_PROCESSORS")) g_processors = atoi(processors);
   const char* rules = getenv("OCTRAD_FAULTS");
   while (rules != nullptr && *rules != '\0' && g_rule_count < 8) {
     Rule& rule = g_rules[g_rule_count];
@@ -224,6 +228,19 @@ int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*
   }
   if (error != 0) --g_threads;
   return error;
+}
+
+int sched_getaffinity(pid_t process, size_t bytes, cpu_set_t* set) noexcept {
+  const int result = next<int(pid_t, size_t, cpu_set_t*)>("sched_getaffinity")(process, bytes, set);
+  if (result != 0 || g_processors == 0) return result;
+  CPU_ZERO_S(bytes, set);
+  for (int i = 0; i < g_processors; ++i) CPU_SET_S(i, bytes, set);
+  return result;
+}
+
+long sysconf(int name) noexcept {
+  const bool processors = name == _SC_NPROCESSORS_ONLN || name == _SC_NPROCESSORS_CONF;
+  return processors && g_processors > 0 ? g_processors : next<long(int)>("sysconf")(name);
 }
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {

@@ -91,14 +91,14 @@ void CommonOptions::apply() const {
   if (verbose > 1) throw UsageError("-v is given twice: there is one level of detail");
   set_log_level(quiet > 0 ? LogLevel::quiet : verbose > 0 ? LogLevel::verbose : LogLevel::normal);
   if (threads > 0) set_thread_count(threads);
-  // TBB cannot go on when a thread is refused, so that is found out before. Some are left for what has its own: the
-  // clock of a training, the viewer.
-  constexpr int others = 4;
-  const int wanted = thread_count(), given = std::max(1, startable_threads(wanted + others) - others);
-  if (given < wanted) {
+  // TBB cannot go on when a thread is refused, so that is found out before.
+  const int wanted = thread_count() + own_threads, startable = startable_threads(wanted);
+  if (startable < wanted) {
+    const int used = std::max({1, startable / 2, startable - own_threads});
     log_warning(
-        fmt::format("only {} of {} threads can be started (a limit of the user or of the container)", given, wanted));
-    set_thread_count(given);
+        fmt::format("only {} of {} threads can be started (a limit of the user or of the container): {} for the work",
+                    startable, wanted, used));
+    set_thread_count(used);
   }
   set_memory_limit(memory_budget());  // refuses nonsense before any work
   if (!support.cuda) choose_device();

@@ -36,6 +36,7 @@ struct CommonOptions {
   bool json = false;
   std::string log_json;
   bool permissive = false;  // of verbs that read scenes
+  int own_threads = 0;      // that the verb starts beside those of parallel loops
 
   bool has_seed() const { return seed >= 0; }
   std::uint64_t memory_budget() const;

@@ -12,6 +12,7 @@
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
+#include "octrad/base/interrupt.h"
 #include "octrad/base/log.h"
 #include "octrad/scene/write_xml.h"
 
@@ -55,8 +56,10 @@ std::size_t most_open_files() {
 }
 
 // All files are on the disk before the first of them replaces one that was there; the scene file is the last. More than
-// a program may have open are replaced in portions.
-void write_all(const std::filesystem::path& folder, const SceneFiles& files, const std::string& output) {
+// a program may have open are replaced in portions. False where a signal came before any was replaced by the last
+// portion.
+bool write_all(const std::filesystem::path& folder, const SceneFiles& files, const std::string& output) {
+  defer_interrupts();
   const std::size_t most = most_open_files();
   std::optional<FolderBeside> beside;
   std::vector<std::unique_ptr<AtomicFile>> written;
@@ -75,10 +78,16 @@ void write_all(const std::filesystem::path& folder, const SceneFiles& files, con
     const std::filesystem::path path = folder / name;
     if (!beside) beside.emplace(path.parent_path());
     add(path.string(), bytes());
+    if (interrupted()) return false;
     if (written.size() >= most) commit();
   }
+  std::error_code failed;
+  const auto status = std::filesystem::status(output, failed);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) commit();  // a pipe gets it at once
   add(output, files.xml);
+  if (interrupted()) return false;
   commit();
+  return true;
 }
 
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
@@ -96,7 +105,7 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   for (const auto& [name, bytes] : files.others) outputs.push_back((folder / name).string());
   refuse_inputs_as_outputs("-o", outputs, scene.other_files);
   log_findings(scene);
-  write_all(folder, files, o.output);
+  if (!write_all(folder, files, o.output)) return;
   if (common.json) {
     print_json({{"output", o.output},
                 {"files", files.others.size()},

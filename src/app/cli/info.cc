@@ -400,7 +400,7 @@ void info_model(const CommonOptions& common, const std::string& file) {
   nlohmann::json texts = nlohmann::json::object();
   for (const auto& [key, value] : metadata) {
     // Some are JSON in a string, or a number in one.
-    constexpr const char* kParsed[] = {"checksums", "config", "scene", "seed", "step"};
+    constexpr const char* kParsed[] = {"config", "octrad.checksums", "scene", "seed", "step"};
     nlohmann::json parsed = parse_json_or_discard(value);
     const bool is_json = std::ranges::find(kParsed, key) != std::end(kParsed) && !parsed.is_discarded();
     texts[key] = is_json ? parsed : nlohmann::json(value);
@@ -430,7 +430,7 @@ void info_model(const CommonOptions& common, const std::string& file) {
                                 format_bytes(size.total), format_bytes(size.features), format_bytes(size.optimizer),
                                 format_bytes(size.total - size.features - size.optimizer));
   for (const auto& [key, value] : texts.items()) {
-    if (key != "config" && key != "checksums")
+    if (key != "config" && key != "octrad.checksums")
       out += fmt::format("{}: {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
   }
   out += "\n" + format_table(table);

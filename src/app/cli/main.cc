@@ -5,12 +5,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <exception>
 #include <iostream>
 #include <new>
+#include <string>
+#include <string_view>
 #include <system_error>
 
 #include "app/cli/common.h"
+#include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/log.h"
@@ -110,6 +114,28 @@ int run(int argc, char** argv) {
 
 const std::string kNoThread = "a thread cannot be started (a limit of the user or of the container): ";
 
+// The system's reason where the error is TBB's, that it could start no thread; else empty.
+std::string refused_thread(const std::exception& error) {
+  constexpr std::string_view of_tbb = "pthread_create has failed: ";
+  const std::string_view what = error.what();
+  return std::string(what.starts_with(of_tbb) ? what.substr(of_tbb.size()) : std::string_view());
+}
+
+// TBB's threads start each other: where one is refused by then, nobody can catch the error.
+[[noreturn]] void terminate() {
+  try {
+    if (const std::exception_ptr error = std::current_exception()) std::rethrow_exception(error);
+  } catch (const std::exception& error) {
+    if (const std::string reason = refused_thread(error); !reason.empty()) {
+      remove_temporary_files();
+      log_error(kNoThread + reason);
+      _exit(static_cast<int>(ExitCode::io));
+    }
+  } catch (...) {
+  }
+  std::abort();
+}
+
 // Where a standard stream is closed, the next file that is opened would take its place and get its text. What is opened
 // here cannot be used: to print is then an error.
 void fill_standard_streams() {
@@ -126,6 +152,7 @@ void fill_standard_streams() {
 int main(int argc, char** argv) {
   using octrad::ExitCode;
   octrad::cli::fill_standard_streams();
+  std::set_terminate(octrad::cli::terminate);
   octrad::install_interrupt_handler();
   signal(SIGPIPE, SIG_IGN);  // a closed pipe is a failed write, with a message
   signal(SIGXFSZ, SIG_IGN);  // so is a file above the size limit
@@ -143,9 +170,8 @@ int main(int argc, char** argv) {
                              : error.what());  // else of the file system
     return static_cast<int>(ExitCode::io);
   } catch (const std::exception& error) {
-    const std::string_view what = error.what();
-    if (constexpr std::string_view of_tbb = "pthread_create has failed: "; what.starts_with(of_tbb)) {
-      octrad::log_error(octrad::cli::kNoThread + std::string(what.substr(of_tbb.size())));
+    if (const std::string reason = octrad::cli::refused_thread(error); !reason.empty()) {
+      octrad::log_error(octrad::cli::kNoThread + reason);
       return static_cast<int>(ExitCode::io);
     }
     octrad::log_error(std::string("internal error: ") + error.what() + "; please report it with the command line");

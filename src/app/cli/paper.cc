@@ -86,7 +86,10 @@ void add_paper(Program& program) {
   verb->add_flag("--dry-run", o->dry_run, "only list the cells, and estimate how long they take");
   verb->add_flag("!--no-viewers", o->viewers,
                  "a small page, to publish: pictures side by side, without viewers that flip and zoom");
-  verb->callback([&program, o] { program.run = [&program, o] { paper_verb(program.common, *o); }; });
+  verb->callback([&program, o] {
+    program.common.own_threads = 1;  // the clock of a training
+    program.run = [&program, o] { paper_verb(program.common, *o); };
+  });
 }
 
 }  // namespace octrad::cli

@@ -402,7 +402,10 @@ void add_train(Program& program) {
   add_permissive_option(*verb, program.common);
   add_tev_option(*verb, o->tev)->excludes("--view");
   add_log_option(*verb, program.common);
-  verb->callback([&program, o] { program.run = [&program, o] { train_verb(program.common, *o); }; });
+  verb->callback([&program, o] {
+    program.common.own_threads = o->view ? 4 : 1;  // the clock of the training; the viewer's
+    program.run = [&program, o] { train_verb(program.common, *o); };
+  });
 }
 
 }  // namespace octrad::cli

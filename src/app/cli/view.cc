@@ -242,6 +242,7 @@ void add_view(Program& program) {
   o->serve.add_to(*verb);
   verb->callback([&program, o, sensor] {
     o->view.sensor_given = sensor->count() > 0;
+    program.common.own_threads = 4;  // the server, the renderer, what reads models, and the clock of a training
     program.run = [&program, o] { view_verb(program.common, *o); };
   });
 }

@@ -13,7 +13,9 @@ WorkClock::WorkClock() {
       std::unique_lock lock(mutex_);
       while (!ending_.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended_; })) look();
     });
-  } catch (const std::system_error&) {  // a limit of the user or of the container: no thread, all time counts
+  } catch (const std::system_error&) {  // a limit of the user or of the container
+    const std::lock_guard lock(mutex_);
+    alone_ = true;
   }
 }
 
@@ -30,7 +32,7 @@ void WorkClock::look() {
   const Clock::time_point now = Clock::now();
   const double passed = std::chrono::duration<double>(now - last_).count();
   last_ = now;
-  if (passed < kStopped || !looker_.joinable()) counted_ += passed;
+  if (passed < kStopped || alone_) counted_ += passed;
 }
 
 double WorkClock::seconds() {

@@ -27,7 +27,7 @@ class WorkClock {
 
   std::mutex mutex_;
   std::condition_variable ending_;
-  bool ended_ = false;
+  bool ended_ = false, alone_ = false;  // alone: no thread looks
   Clock::time_point last_ = Clock::now();
   double counted_ = 0.0;
   std::thread looker_;

@@ -1,7 +1,5 @@
 #include "octrad/geometry/voxelize.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -82,22 +80,28 @@ struct Grid {
 // may meet the surface: `meets(lower, size)` says so of a cube of `size` cells and is never wrong about one that does.
 // What is large is found through cubes that become smaller, so that the time goes with the surface, not with its box.
 template <typename Meets, typename Visit>
-void visit_blocks(Vec3i lower, int size, Vec3i low, Vec3i high, const Meets& meets, const Visit& visit) {
+void visit_blocks(Vec3i lower, int size, Vec3i low, Vec3i high, std::uint64_t& tests, const Meets& meets,
+                  const Visit& visit) {
   for (int i = 0; i < 3; ++i) {
     if (lower[i] > high[i] || lower[i] + size <= low[i]) return;
   }
+  ++tests;
   if (!meets(lower, size)) return;
   if (size == 4) return visit(lower);
   for (int child = 0; child < 8; ++child) {
     const Vec3i at{child & 1, child >> 1 & 1, child >> 2};
-    visit_blocks(lower + at * (size / 2), size / 2, low, high, meets, visit);
+    visit_blocks(lower + at * (size / 2), size / 2, low, high, tests, meets, visit);
   }
 }
 
 // Sets the cells of [low, high] for which cell(x, y, z) holds, where `meets` (visit_blocks) does not exclude them.
+// Returns the most questions to both that this can take, whatever is marked already.
 template <typename Meets, typename Cell>
-void mark_cells(const Grid& grid, Vec3i low, Vec3i high, Bits& bits, const Meets& meets, const Cell& cell) {
+std::uint64_t mark_cells(const Grid& grid, Vec3i low, Vec3i high, Bits& bits, const Meets& meets, const Cell& cell) {
+  std::uint64_t tests = 0;
   const auto mark_block = [&](Vec3i block) {
+    const Vec3i cells = min(block + Vec3i{3, 3, 3}, high) - max(block, low) + Vec3i{1, 1, 1};
+    tests += static_cast<std::uint64_t>(cells.x * cells.y * cells.z);
     const std::uint64_t code = morton_code(block);
     const std::uint64_t known = bits.word(code);
     if (known == ~std::uint64_t{0}) return;
@@ -113,32 +117,19 @@ void mark_cells(const Grid& grid, Vec3i low, Vec3i high, Bits& bits, const Meets
     bits.set_word(code, found);
   };
   const Vec3i first{low.x & ~3, low.y & ~3, low.z & ~3};
-  if (max_component(high - first) >= 8)
-    return visit_blocks(Vec3i{0, 0, 0}, grid.resolution, low, high, meets, mark_block);
+  if (max_component(high - first) >= 8) {
+    visit_blocks(Vec3i{0, 0, 0}, grid.resolution, low, high, tests, meets, mark_block);
+    return tests;
+  }
   for (int z = first.z; z <= high.z; z += 4) {
     for (int y = first.y; y <= high.y; y += 4) {
       for (int x = first.x; x <= high.x; x += 4) mark_block({x, y, z});
     }
   }
+  return tests;
 }
 
-// What marking costs, in cells that the surface crosses, about; 0 for one cell. All of them together are bounded: a
-// small file can place very many surfaces that each span the scene.
-std::uint64_t crossings(Vec3i low, Vec3i high, double area) {
-  const Vec3i extent = high - low;
-  const auto of_box = [](Vec3i e) {
-    return static_cast<double>(e.x) * e.y + static_cast<double>(e.y) * e.z + static_cast<double>(e.z) * e.x;
-  };
-  return static_cast<std::uint64_t>(std::min(of_box(extent), area) + max_component(extent));
-}
-
-// A scene that people make has surfaces of some dozen times its cross-section. About ten seconds of a processor.
-std::uint64_t most_crossings(const Grid& grid) {
-  const auto side = static_cast<std::uint64_t>(grid.resolution);
-  return std::max<std::uint64_t>(200'000'000, 1000 * side * side);
-}
-
-// Returns crossings().
+// Returns what mark_cells() does.
 std::uint64_t mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& bits) {
   const Vec3d lower = min(min(a, b), c) - Vec3d(kGrow), upper = max(max(a, b), c) + Vec3d(kGrow);
   const Vec3i low = grid.cell(lower), high = grid.cell(upper);
@@ -163,16 +154,15 @@ std::uint64_t mark_triangle(const Grid& grid, Vec3d a, Vec3d b, Vec3d c, Bits& b
     }
     return overlaps(from, to, a, b, c);
   };
-  mark_cells(
+  return mark_cells(
       grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
       [&](int x, int y, int z) {
         return meets({x, y, z}, 1, kGrow);
       });
-  return crossings(low, high, 0.5 * length(n));
 }
 
 // A sphere's surface meets a box when its centre is nearer than the radius to the box and its farthest corner is not
-// inside. Returns crossings().
+// inside. Returns what mark_cells() does.
 std::uint64_t mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
   const Vec3d cell = Vec3d(grid.domain.size) / static_cast<double>(grid.resolution);
   const Vec3d center(sphere.center);
@@ -193,12 +183,11 @@ std::uint64_t mark_sphere(const Grid& grid, const Sphere& sphere, Bits& bits) {
     }
     return nearest <= r * r && farthest >= r * r;
   };
-  mark_cells(
+  return mark_cells(
       grid, low, high, bits, [&](Vec3i at, int size) { return meets(at, size, 2.0 * kGrow); },
       [&](int x, int y, int z) {
         return meets({x, y, z}, 1, kGrow);
       });
-  return crossings(low, high, 4.0 * kPi * r * r / (cell.x * cell.y));
 }
 
 std::vector<std::vector<Vec3i>> levels_of(const Bits& bits, int levels) {
@@ -284,7 +273,8 @@ bool overlaps(Vec3d lower, Vec3d upper, Vec3d a, Vec3d b, Vec3d c) {
   return !separates(cross(edges[0], edges[1]));
 }
 
-std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels) {
+std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels,
+                                               std::uint64_t most_tests) {
   const Grid grid = make_grid(domain, levels);
   Bits bits(grid.resolution, scene.file);
   // Triangles and spheres of all shapes, one after the other.
@@ -294,31 +284,31 @@ std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain&
     const bool sphere = shape.kind == Shape::Kind::sphere;
     first[s + 1] = first[s] + (sphere ? 1 : scene.meshes[static_cast<std::size_t>(shape.geometry)].triangles.size());
   }
-  const std::uint64_t most = most_crossings(grid);
-  std::atomic<std::uint64_t> crossed_by_all = 0;
+  constexpr std::uint64_t tests_of_triangle = 256;
+  const std::uint64_t most = most_tests + tests_of_triangle * (scene.triangle_count() + scene.spheres.size());
+  std::atomic<std::uint64_t> all_tests = 0;
   parallel_blocks(first.back(), 64, [&](std::size_t begin, std::size_t end) {
     auto s = static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), begin) - first.begin()) - 1;
-    std::uint64_t crossed = 0;
+    std::uint64_t tests = end - begin;
     for (std::size_t i = begin; i < end; ++s) {
       const std::size_t last = std::min(end, first[s + 1]);
       const Shape& shape = scene.shapes[s];
       const auto geometry = static_cast<std::size_t>(shape.geometry);
       if (shape.kind == Shape::Kind::sphere) {
-        for (; i < last; ++i) crossed += mark_sphere(grid, scene.spheres[geometry], bits);
+        for (; i < last; ++i) tests += mark_sphere(grid, scene.spheres[geometry], bits);
         continue;
       }
       const MeshView view = shape_view(scene, s).mesh;
       for (; i < last; ++i) {
         const Vec3i t = scene.meshes[geometry].triangles[i - first[s]];
-        crossed += mark_triangle(grid, grid.cells(mesh_position(view, t.x)), grid.cells(mesh_position(view, t.y)),
-                                 grid.cells(mesh_position(view, t.z)), bits);
+        tests += mark_triangle(grid, grid.cells(mesh_position(view, t.x)), grid.cells(mesh_position(view, t.y)),
+                               grid.cells(mesh_position(view, t.z)), bits);
       }
     }
-    if (crossed_by_all.fetch_add(crossed) + crossed > most) {
-      throw InputError(
-          fmt::format("{}: the scene's surfaces, one by one, cross more than {} million cells of the octree: "
-                      "thousands of them that each span the scene would take minutes to be put into cells",
-                      scene.file, most / 1'000'000));
+    if (all_tests.fetch_add(tests) + tests > most) {
+      throw InputError(scene.file +
+                       ": so many surfaces, each of which meets many cells of the octree, would take minutes to be put "
+                       "into them; take fewer octree.levels, or octree.occupancy=sampled");
     }
   });
   return levels_of(bits, levels);

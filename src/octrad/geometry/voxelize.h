@@ -22,7 +22,12 @@ Domain scene_domain(const Bounds3f& bounds, bool cube);
 // grown by 1e-4 of a cell so that rounding leaves no holes); its parents follow. Surfaces outside the domain belong to
 // the cells of its rim that are nearest to them, where OctaOctree looks them up. Parallel, deterministic. levels in
 // 1..9.
-std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels);
+//
+// A small file can place very many surfaces that each meet many cells. Throws InputError where all of them together may
+// take more than `most_tests` tests against cells, and 256 for each triangle and sphere that the scene holds: a few ten
+// seconds of a processor. Each that is placed counts as one test at least.
+std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain& domain, int levels,
+                                               std::uint64_t most_tests = 500'000'000);
 
 // The paper's alternative: cells that hold at least one of `samples` area-uniform surface samples at the finest level.
 std::vector<std::vector<Vec3i>> sampled_cells(const Scene& scene, const Domain& domain, int levels, std::uint64_t seed,

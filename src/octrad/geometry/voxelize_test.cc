@@ -162,6 +162,46 @@ TEST(Voxelize, SameCellsAtAnyThreadCount) {
   EXPECT_TRUE(one == three);
 }
 
+// How many tests are allowed decides, not what was marked before: the same answer at any thread count.
+TEST(Voxelize, WorkIsBounded) {
+  Scene scene;
+  TriangleMesh mesh;
+  mesh.positions = {{0, 0, 0.02f}, {1, 0, 0.4f}, {0, 1, 0.9f}};
+  mesh.triangles = {{0, 1, 2}};
+  scene.meshes.push_back(mesh);
+  Shape shape;
+  shape.geometry = 0;
+  const Domain unit{{0, 0, 0}, {1, 1, 1}};
+  const auto refused = [&](std::size_t copies, int levels, std::uint64_t most) {
+    scene.shapes.assign(copies, shape);
+    int refusals = 0;
+    for (int i = 0; i < 2; ++i) {
+      try {
+        occupied_cells(scene, unit, levels, most);
+      } catch (const InputError&) {
+        ++refusals;
+      }
+    }
+    EXPECT_TRUE(refusals == 0 || refusals == 2);
+    return refusals > 0;
+  };
+  // One triangle, by any number of instances: the time grows with them. 32 cells an axis.
+  std::uint64_t of_one = 100;
+  EXPECT_TRUE(refused(100, 4, 100 * of_one));
+  while (of_one < 10'000 && refused(100, 4, 100 * of_one)) of_one *= 2;
+  EXPECT_LT(of_one, 10'000u);
+  EXPECT_FALSE(refused(90, 4, 100 * of_one));
+  EXPECT_TRUE(refused(250, 4, 100 * of_one));
+  EXPECT_TRUE(refused(100, 6, 100 * of_one));
+  // What lies in one cell counts too.
+  scene.meshes[0].positions = {{0.51f, 0.51f, 0.51f}, {0.52f, 0.51f, 0.51f}, {0.51f, 0.52f, 0.51f}};
+  EXPECT_FALSE(refused(1000, 2, 1000));
+  EXPECT_TRUE(refused(1300, 2, 1000));
+  // The triangles of a mesh that is there once do not.
+  scene.meshes[0].triangles.assign(2000, {0, 1, 2});
+  EXPECT_FALSE(refused(1, 2, 0));
+}
+
 TEST(Voxelize, RefusesNonsense) {
   const Scene scene = triangle_soup(1, 0.1f);
   EXPECT_THROW(occupied_cells(scene, {{0, 0, 0}, {1, 1, 1}}, 10), UsageError);

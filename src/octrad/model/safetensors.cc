@@ -25,7 +25,7 @@ constexpr std::size_t kChecksumBlock = std::size_t{1} << 20;  // bytes whose che
 
 // Of the metadata: a JSON object of checksums, as eight hexadecimal digits, by the name of the tensor; of all other
 // metadata by kMetadata.
-constexpr const char* kChecksums = "checksums";
+constexpr const char* kChecksums = "octrad.checksums";
 constexpr const char* kMetadata = "__metadata__";
 
 struct TypeName {

@@ -105,7 +105,7 @@ TEST_F(Safetensors, DamageIsFound) {
     read << std::ifstream(file_, std::ios::binary).rdbuf();
     const std::string bytes = read.str();
     const std::size_t data = bytes.size() - count * sizeof(float) - 3;
-    const std::size_t list = bytes.find("\"checksums\""), list_end = list + 11;  // under another name it is no list
+    const std::size_t list = bytes.find("\"octrad.checksums\""), list_end = list + 18;  // under another name it is no list
     for (std::size_t place = count > 30 ? data : 0; place<bytes.size(); place += count> 30 ? 71'111 : 1) {
       if (bytes[place] == ' ' || (place >= list && place < list_end)) continue;
       for (int bit = 0; bit < 8; ++bit) {
@@ -127,10 +127,10 @@ TEST_F(Safetensors, ChecksumsAreThoseOfZlib) {
   writer.write(file_);
   const TensorReader reader(file_);
   EXPECT_EQ(reader.get("digits").checksum, 0xcbf43926u);
-  EXPECT_EQ(reader.metadata().at("checksums"), R"({"__metadata__":"00000000","digits":"cbf43926"})");
+  EXPECT_EQ(reader.metadata().at("octrad.checksums"), R"({"__metadata__":"00000000","digits":"cbf43926"})");
   const std::string tensor = R"("digits":{"dtype":"U8","shape":[9],"data_offsets":[0,9]})";
   const auto with = [&](const std::string& list) {
-    put("{\"__metadata__\":{\"checksums\":\"" + list + "\"}," + tensor + "}", "123456789");
+    put("{\"__metadata__\":{\"octrad.checksums\":\"" + list + "\"}," + tensor + "}", "123456789");
     return refusal();
   };
   EXPECT_EQ(with(R"({\"__metadata__\":\"00000000\",\"digits\":\"cbf43926\"})"), "");

@@ -140,7 +140,8 @@ class Writer {
     for (const auto& child : e.children) {
       if (matt && child->get("name") == "alpha") continue;
       if (e.tag == "emitter" && child->get("name") == "through_masks") {
-        notes.insert("through_masks of lights is left out: in Mitsuba 3 masks have solid shadows");
+        if (child->get("value") != "false")
+          notes.insert("through_masks of lights is left out: in Mitsuba 3 masks have solid shadows");
         continue;
       }
       element(*child, depth + 1, e.tag);

@@ -31,6 +31,9 @@ struct DeviceSurfaces {
   OCTRAD_HD ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
     return octrad::shade<kModels>(materials, surface, wo);
   }
+  OCTRAD_HD float opacity(const SurfaceInteraction& surface, Vec3f wo) const {
+    return opacity_at(materials, surface, wo);
+  }
 };
 
 struct DeviceWorld : DeviceSurfaces {

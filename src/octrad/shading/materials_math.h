@@ -21,6 +21,25 @@ OCTRAD_HD inline void material_at(const MaterialsView& view, const MaterialRecor
   }
 }
 
+// The record of the side that is seen. `wo` as for shade().
+OCTRAD_HD inline const MaterialRecord& seen_record(const MaterialsView& materials, const SurfaceInteraction& surface,
+                                                   Vec3f wo) {
+  const MaterialRecord& record = materials.records[surface.material];
+  const bool back = record.constant.two_sided && record.back >= 0 && dot(wo, surface.shading_normal) < 0.0f;
+  return back ? materials.records[record.back] : record;
+}
+
+// Bsdf::opacity of the point that shade() makes, without the rest of it.
+OCTRAD_HD inline float opacity_at(const MaterialsView& materials, const SurfaceInteraction& surface, Vec3f wo) {
+  const MaterialRecord& record = seen_record(materials, surface, wo);
+  Bsdf b;
+  b.opacity = record.constant.opacity;
+  if (record.textured >> MaterialSlot::opacity & 1u)
+    assign_slot(b, MaterialSlot::opacity,
+                evaluate_texture(materials.textures[record.textures[MaterialSlot::opacity]], surface.uv));
+  return record.masked_parts ? b.opacity * blend_opacity(record, surface.uv) : b.opacity;
+}
+
 // The surface's normal after its bump or normal map, in world space. `frame`: around its shading normal, along dp_du.
 OCTRAD_HD inline Vec3f bumped_normal(const TextureView& texture, const MaterialRecord& record,
                                      const SurfaceInteraction& surface, const Frame& frame, Vec3f wo) {
@@ -43,10 +62,9 @@ OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const Surfac
   p.surface = surface;
   p.wo = wo;
   p.front = dot(wo, surface.geometric_normal) > 0.0f;
-  const MaterialRecord* record = &materials.records[surface.material];
+  const MaterialRecord* record = &seen_record(materials, surface, wo);
   const Vec3f n = surface.shading_normal;
-  const bool two_sided = record->constant.two_sided;
-  if (two_sided && record->back >= 0 && dot(wo, n) < 0.0f) record = &materials.records[record->back];
+  const bool two_sided = materials.records[surface.material].constant.two_sided;
   material_at<kModels>(materials, *record, surface.uv, p.bsdf);
   p.bsdf.two_sided = two_sided;
   Frame frame = tangent_frame(n, surface.dp_du);

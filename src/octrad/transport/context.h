@@ -31,6 +31,7 @@ struct TransportContext {
   ShadingPoint shade(const SurfaceInteraction& surface, Vec3f wo) const {
     return octrad::shade<kModels>(materials.view(), surface, wo);
   }
+  float opacity(const SurfaceInteraction& surface, Vec3f wo) const { return opacity_at(materials.view(), surface, wo); }
   LightSample sample_light(Vec3f x, float u_pick, Vec2f u) const {
     return octrad::sample_light(lights.view(), x, u_pick, u);
   }

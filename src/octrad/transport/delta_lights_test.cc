@@ -150,6 +150,29 @@ TEST(DeltaLights, ShineThroughMasksWhereAskedFor) {
   }
 }
 
+// Rays start again just behind each mask, which far from the origin is a good way on: still they end before the lamp, and
+// what is behind it does not matter.
+TEST(DeltaLights, MasksLeaveTheLampInItsPlace) {
+  for (const int masks : {0, 1, 3}) {
+    SceneMaker maker;
+    const float x = 1000.0f;
+    maker.quad({x - 5, -5, 0}, {10, 0, 0}, {0, 10, 0}, maker.diffuse(Vec3f(0.5f)));
+    Material nothing;
+    nothing.type = BsdfType::null;
+    const int mask = maker.material(nothing);
+    for (int i = 0; i < masks; ++i)
+      maker.quad({x - 5, -5, 2.0f + static_cast<float>(i)}, {10, 0, 0}, {0, 10, 0}, mask);
+    maker.quad({x - 5, -5, 20.05f}, {10, 0, 0}, {0, 10, 0}, maker.diffuse(Vec3f(0.5f)));
+    maker.scene.delta_lights = {point_light({x, 0, 20}, Vec3f(400.0f))};
+    maker.scene.delta_lights[0].through_masks = true;
+    const PreparedScene scene(std::move(maker.scene));
+    std::vector<PathSample> paths = {{{{x, 0, 1}, {0, 0, -1}, 1e30f}, Rng(1, RngPurpose::test, 0), {}, {}}};
+    PathCounters counters;
+    trace_paths(scene.context(), {2, 5}, paths, counters);
+    EXPECT_NEAR(paths[0].radiance.y, 0.5f / kPi, 1e-3f) << masks;
+  }
+}
+
 TEST(DeltaLights, TooManyMasksBlockThem) {
   std::vector<Veil> veils;
   for (int i = 0; i < 300; ++i) veils.push_back({0.0f, 0.5f + 0.003f * static_cast<float>(i), BsdfType::null});

@@ -161,7 +161,7 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
     segment.vertex = surface.position;
     segment.pdf = delta ? 0.0f : (scattered.valid ? scattered.pdf : 1.0f);
   } else {
-    segment.pdf = 0.0f;  // shadow rays do not pass masks
+    segment.pdf = 0.0f;  // shadow rays of emitters that rays meet do not pass masks
   }
   segment.origin = offset_origin(surface.position, surface.geometric_normal, segment.direction);
   segment.t_max = kRayInfinity;

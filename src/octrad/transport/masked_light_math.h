@@ -20,10 +20,11 @@ OCTRAD_HD_APART inline float transmittance_of_masks(Surfaces world, RayQuery ray
     const Hit hit = world.intersect(ray.origin, ray.direction, 0.0f, ray.t_max);
     if (!hit.valid()) return left;
     const SurfaceInteraction surface = world.interact(hit, ray.origin, ray.direction);
-    left *= 1.0f - world.shade(surface, -ray.direction).bsdf.opacity;
+    left *= 1.0f - world.opacity(surface, -ray.direction);
     if (!(left > 0.0f)) break;
-    ray.origin = offset_origin(surface.position, surface.geometric_normal, ray.direction);
-    ray.t_max -= hit.t;
+    const Vec3f next = offset_origin(surface.position, surface.geometric_normal, ray.direction);
+    ray.t_max -= dot(next - ray.origin, ray.direction);
+    ray.origin = next;
   }
   return 0.0f;
 }
