@@ -105,7 +105,8 @@ TEST_F(Safetensors, DamageIsFound) {
     read << std::ifstream(file_, std::ios::binary).rdbuf();
     const std::string bytes = read.str();
     const std::size_t data = bytes.size() - count * sizeof(float) - 3;
-    const std::size_t list = bytes.find("\"octrad.checksums\""), list_end = list + 18;  // under another name it is no list
+    const std::size_t list = bytes.find("\"octrad.checksums\""),
+                      list_end = list + 18;  // under another name it is no list
     for (std::size_t place = count > 30 ? data : 0; place<bytes.size(); place += count> 30 ? 71'111 : 1) {
       if (bytes[place] == ' ' || (place >= list && place < list_end)) continue;
       for (int bit = 0; bit < 8; ++bit) {

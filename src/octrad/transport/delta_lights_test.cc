@@ -150,8 +150,8 @@ TEST(DeltaLights, ShineThroughMasksWhereAskedFor) {
   }
 }
 
-// Rays start again just behind each mask, which far from the origin is a good way on: still they end before the lamp, and
-// what is behind it does not matter.
+// Rays start again just behind each mask, which far from the origin is a good way on: still they end before the lamp,
+// and what is behind it does not matter.
 TEST(DeltaLights, MasksLeaveTheLampInItsPlace) {
   for (const int masks : {0, 1, 3}) {
     SceneMaker maker;
@@ -160,8 +160,7 @@ TEST(DeltaLights, MasksLeaveTheLampInItsPlace) {
     Material nothing;
     nothing.type = BsdfType::null;
     const int mask = maker.material(nothing);
-    for (int i = 0; i < masks; ++i)
-      maker.quad({x - 5, -5, 2.0f + static_cast<float>(i)}, {10, 0, 0}, {0, 10, 0}, mask);
+    for (int i = 0; i < masks; ++i) maker.quad({x - 5, -5, 2.0f + static_cast<float>(i)}, {10, 0, 0}, {0, 10, 0}, mask);
     maker.quad({x - 5, -5, 20.05f}, {10, 0, 0}, {0, 10, 0}, maker.diffuse(Vec3f(0.5f)));
     maker.scene.delta_lights = {point_light({x, 0, 20}, Vec3f(400.0f))};
     maker.scene.delta_lights[0].through_masks = true;
