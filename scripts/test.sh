@@ -71,7 +71,7 @@ count() {
     local cuda
     cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+Cuda$' "$log" || true)
     [ "$cuda" = 0 ] || printf '             SKIPPED: %d tests on a GPU: no CUDA device\n' "$cuda"
-    grep -hE 'largest peak|peak over estimate' "$log" | sed 's/^/             /'
+    grep -ohE '([0-9]+ inputs|pictures of [0-9]+ pixels): largest peak.*|peak over estimate.*' "$log" | sed 's/^/             /'
     grep -hE '^\[  SKIPPED \] [A-Za-z]+.*\.|skipped .|SKIPPED:' "$log" | grep -vE 'Cuda( |$)|^SKIPPED: no CUDA device' | sort -u | head -n 5 |
       sed 's/^/             /'
   fi

@@ -24,7 +24,7 @@ struct ConvertOptions {
   ConfigOptions definitions;
 };
 
-// The folder of files that belong to a scene file; where it is new, it is removed again unless it was kept().
+// The folder of files that belong to a scene file; where it is new, it is removed again unless keep() is called.
 class FolderBeside {
  public:
   explicit FolderBeside(std::filesystem::path path) : path_(std::move(path)) {

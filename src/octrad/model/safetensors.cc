@@ -11,6 +11,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
+#include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 
@@ -326,7 +327,7 @@ void TensorReader::Impl::parse_header() {
 void TensorReader::Impl::take_checksums() {
   const auto listed = metadata.find(kChecksums);
   if (listed == metadata.end()) return;
-  const nlohmann::json checksums = nlohmann::json::parse(listed->second, nullptr, false);
+  const nlohmann::json checksums = parse_json_or_discard(listed->second);
   if (!checksums.is_object() || checksums.size() != tensors.size() + 1)
     refuse("its header is damaged: it does not list a checksum for each tensor");
   const auto of = [&](const std::string& name) {
