@@ -89,7 +89,7 @@ TEST_F(Safetensors, RoundTrip) {
   EXPECT_THROW(reader.get("a", DType::f32, {6}), InputError);
 }
 
-// Each bit of a small file, but those of white space; and some of a file of several blocks.
+// A bit of each byte of a small file, but of white space; and of some bytes of a file of several blocks.
 TEST_F(Safetensors, DamageIsFound) {
   for (const std::size_t count : {30u, 300'000u}) {
     std::vector<float> numbers(count);
@@ -107,16 +107,16 @@ TEST_F(Safetensors, DamageIsFound) {
     const std::size_t data = bytes.size() - count * sizeof(float) - 3;
     const std::size_t list = bytes.find("\"octrad.checksums\""),
                       list_end = list + 18;  // under another name it is no list
-    for (std::size_t place = count > 30 ? data : 0; place<bytes.size(); place += count> 30 ? 71'111 : 1) {
+    const bool small = count == 30;
+    for (std::size_t place = small ? 0 : data; place < bytes.size(); place += small ? 1 : 71'111) {
       if (bytes[place] == ' ' || (place >= list && place < list_end)) continue;
-      for (int bit = 0; bit < 8; ++bit) {
-        std::string other = bytes;
-        other[place] = static_cast<char>(other[place] ^ (1 << bit));
-        std::ofstream(file_, std::ios::binary) << other;
-        EXPECT_NE(refusal().find(place < data ? " is not a usable model file" : "is damaged: its checksum differs"),
-                  std::string::npos)
-            << place << ": " << refusal();
-      }
+      std::string other = bytes;
+      other[place] = static_cast<char>(other[place] ^ (1 << (place * 5 % 8)));
+      std::ofstream(file_, std::ios::binary) << other;
+      const std::string why = refusal();
+      EXPECT_NE(why.find(place < data ? " is not a usable model file" : "is damaged: its checksum differs"),
+                std::string::npos)
+          << place << ": " << why;
     }
   }
 }
