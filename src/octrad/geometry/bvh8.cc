@@ -11,6 +11,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/threads.h"
 #include "octrad/geometry/bvh2.h"
+#include "octrad/geometry/primitives.h"
 #include "octrad/geometry/shape_view.h"
 
 namespace octrad {
@@ -43,12 +44,7 @@ BvhReference sphere_reference(const Sphere& sphere, int shape) {
 }
 
 std::vector<BvhReference> references_of(const Scene& scene, std::size_t& left_out) {
-  std::vector<std::size_t> first(scene.shapes.size() + 1, 0);
-  for (std::size_t i = 0; i < scene.shapes.size(); ++i) {
-    const Shape& shape = scene.shapes[i];
-    const bool sphere = shape.kind == Shape::Kind::sphere;
-    first[i + 1] = first[i] + (sphere ? 1 : scene.meshes[static_cast<std::size_t>(shape.geometry)].triangles.size());
-  }
+  const std::vector<std::size_t> first = first_primitives(scene);
   if (first.back() > (std::size_t{1} << 30)) throw MemoryError("ray tracing: more than 2^30 triangles");
   // Instances are copied out: a bounded price for one kind of tree in the kernels.
   if (!scene.placements.empty())

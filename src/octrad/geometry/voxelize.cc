@@ -10,6 +10,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
+#include "octrad/geometry/primitives.h"
 #include "octrad/geometry/shape_view.h"
 #include "octrad/geometry/surface_sampling.h"
 
@@ -277,13 +278,7 @@ std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain&
                                                std::uint64_t most_tests) {
   const Grid grid = make_grid(domain, levels);
   Bits bits(grid.resolution, scene.file);
-  // Triangles and spheres of all shapes, one after the other.
-  std::vector<std::size_t> first(scene.shapes.size() + 1, 0);
-  for (std::size_t s = 0; s < scene.shapes.size(); ++s) {
-    const Shape& shape = scene.shapes[s];
-    const bool sphere = shape.kind == Shape::Kind::sphere;
-    first[s + 1] = first[s] + (sphere ? 1 : scene.meshes[static_cast<std::size_t>(shape.geometry)].triangles.size());
-  }
+  const std::vector<std::size_t> first = first_primitives(scene);
   constexpr std::uint64_t tests_of_triangle = 256;
   const std::uint64_t most = most_tests + tests_of_triangle * (scene.triangle_count() + scene.spheres.size());
   std::atomic<std::uint64_t> all_tests = 0;
