@@ -36,6 +36,16 @@ bool chosen(const SelftestOptions& o, const char* name) {
   return o.only.empty() || lower_case(name).find(lower_case(o.only)) != std::string::npos;
 }
 
+void require_a_match(const SelftestOptions& o) {
+  const auto any = [&](const auto& entries) {
+    return std::ranges::any_of(entries, [&](const auto& entry) { return chosen(o, entry.name); });
+  };
+  if ((!o.no_checks && any(checks())) || (!o.no_benchmarks && any(benchmarks())) ||
+      (!o.no_checks && !o.no_benchmarks && any(stages())))
+    return;
+  throw UsageError(fmt::format("--only {}: no check, benchmark or stage has this in its name", o.only));
+}
+
 // JSON has no infinity.
 nlohmann::json number(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json("infinite");
@@ -67,16 +77,123 @@ std::string date_now() {
   return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
-std::string row(const std::string& name, const std::string& text) { return fmt::format("  {:<36} {}\n", name, text); }
+// Runs entries of the three lists, prints a line of each as it ends, and keeps what the report holds. Where the device
+// fails in one (a kernel's error holds for the rest of the process), that one has failed, and the others are skipped.
+class Runner {
+ public:
+  Runner(const Context& context, const SelftestOptions& options, const std::string& on, bool silent)
+      : context_(context),
+        options_(options),
+        on_(on),
+        silent_(silent) {}
+
+  void print(const std::string& text) const {
+    if (!silent_) print_text(text);
+  }
+
+  void check(const Check& check) {
+    entry(check.name, checks_, true, [&](nlohmann::json& report) {
+      const CheckResult r = check.run(context_);
+      report.update({{"error", r.error},
+                     {"items", r.items},
+                     {"p50", number(r.p50)},
+                     {"p99", number(r.p99)},
+                     {"p99.9", number(r.p999)},
+                     {"max", number(r.max)},
+                     {"tolerance", r.tolerance},
+                     {"allowed_above", r.allowed},
+                     {"above", r.above},
+                     {"passed", r.passed}});
+      return verdict(r.passed) + r.text();
+    });
+  }
+
+  void benchmark(const Benchmark& benchmark) {
+    entry(benchmark.name, benchmarks_, false, [&](nlohmann::json& report) {
+      const BenchmarkResult r = benchmark.run(context_);
+      nlohmann::json sizes = nlohmann::json::object();
+      for (const auto& [key, value] : r.sizes) sizes[key] = value;
+      report.update({{"rate", r.rate},
+                     {"unit", r.unit},
+                     {"median_ms", r.median_ms},
+                     {"min_ms", r.min_ms},
+                     {"max_ms", r.max_ms},
+                     {"runs", r.runs},
+                     {"sizes", sizes}});
+      return fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms,
+                         context_.stream.on_device() ? "" : ", host");
+    });
+  }
+
+  void stage(const Stage& stage) {
+    entry(stage.name, stages_, true, [&](nlohmann::json& report) {
+      StageResult r = stage.run(context_);
+      r.report["stages_ms"] = stages_json(r.stages);
+      r.report["passed"] = r.passed;
+      report.update(r.report);
+      return fmt::format("{}{} ({})", verdict(r.passed), r.summary, format_stages(r.stages));
+    });
+  }
+
+  std::size_t passed() const { return passed_; }
+  std::size_t failed() const { return failed_; }
+  std::size_t skipped() const { return skipped_.size(); }
+  void put_into(nlohmann::json& report) const {
+    report["checks"] = checks_;
+    report["benchmarks"] = benchmarks_;
+    report["stages"] = stages_;
+    report["skipped"] = skipped_;
+  }
+
+ private:
+  static std::string verdict(bool passed) { return passed ? "ok      " : "FAILED  "; }
+
+  // `run` fills its part of the report and returns the text of the line. `judged`: it passes or fails.
+  template <typename Run>
+  void entry(const char* name, nlohmann::json& list, bool judged, Run&& run) {
+    if (!chosen(options_, name)) return;
+    if (lost_) {
+      skipped_.push_back(name);
+      return;
+    }
+    log_verbose("{}", name);
+    nlohmann::json report{{"name", name}, {"on", on_}};
+    std::string text;
+    try {
+      text = run(report);
+    } catch (const DeviceError& error) {
+      lost_ = true;
+      report["passed"] = false;
+      report["failure"] = error.what();
+      text = verdict(false) + error.what();
+    }
+    if (lost_) ++failed_;
+    else if (judged) ++(report.at("passed").get<bool>() ? passed_ : failed_);
+    list.push_back(std::move(report));
+    print(fmt::format("  {:<36} {}\n", name, text));
+  }
+
+  const Context& context_;
+  const SelftestOptions& options_;
+  const std::string on_;
+  const bool silent_;
+  bool lost_ = false;  // the device
+  std::size_t passed_ = 0, failed_ = 0;
+  nlohmann::json checks_ = nlohmann::json::array(), benchmarks_ = nlohmann::json::array(),
+                 stages_ = nlohmann::json::array(), skipped_ = nlohmann::json::array();
+};
 
 void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   if (!o.output.empty()) require_writable(o.output);
   refuse_input_as_output("-o", o.output, {o.scene});
+  require_a_match(o);
   const Stopwatch watch;
   const DeviceChoice choice = common.choose_device();
   std::unique_ptr<Stream> stream = choice.make_stream(o.definitions.tuning());
   if (!stream) stream = make_host_stream();
-  const std::string on = stream->on_device() ? choice.name : "host";
+  const bool on_device = stream->on_device();
+  const std::string on = on_device ? choice.name : "host";
+  const nlohmann::json device = device_json(*stream, choice);
   const std::uint64_t seed = common.has_seed() ? static_cast<std::uint64_t>(common.seed) : random_seed() & 0xffffffffu;
 
   std::vector<PreparedScene> scenes;  // the one given, or built-in ones
@@ -93,96 +210,41 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   const Context context{*stream, seed, o.quick, at(0), at(1), at(2), at(3)};
   const Scene& scene = at(0).scene();
 
-  std::string text = stream->on_device()
-                         ? fmt::format("selftest on {} ({})\n", choice.name, stream->info().name)
-                         : fmt::format("selftest on the host, standing in for a GPU ({})\n", choice.why);
-  text += fmt::format("seed {}, scene {}: {} triangles\n\nKernels against the CPU's definitions\n", seed, scene.file,
-                      format_count(static_cast<long long>(scene.triangle_count())));
-  nlohmann::json check_list = nlohmann::json::array(), benchmark_list = nlohmann::json::array(),
-                 stage_list = nlohmann::json::array();
-
-  std::size_t failed = 0, passed = 0;
-  for (const Check& check : checks()) {
-    if (o.no_checks || !chosen(o, check.name)) continue;
-    log_verbose("{}", check.name);
-    const CheckResult r = check.run(context);
-    (r.passed ? passed : failed) += 1;
-    check_list.push_back({{"name", check.name},
-                          {"on", on},
-                          {"error", r.error},
-                          {"items", r.items},
-                          {"p50", number(r.p50)},
-                          {"p99", number(r.p99)},
-                          {"p99.9", number(r.p999)},
-                          {"max", number(r.max)},
-                          {"tolerance", r.tolerance},
-                          {"allowed_above", r.allowed},
-                          {"above", r.above},
-                          {"passed", r.passed}});
-    text += row(check.name, fmt::format("{}  {}", r.passed ? "ok    " : "FAILED", r.text()));
+  Runner runner(context, o, on, common.json);
+  runner.print(on_device ? fmt::format("selftest on {} ({})\n", choice.name, stream->info().name)
+                         : fmt::format("selftest on the host, standing in for a GPU ({})\n", choice.why));
+  runner.print(fmt::format("seed {}, scene {}: {} triangles\n", seed, scene.file,
+                           format_count(static_cast<long long>(scene.triangle_count()))));
+  if (!o.no_checks) {
+    runner.print("\nKernels against the CPU's definitions\n");
+    for (const Check& check : checks()) runner.check(check);
   }
-
-  if (!o.no_benchmarks)
-    text +=
-        stream->on_device() ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n";
-  for (const Benchmark& benchmark : benchmarks()) {
-    if (o.no_benchmarks || !chosen(o, benchmark.name)) continue;
-    log_verbose("{}", benchmark.name);
-    const BenchmarkResult r = benchmark.run(context);
-    nlohmann::json sizes = nlohmann::json::object();
-    for (const auto& [key, value] : r.sizes) sizes[key] = value;
-    benchmark_list.push_back({{"name", benchmark.name},
-                              {"on", on},
-                              {"rate", r.rate},
-                              {"unit", r.unit},
-                              {"median_ms", r.median_ms},
-                              {"min_ms", r.min_ms},
-                              {"max_ms", r.max_ms},
-                              {"runs", r.runs},
-                              {"sizes", sizes}});
-    text += row(benchmark.name, fmt::format("{} {}  ({:.3g} ms{})", format_rate(r.rate), r.unit, r.median_ms,
-                                            stream->on_device() ? "" : ", host"));
+  if (!o.no_benchmarks) {
+    runner.print(on_device ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n");
+    for (const Benchmark& benchmark : benchmarks()) runner.benchmark(benchmark);
   }
-
-  if (!o.no_benchmarks)
-    text += stream->on_device()
-                ? "\nTraining and rendering beside the CPU's\n"
-                : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure of a GPU\n";
-  for (const Stage& stage : stages()) {
-    if (o.no_benchmarks || o.no_checks || !chosen(o, stage.name)) continue;
-    log_verbose("{}", stage.name);
-    StageResult r = stage.run(context);
-    (r.passed ? passed : failed) += 1;
-    text +=
-        row(stage.name, fmt::format("{}  {} ({})", r.passed ? "ok    " : "FAILED", r.summary, format_stages(r.stages)));
-    r.report["stages_ms"] = stages_json(r.stages);
-    r.report["name"] = stage.name;
-    r.report["on"] = on;
-    r.report["passed"] = r.passed;
-    stage_list.push_back(std::move(r.report));
+  if (!o.no_benchmarks && !o.no_checks) {
+    runner.print(on_device ? "\nTraining and rendering beside the CPU's\n"
+                           : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure "
+                             "of a GPU\n");
+    for (const Stage& stage : stages()) runner.stage(stage);
   }
-  if (passed + failed + benchmark_list.size() == 0) {
-    throw UsageError(fmt::format("--only {}: no check, benchmark or stage has this in its name", o.only));
-  }
-  text += fmt::format("\n{} passed, {} failed, 0 skipped\n", passed, failed);
+  const std::size_t passed = runner.passed(), failed = runner.failed();
+  runner.print(fmt::format("\n{} passed, {} failed, {} skipped\n", passed, failed, runner.skipped()));
 
-  const nlohmann::json report = {{"version", kVersion},
-                                 {"date", date_now()},
-                                 {"device", device_json(*stream, choice)},
-                                 {"emulated", !stream->on_device()},
-                                 {"why", choice.why},
-                                 {"seed", seed},
-                                 {"scene", {{"file", scene.file}, {"triangles", scene.triangle_count()}}},
-                                 {"checks", check_list},
-                                 {"benchmarks", benchmark_list},
-                                 {"stages", stage_list},
-                                 {"skipped", nlohmann::json::array()},
-                                 {"passed", failed == 0},
-                                 {"peak_bytes", stream->peak_bytes()},
-                                 {"seconds", watch.seconds()}};
+  nlohmann::json report = {{"version", kVersion},
+                           {"date", date_now()},
+                           {"device", device},
+                           {"emulated", !on_device},
+                           {"why", choice.why},
+                           {"seed", seed},
+                           {"scene", {{"file", scene.file}, {"triangles", scene.triangle_count()}}},
+                           {"passed", failed == 0},
+                           {"peak_bytes", stream->peak_bytes()},
+                           {"seconds", watch.seconds()}};
+  runner.put_into(report);
   if (!o.output.empty()) write_file(o.output, json_text(report, 2) + "\n");
   if (common.json) print_json(report);
-  else print_text(text);
   if (failed > 0)
     throw DeviceError(
         fmt::format("{} of {} checks and stages failed on {}; seed {}", failed, passed + failed, on, seed));
