@@ -60,9 +60,9 @@ def first(plan):
 
 
 # Other values of DeviceTuning (src/octrad/device/tuning.h) beside its defaults, one at a time.
-VARIANTS = (("cast_warps", "2048"), ("cast_warps", "8192"), ("cast_share", "4"), ("cast_share", "64"), ("cast_refill", "4"), ("cast_refill", "16"), ("cast_dynamic", "1"), ("block", "64"),
-            ("lhs_rounds", "24"), ("points_ahead", "524288"), ("draw_ahead", "1"), ("query_chunk", "1048576"), ("train_chunk", "32768"), ("sort_queries", "1"), ("scan_touched", "1"), ("half_moments", "1"))
-FRAME_VARIANTS = (("pixel_tiles", "0"), ("direct_film", "0"), ("cast_dynamic", "1"), ("sort_queries", "1"), ("cast_share", "4"))
+VARIANTS = (("cast_warps", "2048"), ("cast_warps", "8192"), ("cast_share", "4"), ("cast_share", "64"), ("cast_refill", "4"), ("cast_refill", "16"), ("cast_dynamic", "0"), ("block", "64"),
+            ("lhs_rounds", "24"), ("points_ahead", "524288"), ("draw_ahead", "0"), ("query_chunk", "1048576"), ("train_chunk", "32768"), ("sort_queries", "1"), ("half_moments", "1"))
+FRAME_VARIANTS = (("pixel_tiles", "0"), ("direct_film", "0"), ("cast_dynamic", "0"), ("sort_queries", "1"), ("cast_share", "4"))
 SHAPES = ((1024, 16, 6), (2048, 16, 6), (4096, 16, 7), (8192, 16, 7), (16384, 32, 8), (65536, 32, 8))  # points, directions, levels
 
 
@@ -73,7 +73,7 @@ def second(plan):
     base = p.train("variant: as it is", 8, s["cornell-box"], "base.octrad", *short, priority=1)
     for key, value in VARIANTS:
         p.train("variant: %s=%s" % (key, value), 8, s["cornell-box"], "variant.octrad", *short, "-D", "device.%s=%s" % (key, value), priority=1)
-    p.train("variant: touched Adam, scan_touched=1", 8, s["cornell-box"], "variant.octrad", *short, "-D", "adam.mode=touched", "-D", "device.scan_touched=1", priority=2)
+    p.train("variant: touched Adam, scan_touched=0", 8, s["cornell-box"], "variant.octrad", *short, "-D", "adam.mode=touched", "-D", "device.scan_touched=0", priority=2)
     for words in ([], ["-D", "device.chain_rounds=3"]):  # where there is glass
         p.train("variant: %s, kitchen" % ("chain_rounds=3" if words else "as it is"), 8, s["kitchen"], "variant.octrad", *short, *words, priority=2)
     for key, value in (("", ""), *FRAME_VARIANTS):

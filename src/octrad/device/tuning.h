@@ -10,13 +10,13 @@ struct DeviceTuning {
   int cast_warps = 4096;  // at least so many take part, if there are rays for them; about what large GPUs hold at once
   int cast_share = 16;    // rays for each of a warp's lanes, at most, before there are more warps
   int cast_refill = 8;    // lanes that are done before new rays are taken
-  bool cast_dynamic = false;  // warps take rays from what is left of all, else each has its share
-  int block = 0;              // threads of a block of element-wise kernels, at most what they are compiled for; 0: that
-  int chain_rounds = 0;       // of training rays over mirrors and glass; what is left each thread follows alone
+  bool cast_dynamic = true;  // warps take rays from what is left of all, else each has its share
+  int block = 0;             // threads of a block of element-wise kernels, at most what they are compiled for; 0: that
+  int chain_rounds = 0;      // of training rays over mirrors and glass; what is left each thread follows alone
   // Left-hand-side points (transport/lhs_device.h, train/engine_device.cc).
   int lhs_rounds = -1;        // rays traced for all points together; -1: chosen by the configuration
   int points_ahead = 262144;  // drawn at a time, for several steps
-  bool draw_ahead = false;    // by another stream, while steps take those drawn before
+  bool draw_ahead = true;     // by another stream, while steps take those drawn before
   // Sizes of batches.
   int query_chunk = 2097152;    // queries of a training step in flight
   int train_chunk = 65536;      // points whose activations are kept at a time
@@ -26,7 +26,7 @@ struct DeviceTuning {
   bool direct_film = true;    // a frame of one sample a pixel goes to the screen without sums in double
   bool sort_queries = false;  // queries of the field in the order of a 15-bit Morton key
   bool half_moments = false;  // dense Adam keeps the moments of tables in half the bytes
-  bool scan_touched = false;  // the list of touched table entries from a scan over their bits, else as they come
+  bool scan_touched = true;   // the list of touched table entries from a scan over their bits, else as they come
 };
 
 }  // namespace octrad

@@ -175,13 +175,13 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
     const auto learnt = [&] { return radiance(*train(box.scene, config, options).field, probes_); };
     stream->tuning = {};
     const std::vector<Vec3f> expected = learnt();
-    for (const auto& [key, value] : {std::pair{"scan_touched", "1"},
+    for (const auto& [key, value] : {std::pair{"scan_touched", "0"},
                                      {"sort_queries", "1"},
                                      {"query_chunk", "100"},
                                      {"points_ahead", "64"},
-                                     {"draw_ahead", "1"},
+                                     {"draw_ahead", "0"},
                                      {"lhs_rounds", "1"},
-                                     {"cast_dynamic", "1"},
+                                     {"cast_dynamic", "0"},
                                      {"chain_rounds", "2"},
                                      {"cast_warps", "1"},
                                      {"cast_refill", "32"},
