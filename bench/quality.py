@@ -57,6 +57,7 @@ def main():
     parser.add_argument("--time", default="5m")
     parser.add_argument("--steps", help="train so many steps instead of --time: what a busy machine does not change")
     parser.add_argument("--device", default="cpu", help="that trains and renders (default: cpu)")
+    parser.add_argument("--preset", default="cpu", help="octrad train --preset (default: cpu)")
     parser.add_argument("--seed", default="0")
     parser.add_argument("--spp", default="16", help="primary samples a pixel of the lhs pictures (default: 16)")
     parser.add_argument("--sparse-spp", default="1024", help="the same where a reference has few pixels (default: 1024)")
@@ -72,7 +73,7 @@ def main():
     rows = []
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
-        trained = train([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", "cpu", "--field", field, *budget, "--seed", args.seed,
+        trained = train([args.octrad, "train", args.scene, "-o", model, "--overwrite", "--preset", args.preset, "--field", field, *budget, "--seed", args.seed,
                          "--device", args.device, "--no-optimizer", "--json", "-q"] + definitions, model, os.path.join(folder, field + ".json"))
         for view in args.view:
             name, rest = view.split("=", 1)
@@ -110,7 +111,8 @@ def main():
               f"{r['mean_ratio']:>8.4f}{r['rhs_queries_per_s'] / 1e6:>7.2f}")
     if args.output:
         with open(args.output, "w") as out:
-            json.dump({"scene": os.path.basename(os.path.dirname(os.path.abspath(args.scene))), "time": None if args.steps else args.time, "keys": args.D, "rows": rows}, out, indent=1)
+            json.dump({"scene": os.path.basename(os.path.dirname(os.path.abspath(args.scene))), "time": None if args.steps else args.time,
+                       "preset": args.preset, "device": args.device, "keys": args.D, "rows": rows}, out, indent=1)
             out.write("\n")
 
 

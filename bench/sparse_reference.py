@@ -51,6 +51,7 @@ def main():
     parser.add_argument("--height", type=int, default=256)
     parser.add_argument("--spp", type=int, default=65536, help="samples a pixel of both halves together (default: 65536)")
     parser.add_argument("--pixels", type=int, default=2048, help="about (default: 2048)")
+    parser.add_argument("--device", default="cpu", help="that renders (default: cpu)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", required=True)
     args, view = parser.parse_known_args()
@@ -60,8 +61,8 @@ def main():
     pixels = places(args.width, args.height, args.pixels, args.seed)
     write_mask(mask, args.width, args.height, pixels)
     for number, half in enumerate((half_a, half_b)):
-        subprocess.run([args.octrad, "render", args.scene, "--integrator", "path", "--max-depth", "-1", "--device", "cpu", "--width", str(args.width),
-                        "--height", str(args.height), "--mask", mask, "--spp", str(args.spp // 2), "--seed", str(900001 + 2 * args.seed + number),
+        subprocess.run([args.octrad, "render", args.scene, "--integrator", "path", "--max-depth", "-1", "--device", args.device, "--width",
+                        str(args.width), "--height", str(args.height), "--mask", mask, "--spp", str(args.spp // 2), "--seed", str(900001 + 2 * args.seed + number),
                         "--resume", "-o", half, "-q"] + view, check=True)
     merged = subprocess.run([args.octrad, "merge", half_a, half_b, "-o", reference, "--json", "-q"], check=True, stdout=subprocess.PIPE)
     noise = json.loads(merged.stdout)["noise"]["mape"]
