@@ -43,19 +43,19 @@ class Plan:
 def first(plan):
     """Does it work, and where does the time go?"""
     p, s = plan, plan.scenes
-    p.octrad("checks", 60, "selftest", s["cornell-box"], "--no-benchmarks", priority=1)
-    dense = p.train("train: 1,200 steps of the paper schedule", 15, s["cornell-box"], "dense.octrad", "--preset", "paper", "--steps", "1200", priority=1)
+    p.octrad("checks", 20, "selftest", s["cornell-box"], "--no-benchmarks", priority=1)
+    dense = p.train("train: 1,200 steps of the paper schedule", 11, s["cornell-box"], "dense.octrad", "--preset", "paper", "--steps", "1200", priority=1)
     for size, words in SIZES:
-        p.frames("frame: %s" % size, 6, s["cornell-box"], "dense.octrad", *words, "--spp", "1", needs=[dense], priority=1)
-    p.octrad("path: 64 spp, depth 8", 8, "render", s["kitchen"], "--integrator", "path", *SIZES[0][1], "--spp", "64", "--max-depth", "8", "-o", p.at("path.exr"), priority=1)
-    p.octrad("benchmarks", 45, "selftest", s["kitchen"], "--no-checks", priority=2)
-    p.train("train: 1,200 steps, touched Adam", 15, s["cornell-box"], "touched.octrad", "--preset", "paper", "-D", "adam.mode=touched", "--steps", "1200", priority=2)
+        p.frames("frame: %s" % size, 3, s["cornell-box"], "dense.octrad", *words, "--spp", "1", needs=[dense], priority=1)
+    p.octrad("path: 64 spp, depth 8", 4, "render", s["kitchen"], "--integrator", "path", *SIZES[0][1], "--spp", "64", "--max-depth", "8", "-o", p.at("path.exr"), priority=1)
+    p.octrad("benchmarks", 17, "selftest", s["kitchen"], "--no-checks", priority=2)
+    p.train("train: 1,200 steps, touched Adam", 11, s["cornell-box"], "touched.octrad", "--preset", "paper", "-D", "adam.mode=touched", "--steps", "1200", priority=2)
     for program in p.tests:
-        p.add("unit tests: %s" % program, 15, ["--gtest_filter=*Cuda", "--gtest_brief=1"], kind="text", program=program, priority=3)
+        p.add("unit tests: %s" % program, 6, ["--gtest_filter=*Cuda", "--gtest_brief=1"], kind="text", program=program, priority=3)
     for field in ("nr", "ncr"):
-        p.train("train: 300 steps, %s" % field, 15, s["cornell-box"], field + ".octrad", "--preset", "paper", "--field", field, "--steps", "300", priority=4)
+        p.train("train: 300 steps, %s" % field, 4, s["cornell-box"], field + ".octrad", "--preset", "paper", "--field", field, "--steps", "300", priority=4)
     if p.profiler:
-        p.octrad("kernels: 3 steps", 60, "train", s["cornell-box"], "--preset", "paper", "--steps", "3", *NO_EXTRAS, "-o", p.at("profile.octrad"), kind="profile", priority=3)
+        p.octrad("kernels: 3 steps", 9, "train", s["cornell-box"], "--preset", "paper", "--steps", "3", *NO_EXTRAS, "-o", p.at("profile.octrad"), kind="profile", priority=3)
     return p.steps
 
 
@@ -70,22 +70,22 @@ def second(plan):
     """Why, and which variant?"""
     p, s = plan, plan.scenes
     short = ["--preset", "paper", "--steps", "400"]
-    base = p.train("variant: as it is", 8, s["cornell-box"], "base.octrad", *short, priority=1)
+    base = p.train("variant: as it is", 7, s["cornell-box"], "base.octrad", *short, priority=1)
     for key, value in VARIANTS:
-        p.train("variant: %s=%s" % (key, value), 8, s["cornell-box"], "variant.octrad", *short, "-D", "device.%s=%s" % (key, value), priority=1)
-    p.train("variant: touched Adam, scan_touched=0", 8, s["cornell-box"], "variant.octrad", *short, "-D", "adam.mode=touched", "-D", "device.scan_touched=0", priority=2)
+        p.train("variant: %s=%s" % (key, value), 7, s["cornell-box"], "variant.octrad", *short, "-D", "device.%s=%s" % (key, value), priority=1)
+    p.train("variant: touched Adam, scan_touched=0", 7, s["cornell-box"], "variant.octrad", *short, "-D", "adam.mode=touched", "-D", "device.scan_touched=0", priority=2)
     for words in ([], ["-D", "device.chain_rounds=3"]):  # where there is glass
-        p.train("variant: %s, kitchen" % ("chain_rounds=3" if words else "as it is"), 8, s["kitchen"], "variant.octrad", *short, *words, priority=2)
+        p.train("variant: %s, kitchen" % ("chain_rounds=3" if words else "as it is"), 10, s["kitchen"], "variant.octrad", *short, *words, priority=2)
     for key, value in (("", ""), *FRAME_VARIANTS):
         words = ["-D", "device.%s=%s" % (key, value)] if key else []
-        p.frames("frame variant: %s" % ("%s=%s" % (key, value) if key else "as it is"), 5, s["cornell-box"], "base.octrad", *SIZES[0][1], "--spp", "1", *words, needs=[base], priority=1)
-    p.octrad("checks without fused multiply-adds", 60, "selftest", s["cornell-box"], "--no-benchmarks", "--seed", "1", program="octrad-nofmad", priority=2)
-    p.octrad("checks with the same seed", 60, "selftest", s["cornell-box"], "--no-benchmarks", "--seed", "1", priority=2)
-    reference = p.octrad("reference, 1024 spp", 25, "render", s["cornell-box"], "--integrator", "path", *SIZES[0][1], "--spp", "1024", "-o", p.at("reference.exr"), priority=3)
+        p.frames("frame variant: %s" % ("%s=%s" % (key, value) if key else "as it is"), 3, s["cornell-box"], "base.octrad", *SIZES[0][1], "--spp", "1", *words, needs=[base], priority=1)
+    p.octrad("checks without fused multiply-adds", 20, "selftest", s["cornell-box"], "--no-benchmarks", "--seed", "1", program="octrad-nofmad", priority=2)
+    p.octrad("checks with the same seed", 20, "selftest", s["cornell-box"], "--no-benchmarks", "--seed", "1", priority=2)
+    reference = p.octrad("reference, 1024 spp", 10, "render", s["cornell-box"], "--integrator", "path", *SIZES[0][1], "--spp", "1024", "-o", p.at("reference.exr"), priority=3)
     for points, directions, levels in SHAPES:
         name = "%dx%d-K%d" % (points, directions, levels)
         log = p.at("shape-%s.jsonl" % name)
-        p.train("time to quality: %s" % name, 14, s["cornell-box"], "shape.octrad", "--preset", "default", "--time", "10s", "--reference", p.at("reference.exr"),
+        p.train("time to quality: %s" % name, 15, s["cornell-box"], "shape.octrad", "--preset", "default", "--time", "10s", "--reference", p.at("reference.exr"),
                 "-D", "train.points=%d" % points, "-D", "train.directions=%d" % directions, "-D", "octree.levels=%d" % levels, "--validate-every", "1s", "--log-json", log,
                 log=log, needs=[reference], priority=3)
     if p.profiler:
@@ -97,23 +97,23 @@ def second(plan):
 def third(plan):
     """The record."""
     p, s = plan, plan.scenes
-    model = p.train("octaoctree: paper schedule", 190, s["cornell-box"], "paper.octrad", "--preset", "paper", priority=1)
+    model = p.train("octaoctree: paper schedule", 112, s["cornell-box"], "paper.octrad", "--preset", "paper", priority=1)
     for size, words in SIZES:
-        p.frames("octaoctree: frame, %s" % size, 6, s["cornell-box"], "paper.octrad", *words, "--spp", "1", needs=[model], priority=1)
-    p.frames("octaoctree: frame, 1024 x 1024, 4 samples a pixel", 8, s["cornell-box"], "paper.octrad", *SIZES[0][1], "--spp", "4", needs=[model], priority=2)
-    p.octrad("path: 256 spp, depth 8", 20, "render", s["kitchen"], "--integrator", "path", *SIZES[0][1], "--spp", "256", "--max-depth", "8", "-o", p.at("path.exr"), repeat=3, priority=1)
-    reference = p.octrad("path: reference, 4096 spp", 100, "render", s["cornell-box"], "--integrator", "path", *SIZES[0][1], "--spp", "4096", "-o", p.at("reference.exr"), priority=1)
+        p.frames("octaoctree: frame, %s" % size, 3, s["cornell-box"], "paper.octrad", *words, "--spp", "1", needs=[model], priority=1)
+    p.frames("octaoctree: frame, 1024 x 1024, 4 samples a pixel", 4, s["cornell-box"], "paper.octrad", *SIZES[0][1], "--spp", "4", needs=[model], priority=2)
+    p.octrad("path: 256 spp, depth 8", 5, "render", s["kitchen"], "--integrator", "path", *SIZES[0][1], "--spp", "256", "--max-depth", "8", "-o", p.at("path.exr"), repeat=3, priority=1)
+    reference = p.octrad("path: reference, 4096 spp", 35, "render", s["cornell-box"], "--integrator", "path", *SIZES[0][1], "--spp", "4096", "-o", p.at("reference.exr"), priority=1)
     log = p.at("curve.jsonl")
     curve = p.train("octaoctree: error against seconds, default", 65, s["cornell-box"], "curve.octrad", "--preset", "default", "--time", "60s",
                     "--reference", p.at("reference.exr"), "--log-json", log, log=log, needs=[reference], priority=1)
     picture = p.octrad("octaoctree: picture after 60 s", 5, "render", s["cornell-box"], "--model", p.at("curve.octrad"), *SIZES[0][1], "--spp", "64", "-o", p.at("lhs.exr"),
                        needs=[curve], priority=1)
     p.add("octaoctree: its error", 5, ["compare", p.at("reference.exr"), p.at("lhs.exr"), "--json", "-q"], needs=[picture], priority=1)
-    p.octrad("selftest", 120, "selftest", s["cornell-box"], priority=2)
+    p.octrad("selftest", 45, "selftest", s["cornell-box"], priority=2)
     for field in ("nr", "ncr"):
-        trained = p.train("%s: 500 steps of the paper schedule" % field, 25, s["cornell-box"], field + ".octrad", "--preset", "paper", "--field", field, "--steps", "500", priority=2)
+        trained = p.train("%s: 500 steps of the paper schedule" % field, 7, s["cornell-box"], field + ".octrad", "--preset", "paper", "--field", field, "--steps", "500", priority=2)
         for size, words in SIZES:
-            p.frames("%s: frame, %s" % (field, size), 6, s["cornell-box"], field + ".octrad", *words, "--spp", "1", needs=[trained], priority=3)
+            p.frames("%s: frame, %s" % (field, size), 4, s["cornell-box"], field + ".octrad", *words, "--spp", "1", needs=[trained], priority=3)
     # The same steps and seed on both, each judged by its picture; and a GPU's training that the CPU goes on with.
     small = ["--preset", "cpu", "--steps", "1500", "--seed", "1", "-D", "checkpoint.every=10h"]
     for device in ("", "cpu"):
