@@ -40,6 +40,7 @@ struct Gather : Kernel {
     for (int sy = ya; sy <= yb; ++sy) {
       for (int sx = xa; sx <= xb; ++sx) {
         const std::uint32_t pixel = j.pixel_number(sx, sy);
+        if (pixel == ListedPixels::kNone) continue;
         for (int s = 0; s < j.count; ++s) {
           const std::uint32_t k = pixel * static_cast<std::uint32_t>(j.count) + static_cast<std::uint32_t>(s);
           float weight = 1.0f;

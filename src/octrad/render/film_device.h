@@ -21,7 +21,7 @@ class DeviceFilm {
   // What a screen shows of the film, as octrad tonemap without options: [pixels()][4] bytes.
   void show(const ToneMapping& mapping, unsigned char* screen) const;
   // The same of one sample a pixel that the film does not have yet: what add() to an empty film and show() would give,
-  // without the sums in double. Only with a box filter (reach() 0), for a job of the film's window.
+  // without the sums in double. Only with a box filter (reach() 0), for a job of the whole window of the film.
   void show_only(const CameraJob* job, const SamplePlanes& samples, const ToneMapping& mapping,
                  unsigned char* screen) const;
   // How many pixels around a window have samples that reach into it.

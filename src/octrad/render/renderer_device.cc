@@ -125,12 +125,15 @@ class StreamRenderer : public Renderer {
     parts.push_back({"scene", scene_bytes_});
     parts.push_back({"film", DeviceFilm::bytes(window_.crop.width(), window_.crop.height())});
     parts.push_back({"samples in flight", choice_.info->device_bytes(input(), capacity)});
+    if (!window_.needed.empty())
+      parts.push_back({"mask", (window_.needed.size() + static_cast<std::size_t>(window_.sampled_pixels())) *
+                                   sizeof(std::uint32_t)});
     return parts;
   }
 
   // Buffers are made for the largest view so far, and kept for others.
   void view_changed() override {
-    window_.needed.clear();  // jobs are whole rows: pixels that the mask leaves out are sampled, too
+    if (!choice_.info->recordable) window_.needed.clear();  // what works on the host takes all pixels
     const auto total = [&](std::size_t capacity) {
       std::uint64_t sum = 0;
       for (const MemoryPart& part : memory(capacity)) sum += part.bytes;
@@ -152,11 +155,24 @@ class StreamRenderer : public Renderer {
       if (field_) device_field_ = make_device_field(stream_, *field_, config_, field_options(capacity_));
       integrator_ = choice_.info->make_device(input(), stream_, world, device_field_.get(), capacity_);
     }
+    list_pixels();
     const PixelRect& crop = window_.crop;
     if (film_ && crop == film_window_) return;
     film_.reset();
     film_window_ = crop;
     film_ = std::make_unique<DeviceFilm>(stream_, crop.x0, crop.y0, crop.width(), crop.height(), settings_.film);
+  }
+
+  // Those that the mask needs.
+  void list_pixels() {
+    std::vector<std::uint32_t> numbers, places(window_.needed.size(), ListedPixels::kNone);
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      if (window_.needed[p] == 0) continue;
+      places[p] = static_cast<std::uint32_t>(numbers.size());
+      numbers.push_back(static_cast<std::uint32_t>(p));
+    }
+    listed_numbers_ = {stream_, std::span<const std::uint32_t>(numbers), "the mask"};
+    listed_places_ = {stream_, std::span<const std::uint32_t>(places), "the mask"};
   }
 
   void model_changed(bool same_shape) override {
@@ -183,13 +199,23 @@ class StreamRenderer : public Renderer {
 
   // A pass is short there: never stopped.
   bool sample(int first, int count, const std::function<bool()>&) override {
-    const auto rows =
-        static_cast<int>(std::max<std::size_t>(1, job_samples_ / (columns() * static_cast<std::size_t>(count))));
-    for (int y = window_.sampled.y0; y < window_.sampled.y1; y += rows) {
-      const CameraJob job = job_of(y, rows, first, count);
+    const auto run = [&](const CameraJob& job) {
       integrator_->set(job);
       integrator_->run(job.size());
       film_->add(integrator_->job(), integrator_->samples());
+    };
+    const PixelRect& window = window_.sampled;
+    const std::size_t pixels = std::max<std::size_t>(1, job_samples_ / static_cast<std::size_t>(count));  // of a job
+    if (const std::size_t listed = listed_numbers_.size(); listed > 0) {
+      for (std::size_t place = 0; place < listed; place += pixels) {
+        CameraJob job = job_of(window.y0, window.height(), first, count);
+        job.listed = {listed_numbers_.data(), listed_places_.data(), static_cast<std::uint32_t>(place),
+                      static_cast<std::uint32_t>(std::min(pixels, listed - place))};
+        run(job);
+      }
+    } else {
+      const auto rows = static_cast<int>(std::max<std::size_t>(1, pixels / columns()));
+      for (int y = window.y0; y < window.y1; y += rows) run(job_of(y, rows, first, count));
     }
     stream_.synchronize();  // time limits and interrupts count what is done
     return true;
@@ -199,7 +225,8 @@ class StreamRenderer : public Renderer {
   std::unique_ptr<DeviceField> device_field_;  // null without a model
   std::unique_ptr<DeviceIntegrator> integrator_;
   std::unique_ptr<DeviceFilm> film_;
-  PixelRect film_window_;          // of film_
+  PixelRect film_window_;                                      // of film_
+  DeviceArray<std::uint32_t> listed_numbers_, listed_places_;  // ListedPixels of a view with a mask, else empty
   const std::size_t scene_bytes_;  // that this renderer's use of the scene has yet to allocate
   std::size_t capacity_ = 0;       // samples that buffers are made for
   std::size_t job_samples_ = 0;    // of a job of this view; depends on the view alone, so that sums are formed alike

@@ -215,21 +215,50 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
     ASSERT_EQ(crop.width, 20);
     for (int x = 0; x < 20; ++x)
       EXPECT_NEAR(crop.at(x, 3, 0), device.image.at(x + 10, 8, 0), 1e-4f * (1.0f + crop.at(x, 3, 0)));
-    // With a mask all pixels are sampled there; those that it leaves out are 0.
-    const auto renderer = box.renderer("path", 9, stream.get());
-    View view = renderer->view();
-    auto mask = std::make_shared<std::vector<std::uint8_t>>(40 * 28);
-    for (std::size_t p = 0; p < mask->size(); p += 7) (*mask)[p] = 1;
-    view.mask = mask;
-    renderer->set_view(view);
-    const RenderResult some = render(*renderer, {9});
-    EXPECT_EQ(some.samples, device.samples);
-    for (std::size_t p = 0; p < mask->size(); ++p) {
-      const int x = static_cast<int>(p % 40), y = static_cast<int>(p / 40);
-      const float expected = view.wants(x, y) ? device.image.at(x, y, 0) : 0.0f;
-      EXPECT_NEAR(some.image.at(x, y, 0), expected, 1e-4f * (1.0f + expected)) << x << " " << y;
+  }
+}
+
+// As many samples as the CPU takes, of the pixels that the mask needs, in jobs of any size; what it leaves out is 0.
+TEST_P(RenderOnStream, MaskedPicturesArePartsOfTheWhole) {
+  for (const char* filter : {"box", "gaussian"}) {
+    Box box(filter);
+    for (const char* integrator : {"path", "lhs"}) {
+      for (const Crop& crop : {Crop{}, Crop{10, 5, 20, 11}}) {
+        const Image whole = box.picture(integrator, 9, stream.get(), crop).image;
+        auto mask = std::make_shared<std::vector<std::uint8_t>>(40 * 28);
+        for (std::size_t p = 0; p < mask->size(); p += 37) (*mask)[p] = 1;
+        for (const int samples : {DeviceTuning().frame_samples, 100}) {
+          stream->tuning.frame_samples = samples;
+          RenderResult results[2];
+          for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+            const auto renderer = box.renderer(integrator, 9, where, 0, crop);
+            View view = renderer->view();
+            view.mask = mask;
+            renderer->set_view(view);
+            results[where != nullptr] = render(*renderer, {9});
+            if (where == nullptr) continue;
+            const Image& image = results[1].image;
+            const PixelRect part = view.part();
+            for (int y = part.y0; y < part.y1; ++y) {
+              for (int x = part.x0; x < part.x1; ++x) {
+                const float expected = view.wants(x, y) ? whole.at(x - part.x0, y - part.y0, 0) : 0.0f;
+                ASSERT_NEAR(image.at(x - part.x0, y - part.y0, 0), expected, 1e-4f * expected)
+                    << filter << " " << integrator << " " << x << " " << y;
+              }
+            }
+            // The mask does not stay.
+            view.mask = nullptr;
+            renderer->set_view(view);
+            EXPECT_GT(render(*renderer, {1}).samples, part.width() * part.height() - 1);
+          }
+          EXPECT_EQ(results[1].samples, results[0].samples);
+          EXPECT_NEAR(static_cast<double>(results[1].counts.rays), static_cast<double>(results[0].counts.rays),
+                      1e-3 * static_cast<double>(results[0].counts.rays));
+        }
+      }
     }
   }
+  stream->tuning = {};
 }
 
 // Views have a test of their own.

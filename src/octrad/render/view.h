@@ -26,7 +26,7 @@ struct View {
   Camera camera;
   int width = 0, height = 0;  // of the whole picture, pixels
   Crop crop = {};             // only this part is rendered and returned
-  // One byte a pixel of the whole picture, row by row: where it is 0 the result is 0, and the CPU takes no samples.
+  // One byte a pixel of the whole picture, row by row: where it is 0 the result is 0, and no samples are taken.
   // Null: every pixel.
   std::shared_ptr<const std::vector<std::uint8_t>> mask = {};
 
