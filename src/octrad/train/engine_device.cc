@@ -101,6 +101,7 @@ class DeviceEngine : public TrainEngine {
         config_(config),
         options_(options),
         ahead_(options.tuning.draw_ahead ? stream.sibling() : nullptr),
+        draw_times_(ahead_ ? *ahead_ : stream),
         lhs_(stream, scene.world(stream), lhs_options(config), sampler.views(), sampler.fresh_poses(),
              most_points(config), most_points_ahead(config, options), -1, ahead_.get(),
              query_rays(config, true).offset),
@@ -147,11 +148,9 @@ class DeviceEngine : public TrainEngine {
     if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(step_graphs_, shape) &&
         is_recorded(draw_graphs_, std::pair{last_points_, buffer_of(step)})) {
       next_timed_ = step + kStepsBetweenTimes;
-      times_.settle();
-      times_.begin();
-      times_.set_share(1.0 / group_steps(last_points_, options_));
+      settle_times();
       draw_group(step, false);
-      times_.set_share(1.0);
+      times_.begin();
       run(s, buffer_of(step));
       times_.end();
       return;
@@ -165,7 +164,7 @@ class DeviceEngine : public TrainEngine {
   StepReport collect() override {
     if (ahead_) ahead_->synchronize();  // an edit of the scene may follow
     DeviceTrainReport trained = device_field_->collect();
-    times_.settle();
+    settle_times();
     const TraceCounts traced = rhs_.take_counts();
     if (lhs_.take_missing() > 0) throw InputError(no_lhs_point());
     StepReport report;
@@ -177,7 +176,12 @@ class DeviceEngine : public TrainEngine {
     return report;
   }
 
-  StageSplit stages() const override { return times_.means(); }
+  StageSplit stages() const override {
+    StageSplit split = draw_times_.means();
+    const StageSplit steps = times_.means();
+    split.insert(split.end(), steps.begin(), steps.end());
+    return split;
+  }
 
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     const QueryRays rays = query_rays(config_);
@@ -291,7 +295,7 @@ class DeviceEngine : public TrainEngine {
   int buffer_of(long long step) const { return ahead_ ? static_cast<int>(group_of(step) % 2) : 0; }
 
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
-  // `graph`: replayed, else launch by launch, so that its stages can be timed. Where points are drawn ahead, a sibling
+  // `graph`: replayed, else launch by launch and timed, with nothing beside it. Where points are drawn ahead, a sibling
   // of the stream draws the next group while this one is taken from.
   void draw_group(long long step, bool graph = true) {
     const std::pair<std::size_t, long long> group{last_points_, group_of(step)};
@@ -304,24 +308,36 @@ class DeviceEngine : public TrainEngine {
     if (group != next_) draw_beside(step);
     stream_.wait(*ready_);
     drawn_ = group;
-    draw_beside((group.second + 1) * group_steps(last_points_, options_));
+    draw_beside((group.second + 1) * group_steps(last_points_, options_), graph);
+    if (!graph) stream_.wait(*ready_);
     next_ = {last_points_, group.second + 1};
   }
   // After what the stream has been asked for so far, which may still take from the buffer.
-  void draw_beside(long long step) {
+  void draw_beside(long long step, bool graph = true) {
     const auto before = stream_.record();
     ahead_->wait(*before);
     StepInput input;
     input.step = static_cast<unsigned long long>(step);
     launch(*ahead_, 1, SetStep{{}, input, ahead_input_.data()});
-    draw(*ahead_, ahead_input_.data(), step, true);
+    draw(*ahead_, ahead_input_.data(), step, graph);
     ready_ = ahead_->record();
   }
   void draw(Stream& stream, const StepInput* input, long long step, bool graph) {
     const int steps = group_steps(last_points_, options_), buffer = buffer_of(step);
     const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, buffer); };
-    if (graph) run_or_replay(stream, draw_graphs_, std::pair{last_points_, buffer}, work);
-    else work();
+    if (graph) {
+      run_or_replay(stream, draw_graphs_, std::pair{last_points_, buffer}, work);
+      return;
+    }
+    draw_times_.begin();
+    draw_times_.set_share(1.0 / steps);
+    work();
+    draw_times_.end();
+  }
+
+  void settle_times() {
+    draw_times_.settle();
+    times_.settle();
   }
 
   void run(const ScheduleState& s, int buffer) {
@@ -348,6 +364,7 @@ class DeviceEngine : public TrainEngine {
   const Config config_;
   const DeviceEngineOptions options_;
   std::unique_ptr<Stream> ahead_;  // draws left-hand-side points; null: stream_ does
+  StageTimes draw_times_;          // of that
   DeviceLhs lhs_;
   DeviceLobes lobes_;  // of left-hand-side points
   DeviceRhs rhs_;
