@@ -16,6 +16,8 @@ import unittest
 import unittest.mock
 
 PROGRAM = os.environ.get("OCTRAD", "octrad")
+FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")  # tests/faults.cc
+NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
 PATIENCE = 600  # seconds after which something hangs: no busy machine takes that long
 
 

@@ -13,11 +13,8 @@ import unittest.mock
 
 from exr import read_exr
 from gltf import Gltf
-from support import PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
+from support import FAULTS, NO_FAULTS, PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
 from web_client import Viewer
-
-FAULTS = os.path.join(os.path.dirname(os.path.abspath(PROGRAM)), "liboctrad_faults.so")
-NO_FAULTS = "" if os.path.exists(FAULTS) else f"SKIPPED: {FAULTS} was not built"
 
 
 def read(path):

@@ -1,4 +1,5 @@
 """octrad paper."""
+import errno
 import glob
 import json
 import os
@@ -7,8 +8,10 @@ import resource
 import shutil
 import signal
 import subprocess
+import unittest
+import unittest.mock
 
-from support import PATIENCE, ROOM, Case, children_seconds, start, wait_for
+from support import FAULTS, NO_FAULTS, PATIENCE, ROOM, Case, children_seconds, start, wait_for
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -40,6 +43,28 @@ class Paper(Case):
     def files(self):
         return {path: os.stat(path).st_mtime_ns for kind in ("cells", "models", "references")
                 for path in glob.glob(os.path.join(self.report, kind, "**", "*.*"), recursive=True) if os.path.isfile(path)}
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_faults_of_files(self):
+        """Each ends the run and names the file; the next run finishes with the same results, and nothing else is left."""
+        matrix = self.matrix(methods=["octaoctree", "path"], equal=["steps"], learned=False, path_spp=1, reference_spp=4, width=16)
+        command = self.arguments(matrix, "-q", scenes=self.scenes[1:])
+
+        def kept():
+            return {os.path.relpath(path, self.report) for path in glob.glob(os.path.join(self.report, "**", "*"), recursive=True, include_hidden=True)}
+
+        self.ok(*command)
+        expected, files = self.results()["cells"], kept()
+        for call, first in (("write", 20), ("fsync", 9), ("rename", 20), ("open", 9), ("link", 4), ("close", 4)):
+            with self.subTest(call=call):
+                shutil.rmtree(self.report)
+                rule = f"{self.report}:{call}:{errno.ENOSPC}:{first}:0"
+                with unittest.mock.patch.dict(os.environ, LD_PRELOAD=FAULTS, OCTRAD_FAULTS=rule):
+                    self.assertIn(self.report, self.fails(3, os.strerror(errno.ENOSPC), *command).err)
+                self.ok(*command)
+                cells = self.results()["cells"]
+                self.assertEqual([(c["method"], c["status"], c["mape"]) for c in cells], [(c["method"], c["status"], c["mape"]) for c in expected])
+                self.assertEqual(kept(), files)
 
     def test_a_run(self):
         done = self.ok(*self.arguments(self.matrix()), "--json").json()

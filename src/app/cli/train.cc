@@ -329,6 +329,8 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
 
   const long long resumed_step = resumed ? resumed->info.state.step : 0;
   show_config(config);
+  if (stream && stream->on_device() && o.config.preset.empty() && o.config.file.empty() && !resumed)
+    log_info("on a GPU --preset default learns more in the same time, in more memory");
   if (log)
     log->write({{"event", "start"},
                 {"scene", o.scene},
