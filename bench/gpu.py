@@ -241,7 +241,7 @@ def summary(entry):
     if "images" in r:
         parts.append("MAPE %.4f" % r["images"][0]["mape"])
     elif "checks" in r:
-        bad = [c["name"] for c in r["checks"] + r["stages"] if not c["passed"]]
+        bad = [c["name"] for c in r["checks"] + r["benchmarks"] + r["stages"] if not c.get("passed", True)]
         parts.append("%d checks, %d stages, %d benchmarks%s" % (len(r["checks"]), len(r["stages"]), len(r["benchmarks"]), "; failed: " + ", ".join(bad) if bad else ""))
     elif "frames" in r:
         parts.append("median %.3f ms, 95th percentile %.3f ms" % (r["frames"]["median_ms"], r["frames"]["p95_ms"]))

@@ -146,6 +146,7 @@ class Render(Case):
         self.fails(1, "leaves out every pixel", *r, "--mask", mask, "--crop", "4,0,8,8")
         self.fails(3, "none.pfm", *r, "--mask", self.path("none.pfm"))
         self.fails(1, "--mask", *r, "--mask", mask, "--denoise")
+        self.fails(1, "--mask", *r, "--mask", mask, "--frames", 2)
         self.fails(1, "--crop", *r, "--crop", "1e10,0,1,1")
         self.fails(1, "overwrite", "render", self.scene, "-o", mask, "--spp", 1, "--mask", mask)
         self.assertFalse(os.path.exists(self.out))

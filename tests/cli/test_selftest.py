@@ -1,8 +1,11 @@
 """octrad selftest: its report, on the host stream and on a GPU where there is one."""
+import errno
 import json
+import os
 import unittest
+import unittest.mock
 
-from support import ROOM, Case
+from support import FAULTS, NO_FAULTS, ROOM, Case, run
 
 SEED = ("--seed", "7")  # each run has another seed unless it is told one, and statistics differ with it
 
@@ -49,6 +52,20 @@ class Selftest(Case):
         for entry in report["benchmarks"] + report["checks"]:
             self.assertEqual(entry["on"], "host")
         self.assertGreater(report["benchmarks"][0]["rate"], 0)
+
+    @unittest.skipIf(NO_FAULTS, NO_FAULTS)
+    def test_an_error_fails_its_entry_alone(self):
+        file = self.path("out.json")
+        with unittest.mock.patch.dict(os.environ, LD_PRELOAD=FAULTS, OCTRAD_FAULTS=f"/:map:{errno.ENOMEM}:1:0"):
+            result = run("selftest", "--device", "cpu", "--no-benchmarks", "--only", "optimiser", *SEED, "-o", file)
+        self.assertEqual(result.code, 5, result.err)
+        self.assertIn("3 of 4 checks and stages failed", result.err)
+        self.assertIn("1 passed, 3 failed, 0 skipped", result.out)
+        with open(file, encoding="utf-8") as out:
+            report = json.load(out)
+        self.assertFalse(report["passed"])
+        self.assertEqual([check["passed"] for check in report["checks"]], [True, False, False, False])
+        self.assertTrue(all("cannot map" in check["failure"] for check in report["checks"][1:]))
 
     def test_every_check_runs_without_a_scene(self):
         report = self.ok("selftest", "--device", "cpu", "--only", "materials", *SEED, "--json").json()

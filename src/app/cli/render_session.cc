@@ -61,6 +61,8 @@ void check_options(const RenderVerbOptions& o, const IntegratorInfo& integrator)
                                  o.frames > 0 ? "--frames" : "--resume"));
   if (!o.view.mask.empty() && !o.view.path_file.empty())
     throw UsageError("--mask: of no use with --path, whose frames are other views");
+  if (!o.view.mask.empty() && o.frames > 0)
+    throw UsageError("--mask: of no use with --frames, which are whole pictures");
   if (!o.view.mask.empty() && o.denoise) throw UsageError("--mask: a denoiser needs every pixel");
   if (!o.view.mask.empty() && integrator.one_sample)
     throw UsageError(fmt::format("--mask: {} needs every pixel", o.integrator));
@@ -155,8 +157,8 @@ void RenderSession::start(const View& view) {
   if (view.mask) {
     const long long wanted = view.wanted_pixels(), sampled = renderer->window().sampled_pixels();
     if (sampled > 2 * wanted)
-      log_info("{}: {} pixels are sampled for {} of the mask (a filter that reaches further than a box, or a GPU)",
-               o.output, format_count(sampled), format_count(wanted));
+      log_info("{}: {} pixels are sampled for {} of the mask (a filter that reaches further than a box)", o.output,
+               format_count(sampled), format_count(wanted));
   }
   if (o.integrator != "lhs") return;
   bounce_below = octrad::bounce_below(prepared, config);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <utility>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -77,8 +78,8 @@ std::string date_now() {
   return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
-// Runs entries of the three lists, prints a line of each as it ends, and keeps what the report holds. Where the device
-// fails in one (a kernel's error holds for the rest of the process), that one has failed, and the others are skipped.
+// Runs entries of the three lists, prints a line of each as it ends, and keeps what the report holds. An error fails
+// its entry; one of the device, which holds for the rest of the process, skips those after it.
 class Runner {
  public:
   Runner(const Context& context, const SelftestOptions& options, const std::string& on, bool silent)
@@ -90,6 +91,9 @@ class Runner {
   void print(const std::string& text) const {
     if (!silent_) print_text(text);
   }
+
+  // Of the entries that follow, if there are any.
+  void heading(const std::string& text) { heading_ = "\n" + text + "\n"; }
 
   void check(const Check& check) {
     entry(check.name, checks_, true, [&](nlohmann::json& report) {
@@ -161,22 +165,22 @@ class Runner {
     std::string text;
     try {
       text = run(report);
-    } catch (const DeviceError& error) {
-      lost_ = true;
+    } catch (const Error& error) {
+      lost_ = dynamic_cast<const DeviceError*>(&error) != nullptr;
       report["passed"] = false;
       report["failure"] = error.what();
       text = verdict(false) + error.what();
     }
-    if (lost_) ++failed_;
-    else if (judged) ++(report.at("passed").get<bool>() ? passed_ : failed_);
+    if (judged || report.contains("failure")) ++(report.at("passed").get<bool>() ? passed_ : failed_);
     list.push_back(std::move(report));
-    print(fmt::format("  {:<36} {}\n", name, text));
+    print(fmt::format("{}  {:<36} {}\n", std::exchange(heading_, ""), name, text));
   }
 
   const Context& context_;
   const SelftestOptions& options_;
   const std::string on_;
   const bool silent_;
+  std::string heading_;
   bool lost_ = false;  // the device
   std::size_t passed_ = 0, failed_ = 0;
   nlohmann::json checks_ = nlohmann::json::array(), benchmarks_ = nlohmann::json::array(),
@@ -216,17 +220,17 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   runner.print(fmt::format("seed {}, scene {}: {} triangles\n", seed, scene.file,
                            format_count(static_cast<long long>(scene.triangle_count()))));
   if (!o.no_checks) {
-    runner.print("\nKernels against the CPU's definitions\n");
+    runner.heading("Kernels against the CPU's definitions");
     for (const Check& check : checks()) runner.check(check);
   }
   if (!o.no_benchmarks) {
-    runner.print(on_device ? "\nSpeed, warm, median\n" : "\nSpeed of the host at small sizes; no figure of a GPU\n");
+    runner.heading(on_device ? "Speed, warm, median" : "Speed of the host at small sizes; no figure of a GPU");
     for (const Benchmark& benchmark : benchmarks()) runner.benchmark(benchmark);
   }
   if (!o.no_benchmarks && !o.no_checks) {
-    runner.print(on_device ? "\nTraining and rendering beside the CPU's\n"
-                           : "\nTraining and rendering on the host stream beside the CPU's own code; small, no figure "
-                             "of a GPU\n");
+    runner.heading(
+        on_device ? "Training and rendering beside the CPU's"
+                  : "Training and rendering on the host stream beside the CPU's own code; small, no figure of a GPU");
     for (const Stage& stage : stages()) runner.stage(stage);
   }
   const std::size_t passed = runner.passed(), failed = runner.failed();

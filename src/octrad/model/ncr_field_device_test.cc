@@ -20,7 +20,7 @@ using testing::TrainingBatch;
 constexpr std::size_t kNcrPoints = 140;
 
 // As in field_gradient_device_test.cc, but that rounding adds up over two networks: beyond 1e-3 lie up to 0.56 %
-// (world positions, whose halves are coarse). Those of GPUs are a first guess.
+// (world positions, whose halves are coarse). Those of GPUs are a guess that an H200 is within.
 const testing::Limits kNcrAnswers[2] = {{1e-7, 1e-5, 0.06, 3e-3}, {1e-4, 3e-3, 0.03, 0.05}};
 const testing::Limits kNcrGradients[2] = {{5e-5, 1e-3, 0.015, 2e-2}, {1e-3, 1e-2, 0.05, 0.3}};
 constexpr double kNcrLoss[2] = {1e-5, 1e-3};

@@ -133,7 +133,7 @@ class StreamRenderer : public Renderer {
 
   // Buffers are made for the largest view so far, and kept for others.
   void view_changed() override {
-    if (!choice_.info->recordable) window_.needed.clear();  // what works on the host takes all pixels
+    if (choice_.info->one_sample) window_.needed.clear();  // features: their colours depend on all pixels
     const auto total = [&](std::size_t capacity) {
       std::uint64_t sum = 0;
       for (const MemoryPart& part : memory(capacity)) sum += part.bytes;

@@ -178,8 +178,11 @@ class DeviceEngine : public TrainEngine {
 
   StageSplit stages() const override {
     StageSplit split = draw_times_.means();
-    const StageSplit steps = times_.means();
-    split.insert(split.end(), steps.begin(), steps.end());
+    for (const auto& [stage, ms] : times_.means()) {
+      const auto known = std::ranges::find(split, stage, [](const auto& s) { return s.first; });
+      if (known != split.end()) known->second += ms;  // part of it is drawn, part of it the step's own
+      else split.emplace_back(stage, ms);
+    }
     return split;
   }
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
 #include <string_view>
 
 #include "octrad/base/error.h"
@@ -77,8 +79,10 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
       ASSERT_NE(found, on_stream.stages.end()) << wanted;
     }
     double step_ms = 0.0;
+    std::set<std::string> names;
     for (const auto& [stage, ms] : on_stream.stages) {
       EXPECT_GE(ms, 0.0) << stage;
+      EXPECT_TRUE(names.insert(stage).second) << stage << " twice";
       step_ms += ms;
     }
     EXPECT_GT(step_ms, 0.0);
