@@ -12,6 +12,7 @@ namespace octrad {
 namespace {
 
 constexpr int kWarmFrames = 10;
+constexpr std::size_t kLargestPassOfFew = 4096;  // samples a pixel, which the film sums one after the other
 
 class StreamRenderer : public Renderer {
  public:
@@ -21,8 +22,12 @@ class StreamRenderer : public Renderer {
         stream_(stream),
         scene_bytes_(scene.bytes_to_upload(stream)) {}
 
+  // Where a pixel has its own samples alone, their sum does not depend on the passes: the few of a mask get as many at
+  // once as a job has room for.
   int largest_pass() const override {
-    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, kLargestPass));
+    const std::size_t listed = film_->reach() == 0 ? listed_numbers_.size() : 0;
+    const std::size_t most = listed > 0 ? kLargestPassOfFew : kLargestPass;
+    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / (listed > 0 ? listed : pixels()), 1, most));
   }
 
   std::vector<double> sums() override { return film_->download(); }
