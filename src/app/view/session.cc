@@ -605,14 +605,15 @@ void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
     return ms;
   };
   Shown shown;
-  shown.moving = moving;
-  if (samples_are_new) {
-    shown.a = a_.picture(!moving);
-    if (state.b) shown.b = b_.picture(!moving);
-  } else {
+  const ChannelRange channels = moving ? shown_channels(state) : ChannelRange{};
+  if (!samples_are_new) {
     const std::lock_guard lock(mutex_);
     shown = shown_;
     if (!shown.a) return;
+  }
+  if (samples_are_new || !shown.channels.contains(channels)) {
+    shown = {moving ? a_.glance(channels) : a_.picture(), {}, channels, moving};
+    if (state.b) shown.b = moving ? b_.glance(channels) : b_.picture();
   }
   const double film_ms = lap();
   std::vector<Image8> pictures = {tone_.show(shown.a->image, state)};

@@ -54,6 +54,7 @@ class Session : public ServerHandler {
   };
   struct Shown {
     std::shared_ptr<const Picture> a, b;
+    ChannelRange channels = {0, 0};  // that they have at least
     bool moving = false;
   };
 

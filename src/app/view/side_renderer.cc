@@ -59,15 +59,23 @@ bool SideRenderer::finished() const {
   return renderer_->samples() >= (info.one_sample ? 1 : info.needs_model ? kMostCached : kMostSamples);
 }
 
-std::shared_ptr<const Picture> SideRenderer::picture(bool final_look) {
-  if (!renderer_) return studio_.stored;
+std::shared_ptr<Picture> SideRenderer::seen(const ChannelRange& channels) {
   auto picture = std::make_shared<Picture>();
-  picture->image = renderer_->image();
+  picture->image = renderer_->image(channels);
   picture->side = side_;
   picture->view = renderer_->view();
   picture->samples = renderer_->samples();
   picture->seconds = seconds_;
-  if (!final_look) return picture;
+  return picture;
+}
+
+std::shared_ptr<const Picture> SideRenderer::glance(const ChannelRange& channels) {
+  return renderer_ ? seen(channels) : studio_.stored;
+}
+
+std::shared_ptr<const Picture> SideRenderer::picture() {
+  if (!renderer_) return studio_.stored;
+  const std::shared_ptr<Picture> picture = seen({});
   const IntegratorInfo& info = renderer_->integrator();
   report::PictureOrigin origin{studio_.scene.scene(), picture->view, studio_.settings.film, side_.integrator};
   origin.spp = picture->samples;
@@ -89,6 +97,11 @@ std::shared_ptr<const Picture> SideRenderer::picture(bool final_look) {
   }
   if (info.denoised && studio_.denoiser) studio_.denoiser->run(picture->image, "the picture");
   return picture;
+}
+
+ChannelRange shown_channels(const ViewState& state) {
+  const ChannelRange layer = channels_of(state.layer);
+  return {0, layer.first + layer.count};
 }
 
 struct ToneMapper::Cached {

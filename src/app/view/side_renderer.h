@@ -60,15 +60,22 @@ class SideRenderer {
   double last_pass_seconds() const { return pass_seconds_; }
   double last_queries_per_second() const { return queries_per_second_; }
   double last_rays_per_second() const { return rays_per_second_; }
-  // The film as it is. `final_look`: denoised, where the integrator is, and with metadata.
-  std::shared_ptr<const Picture> picture(bool final_look);
+  // The film as it is: all channels, denoised, where the integrator is, and with metadata.
+  std::shared_ptr<const Picture> picture();
+  // Quicker: those of `channels` alone, without all that.
+  std::shared_ptr<const Picture> glance(const ChannelRange& channels);
 
  private:
+  std::shared_ptr<Picture> seen(const ChannelRange& channels);
+
   Studio& studio_;
   Side side_;
   std::unique_ptr<Renderer> renderer_;
   double seconds_ = 0.0, pass_seconds_ = 0.0, queries_per_second_ = 0.0, rays_per_second_ = 0.0;
 };
+
+// Those that the screen or a question about a pixel needs: from the colour to the layer of `state`.
+ChannelRange shown_channels(const ViewState& state);
 
 // What of `picture` a screen shows: the layer of `state`, its radiance through the tone mapping where that is "".
 class ToneMapper {

@@ -67,9 +67,9 @@ class CpuRenderer : public Renderer {
   }
 
  private:
-  Image film_image() override {
-    Image image = film_.image();
-    integrator_->finish(image);
+  Image film_image(const ChannelRange& channels) override {
+    Image image = film_.image(channels);
+    if (channels.contains(channels_of(""))) integrator_->finish(image);
     return image;
   }
 

@@ -11,6 +11,20 @@ const std::vector<std::string>& picture_channels() {
   return names;
 }
 
+std::vector<std::string> ChannelRange::names() const {
+  return {picture_channels().begin() + first, picture_channels().begin() + first + count};
+}
+
+ChannelRange channels_of(const std::string& layer) {
+  if (layer.empty()) return {0, 3};
+  ChannelRange range{0, 0};
+  for (int c = 0; c < kPictureChannelCount; ++c) {
+    if (picture_channels()[static_cast<std::size_t>(c)].rfind(layer + ".", 0) != 0) continue;
+    if (range.count++ == 0) range.first = c;
+  }
+  return range.count > 0 ? range : ChannelRange{};
+}
+
 ReconstructionFilter::ReconstructionFilter(const Film& film) {
   using Filter = Film::Filter;
   using Type = FilterShape::Type;
@@ -69,14 +83,14 @@ void FilmBuffer::add(const FilmBuffer& other) {
   }
 }
 
-Image FilmBuffer::image() const {
-  Image out(width_, height_, picture_channels());
+Image FilmBuffer::image(const ChannelRange& channels) const {
+  Image out(width_, height_, channels.names());
+  const auto first = static_cast<std::size_t>(channels.first), count = static_cast<std::size_t>(channels.count);
   for (std::size_t i = 0; i < static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); ++i) {
     const double* from = sums_.data() + i * kStride;
     const double weight = from[kPictureChannelCount];
     if (!(weight > 0.0)) continue;
-    for (std::size_t c = 0; c < kPictureChannelCount; ++c)
-      out.data[i * kPictureChannelCount + c] = static_cast<float>(from[c] / weight);
+    for (std::size_t c = 0; c < count; ++c) out.data[i * count + c] = static_cast<float>(from[first + c] / weight);
   }
   return out;
 }

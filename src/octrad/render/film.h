@@ -13,6 +13,15 @@ namespace octrad {
 // R, G, B, albedo.R ..., normal.X ..., depth.Z, roughness.Y
 const std::vector<std::string>& picture_channels();
 
+// Some of these, side by side: all, or one layer.
+struct ChannelRange {
+  int first = 0, count = kPictureChannelCount;
+  bool contains(const ChannelRange& b) const { return first <= b.first && b.first + b.count <= first + count; }
+  std::vector<std::string> names() const;
+};
+// "" (the colour), "albedo", "normal", "depth" or "roughness"; all for any other name.
+ChannelRange channels_of(const std::string& layer);
+
 // A reconstruction filter along one axis. The picture's is the product over both; weights are normalised per pixel, as
 // Mitsuba's hdrfilm does: pixel = sum f(d) v / sum f(d) over the samples within the radius. Where the weights of a few
 // samples sum up to 0 or less, which negative lobes can do, the pixel is 0 until there are more.
@@ -50,7 +59,7 @@ class FilmBuffer {
   void add(const FilmBuffer& other);
 
   // Weighted means; pixels without samples are 0.
-  Image image() const;
+  Image image(const ChannelRange& channels = {}) const;
   // The sums, kFilmNumbers a pixel.
   std::vector<double>& sums() { return sums_; }
 

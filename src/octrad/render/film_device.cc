@@ -69,16 +69,28 @@ OCTRAD_HD inline void show_pixel(const float (&values)[3], const ToneMapping& ma
   pixel[3] = 255;
 }
 
+OCTRAD_HD inline float mean_of(const double* sums, std::size_t pixels, std::size_t i, std::size_t channel) {
+  const double weight = sums[kPictureChannelCount * pixels + i];
+  return weight > 0.0 ? static_cast<float>(sums[channel * pixels + i] / weight) : 0.0f;
+}
+
+struct Means : Kernel {
+  const double* sums;  // planes
+  std::size_t pixels, first, count;
+  float* out;  // [pixels][count]
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    for (std::size_t c = 0; c < count; ++c) out[i * count + c] = mean_of(sums, pixels, i, first + c);
+  }
+};
+
 struct Show : Kernel {
   const double* sums;  // planes
   std::size_t pixels;
   ToneMapping mapping;
   unsigned char* out;  // [pixels][4]
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    const double weight = sums[kPictureChannelCount * pixels + i];
     float values[3];
-    for (std::size_t c = 0; c < 3; ++c)
-      values[c] = weight > 0.0 ? static_cast<float>(sums[c * pixels + i] / weight) : 0.0f;
+    for (std::size_t c = 0; c < 3; ++c) values[c] = mean_of(sums, pixels, i, c);
     show_pixel(values, mapping, out + 4 * static_cast<std::size_t>(i));
   }
 };
@@ -116,7 +128,8 @@ DeviceFilm::DeviceFilm(Stream& stream, int x0, int y0, int width, int height, co
 }
 
 std::size_t DeviceFilm::bytes(int width, int height) {
-  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * kFilmNumbers * sizeof(double);
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
+         (kFilmNumbers * sizeof(double) + kPictureChannelCount * sizeof(float));
 }
 
 void DeviceFilm::clear() { sums_.fill(0); }
@@ -163,10 +176,18 @@ void DeviceFilm::upload(std::span<const double> sums) {
   sums_.upload(planes);
 }
 
-Image DeviceFilm::image() const {
-  FilmBuffer film(x0_, y0_, width_, height_);
-  film.sums() = download();
-  return film.image();
+Image DeviceFilm::image(const ChannelRange& channels) {
+  Image image(width_, height_, channels.names());
+  if (means_.size() < image.data.size()) means_ = {*stream_, image.data.size(), "the picture"};
+  launch(*stream_, pixels(),
+         Means{{},
+               sums_.data(),
+               pixels(),
+               static_cast<std::size_t>(channels.first),
+               static_cast<std::size_t>(channels.count),
+               means_.data()});
+  means_.download(image.data);
+  return image;
 }
 
 unsigned long long DeviceFilm::take_non_finite() {

@@ -33,7 +33,7 @@ class DeviceFilm {
   // They on the host, kFilmNumbers a pixel.
   std::vector<double> download() const;
   void upload(std::span<const double> sums);
-  Image image() const;
+  Image image(const ChannelRange& channels = {});
   unsigned long long take_non_finite();  // since the last call
   static std::size_t bytes(int width, int height);
 
@@ -43,6 +43,7 @@ class DeviceFilm {
   ReconstructionFilter filter_;
   int reach_;
   DeviceArray<double> sums_;
+  DeviceArray<float> means_;  // what image() downloads
   DeviceArray<unsigned long long> non_finite_;
 };
 

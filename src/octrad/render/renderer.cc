@@ -77,8 +77,8 @@ void Renderer::set_view(const View& view) {
   clear();
 }
 
-Image Renderer::image() {
-  Image image = film_image();
+Image Renderer::image(const ChannelRange& channels) {
+  Image image = film_image(channels);
   if (!view_.mask) return image;
   const PixelRect& crop = window_.crop;
   for (int y = crop.y0; y < crop.y1; ++y) {

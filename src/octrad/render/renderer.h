@@ -82,8 +82,8 @@ class Renderer {
   // Samples a pixel that one call should ask for at most, to be stopped in time.
   virtual int largest_pass() const = 0;
   // The film as it is: R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y. Pixels without samples, and those that
-  // the view's mask leaves out, are 0.
-  Image image();
+  // the view's mask leaves out, are 0. Those of `channels` alone, which is quicker on a GPU.
+  Image image(const ChannelRange& channels = {});
   // The film's sums, kFilmNumbers a pixel.
   virtual std::vector<double> sums() = 0;
   // Rays and queries since the last call.
@@ -100,7 +100,7 @@ class Renderer {
         settings_(settings),
         field_(field),
         config_(config) {}
-  virtual Image film_image() = 0;  // without regard to the mask
+  virtual Image film_image(const ChannelRange& channels) = 0;  // without regard to the mask
   virtual void view_changed() = 0;
   virtual void model_changed(bool same_shape) = 0;  // same_shape: only weights are new
   virtual void seed_changed() = 0;

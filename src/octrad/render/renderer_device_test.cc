@@ -117,6 +117,30 @@ class RenderOnStream : public testing::StreamTest {
   }
 };
 
+// Some channels are those of the whole picture, on the CPU and on streams.
+TEST_P(RenderOnStream, PartsOfThePictureAreThoseOfTheWhole) {
+  Box box("gaussian");
+  for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+    const auto renderer = box.renderer("path", 2, where);
+    render(*renderer, {2});
+    const Image whole = renderer->image();
+    ASSERT_EQ(whole.channels, picture_channels());
+    for (const auto& [layer, first] : {std::pair{"", 0}, {"albedo", 3}, {"normal", 6}, {"depth", 9}, {"roughness", 10}}) {
+      const ChannelRange channels = channels_of(layer);
+      EXPECT_EQ(channels.first, first) << layer;
+      const Image part = renderer->image(channels);
+      ASSERT_EQ(part.channel_count(), channels.count) << layer;
+      for (int c = 0; c < channels.count; ++c) {
+        EXPECT_EQ(whole.channel(part.channels[static_cast<std::size_t>(c)]), first + c);
+        for (int y = 0; y < part.height; ++y) {
+          for (int x = 0; x < part.width; ++x) ASSERT_EQ(part.at(x, y, c), whole.at(x, y, first + c)) << layer;
+        }
+      }
+    }
+    EXPECT_EQ(renderer->image(channels_of("training points")).data, whole.data);
+  }
+}
+
 // Every alternative of DeviceTuning gives the same sums.
 TEST_P(RenderOnStream, TuningChangesNoPicture) {
   Box box("box");
