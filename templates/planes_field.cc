@@ -99,7 +99,7 @@ void PlanesField::make_optimizer() {
 
 // Groups depend on the batch alone, and their gradients are added in order: the same bits at any thread count.
 FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                             double rate_scale) {
+                             RateScale scale) {
   make_optimizer();
   struct Gradients {
     std::vector<float> decoder;
@@ -144,8 +144,8 @@ FieldStep PlanesField::train(std::span<const SurfacePoint> points, std::span<con
     step.loss += g.loss / (3.0 * static_cast<double>(n));
     step.non_finite += g.non_finite;
   }
-  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
-  const auto sparse = adam_->step(planes_.table(), planes, upstream, config_.adam_rate_grids * rate_scale);
+  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * scale.networks);
+  const auto sparse = adam_->step(planes_.table(), planes, upstream, config_.adam_rate_grids * scale.tables);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   return step;

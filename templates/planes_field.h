@@ -18,7 +18,7 @@ class PlanesField : public RadianceField {
   std::string name() const override { return "planes"; }
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override;
   FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                  double rate_scale) override;
+                  RateScale scale) override;
   void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
   float target_scale() const override { return decoder_.target_scale(); }
   Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }

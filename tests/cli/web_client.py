@@ -47,6 +47,7 @@ def request(address, target, method="GET", **headers):
 class WebSocket:
     def __init__(self, address, target, timeout=PATIENCE, **headers):
         self.socket = socket.create_connection(address, timeout=timeout)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # as browsers: small messages go at once
         self.stream = self.socket.makefile("rb")
         key = base64.b64encode(os.urandom(16)).decode()
         lines = ["GET %s HTTP/1.1" % target]

@@ -612,7 +612,7 @@ void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
     if (!shown.a) return;
   }
   if (samples_are_new || !shown.channels.contains(channels)) {
-    shown = {moving ? a_.glance(channels) : a_.picture(), {}, channels, moving};
+    shown = {moving ? a_.glance(channels) : a_.picture(), {}, channels};
     if (state.b) shown.b = moving ? b_.glance(channels) : b_.picture();
   }
   const double film_ms = lap();

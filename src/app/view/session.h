@@ -55,7 +55,6 @@ class Session : public ServerHandler {
   struct Shown {
     std::shared_ptr<const Picture> a, b;
     ChannelRange channels = {0, 0};  // that they have at least
-    bool moving = false;
   };
 
   // Of what a film is; that of a model that is being trained changes with every step.

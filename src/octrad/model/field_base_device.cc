@@ -416,7 +416,7 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
     encode_backward(chunk, first);
     stream_.mark("tables' gradients");
   }
-  optimizers_.advance(stream_, &constants->rate_scale, &counters->touched);
+  optimizers_.advance(stream_, &constants->network_scale, &constants->rate_scale, &counters->touched);
   optimizers_.step_tables(stream_, &counters->non_finite);
   stream_.mark("tables' optimiser");
   optimizers_.step_networks(stream_, &counters->non_finite);

@@ -98,7 +98,7 @@ DeviceFieldOptions training_options(bool deterministic = false) {
 // on the host stream {6.3e-8, 1e-5: 1.4 %, 3e-4}. GPUs add in another order: a guess that an H200 is within.
 const testing::Limits kAnswers[2] = {{2e-7, 1e-5, 0.03, 2e-3}, {1e-4, 3e-3, 0.03, 0.05}};
 
-const StepConstants kConstants{0.05f, 1.0f};
+const StepConstants kConstants{0.05f, 1.0f, 1.0f};
 
 class DeviceFields : public ::testing::TestWithParam<std::tuple<std::string, bool>> {
  protected:

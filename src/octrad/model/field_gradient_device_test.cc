@@ -56,7 +56,7 @@ TEST_P(DeviceFieldDefinition, GivesAnswersAndGradients) {
     expect_within(kTrainedAnswers[cuda], testing::ask(*stream, *device, batch.points), radiance, "radiance");
 
     const DeviceBatch there(*stream, batch.points, batch.targets);
-    const StepConstants constants{static_cast<float>(batch.epsilon), 1.0f};
+    const StepConstants constants{static_cast<float>(batch.epsilon), 1.0f, 1.0f};
     const DeviceArray<StepConstants> step(*stream, std::span<const StepConstants>(&constants, 1), "constants");
     device->train(there.points(), there.targets.data(), there.n, step.data());
     const DeviceTrainReport report = device->collect();

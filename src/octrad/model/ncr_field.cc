@@ -353,7 +353,7 @@ void NcrField::make_optimizers() {
 }
 
 FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                          double rate_scale) {
+                          RateScale scale) {
   make_optimizers();
   const std::size_t n = points.size();
   upstream_.resize(n * static_cast<std::size_t>(feature_count()));
@@ -386,7 +386,7 @@ FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const 
     step.loss += g.loss / (3.0 * static_cast<double>(n));
     step.non_finite += g.non_finite;
   }
-  const double networks = config_.adam_rate_networks * rate_scale, grids = config_.adam_rate_grids * rate_scale;
+  const double networks = config_.adam_rate_networks * scale.networks, grids = config_.adam_rate_grids * scale.tables;
   step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, networks);
   step.non_finite += step_mlp(cone_mlp_, cone_adam_, cone, networks);
   step.non_finite += step_mlp(merge_mlp_, merge_adam_, merge, networks);

@@ -67,7 +67,7 @@ TEST_P(DeviceNcr, GivesAnswersAndGradients) {
     expect_within(kNcrAnswers[cuda], testing::ask(*stream, *device, b.points), radiance, "radiance");
 
     const testing::DeviceBatch there(*stream, b.points, b.targets);
-    const StepConstants constants{static_cast<float>(b.epsilon), 1.0f};
+    const StepConstants constants{static_cast<float>(b.epsilon), 1.0f, 1.0f};
     const DeviceArray<StepConstants> step(*stream, std::span<const StepConstants>(&constants, 1), "constants");
     device->train(there.points(), there.targets.data(), there.n, step.data());
     const DeviceTrainReport report = device->collect();

@@ -108,7 +108,7 @@ void NrField::make_optimizer() {
 }
 
 FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                         double rate_scale) {
+                         RateScale scale) {
   make_optimizer();
   struct Gradients {
     std::vector<float> decoder;
@@ -147,8 +147,8 @@ FieldStep NrField::train(std::span<const SurfacePoint> points, std::span<const V
     step.loss += g.loss / (3.0 * static_cast<double>(n));
     step.non_finite += g.non_finite;
   }
-  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
-  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_grids * rate_scale);
+  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * scale.networks);
+  const auto sparse = grid_adam_->step(grid_.table(), grid, upstream_, config_.adam_rate_grids * scale.tables);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   return step;

@@ -18,7 +18,8 @@ OctaOctreeOptions octree_options(const Config& config) {
 constexpr std::string_view kOctaOctreeKeys[] = {
     "octree.levels",    "octree.features", "octree.occupancy",    "octree.interpolation", "octa.",
     "lookup.direction", "lookup.offset",   "lookup.rough_offset", "lookup.reflected",     "lookup.rough_direction",
-    "disparity.",       "decoder.width",   "decoder.hidden",      "decoder.output",       "adam.rate.features"};
+    "disparity.",       "decoder.width",   "decoder.hidden",      "decoder.output",       "adam.rate.features",
+    "adam.rate.fall"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                           bool training) {
@@ -322,7 +323,7 @@ void OctaOctreeField::make_optimizers() {
 }
 
 FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                                 double rate_scale) {
+                                 RateScale scale) {
   make_optimizers();
   const std::size_t n = points.size();
   octree_upstream_.resize((reflects_ ? 2 : 1) * n * static_cast<std::size_t>(feature_count()));
@@ -351,15 +352,15 @@ FieldStep OctaOctreeField::train(std::span<const SurfacePoint> points, std::span
     step.loss += g.loss / (3.0 * static_cast<double>(n));
     step.non_finite += g.non_finite;
   }
-  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * rate_scale);
+  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, config_.adam_rate_networks * scale.networks);
   const auto sparse =
-      octree_adam_->step(octree_.features(), octree, octree_upstream_, config_.adam_rate_features * rate_scale);
+      octree_adam_->step(octree_.features(), octree, octree_upstream_, config_.adam_rate_features * scale.tables);
   step.touched = sparse.touched;
   step.non_finite += sparse.non_finite;
   if (offset_ == LookupOffset::predicted) {
-    step.non_finite += step_mlp(disparity_, disparity_adam_, disparity, config_.adam_rate_networks * rate_scale);
+    step.non_finite += step_mlp(disparity_, disparity_adam_, disparity, config_.adam_rate_networks * scale.networks);
     step.non_finite +=
-        grid_adam_->step(grid_.table(), grid, grid_upstream_, config_.adam_rate_grids * rate_scale).non_finite;
+        grid_adam_->step(grid_.table(), grid, grid_upstream_, config_.adam_rate_grids * scale.tables).non_finite;
   }
   return step;
 }

@@ -20,6 +20,13 @@ struct FieldDomain {
   std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
 };
 
+// What multiplies the learning rates in a step: of tables, and of networks.
+struct RateScale {
+  double tables = 1.0, networks = 1.0;
+  RateScale(double all) : tables(all), networks(all) {}
+  RateScale(double of_tables, double of_networks) : tables(of_tables), networks(of_networks) {}
+};
+
 struct FieldStep {
   double loss = 0.0;         // mean over points and channels
   long long non_finite = 0;  // gradients dropped
@@ -40,10 +47,10 @@ class RadianceField {
   // Predicted radiance, one linear RGB per point. Thread-safe; runs in the caller's thread.
   virtual void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const = 0;
 
-  // One optimiser step towards `targets` (linear radiance). `rate_scale` multiplies every learning rate.
+  // One optimiser step towards `targets` (linear radiance). `scale` multiplies the learning rates.
   // Parallel inside; the same bits at any thread count.
   virtual FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                          double rate_scale) = 0;
+                          RateScale scale) = 0;
 
   // Exposure: radiance = scale * network output. Chosen once, before the first step.
   virtual void set_target_scale(float scale) = 0;

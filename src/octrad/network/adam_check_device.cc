@@ -102,7 +102,7 @@ bool step_tables(Stream& stream, std::size_t sources, TableMode mode, bool sorte
     } else {
       launch(stream, taps, Contributions<AddNow>{{}, device_taps.data(), by_source.data(), device.add()});
     }
-    optimizers.advance(stream, scale.data(), counters.data() + 1);
+    optimizers.advance(stream, nullptr, scale.data(), counters.data() + 1);
     optimizers.step_tables(stream, counters.data());
     stream.synchronize();
   }
@@ -174,7 +174,7 @@ CheckResult check_dense_adam(Stream& stream, std::size_t n, std::uint64_t seed) 
     const DeviceArray<float> device_gradient(stream, std::span<const float>(gradient), "check");
     DeviceOptimizers optimizers;
     optimizers.add(device, values.data(), device_gradient.data(), kRate);
-    optimizers.advance(stream, scale.data(), nullptr);
+    optimizers.advance(stream, scale.data(), nullptr, nullptr);
     optimizers.step_networks(stream, dropped.data());
     stream.synchronize();
   }

@@ -507,11 +507,13 @@ void DeviceOptimizers::add(DeviceTable& table, double rate, bool counted) {
   tables_.push_back({&table, rate, counted});
 }
 
-void DeviceOptimizers::advance(Stream& stream, const float* rate_scale, unsigned long long* touched) const {
+void DeviceOptimizers::advance(Stream& stream, const float* network_scale, const float* table_scale,
+                               unsigned long long* touched) const {
   std::vector<LaunchPart<AdvanceAdam>> parts;
   for (const Network& n : networks_) {
     const AdamOptions& adam = n.adam->options_;
-    parts.push_back({1, {{}, n.adam->step_.data(), adam.beta1, adam.beta2, n.rate, rate_scale, nullptr, 0, nullptr}});
+    parts.push_back(
+        {1, {{}, n.adam->step_.data(), adam.beta1, adam.beta2, n.rate, network_scale, nullptr, 0, nullptr}});
   }
   for (const auto& [table, rate, counted] : tables_) {
     const AdamOptions& adam = table->options_.adam;
@@ -524,7 +526,7 @@ void DeviceOptimizers::advance(Stream& stream, const float* rate_scale, unsigned
                       adam.beta1,
                       adam.beta2,
                       rate,
-                      rate_scale,
+                      table_scale,
                       table->list_count_.data(),
                       static_cast<std::uint32_t>(table->entries_),
                       counted ? touched : nullptr}});

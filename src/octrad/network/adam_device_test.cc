@@ -94,7 +94,7 @@ TEST_P(DeviceAdam, OptimizersStepTogetherAsEachAlone) {
     alone.add_table(each.emplace_back(), i);
   }
   const auto step = [&](Optimized& model, const DeviceOptimizers& optimizers, const float* rate_scale) {
-    optimizers.advance(*stream, rate_scale, model.counters.data() + 1);
+    optimizers.advance(*stream, rate_scale, rate_scale, model.counters.data() + 1);
     optimizers.step_networks(*stream, model.counters.data());
     optimizers.step_tables(*stream, model.counters.data());
   };

@@ -14,7 +14,7 @@ class ConstantField : public RadianceField {
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override {
     std::fill_n(out.begin(), points.size(), value_);
   }
-  FieldStep train(std::span<const SurfacePoint>, std::span<const Vec3f>, double, double) override { return {}; }
+  FieldStep train(std::span<const SurfacePoint>, std::span<const Vec3f>, double, RateScale) override { return {}; }
   void set_target_scale(float) override {}
   float target_scale() const override { return 1.0f; }
   Vec3f normalized(Vec3f x) const override { return x * 0.4f + Vec3f(0.5f); }

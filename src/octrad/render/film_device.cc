@@ -122,6 +122,7 @@ DeviceFilm::DeviceFilm(Stream& stream, int x0, int y0, int width, int height, co
       filter_(film),
       reach_(filter_.reach()),
       sums_(stream, pixels() * kFilmNumbers, "the picture"),
+      means_(stream, pixels() * kPictureChannelCount, "the picture"),
       non_finite_(stream, 1, "counts of samples") {
   clear();
   non_finite_.fill(0);
@@ -176,9 +177,8 @@ void DeviceFilm::upload(std::span<const double> sums) {
   sums_.upload(planes);
 }
 
-Image DeviceFilm::image(const ChannelRange& channels) {
+Image DeviceFilm::image(const ChannelRange& channels) const {
   Image image(width_, height_, channels.names());
-  if (means_.size() < image.data.size()) means_ = {*stream_, image.data.size(), "the picture"};
   launch(*stream_, pixels(),
          Means{{},
                sums_.data(),

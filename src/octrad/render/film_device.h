@@ -33,7 +33,7 @@ class DeviceFilm {
   // They on the host, kFilmNumbers a pixel.
   std::vector<double> download() const;
   void upload(std::span<const double> sums);
-  Image image(const ChannelRange& channels = {});
+  Image image(const ChannelRange& channels = {}) const;
   unsigned long long take_non_finite();  // since the last call
   static std::size_t bytes(int width, int height);
 
@@ -43,7 +43,7 @@ class DeviceFilm {
   ReconstructionFilter filter_;
   int reach_;
   DeviceArray<double> sums_;
-  DeviceArray<float> means_;  // what image() downloads
+  DeviceArray<float> means_;  // what image() downloads: made beforehand, so that a picture is not lost for want of it
   DeviceArray<unsigned long long> non_finite_;
 };
 

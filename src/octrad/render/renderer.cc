@@ -115,7 +115,7 @@ void Renderer::restore(const FilmState& state) {
   int samples = 0;
   while (samples < state.samples && next_pass(samples, largest_pass()) == next_pass(samples, state.largest_pass))
     samples += next_pass(samples, largest_pass());
-  if (samples != state.samples)
+  if (passes_matter() && samples != state.samples)
     throw InputError(
         fmt::format("its samples were taken in passes of up to {}, here they are of up to {}: the bits would "
                     "not be those of one run",

@@ -37,7 +37,7 @@ struct FrameTimes {
   StageSplit stages;  // medians, measured in frames of their own
 };
 
-inline constexpr int kLargestPass = 64;  // samples a pixel
+inline constexpr int kLargestPass = 64;  // samples a pixel, of whole pictures
 // How many samples a pixel the next pass of a picture takes: 1, 1, 2, 4, ... up to the renderer's largest_pass().
 int next_pass(int samples, int largest_pass);
 
@@ -81,6 +81,8 @@ class Renderer {
   int samples() const { return samples_; }  // a pixel, in the film
   // Samples a pixel that one call should ask for at most, to be stopped in time.
   virtual int largest_pass() const = 0;
+  // Whether other passes may give other bits: not where each sample counts for its own pixel, in the order of numbers.
+  virtual bool passes_matter() const { return true; }
   // The film as it is: R,G,B, albedo.R/G/B, normal.X/Y/Z, depth.Z, roughness.Y. Pixels without samples, and those that
   // the view's mask leaves out, are 0. Those of `channels` alone, which is quicker on a GPU.
   Image image(const ChannelRange& channels = {});

@@ -22,13 +22,13 @@ class StreamRenderer : public Renderer {
         stream_(stream),
         scene_bytes_(scene.bytes_to_upload(stream)) {}
 
-  // Where a pixel has its own samples alone, their sum does not depend on the passes: the few of a mask get as many at
-  // once as a job has room for.
+  // The few pixels of a mask get as many samples at once as a job has room for.
   int largest_pass() const override {
-    const std::size_t listed = film_->reach() == 0 ? listed_numbers_.size() : 0;
-    const std::size_t most = listed > 0 ? kLargestPassOfFew : kLargestPass;
-    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / (listed > 0 ? listed : pixels()), 1, most));
+    if (passes_matter())
+      return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, kLargestPass));
+    return static_cast<int>(std::clamp<std::size_t>(job_samples_ / listed_numbers_.size(), 1, kLargestPassOfFew));
   }
+  bool passes_matter() const override { return listed_numbers_.empty() || film_->reach() > 0; }
 
   std::vector<double> sums() override { return film_->download(); }
 

@@ -136,7 +136,8 @@ class DeviceEngine : public TrainEngine {
   void step(long long step, const ScheduleState& s) override {
     StepInput input;
     input.step = static_cast<unsigned long long>(step);
-    input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale)};
+    input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale),
+                       static_cast<float>(s.network_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
     last_points_ = static_cast<std::size_t>(s.points);
     kept_ends_ = far_end_count(config_, s.points);

@@ -21,6 +21,9 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
     const double t = std::min(1.0, (fraction - config.adam_decay_start) / (1.0 - config.adam_decay_start));
     s.rate_scale *= config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
   }
+  s.network_scale = s.rate_scale;
+  if (config.field == "octaoctree" && config.adam_rate_fall > 0)
+    s.network_scale /= std::sqrt(1.0 + static_cast<double>(step) / config.adam_rate_fall);
   return s;
 }
 

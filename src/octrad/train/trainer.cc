@@ -370,7 +370,9 @@ ScheduleState Trainer::Run::schedule_now() const {
   s.epsilon *= exposure_;
   if (change_steps_left() > 0) {
     const auto steps = static_cast<double>(state_.step - change_began_);
-    s.rate_scale = std::max(s.rate_scale, kChangeHalves / (kChangeHalves + steps));
+    const double change = kChangeHalves / (kChangeHalves + steps);
+    s.rate_scale = std::max(s.rate_scale, change);
+    s.network_scale = std::max(s.network_scale, change);
   }
   return s;
 }
