@@ -286,8 +286,9 @@ const std::vector<Key>& keys() {
       number("adam.rate.networks", &C::adam_rate_networks, {0, 10}, "learning rate of the MLPs"),
       number("adam.rate.grids", &C::adam_rate_grids, {0, 10},
              "learning rate of the hash grids (disparity predictor, fields nr and ncr)"),
-      number("adam.rate.fall", &C::adam_rate_fall, {0, 100000000},
-             "the rate of the OctaOctree's MLPs falls as (1 + n / this)^-1/2 with the steps n; 0: it does not"),
+      number(
+          "adam.rate.budget", &C::adam_rate_budget, {0, 100000000},
+          "the rate of the OctaOctree's MLPs times (1 + n / this)^-1/2, where the budget has n steps; 0: any budget"),
       number("adam.warmup", &C::adam_warmup, {0, 1000000}, "steps over which the rates rise from 0"),
       number("adam.decay.start", &C::adam_decay_start, {0, 1},
              "share of the budget from which the rates decay; 1: constant"),
@@ -451,7 +452,7 @@ Config preset(const std::string& name) {
   c.adam_beta2 = 0.999;  // the shorter memory and lower rates of `cpu` go with its small batches
   c.adam_rate_features = 1e-2;
   c.adam_rate_networks = 3e-3;
-  c.adam_rate_fall = 0;
+  c.adam_rate_budget = 0;
   if (name == "default") return c;
   // The paper, and the constants behind its tables.
   c.octree_box = OctreeBox::axis;

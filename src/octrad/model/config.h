@@ -118,7 +118,7 @@ struct Config {
   AdamMode adam_mode = AdamMode::touched;
   double adam_beta1 = 0.9, adam_beta2 = 0.99, adam_epsilon = 1e-8;
   double adam_rate_features = 6e-3, adam_rate_networks = 2e-3, adam_rate_grids = 3e-3;
-  int adam_rate_fall = 4000;             // steps over which the networks' rate falls to .7; 0: it does not
+  int adam_rate_budget = 5000;           // steps of a run whose networks' rate is .7 of it; 0: the same in all
   int adam_warmup = 100;                 // steps
   double adam_decay_start = 0.3;         // fraction of the budget from which the rate decays (1: constant)
   double adam_decay_to = 0.02;           // cosine to this share of the rate

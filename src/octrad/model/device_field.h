@@ -18,7 +18,7 @@ namespace octrad {
 
 // What changes from step to step, in device memory, so that a recorded step can be replayed.
 struct StepConstants {
-  float epsilon = 0.0f;     // of the loss
+  float epsilon = 0.0f;                           // of the loss
   float rate_scale = 0.0f, network_scale = 0.0f;  // RateScale
 };
 

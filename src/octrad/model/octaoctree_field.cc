@@ -19,7 +19,7 @@ constexpr std::string_view kOctaOctreeKeys[] = {
     "octree.levels",    "octree.features", "octree.occupancy",    "octree.interpolation", "octa.",
     "lookup.direction", "lookup.offset",   "lookup.rough_offset", "lookup.reflected",     "lookup.rough_direction",
     "disparity.",       "decoder.width",   "decoder.hidden",      "decoder.output",       "adam.rate.features",
-    "adam.rate.fall"};
+    "adam.rate.budget"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                           bool training) {

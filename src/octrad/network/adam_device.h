@@ -117,11 +117,10 @@ class DeviceOptimizers {
   void add(DeviceDenseAdam& adam, float* parameters, const float* gradients, double rate);
   void add(DeviceTable& table, double rate, bool counted);  // counted: its entries are in *touched
 
-  // One step of all, at their rates times *network_scale and *table_scale (device memory): advance(), then the others in any order. The counters are added
-  // to; gradients that are not usable count as 0 and are in *non_finite. A table's gradient is cleared. All pointers
-  // are to device memory.
-  void advance(Stream& stream, const float* network_scale, const float* table_scale,
-               unsigned long long* touched) const;
+  // One step of all, at their rates times *network_scale and *table_scale (device memory): advance(), then the others
+  // in any order. The counters are added to; gradients that are not usable count as 0 and are in *non_finite. A table's
+  // gradient is cleared. All pointers are to device memory.
+  void advance(Stream& stream, const float* network_scale, const float* table_scale, unsigned long long* touched) const;
   void step_networks(Stream& stream, unsigned long long* non_finite) const;
   void step_tables(Stream& stream, unsigned long long* non_finite) const;
 

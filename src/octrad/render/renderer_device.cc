@@ -24,8 +24,7 @@ class StreamRenderer : public Renderer {
 
   // The few pixels of a mask get as many samples at once as a job has room for.
   int largest_pass() const override {
-    if (passes_matter())
-      return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, kLargestPass));
+    if (passes_matter()) return static_cast<int>(std::clamp<std::size_t>(job_samples_ / pixels(), 1, kLargestPass));
     return static_cast<int>(std::clamp<std::size_t>(job_samples_ / listed_numbers_.size(), 1, kLargestPassOfFew));
   }
   bool passes_matter() const override { return listed_numbers_.empty() || film_->reach() > 0; }

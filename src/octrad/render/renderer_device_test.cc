@@ -125,7 +125,8 @@ TEST_P(RenderOnStream, PartsOfThePictureAreThoseOfTheWhole) {
     render(*renderer, {2});
     const Image whole = renderer->image();
     ASSERT_EQ(whole.channels, picture_channels());
-    for (const auto& [layer, first] : {std::pair{"", 0}, {"albedo", 3}, {"normal", 6}, {"depth", 9}, {"roughness", 10}}) {
+    for (const auto& [layer, first] :
+         {std::pair{"", 0}, {"albedo", 3}, {"normal", 6}, {"depth", 9}, {"roughness", 10}}) {
       const ChannelRange channels = channels_of(layer);
       EXPECT_EQ(channels.first, first) << layer;
       const Image part = renderer->image(channels);

@@ -10,6 +10,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/gltf.h"
@@ -66,14 +67,14 @@ class XmlReader {
   void read_main(const std::string& file) {
     std::error_code code;
     including_.push_back(std::filesystem::weakly_canonical(file, code).string());
-    if (std::filesystem::path(file).extension() == ".octrad")
+    if (ending_of(file) == ".octrad")
       throw InputError(file + ": a trained model, not a scene: the scene comes first, the model after --model");
     std::string text = read_file(file);
     if (is_gltf(file, text)) {
       read_gltf(file, std::move(text), description_, report_);
       return check_definitions();
     }
-    if (std::filesystem::path(file).extension() == ".pbrt")
+    if (ending_of(file) == ".pbrt")
       throw InputError(
           file +
           ": scenes of pbrt are not read; take the scene's Mitsuba XML, which collections often have too, or its glTF");

@@ -17,7 +17,8 @@ class CpuEngine : public TrainEngine {
   void step(long long step, const ScheduleState& s) override {
     if (step % kGuideSteps == 0 && !batches_->guide().empty()) batches_->make_guide_tables();
     const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
-    const FieldStep done = field_->train(batches_->points(), batches_->targets(), s.epsilon, {s.rate_scale, s.network_scale});
+    const FieldStep done =
+        field_->train(batches_->points(), batches_->targets(), s.epsilon, {s.rate_scale, s.network_scale});
     report_.losses.push_back(done.loss);
     report_.rhs_queries += statistics.queries;
     report_.dropped += statistics.non_finite;

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "octrad/train/trainer.h"
 
 namespace octrad {
@@ -19,14 +21,16 @@ TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
   config = preset("cpu");
   EXPECT_LT(schedule(config, 0, 0.0).rate_scale, 0.02);
   EXPECT_NEAR(schedule(config, 100000, 1.0).rate_scale, 0.02, 1e-9);
-  // The networks' rate falls with the steps beside that, to a half after three times adam.rate.fall.
+  // The networks' rate is lower in long runs: a half where the budget has three times adam.rate.budget steps.
+  EXPECT_EQ(config.adam_rate_budget, 5000);
   EXPECT_EQ(schedule(config, 0, 0.0).network_scale, schedule(config, 0, 0.0).rate_scale);
-  EXPECT_DOUBLE_EQ(schedule(config, 12000, 0.0).network_scale, 0.5);
-  EXPECT_NEAR(schedule(config, 12000, 1.0).network_scale, 0.01, 1e-9);
+  EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 0.5);
+  EXPECT_DOUBLE_EQ(schedule(config, 300, 0.2).network_scale, 1.0 / std::sqrt(1.3));
+  EXPECT_NEAR(schedule(config, 15000, 1.0).network_scale, 0.01, 1e-9);
   config.field = "nr";
-  EXPECT_DOUBLE_EQ(schedule(config, 12000, 0.0).network_scale, 1.0);
+  EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 1.0);
   config = preset("default");
-  EXPECT_DOUBLE_EQ(schedule(config, 12000, 0.0).network_scale, 1.0);
+  EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 1.0);
 }
 
 TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {

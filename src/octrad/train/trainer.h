@@ -115,7 +115,7 @@ TrainResult train(const PreparedScene& scene, const Config& config, const TrainO
 struct ScheduleState {
   int points = 0, directions = 0;
   double epsilon = 0.0, rate_scale = 1.0;  // of tables' learning rates
-  double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.fall
+  double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.budget
 };
 ScheduleState schedule(const Config& config, long long step, double fraction);
 
