@@ -22,8 +22,12 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
     s.rate_scale *= config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
   }
   s.network_scale = s.rate_scale;
-  if (config.field == "octaoctree" && config.adam_rate_budget > 0 && fraction > 0.0)
-    s.network_scale /= std::sqrt(1.0 + static_cast<double>(step) / fraction / config.adam_rate_budget);
+  if (config.field == "octaoctree" && config.adam_rate_budget > 0) {
+    const double steps = config.train_steps > 0 ? config.train_steps
+                         : fraction > 0.0       ? static_cast<double>(step) / fraction
+                                                : 0.0;  // of the budget
+    s.network_scale /= std::sqrt(1.0 + steps / config.adam_rate_budget);
+  }
   return s;
 }
 

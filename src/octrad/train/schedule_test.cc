@@ -27,6 +27,8 @@ TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
   EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 0.5);
   EXPECT_DOUBLE_EQ(schedule(config, 300, 0.2).network_scale, 1.0 / std::sqrt(1.3));
   EXPECT_NEAR(schedule(config, 15000, 1.0).network_scale, 0.01, 1e-9);
+  config.train_steps = 15000;
+  EXPECT_DOUBLE_EQ(schedule(config, 200, 0.0).network_scale, 0.5);
   config.field = "nr";
   EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 1.0);
   config = preset("default");
