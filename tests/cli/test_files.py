@@ -291,7 +291,7 @@ class Files(Case):
             self.assertEqual(read(self.path(name)), before)
         # A model says how long it took: its tensors are the same.
         model, whole = self.path("n.octrad"), self.path("whole.octrad")
-        fixed = ("-D", "adam.decay.start=1", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")  # whatever the budget
+        fixed = ("-D", "adam.decay.start=1", "-D", "adam.rate.budget=0", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")  # whatever the budget
         self.train("--steps", 4, *fixed, model=whole)
         for more in (("--steps", 2), ("--steps", 4, "--resume")):
             result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], "train", self.scene, "-o", model, *SMALL, *fixed, *more)
