@@ -286,9 +286,8 @@ const std::vector<Key>& keys() {
       number("adam.rate.networks", &C::adam_rate_networks, {0, 10}, "learning rate of the MLPs"),
       number("adam.rate.grids", &C::adam_rate_grids, {0, 10},
              "learning rate of the hash grids (disparity predictor, fields nr and ncr)"),
-      number(
-          "adam.rate.budget", &C::adam_rate_budget, {0, 100000000},
-          "the rate of the OctaOctree's MLPs times (1 + n / this)^-1/2, where the budget has n steps; 0: as it is"),
+      number("adam.rate.budget", &C::adam_rate_budget, {0, 100000000},
+             "the rate of the OctaOctree's MLPs times (1 + n / this)^-1/2, where the budget has n steps; 0: as it is"),
       number("adam.warmup", &C::adam_warmup, {0, 1000000}, "steps over which the rates rise from 0"),
       number("adam.decay.start", &C::adam_decay_start, {0, 1},
              "share of the budget from which the rates decay; 1: constant"),
