@@ -88,9 +88,8 @@ Image FilmBuffer::image(const ChannelRange& channels) const {
   const auto first = static_cast<std::size_t>(channels.first), count = static_cast<std::size_t>(channels.count);
   for (std::size_t i = 0; i < static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); ++i) {
     const double* from = sums_.data() + i * kStride;
-    const double weight = from[kPictureChannelCount];
-    if (!(weight > 0.0)) continue;
-    for (std::size_t c = 0; c < count; ++c) out.data[i * count + c] = static_cast<float>(from[first + c] / weight);
+    for (std::size_t c = 0; c < count; ++c)
+      out.data[i * count + c] = pixel_mean(from[first + c], from[kPictureChannelCount]);
   }
   return out;
 }

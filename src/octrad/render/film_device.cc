@@ -69,17 +69,13 @@ OCTRAD_HD inline void show_pixel(const float (&values)[3], const ToneMapping& ma
   pixel[3] = 255;
 }
 
-OCTRAD_HD inline float mean_of(const double* sums, std::size_t pixels, std::size_t i, std::size_t channel) {
-  const double weight = sums[kPictureChannelCount * pixels + i];
-  return weight > 0.0 ? static_cast<float>(sums[channel * pixels + i] / weight) : 0.0f;
-}
-
 struct Means : Kernel {
   const double* sums;  // planes
   std::size_t pixels, first, count;
   float* out;  // [pixels][count]
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    for (std::size_t c = 0; c < count; ++c) out[i * count + c] = mean_of(sums, pixels, i, first + c);
+    const double weight = sums[kPictureChannelCount * pixels + i];
+    for (std::size_t c = 0; c < count; ++c) out[i * count + c] = pixel_mean(sums[(first + c) * pixels + i], weight);
   }
 };
 
@@ -89,8 +85,9 @@ struct Show : Kernel {
   ToneMapping mapping;
   unsigned char* out;  // [pixels][4]
   OCTRAD_HD void operator()(std::uint32_t i) const {
+    const double weight = sums[kPictureChannelCount * pixels + i];
     float values[3];
-    for (std::size_t c = 0; c < 3; ++c) values[c] = mean_of(sums, pixels, i, c);
+    for (std::size_t c = 0; c < 3; ++c) values[c] = pixel_mean(sums[c * pixels + i], weight);
     show_pixel(values, mapping, out + 4 * static_cast<std::size_t>(i));
   }
 };

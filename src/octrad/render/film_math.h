@@ -52,6 +52,11 @@ struct FilterShape {
   OCTRAD_HD int last(float p) const { return static_cast<int>(std::floor(p + radius - 0.5f)); }
 };
 
+// A pixel's channel from its sums; 0 without samples.
+OCTRAD_HD inline float pixel_mean(double sum, double weight) {
+  return weight > 0.0 ? static_cast<float>(sum / weight) : 0.0f;
+}
+
 // Adds a sample to the sums of a pixel.
 OCTRAD_HD inline void accumulate_sample(double* to, const PixelSample& s, double weight) {
   to[0] += weight * static_cast<double>(s.radiance.x);
