@@ -13,7 +13,7 @@ import unittest.mock
 
 from exr import read_exr
 from gltf import Gltf
-from support import FAULTS, NO_FAULTS, PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
+from support import FAULTS, FIXED, NO_FAULTS, PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
 from web_client import Viewer
 
 
@@ -291,10 +291,9 @@ class Files(Case):
             self.assertEqual(read(self.path(name)), before)
         # A model says how long it took: its tensors are the same.
         model, whole = self.path("n.octrad"), self.path("whole.octrad")
-        fixed = ("-D", "adam.decay.start=1", "-D", "adam.rate.budget=0", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")  # whatever the budget
-        self.train("--steps", 4, *fixed, model=whole)
+        self.train("--steps", 4, *FIXED, model=whole)
         for more in (("--steps", 2), ("--steps", 4, "--resume")):
-            result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], "train", self.scene, "-o", model, *SMALL, *fixed, *more)
+            result = self.faulty([("short", 0, 1, 0), ("shortread", 0, 1, 0)], "train", self.scene, "-o", model, *SMALL, *FIXED, *more)
             self.assertEqual(result.code, 0, result.err)
         (_, ours), (_, theirs) = read_safetensors(model), read_safetensors(whole)
         self.assertEqual(ours.keys(), theirs.keys())

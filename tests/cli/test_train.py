@@ -10,11 +10,9 @@ import time
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, SMALL, Case, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
+from support import FIXED, PATIENCE, ROOM, SMALL, Case, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
-# Nothing that depends on the share of the budget: 5 and 3 steps are 8.
-FIXED = ("-D", "adam.decay.start=1", "-D", "adam.rate.budget=0", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")
 FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model", "memory_estimate_bytes", "memory_peak_bytes"}
 
 
