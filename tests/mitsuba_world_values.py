@@ -58,11 +58,25 @@ FLIP = '<boolean name="flip_normals" value="true"/>'
 GROUP = '<shape type="shapegroup" id="g"><shape type="rectangle"><transform name="to_world"><scale value="0.6"/><rotate x="0" y="1" z="0" angle="40"/></transform></shape>' \
         '<shape type="cube"><transform name="to_world"><scale value="0.4"/><translate x="0.5" y="-0.4" z="0.3"/></transform></shape></shape>'
 INSTANCE = GROUP + '<shape type="instance"><ref id="g"/>{}</shape>'
+CURVES = """-1 -0.8 0.2 0.15
+-0.4 0.3 0.3 0.3
+0.4 -0.2 -0.1 0.2
+1 0.5 -0.2 0.35
+1.1 0.9 0.6 0.1
+
+-0.9 0.8 0.3 0.2
+-0.5 0.9 0.1 0.2
+0.1 0.7 -0.4 0.1
+0.2 0.4 -0.7 0.3
+"""
+CURVE = '<shape type="{}"><string name="filename" value="c.txt"/>{}</shape>'
 SHAPES = [
     '<shape type="disk"/>', f'<shape type="disk">{FLIP}{MOVE}</shape>', f'<shape type="disk">{EVEN}</shape>',
     '<shape type="cylinder"/>', f'<shape type="cylinder">{FLIP}{EVEN}</shape>',
     '<shape type="cylinder"><point name="p0" x="0.2" y="-0.8" z="-1"/><point name="p1" x="0" y="1" z="0.7"/><float name="radius" value="0.6"/></shape>',
     INSTANCE.format(""), INSTANCE.format(MOVE), INSTANCE.format(EVEN),
+    CURVE.format("linearcurve", ""), CURVE.format("linearcurve", MOVE),
+    CURVE.format("bsplinecurve", ""), CURVE.format("bsplinecurve", MOVE),
 ]
 
 
@@ -93,6 +107,8 @@ def main():
         for x in range(6):
             picture[y, x] = [((7 * x + 13 * y + 5 * c + x * y) % 11) / 8 for c in range(3)]
     mi.Bitmap(picture).write("p.exr")
+    with open("c.txt", "w") as f:
+        f.write(CURVES)
     print("""// Written by tests/mitsuba_world_values.py with Mitsuba %s. Not to be edited.
 #pragma once
 
@@ -152,6 +168,7 @@ struct MitsubaHit {  // t < 0: nothing
         values = [f.eval(k / 8) if not (name == "box" and k == 4) else 1.0 for k in range(24)]
         lines.append(f'"{name}", {number(f.radius())}, {vector(values)}')
     rows("kMitsubaFilters", "MitsubaFilter", lines)
+    print(f"inline const char* const kMitsubaCurves = {text(CURVES)};  // c.txt of the shapes\n")
     rows("kMitsubaShapes", "char* const", [text(s) for s in SHAPES])
     lines = []
     random = np.random.default_rng(1)

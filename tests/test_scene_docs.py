@@ -40,6 +40,7 @@ NEEDS = {("bsdf", "blendbsdf"): '<float name="weight" value="0.5"/>' + DIFFUSE +
          ("emitter", "envmap"): BITMAP, ("emitter", "projector"): AIMED + '<texture name="irradiance" type="bitmap">%s</texture>' % BITMAP,
          ("emitter", "spot"): AIMED, ("emitter", "directional"): AIMED,
          ("shape", "obj"): '<string name="filename" value="mesh.obj"/>', ("shape", "ply"): '<string name="filename" value="mesh.ply"/>',
+         ("shape", "linearcurve"): '<string name="filename" value="curves.txt"/>', ("shape", "bsplinecurve"): '<string name="filename" value="curves.txt"/>',
          ("shape", "serialized"): '<string name="filename" value="mesh.serialized"/>', ("shape", "shapegroup"): SPHERE, ("shape", "merge"): SPHERE,
          ("shape", "instance"): '<shape type="shapegroup">%s</shape>' % SPHERE, ("sensor", "thinlens"): '<float name="aperture_radius" value="0.2"/>'}
 # What a parameter needs beside it to change a picture: of the type "TYPE.NAME", else of every type "NAME".
@@ -130,6 +131,7 @@ class SceneDocuments(unittest.TestCase):
         (cls.folder / "picture.png").write_bytes(png([40, 90, 200, 250, 130, 60, 110, 190, 140]))
         (cls.folder / "mesh.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 .6\nvn 0 .6 .8\nvn 0 0 1\nf 1/1/1 2/2/2 3/3/1\n")
         properties = "".join("property float %s\n" % name for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v", "r", "g", "b"))
+        (cls.folder / "curves.txt").write_text("-1 0 0 .3\n0 .3 0 .4\n.5 -.3 .2 .3\n1 0 0 .2\n")
         (cls.folder / "mesh.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n%selement face 1\nproperty list uchar int vertex_indices\nend_header\n"
                                              "-1 -1 0 0 .6 .8 0 0 1 0 0\n1 -1 0 0 0 1 1 0 0 1 0\n0 1 0 0 .6 .8 0 .6 0 0 1\n3 0 1 2\n" % properties)
         (cls.folder / "mesh.serialized").write_bytes(serialized())

@@ -140,7 +140,7 @@ body("spectrum-glowing-paint", '<bsdf type="diffuse"><spectrum name="reflectance
 # Cameras and films
 odd("no-sensor", scene(CUBE), "no sensor: one that looks at all of it")
 case("model-as-scene", {"m.octrad": b"\x40\0\0\0\0\0\0\0{}"}, ["render", "m.octrad", "-o", "a.exr"], 2, "m.octrad: a trained model, not a scene")
-bad("no-shape", scene(SENSOR), "no shape")
+bad("no-shape", scene(SENSOR), "no surface")
 bad("sensor-unknown", scene('<sensor type="orthograpic"/>' + CUBE), 'did you mean "orthographic"')
 odd("spot-sharp", scene(SENSOR + CUBE + '<emitter type="spot"><float name="beam_width" value="30"/></emitter>'))
 odd("lens-of-0", scene('<sensor type="thinlens"><float name="aperture_radius" value="0"/></sensor>' + CUBE))
@@ -191,7 +191,7 @@ bad("many-cubes", scene(SENSOR + CUBE * 400000), "the budget is", 4)
 # Meshes
 OBJ_BOX = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 for name, text, message in (
-        ("empty", "", "no face"), ("no-face", OBJ_BOX, "no face"), ("two-corners", OBJ_BOX + "f 1 2\n", "no face"),
+        ("empty", "", "no vertex"),
         ("index-0", OBJ_BOX + "f 0 1 2\n", "there is no vertex 0"), ("index-9", OBJ_BOX + "f 1 2 9\n", "there is no vertex 9"),
         ("index-minus-9", OBJ_BOX + "f 1 2 -9\n", "there is no vertex -9"), ("index-huge", OBJ_BOX + "f 1 2 99999999999\n", "expected the index"),
         ("index-word", OBJ_BOX + "f a b c\n", "expected the index"), ("vt-missing", OBJ_BOX + "f 1/1 2/1 3/1\n", "there is no texture vertex 1"),
@@ -213,7 +213,7 @@ for name, data, message in (
         ("type-unknown", ply(kind="quad"), "unknown PLY type"), ("vertices-huge", ply(vertices=4000000000), "the header announces"),
         ("vertices-beyond-64-bits", ply(vertices=10 ** 30), "is not a number of elements"), ("vertices-negative", ply(vertices=-1), "is not a number of elements"),
         ("faces-huge", ply(faces=500000000), "the header announces"), ("no-vertices", ply(vertices=0, rows="3 0 1 2\n"), "refers to vertex"),
-        ("no-z", ply(properties="xy", rows="0 0\n1 0\n0 1\n3 0 1 2\n"), "lacks x, y or z"), ("no-faces", ply(faces=0), "no face"),
+        ("no-z", ply(properties="xy", rows="0 0\n1 0\n0 1\n3 0 1 2\n"), "lacks x, y or z"),
         ("two-corners", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), "fewer than three corners"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
         ("index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "refers to vertex -1"), ("cut-off", ply(rows="0 0 0\n1 0 0\n"), "ends early"),
         ("nan", ply(rows="0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"), "not finite"), ("word", ply(rows="0 0 z\n1 0 0\n0 1 0\n3 0 1 2\n"), "expected a number"),
@@ -243,7 +243,7 @@ for name, data, message in (
         ("empty", b"", "not a serialized mesh"), ("another-file", b"ply\nformat ascii 1.0\n", "not a serialized mesh"), ("version", serialized(version=2), "version 2 are not supported"),
         ("cut-off", serialized()[:-1], "no table of its meshes"), ("half", serialized()[:30], "no table of its meshes"), ("no-table", serialized(count=0), "no table"), ("table-huge", serialized()[:-4] + b"\xff" * 4, "no table"),
         ("hollow", serialized(b""), "ends early"), ("vertices-huge", serialized(vertices=2 ** 28), "announces"), ("vertices-beyond", serialized(vertices=2 ** 63), "too many"),
-        ("triangles-huge", serialized(triangles=2 ** 28), "announces"), ("nothing", serialized(triangles=0), "no triangles"), ("index-9", serialized(corner=9), "refers to vertex 9"),
+        ("triangles-huge", serialized(triangles=2 ** 28), "announces"), ("index-9", serialized(corner=9), "refers to vertex 9"),
         ("index-huge", serialized(corner=2 ** 32 - 1), "refers to vertex 4294967295"), ("nan", serialized(positions=struct.pack("<9f", *[float("nan")] * 9)), "not finite"),
         ("no-zlib", struct.pack("<HH", 0x041C, 4) + b"\xff" * 40 + struct.pack("<QI", 0, 1), "damaged"), ("endless-name", serialized(struct.pack("<I", 0x1000) + b"x" * 1000), "ends early"),
         ("bomb", serialized(struct.pack("<I", 0x1000) + b"a\0" + struct.pack("<QQ", 40000000, 1), zeros=480000012), "the budget is")):
@@ -251,6 +251,12 @@ for name, data, message in (
 body("serialized-index", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="3"/></shape>', "holds 1 meshes", m_serialized=serialized())
 body("serialized-offset", '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="1"/></shape>', "begins outside",
      m_serialized=serialized(count=2, offset=2 ** 60))
+
+for kind, name, data, message in (
+        ("linear", "empty", "", "holds no curve"), ("linear", "lone-point", "0 0 0 1\n", "needs 2"), ("bspline", "three-points", "0 0 0 1\n1 0 0 1\n2 0 0 1\n", "needs 4"),
+        ("linear", "no-radius", "0 0 0\n1 0 0\n", "expected a number"), ("linear", "negative", "0 0 0 -1\n1 0 0 1\n", "radius is negative"),
+        ("linear", "nan", "0 0 nan 1\n1 0 0 1\n", "not finite"), ("linear", "far", "0 0 0 1\n1e30 0 0 1\n", "too far away"), ("bspline", "wide", "0 0 0 1\n1 0 0 1e20\n2 0 0 1\n3 0 0 1\n", "too far away")):
+    body(f"curves-{kind}-{name}", f'<shape type="{kind}curve"><string name="filename" value="m.txt"/></shape>', message, m_txt=data)
 
 # Materials and lights
 for name, inside, message in (

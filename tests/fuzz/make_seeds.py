@@ -103,6 +103,9 @@ PACKED = triangle()
 PACKED_AT = PACKED.view(meshopt_vertices(PACKED.binary[:36], 12))
 PACKED.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {**PACKED.json["bufferViews"][PACKED_AT], "byteStride": 12, "count": 3, "mode": "ATTRIBUTES"}}
 put("gltf", "packed", PACKED.text())
+put("obj", "faces-first", "f 1/1/1 2/2/1 3/3/1\n" + OBJ_BOX + "vt 0 0\nf -1//-1 1 2\nvt 1 0\nvt 1 1\nvn 0 0 1\n")
+put("curves", "two", "0 0 0 .1\n1 0 0 .2\n1 1 0 .1 7\n\t2 1 0 0\r\n3 1 1 +.5\n \n0 0 0 .1\n0 0 1 .1\n0 0 2 .1\n0 0 2 .1\n")
+put("curves", "back", "0 0 0 .1\n0 0 1 .1\n0 0 0 .1\n0 0 .5 1e3\n0 0 1e9 0")
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
 put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
@@ -304,6 +307,7 @@ WORDS = {
              "constant envmap point spot directional projector bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
     "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
+    "curves": "0 1 -1 .5 1e9 1e-9 \\x0a\\x0a nan inf".split(),
     "serialized": ["\\x1c\\x04\\x03\\x00", "\\x1c\\x04\\x04\\x00", "\\x78\\x9c"],
     "gltf": "glTF JSON BIN\\x00 asset version 2.0 scene scenes nodes children mesh meshes primitives attributes POSITION NORMAL TEXCOORD_0 TEXCOORD_1 COLOR_0 indices mode material materials accessors bufferView "
             "byteOffset byteStride byteLength buffers uri data:;base64, componentType 5120 5121 5122 5123 5125 5126 count type SCALAR VEC2 VEC3 VEC4 normalized sparse values images textures source samplers "

@@ -21,6 +21,7 @@
 #include "octrad/render/film_state.h"
 #include "octrad/scene/camera.h"
 #include "octrad/scene/camera_path.h"
+#include "octrad/scene/curves.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/spectrum.h"
@@ -140,6 +141,10 @@ constexpr Target kTargets[] = {
     {"obj", guarded<[](const std::string& bytes) { read_mesh(parse_obj("in.obj", bytes)); }>},
     {"serialized", guarded<[](const std::string& bytes) {
        for (const int index : {0, 1}) read_mesh(parse_serialized("in.serialized", bytes, index));
+     }>},
+    {"curves", guarded<[](const std::string& bytes) {
+       for (const CurveKind kind : {CurveKind::linear, CurveKind::bspline})
+         read_mesh(make_curves(parse_curves("in.txt", bytes, kind), kind, Transform()));
      }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},

@@ -10,6 +10,7 @@
 
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/image.h"
+#include "octrad/scene/curves.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/mesh.h"
 #include "octrad/scene/params.h"
@@ -74,15 +75,17 @@ class SceneBuilder {
   };
   struct MeshJob {
     int mesh = -1;
-    std::string path;  // empty: `raw` is filled already
+    const Element* element = nullptr;  // of the shape
+    std::string path;                  // empty: `raw` is filled already
     enum class Format { obj, ply, serialized } format = Format::obj;
-    int index = 0;  // of the mesh in a serialized file
+    std::optional<CurveKind> curve;  // the file holds such curves instead
+    int index = 0;                   // of the mesh in a serialized file
     RawMesh raw;
     Transform to_world;
     MeshOptions options;
     Location where;
     std::vector<AttributeUse> attributes;
-    bool failed = false;
+    bool failed = false, empty = false;   // could not be read; holds no triangle
     SharedFile<RawMesh>* file = nullptr;  // of `path`
   };
   static void read_mesh(MeshJob& job);  // load.cc

@@ -69,7 +69,10 @@ TEST_F(CheckTest, ListsEverything) {
                                  });
   EXPECT_TRUE(mistakes("<shape type=\"sphere\"/>").empty());
   // What no stand-in helps is listed as well.
-  expect_begins(mistakes("<bsdf type=\"velvet\"/>"), {"2:1 bsdf", "1:1 the scene has no shape"});
+  expect_begins(
+      mistakes(
+          "<bsdf type=\"velvet\"/><emitter type=\"point\"><float name=\"sampling_weight\" value=\"0\"/></emitter>"),
+      {"2:1 bsdf", "1:1 the sampling_weight of all emitters is 0"});
 }
 
 TEST_F(CheckTest, FirstMistakeIsThrownWithoutIt) { EXPECT_THROW(load_scene(write(kMany)), InputError); }
@@ -260,6 +263,24 @@ TEST_F(ConvertTest, RoundTrip) {
   EXPECT_NE(text.find("value=\"fine.obj\""), std::string::npos);
   round_trip(write(kMany), true);
   EXPECT_THROW(round_trip(write(kMany)), InputError);
+}
+
+// Their shapes, and the lights on them, are left out.
+TEST_F(ConvertTest, MeshesWithoutTriangles) {
+  folder_.write("points.obj", "v 1 0 0\nv 0 1 0\nf 1 2\n");
+  const std::string file =
+      write(R"(<shape type="obj"><string name="filename" value="points.obj"/><emitter type="area"/></shape>
+<shape type="shapegroup" id="g"><shape type="obj"><string name="filename" value="points.obj"/></shape><shape type="cube"/></shape>
+<shape type="instance"><ref id="g"/></shape>
+<shape type="sphere"><emitter type="area"/></shape>
+)");
+  const Scene scene = load_scene(file);
+  ASSERT_EQ(scene.shapes.size(), 2u);
+  ASSERT_EQ(scene.area_lights.size(), 1u);
+  EXPECT_EQ(scene.area_lights[0].shape, 1);
+  EXPECT_EQ(scene.shapes[1].emitter, 0);
+  EXPECT_NE(join(scene.assumed).find("points.obj has no triangle: its shape is left out"), std::string::npos);
+  EXPECT_EQ(round_trip(file).find("points.obj"), std::string::npos);
 }
 
 // A file that holds the colour of a light cannot hold that of a surface in the same place.

@@ -83,7 +83,6 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
 
 void SceneBuilder::check_complete() const {
   const Location& where = description_.root->location;
-  if (scene_.shapes.empty()) fail(where, "the scene has no shape");
   const std::vector<float> weights = scene_.sampling_weights();
   if (!weights.empty() && *std::max_element(weights.begin(), weights.end()) == 0.0f)
     fail(where, "the sampling_weight of all emitters is 0: none could be picked");
@@ -103,12 +102,15 @@ Scene SceneBuilder::build() {
   aim_projectors();
   find_bounds();
   if (scene_.cameras.empty()) {
+    if (scene_.shapes.empty()) fail(root.location, "the scene has neither a shape nor a sensor");
     report().assume(root.location,
                     "the scene has no sensor: one that looks at all of it from outside, with y up, is added");
     add_sensor(make_overview_sensor(*description_.root, root.location, scene_.bounds));
   }
   if (scene_.area_lights.empty() && scene_.delta_lights.empty() && scene_.environments.empty())
     scene_.warnings.push_back(root.location.text() + ": the scene has no emitter: everything is black");
+  else if (scene_.shapes.empty())
+    scene_.warnings.push_back(root.location.text() + ": the scene has no shape: only an environment is seen");
   scene_.fingerprint = scene_fingerprint(scene_);
   return std::move(scene_);
 }
@@ -146,17 +148,30 @@ void SceneBuilder::add_object(const Element& element) {
   }
 }
 
-// Shapes whose files could not be read, after that was listed.
+// Shapes whose files could not be read or hold no triangle, after that was listed; and their meshes.
 void SceneBuilder::drop_failed_shapes() {
-  std::set<int> failed;
+  if (std::none_of(mesh_jobs_.begin(), mesh_jobs_.end(), [](const MeshJob& job) { return job.failed || job.empty; }))
+    return;
+  std::vector<int> kept(scene_.meshes.size());  // their new places; -1
+  std::vector<TriangleMesh> meshes;
   for (const MeshJob& job : mesh_jobs_) {
-    if (job.failed) failed.insert(job.mesh);
+    const auto mesh = static_cast<std::size_t>(job.mesh);
+    if (job.failed || job.empty) {
+      kept[mesh] = -1;
+      if (description_.understood) description_.understood->left_out.insert(job.element);
+    } else {
+      kept[mesh] = static_cast<int>(meshes.size());
+      meshes.push_back(std::move(scene_.meshes[mesh]));
+    }
   }
-  if (failed.empty()) return;
+  scene_.meshes = std::move(meshes);
   std::vector<Shape> shapes;
   std::vector<AreaLight> lights;
   for (Shape& shape : scene_.shapes) {
-    if (shape.kind == Shape::Kind::mesh && failed.count(shape.geometry)) continue;
+    if (shape.kind == Shape::Kind::mesh) {
+      shape.geometry = kept[static_cast<std::size_t>(shape.geometry)];
+      if (shape.geometry < 0) continue;
+    }
     if (shape.emitter >= 0) {
       lights.push_back(scene_.area_lights[static_cast<std::size_t>(shape.emitter)]);
       lights.back().shape = static_cast<int>(shapes.size());
@@ -200,7 +215,7 @@ void SceneBuilder::share_files() {
     if (!job.built && !job.path.empty()) picture_files_[job.path].expect();
   }
   for (MeshJob& job : mesh_jobs_) {
-    if (job.path.empty()) continue;
+    if (job.path.empty() || job.curve) continue;
     std::set<std::string> attributes;
     for (const AttributeUse& use : job.attributes) attributes.insert(use.name);
     job.file = &mesh_files_[{job.path, job.format, job.index, std::move(attributes)}];
@@ -238,6 +253,12 @@ void SceneBuilder::load_files() {
       }
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
       if (job.file) read_mesh(job);
+      if (job.curve) {
+        job.raw = make_curves(read_curves(job.path, *job.curve), *job.curve, job.to_world);
+        job.to_world = Transform();
+      }
+      job.empty = job.raw.triangles.empty();
+      if (job.empty) return;
       const std::vector<MeshAttribute> attributes = std::move(job.raw.attributes);
       // Normals as doubles, then as floats.
       if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);
@@ -254,6 +275,9 @@ void SceneBuilder::load_files() {
     if (job.beyond > 0)
       report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.beyond) +
                                      " values a little below 0 or above 1, read as 0 and 1");
+  }
+  for (const MeshJob& job : mesh_jobs_) {
+    if (job.empty) report().assume(job.where, "the mesh " + job.path + " has no triangle: its shape is left out");
   }
   for (std::size_t i = 0; i < jobs; ++i) {
     if (!errors[i]) continue;

@@ -14,8 +14,9 @@ namespace {
 constexpr std::uint64_t kShapeBytes = 2500;
 constexpr std::uint64_t kTriangleBytes = 200;  // and there, of the round shapes
 
-const std::vector<std::string> kShapes = {"obj",    "ply",      "serialized", "rectangle", "cube", "disk",
-                                          "sphere", "cylinder", "shapegroup", "instance",  "merge"};
+const std::vector<std::string> kShapes = {"obj",        "ply",      "serialized", "rectangle",   "cube",
+                                          "disk",       "sphere",   "cylinder",   "linearcurve", "bsplinecurve",
+                                          "shapegroup", "instance", "merge"};
 
 // Of Mitsuba's derivatives: pictures do not depend on it.
 const std::string kSilhouette = "silhouette_sampling_weight";
@@ -35,7 +36,6 @@ Placement make_placement(const Transform& t) {
 
 // What can be written instead of shapes that there are not.
 std::string shape_advice(const std::string& type) {
-  if (type == "bsplinecurve" || type == "linearcurve") return "; turn its curves into triangles and load them as ply";
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
   if (type == "hair" || type == "heightfield" || type == "deformable")
     return "; turn it into triangles and load them as ply";
@@ -117,6 +117,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   } else {
     MeshJob job;
     job.mesh = static_cast<int>(scene_.meshes.size());
+    job.element = &params.element();
     job.to_world = to_world;
     job.options.flip_normals = flip_normals;
     job.where = params.location();
@@ -146,6 +147,11 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     job.options.face_normals = params.get_bool("face_normals", false);
     if (job.format == Format::serialized) job.index = params.int_in("shape_index", 0, 0, 1 << 30);
     else job.options.flip_v = params.get_bool("flip_tex_coords", job.format == Format::obj);
+  } else if (type == "linearcurve" || type == "bsplinecurve") {
+    job.curve = type == "linearcurve" ? CurveKind::linear : CurveKind::bspline;
+    const std::string file = params.required_string("filename");
+    job.where = params.where("filename");
+    job.path = description_.resolve(file, job.where);
   } else if (type == "cylinder") {
     const Vec3d p0 = params.get_point("p0", Vec3d(0.0)), p1 = params.get_point("p1", Vec3d(0, 0, 1));
     const float radius = params.get_float("radius", 1.0f);

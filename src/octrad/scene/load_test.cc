@@ -631,7 +631,7 @@ TEST_F(LoadTest, Shapes) {
 
   refuses(R"(<shape type="hair"/>)", "2:1",
           {"shape \"hair\" is not supported",
-           "supported: obj, ply, serialized, rectangle, cube, disk, sphere, cylinder, shapegroup, instance"});
+           "supported: obj, ply, serialized, rectangle, cube, disk, sphere, cylinder, linearcurve"});
   refuses(R"(<shape type="cylinder"><float name="radius" value="-1"/></shape>)", "2:24", {"must be above 0"});
   refuses(R"(<shape type="sphere"><float name="radiu" value="3"/></shape>)", "2:22", {"did you mean \"radius\""});
   refuses(R"(<shape type="sphere"><float name="radius" value="0"/></shape>)", "2:22", {"above 0"});
@@ -739,8 +739,15 @@ TEST_F(LoadTest, SensorIsAddedWhereThereIsNone) {
             std::string::npos);
 }
 
+TEST_F(LoadTest, SceneWithoutShapes) {
+  const Scene scene = load_whole(kSensor + "<emitter type=\"constant\"/>");
+  EXPECT_TRUE(scene.shapes.empty());
+  EXPECT_NE(join(scene.warnings).find("no shape"), std::string::npos);
+}
+
 TEST_F(LoadTest, WholeFiles) {
-  EXPECT_NE(error_whole(scene_text(kSensor)).find("s.xml:1:1: the scene has no shape"), std::string::npos);
+  EXPECT_NE(error_whole(scene_text("")).find("s.xml:1:1: the scene has neither a shape nor a sensor"),
+            std::string::npos);
   EXPECT_NE(error_whole("").find("s.xml:1:1: "), std::string::npos);
   EXPECT_NE(error_whole("<scene/>").find("no version attribute"), std::string::npos);
   EXPECT_NE(error_whole("<scene version=\"4.0.0\"/>").find("version \"4.0.0\" is not supported"), std::string::npos);

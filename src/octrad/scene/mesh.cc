@@ -8,15 +8,10 @@
 #include "octrad/scene/limits.h"
 
 namespace octrad {
-namespace {
-
-// Angle between unit vectors, accurate near 0 and pi (Kahan).
 double angle_between(Vec3d a, Vec3d b) {
   return dot(a, b) < 0.0 ? std::numbers::pi - 2.0 * std::asin(std::min(1.0, 0.5 * length(a + b)))
                          : 2.0 * std::asin(std::min(1.0, 0.5 * length(b - a)));
 }
-
-}  // namespace
 
 std::size_t RawMesh::bytes() const {
   std::size_t sum = (positions.size() + normals.size()) * sizeof(Vec3f) + uvs.size() * sizeof(Vec2f) +

@@ -68,6 +68,9 @@ struct MeshOptions {
 // normals, the triangles are turned back, so that geometric and shading normals stay on the same side.
 TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options);
 
+// Angle between unit vectors, accurate near 0 and pi (Kahan).
+double angle_between(Vec3d a, Vec3d b);
+
 // Angle-weighted vertex normals; (1, 0, 0) where a vertex has no triangle with an area.
 std::vector<Vec3f> smooth_normals(const std::vector<Vec3f>& positions, const std::vector<Vec3i>& triangles);
 

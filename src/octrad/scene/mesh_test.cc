@@ -128,13 +128,36 @@ TEST(Obj, SyntaxVariants) {
   EXPECT_EQ(obj("v 1e-60 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nf 1/1/ 2/1 3/1").uvs[0].x, 0.5f);
 }
 
+// Faces may come before what they are made of; negative indices count from where they stand.
+TEST(Obj, VerticesAfterFaces) {
+  const RawMesh mesh =
+      obj("v 0 0 0\nv 1 0 0\nf 1/2/1 2/1/1 3/3/1\nv 0 1 0\nvt 0 0\nvt 1 0\nf -3/-1 -2 -1\nvt 0 1\nvn 0 0 1\nv 5 5 5\n"
+          "f 4 -2 -1\n");
+  ASSERT_EQ(mesh.triangles.size(), 3u);
+  const auto corner = [&](int triangle, int i) {
+    return static_cast<std::size_t>(mesh.triangles[static_cast<std::size_t>(triangle)][i]);
+  };
+  EXPECT_EQ(mesh.positions[corner(0, 2)], Vec3f(0, 1, 0));
+  EXPECT_EQ(mesh.uvs[corner(0, 0)], (Vec2f{1, 0}));
+  EXPECT_EQ(mesh.uvs[corner(0, 2)], (Vec2f{0, 1}));
+  EXPECT_EQ(mesh.normals[corner(0, 1)], Vec3f(0, 0, 1));
+  EXPECT_EQ(mesh.positions[corner(1, 0)], Vec3f(0, 0, 0));
+  EXPECT_EQ(mesh.uvs[corner(1, 0)], (Vec2f{1, 0}));  // the second of two so far
+  EXPECT_EQ(mesh.positions[corner(2, 0)], Vec3f(5, 5, 5));
+  EXPECT_EQ(mesh.positions[corner(2, 1)], Vec3f(0, 1, 0));
+  EXPECT_EQ(error_of("v 0 0 0\nf 1 2 3\nv 1 0 0\n"), "a.obj:2:7: face: there is no vertex 3 (the file has 2)");
+  EXPECT_EQ(error_of("v 0 0 0\nf 1 -2 1\nv 1 0 0\n"),
+            "a.obj:2:5: face: there is no vertex -2 (the file has 1, 1 so far)");
+  EXPECT_EQ(error_of("v 0 0 0\nf 1 2 1\nv 1 x 0\n"), "a.obj:3:5: vertex: expected a number");
+}
+
 TEST(Obj, ErrorsSayWhere) {
-  EXPECT_EQ(error_of(kQuad + "f 1 2 9\n"), "a.obj:6:7: face: there is no vertex 9 (5 so far)");
-  EXPECT_EQ(error_of(kQuad + "f 0 1 2\n"), "a.obj:6:3: face: there is no vertex 0 (5 so far)");
-  EXPECT_EQ(error_of(kQuad + "f -6 1 2\n"), "a.obj:6:3: face: there is no vertex -6 (5 so far)");
-  EXPECT_EQ(error_of(kQuad + "f 1/1 2 3\n"), "a.obj:6:5: face: there is no texture vertex 1 (0 so far)");
-  EXPECT_EQ(error_of(kQuad + "f 1//2 2 3\n"), "a.obj:6:6: face: there is no vertex normal 2 (0 so far)");
-  EXPECT_EQ(error_of("v 0 0 0\nv 1 0 0\nf 1 2\n"), "a.obj:1:1: the OBJ file holds no face with three or more corners");
+  EXPECT_EQ(error_of(kQuad + "f 1 2 9\n"), "a.obj:6:7: face: there is no vertex 9 (the file has 5)");
+  EXPECT_EQ(error_of(kQuad + "f 0 1 2\n"), "a.obj:6:3: face: there is no vertex 0 (the file has 5)");
+  EXPECT_EQ(error_of(kQuad + "f -6 1 2\n"), "a.obj:6:3: face: there is no vertex -6 (the file has 5, 5 so far)");
+  EXPECT_EQ(error_of(kQuad + "f 1/1 2 3\n"), "a.obj:6:5: face: there is no texture vertex 1 (the file has 0)");
+  EXPECT_EQ(error_of(kQuad + "f 1//2 2 3\n"), "a.obj:6:6: face: there is no vertex normal 2 (the file has 0)");
+  EXPECT_TRUE(obj("v 0 0 0\nv 1 0 0\nf 1 2\n").triangles.empty());
   EXPECT_EQ(error_of(kQuad + "f 1 2 x\n"), "a.obj:6:7: face: expected the index of a vertex");
   EXPECT_EQ(error_of(kQuad + "f 1 2 3x\n"), "a.obj:6:8: face: expected a blank after the corner");
   EXPECT_EQ(error_of("v 0 0\n"), "a.obj:1:6: vertex: expected a number");
@@ -144,8 +167,8 @@ TEST(Obj, ErrorsSayWhere) {
   EXPECT_EQ(error_of(kQuad + "v 1e-999 1e-50 0\nf 1 2 6\n"), "no error");
   EXPECT_EQ(error_of("v 0 0,1 0\n"), "a.obj:1:6: vertex: expected a blank after the number");
   EXPECT_EQ(error_of("f 99999999999 1 1\n"), "a.obj:1:3: face: expected the index of a vertex");
-  EXPECT_EQ(error_of("# nothing\n"), "a.obj:1:1: the OBJ file holds no face with three or more corners");
-  EXPECT_EQ(error_of(""), "a.obj:1:1: the OBJ file holds no face with three or more corners");
+  EXPECT_EQ(error_of("# nothing\n"), "a.obj:1:1: the OBJ file holds no vertex");
+  EXPECT_EQ(error_of(""), "a.obj:1:1: the OBJ file holds no vertex");
 }
 
 // PLY -------------------------------------------------------------------------------------------------------------

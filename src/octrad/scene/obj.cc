@@ -33,7 +33,7 @@ class ObjReader {
       }
       skip_line();
     }
-    if (mesh_.triangles.empty()) fail_at(text_.data(), "the OBJ file holds no face with three or more corners");
+    if (positions_.empty()) fail_at(text_.data(), "the OBJ file holds no vertex");
     if (!any_uv_) mesh_.uvs.clear();
     if (!any_normal_) mesh_.normals.clear();
     return std::move(mesh_);
@@ -45,6 +45,9 @@ class ObjReader {
   };  // from 0; -1: not given
   struct Known {
     int vt, vn, index, next;
+  };
+  struct Counts {
+    std::size_t v = 0, vt = 0, vn = 0;
   };
 
   static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
@@ -97,16 +100,19 @@ class ObjReader {
     return {x, y, read_float(what)};
   }
 
+  // A statement v, vt or vn. Those that the faces before them have had read already are only counted.
   void read_vertex() {
     const char kind = p_ + 1 < end_ ? p_[1] : '\n';
     if (is_blank(kind)) {
       p_ += 1;
+      if (so_far_.v++ < positions_.size()) return;
       ask_to_grow(positions_, name_);
       positions_.push_back(read_vec3("vertex"));  // w and colours are skipped
       first_.push_back(-1);
       if (positions_.size() > kMostMeshElements) fail_at(p_, "the OBJ file has too many vertices");
     } else if (kind == 't' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
+      if (so_far_.vt++ < uvs_.size()) return;
       ask_to_grow(uvs_, name_);
       // Some exporters write nan where an edge has no length: 0.
       const auto coordinate = [&] {
@@ -117,27 +123,43 @@ class ObjReader {
       uvs_.push_back({u, at_line_end() ? 0.0f : coordinate()});
     } else if (kind == 'n' && p_ + 2 < end_ && is_blank(p_[2])) {
       p_ += 2;
+      if (so_far_.vn++ < normals_.size()) return;
       ask_to_grow(normals_, name_);
       normals_.push_back(read_vec3("vertex normal"));
     }
   }
 
-  // Index as written (1 is the first, -1 the last so far) to a position in a list of `count`; -1 for a 0, which some
-  // exporters write for none, where it is `optional`.
-  int read_index(std::size_t count, const char* what, bool optional = false) {
+  // All that the rest of the file has, for a face that stands before its vertices.
+  void read_vertices_ahead() {
+    const char* const here = p_;
+    const Counts counted = so_far_;
+    for (skip_line(); p_ < end_; skip_line()) {
+      skip_blanks();
+      if (p_ < end_ && *p_ == 'v') read_vertex();
+    }
+    p_ = here;
+    so_far_ = counted;
+    all_read_ = true;
+  }
+
+  // Index as written (1 is the first, -1 the last so far) to a position in `list`; -1 for a 0, which some exporters
+  // write for none, where it is `optional`.
+  template <typename T>
+  int read_index(const std::vector<T>& list, std::size_t so_far, const char* what, bool optional = false) {
     const char* begin = p_ < end_ && *p_ == '+' ? p_ + 1 : p_;
     int value = 0;
     const auto result = std::from_chars(begin, end_, value);
     if (result.ec != std::errc()) fail_at(p_, std::string("face: expected the index of a ") + what);
-    const std::int64_t n = static_cast<std::int64_t>(count);
-    const std::int64_t index = value < 0 ? n + value : static_cast<std::int64_t>(value) - 1;
+    const std::int64_t index =
+        value < 0 ? static_cast<std::int64_t>(so_far) + value : static_cast<std::int64_t>(value) - 1;
     if (value == 0 && optional) {
       p_ = result.ptr;
       return -1;
     }
-    if (value == 0 || index < 0 || index >= n) {
-      fail_at(p_, std::string("face: there is no ") + what + " " + std::to_string(value) + " (" +
-                      std::to_string(count) + " so far)");
+    if (index >= static_cast<std::int64_t>(list.size()) && !all_read_) read_vertices_ahead();
+    if (value == 0 || index < 0 || index >= static_cast<std::int64_t>(list.size())) {
+      fail_at(p_, std::string("face: there is no ") + what + " " + std::to_string(value) + " (the file has " +
+                      std::to_string(list.size()) + (value < 0 ? ", " + std::to_string(so_far) + " so far)" : ")"));
     }
     p_ = result.ptr;
     return static_cast<int>(index);
@@ -145,14 +167,15 @@ class ObjReader {
 
   // v, v/vt, v//vn or v/vt/vn.
   Corner read_corner() {
-    Corner corner{read_index(positions_.size(), "vertex"), -1, -1};
+    Corner corner{read_index(positions_, so_far_.v, "vertex"), -1, -1};
     if (p_ < end_ && *p_ == '/') {
       ++p_;
       if (p_ < end_ && *p_ != '/' && !is_blank(*p_) && *p_ != '\n')
-        corner.vt = read_index(uvs_.size(), "texture vertex", true);
+        corner.vt = read_index(uvs_, so_far_.vt, "texture vertex", true);
       if (p_ < end_ && *p_ == '/') {
         ++p_;
-        if (p_ < end_ && !is_blank(*p_) && *p_ != '\n') corner.vn = read_index(normals_.size(), "vertex normal", true);
+        if (p_ < end_ && !is_blank(*p_) && *p_ != '\n')
+          corner.vn = read_index(normals_, so_far_.vn, "vertex normal", true);
       }
     }
     if (p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '\\' && *p_ != '#')
@@ -207,6 +230,8 @@ class ObjReader {
   const char* end_;
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec2f> uvs_;
+  Counts so_far_;           // statements up to the current one
+  bool all_read_ = false;   // those after it as well
   std::vector<int> first_;  // of positions_: head of its list in known_
   std::vector<Known> known_;
   // A position has a few combinations. Where it has many, a list would take time in their square: the rest is here.

@@ -109,8 +109,6 @@ class PlyReader {
       }
     }
     if (!vertices) fail_at(bytes_.data(), "the PLY file has no element \"vertex\"");
-    if (!faces || mesh_.triangles.empty())
-      fail_at(bytes_.data(), "the PLY file holds no face with three or more corners");
     for (const Vec3i& triangle : mesh_.triangles) {
       for (int i = 0; i < 3; ++i) {
         if (triangle[i] < 0 || static_cast<std::size_t>(triangle[i]) >= mesh_.positions.size()) {

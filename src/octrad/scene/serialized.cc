@@ -51,7 +51,7 @@ class SerializedReader {
         number * (3u + (flags & kNormals ? 3u : 0u) + (flags & kTexcoords ? 2u : 0u) + (flags & kColors ? 3u : 0u));
     if (vertices > kMostMeshElements || triangles > kMostMeshElements)
       fail_here("the mesh has too many vertices or triangles: at most " + std::to_string(kMostMeshElements) + " each");
-    if (vertices == 0 || triangles == 0) fail_here("the mesh has no triangles");
+    if (triangles == 0) return {};
     if (vertices * vertex_bytes + triangles * 12 > (end - begin) * kMostExpansion) {
       fail_here("the mesh announces " + std::to_string(vertices) + " vertices and " + std::to_string(triangles) +
                 " triangles, but only " + std::to_string(end - begin) + " compressed bytes follow");

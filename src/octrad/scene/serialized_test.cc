@@ -28,12 +28,12 @@ std::string compress(const std::string& bytes) {
 constexpr std::uint32_t kNormals = 1, kUvs = 2, kColors = 8, kSingle = 0x1000, kDouble = 0x2000;
 
 std::string content(std::uint32_t flags, int version, float height, std::uint32_t corner = 3,
-                    std::uint64_t vertices = 4) {
+                    std::uint64_t vertices = 4, std::uint64_t triangles = 2) {
   std::string out;
   put(out, flags);
   if (version == 4) out += std::string("mesh") + '\0';
   put(out, vertices);
-  put(out, std::uint64_t{2});
+  put(out, triangles);
   const auto numbers = [&](std::initializer_list<float> values) {
     for (const float v : values) {
       if (flags & kDouble) put(out, static_cast<double>(v));
@@ -130,7 +130,8 @@ TEST(Serialized, DamageIsNamed) {
   says(damage_of(file_of({content(kSingle, 4, 1.0f, 4)}, 4)), "refers to vertex 4, but there are 4");
   says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 27)}, 4)), "announces 134217728 vertices");
   says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, std::uint64_t{1} << 60)}, 4)), "too many vertices");
-  says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, 0)}, 4)), "has no triangles");
+  says(damage_of(file_of({content(kSingle, 4, 1.0f, 3, 0)}, 4)), "refers to vertex 0, but there are 0");
+  EXPECT_TRUE(parse_serialized("a.serialized", file_of({content(kSingle, 4, 1.0f, 3, 4, 0)}, 4), 0).triangles.empty());
   says(damage_of(file_of({content(kSingle, 4, std::nanf(""))}, 4)), "a position is not finite");
   for (std::size_t i = 0; i < good.size(); ++i) {  // whatever bit is wrong: a mesh or a sentence
     std::string damaged = good;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/error.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/transport/first_hit_math.h"
@@ -148,6 +149,8 @@ SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>
 }
 
 DomainFit fit_domain(const PreparedScene& scene, const Config& config, const std::vector<Camera>& cameras) {
+  if (scene.scene().shapes.empty())
+    throw InputError(scene.scene().file + ": the scene has no surface that could learn");
   const Bounds3f& bounds = scene.scene().bounds;
   const bool cube = config.octree_box == OctreeBox::cube;
   const Domain whole = scene_domain(bounds, cube);
