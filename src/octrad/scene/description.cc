@@ -216,6 +216,7 @@ class XmlReader {
       read_children(source, node, *element, depth + 1);
       element->old = old_;
       if (old_) upgrade_element(*element, report_);
+      else downgrade_element(*element, report_);
       parent.children.push_back(std::move(element));
     }
   }

@@ -473,4 +473,21 @@ void upgrade_element(Element& element, SceneReport& report) {
   if (element.find("type") || element.tag == "scene") upgrade_object(element, report);
 }
 
+void downgrade_element(Element& element, SceneReport& report) {
+  if (element.tag == "texture" && element.get("type") == "bitmap") {
+    take(element, "max_anisotropy");
+    Element* filter = child(element, "filter_type");
+    if (!filter) return;
+    const std::string kind = filter->get("value");
+    if (kind != "trilinear" && kind != "anisotropic") return;
+    report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear: samples of a pixel blur instead");
+    filter->set("value", "bilinear");
+  } else if (element.tag == "sensor") {
+    take(element, "cone_scale");
+    const std::unique_ptr<Element> jitter = take(element, "jitter");
+    if (jitter && jitter->get("value") != "true")
+      report.assume(jitter->location, "jitter false: samples are spread over a pixel all the same");
+  }
+}
+
 }  // namespace octrad

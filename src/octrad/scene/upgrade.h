@@ -1,4 +1,4 @@
-// Scene files of Mitsuba 0.5 and 0.6 in the terms of Mitsuba 3. Internal to the module.
+// Scene files of Mitsuba 0.5 and 0.6, and of versions after 3.9, in the terms of Mitsuba 3.9. Internal to the module.
 #pragma once
 
 #include "octrad/scene/description.h"
@@ -14,6 +14,10 @@ namespace octrad {
 //   - scattering models that Mitsuba 3 has not to the closest that it has.
 // What changes more than names is noted in `report`, and what has no counterpart refused there, with the way out.
 void upgrade_element(Element& element, SceneReport& report);
+
+// Changes an element of another file: filters of textures by mip maps, and what belongs to them in sensors, which
+// Mitsuba has after 3.9. Noted in `report` where pictures may differ.
+void downgrade_element(Element& element, SceneReport& report);
 
 // "toWorld" -> "to_world", "intIOR" -> "int_ior".
 std::string snake_case(const std::string& name);

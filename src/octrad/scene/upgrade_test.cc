@@ -175,6 +175,30 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   EXPECT_THROW(load(R"(<bsdf type="mixturebsdf"><string name="weights" value="1"/></bsdf>)", "0.6.0"), InputError);
 }
 
+// Mip maps of Mitsuba after 3.9.
+TEST_F(UpgradeTest, NewerFilters) {
+  folder_.write("t.pfm", std::string("PF\n1 1\n-1\n") + std::string(12, '\0'));
+  const auto scene = [&](const std::string& texture, const std::string& sensor) {
+    return load(
+        R"(<sensor type="perspective">)" + sensor +
+            R"(</sensor><bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/>)" +
+            texture + "</texture></bsdf>\n",
+        "3.0.0");
+  };
+  const Scene plain = scene("", "");
+  for (const char* filter : {"trilinear", "anisotropic"}) {
+    const Scene newer = scene("<string name=\"filter_type\" value=\"" + std::string(filter) +
+                                  R"("/><integer name="max_anisotropy" value="8"/>)",
+                              R"(<float name="cone_scale" value="2"/><boolean name="jitter" value="true"/>)");
+    EXPECT_EQ(newer.fingerprint, plain.fingerprint);
+    ASSERT_EQ(newer.assumed.size(), 1u) << join(newer.assumed, "\n");
+    EXPECT_NE(newer.assumed[0].find("read as bilinear"), std::string::npos);
+  }
+  EXPECT_NE(join(scene("", R"(<boolean name="jitter" value="false"/>)").assumed).find("jitter false"),
+            std::string::npos);
+  EXPECT_THROW(scene(R"(<string name="filter_type" value="cubic"/>)", ""), InputError);
+}
+
 // The files of Mitsuba 0.5 and 0.6 among the shared scenes: nothing of what is refused is a name.
 TEST(SharedScenes, OldVersions) {
   const std::filesystem::path scenes = shared_folder() / "scenes";
