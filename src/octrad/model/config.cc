@@ -242,7 +242,8 @@ const std::vector<Key>& keys() {
       flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
       number("train.far_ends", &C::train_far_ends, {0, 1},
-             "share of points where rays of the last step ended, drawn by what the cache's response contributed"),
+             "share of points where rays of the last step ended, drawn by what the cache's response contributed; falls "
+             "with the rates (adam.decay)"),
       number("train.view_share", &C::train_view_share, {0, 1},
              "share of points on the primary hits of the scene's view (for a fixed camera)"),
       number("train.keep_direction", &C::train_keep_direction, {0, 1},
@@ -445,6 +446,7 @@ Config preset(const std::string& name) {
   c.train_points = 65536;
   c.train_directions = 32;
   c.train_quarters = true;
+  c.train_far_ends = 0.0;
   c.nr_width = 256;
   c.ncr_width = 128;
   c.ncr_rays_train = 128;

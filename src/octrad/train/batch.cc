@@ -27,16 +27,12 @@ LhsOptions lhs_options(const Config& config) {
   return options;
 }
 
-std::size_t far_end_count(const Config& config, int points) {
-  return static_cast<std::size_t>(config.train_far_ends * points);
-}
-
 RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
   const auto n = static_cast<std::size_t>(s.points);
   shading_.resize(n);
   points_.resize(n);
   targets_.resize(n);
-  const std::size_t far_ends = far_end_count(config_, s.points);
+  const auto far_ends = static_cast<std::size_t>(s.far_ends);
   sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
   if (changed_)
     changed_->replace(stream, std::span(shading_).last(static_cast<std::size_t>(changed_share_ * s.points)));

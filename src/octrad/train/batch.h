@@ -15,8 +15,6 @@
 namespace octrad {
 
 LhsOptions lhs_options(const Config& config);
-// Far ends that a step of so many points keeps for the next one.
-std::size_t far_end_count(const Config& config, int points);
 
 class BatchSource {
  public:

@@ -40,9 +40,12 @@ constexpr int kStepsBetweenReports = 16;
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;      // of radiance(), for validation
 constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
-constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};         // of the schedule: in each all steps have the same shape
+constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};         // of the schedule: in each all steps have as many points
 
 std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
+std::size_t most_far_ends(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).far_ends); }
+
+using StepShape = std::tuple<int, int, int, int>;  // points, directions, far ends and buffer
 
 // Steps in a group of those with `points` points: enough points to keep a GPU busy, a power of two.
 int group_steps(std::size_t points, const DeviceEngineOptions& options) {
@@ -118,7 +121,7 @@ class DeviceEngine : public TrainEngine {
         ahead_input_(stream, 1, "a step's constants"),
         responses_(stream, most_slots(config), "responses of the cache"),
         targets_(stream, most_points(config), "targets"),
-        far_ends_(stream, far_end_count(config, static_cast<int>(most_points(config))), "far ends") {
+        far_ends_(stream, most_far_ends(config), "far ends") {
     set_far_ends({});
     rhs_options_.own_emission = rhs_options_.emission_inside;
     rhs_options_.seed = static_cast<unsigned long long>(config.seed);
@@ -140,11 +143,11 @@ class DeviceEngine : public TrainEngine {
                        static_cast<float>(s.network_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
     last_points_ = static_cast<std::size_t>(s.points);
-    kept_ends_ = far_end_count(config_, s.points);
+    kept_ends_ = static_cast<std::size_t>(s.far_ends);
     stale_ = true;
     if (guide_ && step % kGuideSteps == 0) guide_->make_tables();
     if (next_timed_ < 0) next_timed_ = step + kTimed;
-    const std::tuple<int, int, int> shape{s.points, s.directions, buffer_of(step)};
+    const StepShape shape{s.points, s.directions, s.far_ends, buffer_of(step)};
     // Only where a group begins, and once both graphs are there: neither recording nor setting up is part of a step.
     if (step >= next_timed_ && step % kStepsBetweenReports == 0 && is_recorded(step_graphs_, shape) &&
         is_recorded(draw_graphs_, std::pair{last_points_, buffer_of(step)})) {
@@ -157,7 +160,7 @@ class DeviceEngine : public TrainEngine {
       return;
     }
     draw_group(step);
-    run_or_replay(stream_, step_graphs_, shape, [&] { run(s, std::get<2>(shape)); });
+    run_or_replay(stream_, step_graphs_, shape, [&] { run(s, std::get<3>(shape)); });
   }
 
   int steps_between_reports() const override { return kStepsBetweenReports; }
@@ -346,7 +349,7 @@ class DeviceEngine : public TrainEngine {
 
   void run(const ScheduleState& s, int buffer) {
     const auto n = static_cast<std::size_t>(s.points);
-    const std::size_t far_ends = far_end_count(config_, s.points);
+    const auto far_ends = static_cast<std::size_t>(s.far_ends);
     lhs_.take(&input_.data()->step, n, group_steps(n, options_), buffer);
     if (far_ends > 0) lhs_.take_far_ends(far_ends_.data(), far_ends);
     lobes_.trace(lhs_.surface_points(), lhs_.points(), rhs_options_.seed, &input_.data()->step, n);
@@ -387,7 +390,7 @@ class DeviceEngine : public TrainEngine {
   std::pair<std::size_t, long long> next_;           // that ahead_ has drawn, or draws
   std::unique_ptr<StreamEvent> ready_;               // when it has
   Graphs<std::pair<std::size_t, int>> draw_graphs_;  // by points of a step and buffer
-  Graphs<std::tuple<int, int, int>> step_graphs_;    // by points, directions and buffer
+  Graphs<StepShape> step_graphs_;
   PlaneArray query_points_;
   DeviceArray<Vec3f> query_radiance_;
 };
@@ -405,11 +408,11 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
   parts.push_back({"rays and queries of a step",
                    DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds, config.train_guide > 0.0) +
                        (config.train_guide > 0.0 ? kGuideBytes : 0) + slots * sizeof(Vec3f)});
-  parts.push_back({"left-hand-side points",
-                   DeviceLhs::bytes(points, most_points_ahead(config, options), options.tuning.draw_ahead ? 2 : 1,
-                                    query_rays(config).offset) +
-                       DeviceLobes::bytes(points, query_rays(config, true), false) + points * sizeof(Vec3f) +
-                       far_end_count(config, static_cast<int>(points)) * sizeof(FarEnd)});
+  parts.push_back(
+      {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options),
+                                                 options.tuning.draw_ahead ? 2 : 1, query_rays(config).offset) +
+                                    DeviceLobes::bytes(points, query_rays(config, true), false) +
+                                    points * sizeof(Vec3f) + most_far_ends(config) * sizeof(FarEnd)});
   return parts;
 }
 

@@ -155,7 +155,7 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
   ASSERT_EQ(last_points[0].size(), static_cast<std::size_t>(s.points));
   batches.draw(23, s, nullptr);
   std::size_t same = 0;
-  const std::size_t far_ends = far_end_count(config, s.points);  // of the step before
+  const auto far_ends = static_cast<std::size_t>(s.far_ends);  // of the step before
   for (std::size_t i = far_ends; i < last_points[0].size(); ++i)
     same += length(batches.points()[i].x - last_points[0][i].x) < 1e-3f;
   EXPECT_GT(same, (last_points[0].size() - far_ends) * 9 / 10);

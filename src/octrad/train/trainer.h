@@ -114,6 +114,7 @@ TrainResult train(const PreparedScene& scene, const Config& config, const TrainO
 // Batch shape and loss epsilon at a fraction of the budget.
 struct ScheduleState {
   int points = 0, directions = 0;
+  int far_ends = 0;                        // of the points: where rays of the last step ended
   double epsilon = 0.0, rate_scale = 1.0;  // of tables' learning rates
   double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.budget
 };
