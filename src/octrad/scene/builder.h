@@ -86,7 +86,8 @@ class SceneBuilder {
     Location where;
     std::vector<AttributeUse> attributes;
     bool failed = false, empty = false;   // could not be read; holds no triangle
-    SharedFile<RawMesh>* file = nullptr;  // of `path`
+    SharedFile<RawMesh>* file = nullptr;  // of `path`; of curves:
+    SharedFile<Curves>* curve_file = nullptr;
   };
   static void read_mesh(MeshJob& job);  // load.cc
 
@@ -198,6 +199,7 @@ class SceneBuilder {
   // What load_files() reads: by path, and of meshes what else decides their content.
   std::map<std::string, SharedFile<Image>> picture_files_;
   std::map<std::tuple<std::string, MeshJob::Format, int, std::set<std::string>>, SharedFile<RawMesh>> mesh_files_;
+  std::map<std::pair<std::string, CurveKind>, SharedFile<Curves>> curve_files_;
   std::vector<Projector> projectors_;
   std::map<const Element*, Group> groups_;
   std::vector<const Element*> group_order_;  // in which they were made

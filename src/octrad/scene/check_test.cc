@@ -268,11 +268,11 @@ TEST_F(ConvertTest, RoundTrip) {
 // Their shapes, and the lights on them, are left out.
 TEST_F(ConvertTest, MeshesWithoutTriangles) {
   folder_.write("points.obj", "v 1 0 0\nv 0 1 0\nf 1 2\n");
-  const std::string file =
-      write(R"(<shape type="obj"><string name="filename" value="points.obj"/><emitter type="area"/></shape>
+  const std::string file = write(
+      R"(<shape type="obj"><string name="filename" value="points.obj"/><bsdf type="conductor" id="m"/><emitter type="area"/></shape>
 <shape type="shapegroup" id="g"><shape type="obj"><string name="filename" value="points.obj"/></shape><shape type="cube"/></shape>
 <shape type="instance"><ref id="g"/></shape>
-<shape type="sphere"><emitter type="area"/></shape>
+<shape type="sphere"><ref id="m"/><emitter type="area"/></shape>
 )");
   const Scene scene = load_scene(file);
   ASSERT_EQ(scene.shapes.size(), 2u);

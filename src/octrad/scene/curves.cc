@@ -69,9 +69,18 @@ class Rings {
     bool first = true;
     for (std::size_t i = 0; i + 3 < points.size(); ++i, ++segment_) {
       const CurvePoint* p = &points[i];
-      double bend = 0.0;  // of the control polygon
-      for (int k = 0; k < 2; ++k)
-        bend += turn_between(p[k + 1].position - p[k].position, p[k + 2].position - p[k + 1].position);
+      // Of the control polygon, and of the outline that radii make. Points may lie on one another.
+      double bend = 0.0, last_slope = 0.0;
+      Vec3d last(0.0);
+      for (int k = 0, edges = 0; k < 3; ++k) {
+        const Vec3d edge = p[k + 1].position - p[k].position;
+        const double l = length(edge), wider = p[k + 1].radius - p[k].radius;
+        if (l == 0.0 && wider == 0.0) continue;
+        const double slope = std::atan2(wider, l);
+        if (edges++ > 0) bend += turn_between(last, edge) + std::fabs(slope - last_slope);
+        if (l > 0.0) last = edge;
+        last_slope = slope;
+      }
       const int steps = std::clamp(static_cast<int>(std::ceil(bend / turn_)), 1, 64);
       for (int k = first ? 0 : 1; k <= steps; ++k) {
         const double u = static_cast<double>(k) / steps, v = 1.0 - u;
@@ -188,9 +197,9 @@ RawMesh make_tubes(const std::vector<Ring>& rings) {
 
 }  // namespace
 
-std::vector<std::vector<CurvePoint>> parse_curves(const std::string& name, const std::string& text, CurveKind kind) {
+Curves parse_curves(const std::string& name, const std::string& text, CurveKind kind) {
   const std::size_t fewest = kind == CurveKind::linear ? 2 : 4;
-  std::vector<std::vector<CurvePoint>> curves;
+  Curves curves;
   std::vector<CurvePoint> curve;
   MemoryMeter meter(name);
   std::size_t points = 0;
@@ -236,18 +245,16 @@ std::vector<std::vector<CurvePoint>> parse_curves(const std::string& name, const
   return curves;
 }
 
-std::vector<std::vector<CurvePoint>> read_curves(const std::string& file, CurveKind kind) {
-  return parse_curves(file, read_file(file), kind);
-}
+Curves read_curves(const std::string& file, CurveKind kind) { return parse_curves(file, read_file(file), kind); }
 
-RawMesh make_curves(std::vector<std::vector<CurvePoint>> curves, CurveKind kind, const Transform& to_world) {
+RawMesh make_curves(const Curves& curves, CurveKind kind, const Transform& to_world) {
   const bool linear = kind == CurveKind::linear;
   std::size_t points = 0;
   for (const auto& curve : curves) points += curve.size();
   const std::size_t segments = linear ? points - curves.size() : points - 3 * curves.size();
   // 5 degrees, and up to 40 where there are many points.
   Rings rings(segments, kHalfCircle / 36.0 * std::clamp(static_cast<double>(points) / 10000.0, 1.0, 8.0));
-  for (auto& curve : curves) {
+  for (std::vector<CurvePoint> curve : curves) {
     for (CurvePoint& p : curve) p.position = to_world.point(p.position);
     if (linear) rings.add_linear(curve);
     else rings.add_bspline(curve);

@@ -14,16 +14,17 @@ struct CurvePoint {
 };
 
 enum class CurveKind { linear, bspline };
+using Curves = std::vector<std::vector<CurvePoint>>;
 
 // Text with one control point a line, x y z radius, and empty lines between curves of at least 2 (linear) or 4 points.
 // More numbers in a line are skipped. Throws InputError with file:line:column, IoError.
-std::vector<std::vector<CurvePoint>> read_curves(const std::string& file, CurveKind kind);
-std::vector<std::vector<CurvePoint>> parse_curves(const std::string& name, const std::string& text, CurveKind kind);
+Curves read_curves(const std::string& file, CurveKind kind);
+Curves parse_curves(const std::string& name, const std::string& text, CurveKind kind);
 
 // The surface in world space, facing outwards, with normals and Mitsuba's texture coordinates; radii do not follow
 // `to_world`, as in Mitsuba. Linear curves are cones between spheres about their points; cubic B-splines are open at
 // their ends. Tubes have 48 sides, down to 6 where there would be more than about four million triangles. Texture
 // coordinates beyond the seam go on over 1. Throws InputError without a place, MemoryError.
-RawMesh make_curves(std::vector<std::vector<CurvePoint>> curves, CurveKind kind, const Transform& to_world);
+RawMesh make_curves(const Curves& curves, CurveKind kind, const Transform& to_world);
 
 }  // namespace octrad

@@ -47,6 +47,13 @@ TEST(Curves, AreasOfStraightOnes) {
   const double cone =
       kCircle * mean * slant + kCircle * 0.25 * (1.0 + std::sin(touch)) + kCircle * 0.0625 * (1.0 - std::sin(touch));
   EXPECT_NEAR(surface_of(tubes("1 1 1 .5\n3 1 1 .25\n", CurveKind::linear)), cone, 2e-3 * cone);
+  // Radii that swell where the points lie on a line: the cubic's, not a chord's.
+  double widest = 0.0;
+  const RawMesh bump = tubes("0 0 0 .1\n0 0 1 .1\n0 0 2 1\n0 0 3 .1\n0 0 4 .1\n", CurveKind::bspline);
+  for (const Vec3f& p : bump.positions)
+    if (std::fabs(p.z - 1.5f) < 0.06f)
+      widest = std::max(widest, std::hypot(static_cast<double>(p.x), static_cast<double>(p.y)));
+  EXPECT_NEAR(widest, 0.531, 0.05);
   // Of a B-spline what lies between the second and the last but one point, open.
   const double open = kCircle * 0.25 * 2.0;
   EXPECT_NEAR(surface_of(tubes("0 0 -1 .25\n0 0 0 .25\n0 0 1 .25\n0 0 2 .25\n0 0 3 .25", CurveKind::bspline)), open,

@@ -181,7 +181,7 @@ TEST_F(GltfTest, StripsFansAndIndices) {
     EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 1, 3}, {4, 2, 1}}));
   }
   primitive()["mode"] = 1;
-  EXPECT_NE(error().find("neither a shape nor a sensor"), std::string::npos);
+  EXPECT_NE(error().find("neither a shape with triangles nor a sensor"), std::string::npos);
 }
 
 TEST_F(GltfTest, NodesAndInstances) {
@@ -217,7 +217,7 @@ TEST_F(GltfTest, NodesAndInstances) {
   EXPECT_NE(error().find("looks nowhere"), std::string::npos);
   json_["nodes"].erase(2);
   json_["nodes"][0]["children"] = {1};
-  EXPECT_NE(error().find("neither a shape nor a sensor"), std::string::npos);
+  EXPECT_NE(error().find("neither a shape with triangles nor a sensor"), std::string::npos);
   json_["nodes"][0].erase("scale");
   json_["nodes"][1]["children"] = {0};
   EXPECT_NE(error().find("twice"), std::string::npos);

@@ -102,7 +102,7 @@ Scene SceneBuilder::build() {
   aim_projectors();
   find_bounds();
   if (scene_.cameras.empty()) {
-    if (scene_.shapes.empty()) fail(root.location, "the scene has neither a shape nor a sensor");
+    if (scene_.shapes.empty()) fail(root.location, "the scene has neither a shape with triangles nor a sensor");
     report().assume(root.location,
                     "the scene has no sensor: one that looks at all of it from outside, with y up, is added");
     add_sensor(make_overview_sensor(*description_.root, root.location, scene_.bounds));
@@ -110,7 +110,8 @@ Scene SceneBuilder::build() {
   if (scene_.area_lights.empty() && scene_.delta_lights.empty() && scene_.environments.empty())
     scene_.warnings.push_back(root.location.text() + ": the scene has no emitter: everything is black");
   else if (scene_.shapes.empty())
-    scene_.warnings.push_back(root.location.text() + ": the scene has no shape: only an environment is seen");
+    scene_.warnings.push_back(root.location.text() + ": the scene has no shape: " +
+                              (scene_.environments.empty() ? "everything is black" : "only its environment is seen"));
   scene_.fingerprint = scene_fingerprint(scene_);
   return std::move(scene_);
 }
@@ -215,7 +216,12 @@ void SceneBuilder::share_files() {
     if (!job.built && !job.path.empty()) picture_files_[job.path].expect();
   }
   for (MeshJob& job : mesh_jobs_) {
-    if (job.path.empty() || job.curve) continue;
+    if (job.path.empty()) continue;
+    if (job.curve) {
+      job.curve_file = &curve_files_[{job.path, *job.curve}];
+      job.curve_file->expect();
+      continue;
+    }
     std::set<std::string> attributes;
     for (const AttributeUse& use : job.attributes) attributes.insert(use.name);
     job.file = &mesh_files_[{job.path, job.format, job.index, std::move(attributes)}];
@@ -254,11 +260,15 @@ void SceneBuilder::load_files() {
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
       if (job.file) read_mesh(job);
       if (job.curve) {
-        job.raw = make_curves(read_curves(job.path, *job.curve), *job.curve, job.to_world);
+        const auto curves = job.curve_file->take([&] { return read_curves(job.path, *job.curve); });
+        job.raw = make_curves(*curves, *job.curve, job.to_world);
         job.to_world = Transform();
       }
       job.empty = job.raw.triangles.empty();
-      if (job.empty) return;
+      if (job.empty) {
+        job.raw = {};
+        return;
+      }
       const std::vector<MeshAttribute> attributes = std::move(job.raw.attributes);
       // Normals as doubles, then as floats.
       if (!job.path.empty()) ask_memory(job.raw.positions.size() * (sizeof(Vec3d) + sizeof(Vec3f)), job.path);

@@ -746,7 +746,7 @@ TEST_F(LoadTest, SceneWithoutShapes) {
 }
 
 TEST_F(LoadTest, WholeFiles) {
-  EXPECT_NE(error_whole(scene_text("")).find("s.xml:1:1: the scene has neither a shape nor a sensor"),
+  EXPECT_NE(error_whole(scene_text("")).find("s.xml:1:1: the scene has neither a shape with triangles nor a sensor"),
             std::string::npos);
   EXPECT_NE(error_whole("").find("s.xml:1:1: "), std::string::npos);
   EXPECT_NE(error_whole("<scene/>").find("no version attribute"), std::string::npos);

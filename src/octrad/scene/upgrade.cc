@@ -125,7 +125,7 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
   if (Element* filter = child(e, "filter_type")) {
     const std::string kind = filter->get("value");
     if (kind == "trilinear" || kind == "ewa") {
-      report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear, as Mitsuba 3 has no mip maps");
+      report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear, as Mitsuba 3.9 has no mip maps");
       filter->set("value", "bilinear");
     }
   }
@@ -475,7 +475,7 @@ void upgrade_element(Element& element, SceneReport& report) {
 
 void downgrade_element(Element& element, SceneReport& report) {
   if (element.tag == "texture" && element.get("type") == "bitmap") {
-    take(element, "max_anisotropy");
+    if (const Element* c = child(element, "max_anisotropy"); c && c->tag == "integer") take(element, "max_anisotropy");
     Element* filter = child(element, "filter_type");
     if (!filter) return;
     const std::string kind = filter->get("value");
@@ -483,9 +483,11 @@ void downgrade_element(Element& element, SceneReport& report) {
     report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear: samples of a pixel blur instead");
     filter->set("value", "bilinear");
   } else if (element.tag == "sensor") {
-    take(element, "cone_scale");
+    if (const Element* c = child(element, "cone_scale"); c && c->tag == "float") take(element, "cone_scale");
+    const Element* c = child(element, "jitter");
+    if (!c || c->tag != "boolean" || (c->get("value") != "true" && c->get("value") != "false")) return;
     const std::unique_ptr<Element> jitter = take(element, "jitter");
-    if (jitter && jitter->get("value") != "true")
+    if (jitter->get("value") == "false")
       report.assume(jitter->location, "jitter false: samples are spread over a pixel all the same");
   }
 }

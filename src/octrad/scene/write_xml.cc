@@ -112,7 +112,15 @@ class Writer {
   }
 
   void element(const Element& e, int depth, const std::string& parent) {
-    if (understood_.left_out.count(&e)) return;
+    if (understood_.left_out.count(&e)) {
+      // Others may refer to what a shape holds.
+      for (const auto& child : e.children) {
+        if (e.tag == "shape" && parent == "scene" && child->find("id") &&
+            (child->tag == "bsdf" || child->tag == "texture"))
+          element(*child, depth, parent);
+      }
+      return;
+    }
     if (const auto found = understood_.stand_ins.find(&e); found != understood_.stand_ins.end())
       return stand_in(e, found->second, depth);
     if (e.tag == "ref") return reference(e, depth, parent);
