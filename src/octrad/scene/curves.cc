@@ -31,6 +31,12 @@ double turn_between(Vec3d a, Vec3d b) {
   return length(a) > 0.0 && length(b) > 0.0 ? angle_between(normalize(a), normalize(b)) : 0.0;
 }
 
+// Steps of at most `step` for an angle, which points beyond all limits make a NaN.
+int steps_for(double angle, double step) {
+  const double steps = std::ceil(angle / step);
+  return steps > 1.0 ? static_cast<int>(std::min(steps, 64.0)) : 1;
+}
+
 // Some direction across the unit vector d.
 Vec3d across(Vec3d d) { return normalize(cross(d, std::fabs(d.x) < 0.7 ? Vec3d(1, 0, 0) : Vec3d(0, 1, 0))); }
 
@@ -81,7 +87,7 @@ class Rings {
         if (l > 0.0) last = edge;
         last_slope = slope;
       }
-      const int steps = std::clamp(static_cast<int>(std::ceil(bend / turn_)), 1, 64);
+      const int steps = steps_for(bend, turn_);
       for (int k = first ? 0 : 1; k <= steps; ++k) {
         const double u = static_cast<double>(k) / steps, v = 1.0 - u;
         const double b[4] = {v * v * v / 6.0, (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
@@ -133,7 +139,7 @@ class Rings {
   void add_arc(const CurvePoint& p, Vec3d d0, Vec3d d1, double from, double to, double along, bool first) {
     const double turn = angle_between(d0, d1);
     const Vec3d rest = d1 - d0 * dot(d0, d1), side = length(rest) > 1e-9 ? normalize(rest) : across(d0);
-    const int steps = std::max(1, static_cast<int>(std::ceil(std::max(turn, std::fabs(to - from)) / (2.0 * turn_))));
+    const int steps = steps_for(std::max(turn, std::fabs(to - from)), 2.0 * turn_);
     for (int k = first ? 0 : 1; k <= steps; ++k) {
       const double t = static_cast<double>(k) / steps;
       add_circle(p, k == steps ? d1 : d0 * std::cos(t * turn) + side * std::sin(t * turn), from + t * (to - from),

@@ -108,6 +108,10 @@ TEST(Curves, WhatIsLeftOut) {
   EXPECT_TRUE(tubes("1 1 1 1\n1 1 1 1\n1 1 1 1\n1 1 1 1\n", CurveKind::bspline).triangles.empty());
   // A sphere within another one.
   EXPECT_GT(surface_of(tubes("0 0 0 1\n0 .1 0 .1\n", CurveKind::linear)), 0.9 * 2.0 * kCircle);
+  // Too far away for anything: refused where it is placed.
+  for (const CurveKind kind : {CurveKind::linear, CurveKind::bspline})
+    EXPECT_THROW(place_mesh(tubes("-1e308 0 0 1\n1e308 1 0 1\n0 1e308 0 1\n0 0 -1e308 1e308\n", kind), Transform(), {}),
+                 InputError);
   // There and back.
   for (const Vec3f& n : tubes("0 0 0 .1\n1 0 0 .1\n0 0 0 .1\n", CurveKind::linear).normals)
     EXPECT_TRUE(std::isfinite(n.x) && std::isfinite(n.y) && std::isfinite(n.z));
