@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -121,6 +122,13 @@ std::string refused_thread(const std::exception& error) {
   return std::string(what.starts_with(of_tbb) ? what.substr(of_tbb.size()) : std::string_view());
 }
 
+// Who says so first ends the process, which another one waits for.
+void say_no_thread(const std::string& reason) {
+  static std::atomic_flag said = ATOMIC_FLAG_INIT;
+  while (said.test_and_set()) pause();
+  log_error(kNoThread + reason);
+}
+
 // TBB's threads start each other: where one is refused by then, nobody can catch the error.
 [[noreturn]] void terminate() {
   try {
@@ -128,7 +136,7 @@ std::string refused_thread(const std::exception& error) {
   } catch (const std::exception& error) {
     if (const std::string reason = refused_thread(error); !reason.empty()) {
       remove_temporary_files();
-      log_error(kNoThread + reason);
+      say_no_thread(reason);
       _exit(static_cast<int>(ExitCode::io));
     }
   } catch (...) {
@@ -166,12 +174,12 @@ int main(int argc, char** argv) {
     return static_cast<int>(ExitCode::out_of_memory);
   } catch (const std::system_error& error) {
     const bool thread = error.code() == std::errc::resource_unavailable_try_again;
-    octrad::log_error(thread ? octrad::cli::kNoThread + error.code().message()
-                             : error.what());  // else of the file system
+    if (thread) octrad::cli::say_no_thread(error.code().message());
+    else octrad::log_error(error.what());  // of the file system
     return static_cast<int>(ExitCode::io);
   } catch (const std::exception& error) {
     if (const std::string reason = octrad::cli::refused_thread(error); !reason.empty()) {
-      octrad::log_error(octrad::cli::kNoThread + reason);
+      octrad::cli::say_no_thread(reason);
       return static_cast<int>(ExitCode::io);
     }
     octrad::log_error(std::string("internal error: ") + error.what() + "; please report it with the command line");
