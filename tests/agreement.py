@@ -6,7 +6,7 @@
 FOLDER holds Mitsuba's folder resources/data/tests/scenes (default: $OCTRAD_SHARED/mitsuba_tests/data/tests/scenes). Needs `pip install mitsuba numpy`. What is
 rendered is kept in the folder --state; a second run goes on where --seconds ended the first, and prints the table of everything once all is there.
 
-With --grid the scenes are a small sphere of each scattering model under each emitter, made here.
+With --grid the scenes are a small sphere (of hair: a curve) of each scattering model under each emitter, made here.
 
 Both renderers make --runs independent pictures of --spp samples with the depth that the file gives. A scene agrees where
   - the means of the pictures differ by at most 0.3 % and 3 standard errors together,
@@ -49,6 +49,7 @@ BSDFS = {
     "dielectric": "", "thindielectric": "", "roughdielectric": '<float name="alpha" value="0.3"/><string name="distribution" value="ggx"/>', "null": "",
     "principled": '<rgb name="base_color" value="0.7, 0.4, 0.2"/><float name="roughness" value="0.3"/><float name="metallic" value="0.3"/><float name="clearcoat" value="0.8"/>'
                   '<float name="spec_trans" value="0.5"/><float name="sheen" value="0.5"/>',
+    "hair": '<float name="eumelanin" value="0.2"/><float name="longitudinal_roughness" value="0.2"/>',
     "principledthin": '<float name="roughness" value="0.4"/><float name="spec_trans" value="0.4"/><float name="diff_trans" value="0.8"/>',
     "twosided": '<bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>', "mask": '<float name="opacity" value="0.5"/><bsdf type="diffuse"/>',
     "blendbsdf": '<float name="weight" value="0.4"/><bsdf type="diffuse"/><bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf>',
@@ -68,7 +69,7 @@ EMITTERS = {
 GRID = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="5"/></integrator>
 <sensor type="perspective"><float name="fov" value="40"/><transform name="to_world"><lookat origin="0, 1.5, 5" target="0, 0, 0" up="0, 1, 0"/></transform>
 <film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="32"/><rfilter type="box"/></film></sensor>
-<shape type="sphere"><bsdf type="{bsdf}">{parameters}</bsdf></shape>
+<shape type={shape}><bsdf type="{bsdf}">{parameters}</bsdf></shape>
 <shape type="rectangle"><transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/><translate y="-1.1"/></transform><bsdf type="diffuse"/></shape>
 {emitter}</scene>
 """
@@ -83,13 +84,16 @@ def write_grid(mi, np, folder):
     sky = waves + 20 * np.exp(-((x - 9) ** 2 + (y - 4) ** 2) / 4)[..., None]
     for name, picture in (("t", waves), ("n", normals), ("e", sky)):
         mi.Bitmap(picture.astype(np.float32)).write(os.path.join(folder, "grid", name + ".exr"))
+    with open(os.path.join(folder, "grid", "c.txt"), "w", encoding="utf-8") as curve:
+        curve.write("-2 0 0 0.8\n-1 0.2 0 0.9\n0 0 0.3 1\n1 0.2 0 0.9\n2 0 0 0.8\n")
     for bsdf, parameters in BSDFS.items():
         for emitter, text in EMITTERS.items():
             # Mitsuba drops the light of paths that pass masks alone, unless there is an environment.
             if bsdf == "mask" and emitter not in ("constant", "envmap"):
                 text += '<emitter type="constant"><rgb name="radiance" value="1e-5"/></emitter>'
             with open(os.path.join(folder, "grid", f"{bsdf}-{emitter}.xml"), "w", encoding="utf-8") as out:
-                out.write(GRID.format(bsdf=bsdf, parameters=parameters, emitter=text))
+                shape = '"bsplinecurve"><string name="filename" value="c.txt"/' if bsdf == "hair" else '"sphere"'
+                out.write(GRID.format(shape=shape, bsdf=bsdf, parameters=parameters, emitter=text))
 
 
 def mitsuba_run(mi, np, file, spp, seed):

@@ -81,6 +81,9 @@ CASES = [
     bsdf("normalmap", TILT, '<boolean name="flip_invalid_normals" value="false"/><boolean name="use_shadowing_function" value="false"/>', METAL),
     bsdf("twosided", bsdf("normalmap", TILT, METAL)),
     bsdf("normalmap", TILT, bsdf("twosided", METAL)),
+    bsdf("hair"),
+    bsdf("hair", rgb("sigma_a", 0.02, 0.1, 0.4), floats(scale=2, longitudinal_roughness=0.1, azimuthal_roughness=0.6, scale_tilt=6), word("int_ior", "water")),
+    bsdf("hair", floats(eumelanin=0, pheomelanin=0.4, longitudinal_roughness=0.9, azimuthal_roughness=0.2, scale_tilt=-3, int_ior=1.9, ext_ior=1.3)),
 ]
 # Perfect lobes and light that passes: what is drawn for a number.
 DELTAS = [
@@ -109,9 +112,9 @@ def unit(random):
     return v / np.linalg.norm(v)
 
 
-def view(random, row):
+def view(random, row, outside):
     v = unit(random)
-    if row % 3:
+    if row % 3 or outside:
         v[2] = abs(v[2])
     if row % 6 == 5:  # grazing
         v[2] *= 0.05
@@ -157,7 +160,7 @@ for index, case in enumerate(CASES):
     random = np.random.default_rng(index)
     row = 0
     while row < ROWS:
-        si = interaction(view(random, row))
+        si = interaction(view(random, row, "hair" in case))  # what hair does inside is not asked for
         wi = unit(random)
         if row % 2:
             sample, weight = model.sample(ctx, si, random.random(), random.random(2))

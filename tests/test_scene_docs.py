@@ -51,7 +51,7 @@ BESIDE = {"nonlinear": '<rgb name="diffuse_reflectance" value="0.9, 0.4, 0.1"/>'
           "flatness": '<float name="roughness" value="0.8"/>', "sheen_tint": '<float name="sheen" value="1"/>' + COLOR,
           "clearcoat_gloss": '<float name="clearcoat" value="1"/>', "clearcoat_sampling_rate": '<float name="clearcoat" value="1"/>',
           "fov_axis": '<float name="fov" value="40"/>', "crop_offset_x": WINDOW, "crop_offset_y": WINDOW, "principledthin.spec_tint": THIN,
-          "principledthin.anisotropic": THIN, "principledthin.eta": THIN, "specular_reflectance_sampling_rate": THIN,
+          "hair.scale": '<rgb name="sigma_a" value="0.1 0.2 0.4"/>', "principledthin.anisotropic": THIN, "principledthin.eta": THIN, "specular_reflectance_sampling_rate": THIN,
           "specular_transmittance_sampling_rate": THIN, "principledthin.diffuse_reflectance_sampling_rate": THIN,
           "diffuse_transmittance_sampling_rate": '<float name="diff_trans" value="0.5"/>'}
 # Another value than the default, where half of it and 0.3 are not one.

@@ -126,6 +126,7 @@ BSDFS = {
     "blendbsdf": '<float name="weight" value="0.3"/><bsdf type="diffuse"/><bsdf type="conductor"/>',
     "principled": '<rgb name="base_color" value="1 0.5 0"/>' + "".join(f'<float name="{name}" value="0.5"/>' for name in (
         "roughness", "anisotropic", "metallic", "spec_trans", "spec_tint", "sheen", "sheen_tint", "flatness", "clearcoat", "clearcoat_gloss", "specular", "main_specular_sampling_rate")),
+    "hair": '<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="2"/><float name="scale_tilt" value="3"/><float name="longitudinal_roughness" value="0.2"/>',
     "principledthin": '<float name="diff_trans" value="1"/><float name="eta" value="1.4"/><float name="spec_trans" value="0.5"/>',
     "normalmap": TEXTURE.format("normalmap", "repeat") + '<bsdf type="roughplastic"/>', "bumpmap": TEXTURE.format("a", "repeat") + '<float name="scale" value="2"/><bsdf type="diffuse"/>',
     "mask": '<float name="opacity" value="0.3"/><bsdf type="diffuse"/>', "twosided": '<bsdf type="diffuse"/><bsdf type="plastic"/>'}

@@ -77,13 +77,17 @@ Bvh8Primitive primitive_of(const Scene& scene, const BvhReference& r) {
   if (shape.kind == Shape::Kind::sphere) {
     const Sphere& s = scene.spheres[geometry];
     for (int axis = 0; axis < 3; ++axis) {
-      p.rows[axis].id |= 0x80000000u;
+      p.rows[axis].id |= kBvh8Sphere;
       p.rows[axis].corner[0] = s.center[axis];
       p.rows[axis].corner[1] = s.radius;
     }
     return p;
   }
   const MeshView mesh = shape_view(scene, static_cast<std::size_t>(r.shape)).mesh;
+  if (scene.meshes[geometry].one_sided) {
+    for (Bvh8Row& row : p.rows) row.id |= kBvh8OneSided;
+    if (mesh.placement != nullptr && mesh.placement->mirrors) p.rows[2].id |= 1u;
+  }
   const Vec3i t = mesh.triangles[r.primitive];
   for (int k = 0; k < 3; ++k) {
     const Vec3f corner = mesh_position(mesh, t[k]);

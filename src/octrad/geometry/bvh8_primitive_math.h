@@ -18,15 +18,18 @@ inline constexpr float kBvh8Largest = 1.152921504606846976e18f;  // 2^60: the bu
 // One coordinate of a triangle's three corners; of a sphere: that of the centre, and the radius.
 struct alignas(16) Bvh8Row {
   float corner[3];
-  std::uint32_t id;  // bit 31: a sphere. Below: row 0 the shape, row 1 the primitive of the shape, as in Hit
+  // Bit 31: a sphere; bit 30: a triangle that rays pass along its normal, (p1-p0)x(p2-p0), or against it if bit 0 of
+  // row 2 is set. Below: row 0 the shape, row 1 the primitive of the shape, as in Hit.
+  std::uint32_t id;
 };
+inline constexpr std::uint32_t kBvh8Sphere = 1u << 31, kBvh8OneSided = 1u << 30;
 
 // By coordinate, so that a ray loads the rows in the order of its own axes.
 struct Bvh8Primitive {
   Bvh8Row rows[3];
-  OCTRAD_HD bool sphere() const { return rows[0].id >> 31 != 0; }
-  OCTRAD_HD int shape() const { return static_cast<int>(rows[0].id & 0x7fffffffu); }
-  OCTRAD_HD int primitive() const { return static_cast<int>(rows[1].id & 0x7fffffffu); }
+  OCTRAD_HD bool sphere() const { return (rows[0].id & kBvh8Sphere) != 0; }
+  OCTRAD_HD int shape() const { return static_cast<int>(rows[0].id & (kBvh8OneSided - 1)); }
+  OCTRAD_HD int primitive() const { return static_cast<int>(rows[1].id & (kBvh8OneSided - 1)); }
 };
 static_assert(sizeof(Bvh8Primitive) == 48, "three loads of 16 bytes");
 
@@ -220,14 +223,16 @@ OCTRAD_HD inline bool inside(const Sheared& s) {
   return !(least < 0.0 && most > 0.0) && exact.sum() != 0.0;
 }
 
-// Distance to the triangle's plane, in double: in float, long and grazed triangles have errors far above rounding, a
-// ray that starts on a surface may meet it again, and which of two near surfaces is met would differ between devices.
-OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8ShearedRay& sheared) {
+// Distance to the triangle's plane, and the direction along its normal, in double: in float, long and grazed triangles
+// have errors far above rounding, a ray that starts on a surface may meet it again, and which of two near surfaces is
+// met would differ between devices.
+OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8ShearedRay& sheared,
+                                       double& facing) {
   const Vec3d a(Vec3f(rows.x.corner[0], rows.y.corner[0], rows.z.corner[0]));
   const Vec3d b(Vec3f(rows.x.corner[1], rows.y.corner[1], rows.z.corner[1]));
   const Vec3d c(Vec3f(rows.x.corner[2], rows.y.corner[2], rows.z.corner[2]));
   const Vec3d n = cross(b - a, c - a);
-  const double facing = dot(n, Vec3d(sheared.direction));
+  facing = dot(n, Vec3d(sheared.direction));
   if (facing != 0.0) return dot(n, a - Vec3d(sheared.position)) / facing;
   const Areas<double> areas(s);
   const Vec3d z(Vec3f(s.z[0], s.z[1], s.z[2]));
@@ -244,13 +249,13 @@ OCTRAD_HD inline void set_weights(const Areas<T>& areas, Hit& hit) {
 
 }  // namespace bvh8_detail
 
-// Whether the ray meets the primitive, and where. Both sides; edges and corners belong to the triangle. Distances in
-// (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
+// Whether the ray meets the primitive, and where. Both sides, but for one-sided triangles; edges and corners belong to
+// the triangle. Distances in (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
 OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8ShearedRay& sheared,
                                  float t_min, float t_max, float& t) {
   using namespace bvh8_detail;
   const Rows rows(primitives, index, sheared);
-  if (rows.x.id >> 31 != 0) {
+  if ((rows.x.id & kBvh8Sphere) != 0) {
     const Bvh8Row* row = primitives[index].rows;
     const double at =
         intersect_sphere({row[0].corner[0], row[1].corner[0], row[2].corner[0]}, row[0].corner[1],
@@ -265,7 +270,10 @@ OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t 
   const float rounding = 4e-7f * greater(std::fabs(lower), std::fabs(upper));
   const float first = lower - rounding, last = upper + rounding;
   if (!(first <= t_max && last > t_min)) return false;
-  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sheared)), first), last);
+  double facing;
+  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sheared, facing)), first), last);
+  if ((rows.x.id & kBvh8OneSided) != 0 && ((primitives[index].rows[2].id & 1u) != 0 ? -facing : facing) > 0.0)
+    return false;
   return t > t_min && t <= t_max;
 }
 

@@ -99,6 +99,18 @@ void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
   }
 }
 
+// Rays from inside pass a mesh that is one-sided.
+void pass_from_inside(const RTCFilterFunctionNArguments* args) {
+  const unsigned n = args->N;
+  for (unsigned i = 0; i < n; ++i) {
+    if (args->valid[i] == 0) continue;
+    const float along = RTCRayN_dir_x(args->ray, n, i) * RTCHitN_Ng_x(args->hit, n, i) +
+                        RTCRayN_dir_y(args->ray, n, i) * RTCHitN_Ng_y(args->hit, n, i) +
+                        RTCRayN_dir_z(args->ray, n, i) * RTCHitN_Ng_z(args->hit, n, i);
+    if (along > 0.0f) args->valid[i] = 0;
+  }
+}
+
 class EmbreeTracer final : public Tracer {
  public:
   EmbreeTracer(const Scene& scene, const std::string& config) {
@@ -267,6 +279,10 @@ class EmbreeTracer final : public Tracer {
     std::memcpy(vertices, mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
                                sizeof(Vec3i), mesh.triangles.size());
+    if (mesh.one_sided) {
+      rtcSetGeometryIntersectFilterFunction(geometry, pass_from_inside);
+      rtcSetGeometryOccludedFilterFunction(geometry, pass_from_inside);
+    }
     rtcCommitGeometry(geometry);
     rtcAttachGeometryByID(scene, geometry, id);
     rtcReleaseGeometry(geometry);

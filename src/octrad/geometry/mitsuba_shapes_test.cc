@@ -38,8 +38,7 @@ TEST(MitsubaShapes, HitsAgree) {
     for (const auto& tree : trees) {
       const Hit hit = tree->intersect(expected.origin, expected.direction, 0.0f, 1e30f);
       if (hit.valid() != (expected.t >= 0.0f)) {
-        // At a silhouette, whose facets lie a little off; or through an open end of a tube, which Mitsuba has no
-        // insides of.
+        // At a silhouette, whose facets lie a little off.
         ++(curve ? differ_at_curves : differ);
         continue;
       }
@@ -64,9 +63,63 @@ TEST(MitsubaShapes, HitsAgree) {
   }
   EXPECT_GT(hits, 150);
   EXPECT_LE(differ, 2);
-  EXPECT_LE(differ_at_curves, 4);
+  EXPECT_LE(differ_at_curves, 2);
   EXPECT_GT(curves, 50);
   EXPECT_GT(uvs_at_curves, 9 * curves / 10);
+}
+
+// Rays inside a curve pass its surface, single ones and packets, in instances and mirrored ones, in both trees; all
+// others meet it, and shadow rays as well.
+TEST(Curves, RaysInsidePass) {
+  const TestFolder folder;
+  folder.write("c.txt", "0 0 0 .3\n1 0 0 .3\n2 0 .5 .4\n3 0 1 .3\n4 1 1 .2\n");
+  const char* curve = R"(<shape type="%"><string name="filename" value="c.txt"/></shape>)";
+  for (const std::string type : {"linearcurve", "bsplinecurve"}) {
+    const std::string shape = std::string(curve).replace(std::string(curve).find('%'), 1, type);
+    for (const bool mirrored : {false, true}) {
+      const Scene scene = load_scene(folder.write(
+          "s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/><shape type="shapegroup" id="g">)" + shape +
+                       R"(</shape><shape type="instance"><ref id="g"/><transform name="to_world"><scale x=")" +
+                       (mirrored ? "-2" : "2") + R"(" y="2" z="2"/></transform></shape>)" + shape + "</scene>"));
+      const std::unique_ptr<Tracer> trees[] = {make_embree_tracer(scene), make_bvh8_tracer(scene)};
+      Rng rng(9, RngPurpose::test, mirrored ? 1 : 0);
+      std::vector<RayQuery> rays;
+      for (int i = 0; i < 4000; ++i) {
+        const float z = 2.0f * rng.uniform() - 1.0f, phi = 2.0f * kPi * rng.uniform(), r = std::sqrt(1.0f - z * z);
+        const Vec3f d{r * std::cos(phi), r * std::sin(phi), z};
+        // From the middle of the curve, of its instance, and from around.
+        const float side = mirrored ? -2.0f : 2.0f;
+        const Vec3f from[] = {{2, 0.02f, 0.5f}, {2 * side, 0.04f, 1}, Vec3f(2, 0, 0.5f) - d * 9.0f};
+        rays.push_back({from[i % 3], d, 1e30f});
+      }
+      std::vector<Hit> hits[2] = {std::vector<Hit>(rays.size()), std::vector<Hit>(rays.size())};
+      int met = 0, differ = 0, own = 0;
+      for (int t = 0; t < 2; ++t) {
+        std::vector<unsigned char> blocked(rays.size());
+        trees[t]->intersect(rays, hits[t].data());
+        trees[t]->occluded(rays, blocked.data());
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          const Hit hit = hits[t][i], alone = trees[t]->intersect(rays[i].origin, rays[i].direction, 0.0f, 1e30f);
+          EXPECT_EQ(hit.valid(), alone.valid());
+          EXPECT_EQ(hit.valid(), blocked[i] != 0);
+          EXPECT_EQ(hit.valid(), trees[t]->occluded(rays[i].origin, rays[i].direction, 0.0f, 1e30f));
+          if (!hit.valid()) continue;
+          ++met;
+          const bool plain = scene.shapes[static_cast<std::size_t>(hit.shape)].placement < 0;
+          own += i % 3 == (plain ? 0 : 1) && hit.t < 0.5f;
+          const SurfaceInteraction s = interact(scene, hit, rays[i].origin, rays[i].direction);
+          EXPECT_LT(dot(s.geometric_normal, rays[i].direction), 1e-3f);
+        }
+      }
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        const bool same = hits[0][i].shape == hits[1][i].shape;
+        differ += !same || (hits[0][i].valid() && std::fabs(hits[0][i].t - hits[1][i].t) > 1e-3f);
+      }
+      EXPECT_GT(met, 2000);
+      EXPECT_EQ(own, 0) << "none of those from inside meets its own curve";
+      EXPECT_LE(differ, 4) << "rays along the surface";
+    }
+  }
 }
 
 const std::string kGroup =

@@ -83,6 +83,7 @@ std::string scene_fingerprint(const Scene& scene) {
     if (i < scene.meshes.size()) {
       const TriangleMesh& m = scene.meshes[i];
       h.add(m.positions).add(m.normals).add(m.uvs).add(m.triangles).add(m.flip_normals);
+      if (m.one_sided) h.add(m.one_sided);
     } else {
       const Texture& t = scene.textures[i - scene.meshes.size()];
       h.add(t.kind).add(t.color0).add(t.color1).add(t.to_uv).add(t.filter).add(t.wrap).add(t.width).add(t.height).add(
@@ -106,7 +107,9 @@ std::string scene_fingerprint(const Scene& scene) {
     if (bump >= 0) h.add(normal_map).add(bump_mirrored).add(bump_flips).add(bump_shadows);
     if (needs_record(type)) {
       for (const int part : blended) h.add(part);
-      for (const int texture : extra) h.add(texture);
+      for (int i = 0; i < ExtraParameter::count; ++i) {
+        if (i < ExtraParameter::azimuthal_roughness || extra[i] >= 0) h.add(extra[i]);
+      }
     }
   }
   for (const AreaLight& l : scene.area_lights) h.add(l.shape).add(l.radiance);

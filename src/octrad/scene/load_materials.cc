@@ -21,7 +21,6 @@ std::string bsdf_advice(const std::string& type) {
   static const std::pair<const char*, const char*> ways[] = {
       {"hk", "a thin scattering layer has no counterpart; use diffuse or principledthin"},
       {"irawan", "woven cloth has no counterpart; use diffuse with a bitmap"},
-      {"hair", "use diffuse or roughconductor"},
       {"measured", "fit a principled bsdf to the measurement"},
       {"measured_polarized", "light is not polarised here; fit a principled bsdf to the measurement"},
       {"pplastic", "light is not polarised here; use roughplastic"},
@@ -376,6 +375,30 @@ void SceneBuilder::read_principledthin(Params& params, Material& m) {
   read_principled_base(params, m);
   read_extra(params, m, ExtraParameter::diff_trans, "diff_trans", TextureRole::two_sides, 0.0f);
   read_extra(params, m, ExtraParameter::eta, "eta", TextureRole::index, 1.5f);
+}
+
+void SceneBuilder::read_hair(Params& params, Material& m) {
+  const auto extra = [&](int parameter, float value) { m.extra[parameter] = constant_texture(Vec3f(value)); };
+  extra(ExtraParameter::roughness, params.float_in("longitudinal_roughness", 0.3f, 0.0f, 1.0f));
+  extra(ExtraParameter::azimuthal_roughness, params.float_in("azimuthal_roughness", 0.3f, 0.0f, 1.0f));
+  extra(ExtraParameter::scale_tilt, params.float_in("scale_tilt", 2.0f, -90.0f, 90.0f));
+  m.int_ior = index_of_refraction(params, "int_ior", "amber");
+  m.ext_ior = index_of_refraction(params, "ext_ior", "air");
+  if (m.int_ior == m.ext_ior) fail(params.where("int_ior"), "hair needs an int_ior that differs from ext_ior");
+  const bool pigments = params.given("eumelanin") || params.given("pheomelanin");
+  if (pigments && params.given("sigma_a"))
+    fail(params.where("sigma_a"), "hair takes sigma_a, or eumelanin and pheomelanin, not both");
+  // Absorption of a radius, by concentrations of pigments: d'Eon et al. 2011, section 6.1.
+  const float eumelanin = params.float_in("eumelanin", 1.3f, 0.0f, 1e6f);
+  const float pheomelanin = params.float_in("pheomelanin", 0.2f, 0.0f, 1e6f);
+  const float scale = params.float_in("scale", 1.0f, 0.0f, 1e6f);
+  constexpr Vec3f kNone(-1.0f);
+  const Vec3f given = constant_color(params, "sigma_a", kNone);
+  const Vec3f absorption = given.x >= 0.0f
+                               ? given * scale
+                               : Vec3f(0.419f, 0.697f, 1.37f) * eumelanin + Vec3f(0.187f, 0.4f, 1.05f) * pheomelanin;
+  m.specular_transmittance =
+      constant_texture({std::exp(-absorption.x), std::exp(-absorption.y), std::exp(-absorption.z)});
 }
 
 // The distribution of microfacets, and alpha, or alpha_u and alpha_v.

@@ -149,6 +149,7 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     else job.options.flip_v = params.get_bool("flip_tex_coords", job.format == Format::obj);
   } else if (type == "linearcurve" || type == "bsplinecurve") {
     job.curve = type == "linearcurve" ? CurveKind::linear : CurveKind::bspline;
+    job.options.one_sided = true;
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
     job.path = description_.resolve(file, job.where);

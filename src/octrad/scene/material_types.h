@@ -22,6 +22,7 @@ namespace octrad {
   X(principled, PrincipledModel, false)          \
   X(principledthin, PrincipledThinModel, true)   \
   X(roughdiffuse, RoughDiffuseModel, false)      \
+  X(hair, HairModel, true)                       \
   /* more models: at the end, for fingerprints of scenes hold the number */
 
 #define OCTRAD_NAME(name, Model, transmits) name,
@@ -57,7 +58,9 @@ enum class BsdfType { OCTRAD_BSDF_LIST(OCTRAD_NAME) };
   X(specular_reflectance_sampling_rate)   \
   X(specular_transmittance_sampling_rate) \
   X(diffuse_reflectance_sampling_rate)    \
-  X(diffuse_transmittance_sampling_rate)
+  X(diffuse_transmittance_sampling_rate)  \
+  X(azimuthal_roughness)                  \
+  X(scale_tilt)
 
 struct ExtraParameter {
 #define OCTRAD_NAME(name) name,
@@ -71,7 +74,8 @@ enum class MicrofacetDistribution { beckmann, ggx };
 
 // Whether a Bsdf of the model refers to its record.
 OCTRAD_HD inline bool needs_record(BsdfType type) {
-  return type == BsdfType::principled || type == BsdfType::principledthin || type == BsdfType::blendbsdf;
+  return type == BsdfType::principled || type == BsdfType::principledthin || type == BsdfType::blendbsdf ||
+         type == BsdfType::hair;
 }
 
 // Models that are in the kernels of scenes that have them alone (shading/device_world.h): all others fit into

@@ -44,6 +44,7 @@ std::vector<Vec3f> smooth_normals(const std::vector<Vec3f>& positions, const std
 TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options) {
   TriangleMesh mesh;
   mesh.flip_normals = options.flip_normals;
+  mesh.one_sided = options.one_sided;
   mesh.positions = std::move(raw.positions);
   for (Vec3f& p : mesh.positions) {
     p = Vec3f(to_world.point(Vec3d(p)));

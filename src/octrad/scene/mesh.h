@@ -60,6 +60,7 @@ struct MeshOptions {
   bool face_normals = false;  // drop vertex normals
   bool flip_normals = false;
   bool flip_v = false;  // v := 1 - v
+  bool one_sided = false;
 };
 
 // World-space mesh. As in Mitsuba 3: vertex normals of the file are carried by the inverse transpose; without any (and

@@ -36,6 +36,14 @@ int SceneMaker::diffuse(Vec3f reflectance, bool two_sided) {
   return material(m);
 }
 
+void SceneMaker::hair(Material& m, float roughness) {
+  m.specular_transmittance = texture(Vec3f(0.6f, 0.4f, 0.2f));
+  m.extra[ExtraParameter::roughness] = m.extra[ExtraParameter::azimuthal_roughness] = texture(roughness);
+  m.extra[ExtraParameter::scale_tilt] = texture(2.0f);
+  m.int_ior = 1.55f;
+  m.ext_ior = 1.0f;
+}
+
 void SceneMaker::principled(Material& m, int value) {
   using P = ExtraParameter;
   for (const int parameter : {P::roughness, P::metallic, P::anisotropic, P::spec_trans, P::spec_tint, P::sheen,
@@ -43,7 +51,8 @@ void SceneMaker::principled(Material& m, int value) {
     m.extra[parameter] = value;
   }
   m.extra[P::eta] = texture(1.5f);
-  for (int rate = P::main_specular_sampling_rate; rate < P::count; ++rate) m.extra[rate] = texture(1.0f);
+  for (int rate = P::main_specular_sampling_rate; rate <= P::diffuse_transmittance_sampling_rate; ++rate)
+    m.extra[rate] = texture(1.0f);
   m.int_ior = 1.5f;
   m.ext_ior = 1.0f;
 }
@@ -240,6 +249,7 @@ Scene every_material() {
     m.reflectance = tiled;
     m.specular_reflectance = m.specular_transmittance = mirrored;
     if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, fine);
+    if (type == BsdfType::hair) maker.hair(m, 0.4f);
     if (type == BsdfType::blendbsdf) {
       m.blended[0] = sides_index;
       m.blended[1] = glass_index;

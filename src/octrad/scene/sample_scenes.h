@@ -18,6 +18,8 @@ struct SceneMaker {
   int diffuse(Vec3f reflectance, bool two_sided = false);
   // Sets the extra parameters of a principled model to `value`, its index to 1.5.
   void principled(Material& m, int value);
+  // Sets the parameters of hair, both roughnesses to `roughness`.
+  void hair(Material& m, float roughness);
   int rough_metal(float alpha);
   int shape(Shape::Kind kind, std::size_t geometry, int material_index, Vec3f emission);
   // Parallelogram p0, p0 + a, p0 + a + b, p0 + b; normal along a x b.

@@ -25,6 +25,7 @@ struct TriangleMesh {
   std::vector<Vec2f> uvs;        // per vertex; empty: barycentric coordinates as Mitsuba does
   std::vector<Vec3i> triangles;  // vertex indices
   bool flip_normals = false;     // geometric normal is -(p1-p0)x(p2-p0)
+  bool one_sided = false;        // rays along (p1-p0)x(p2-p0) pass: they are inside a curve
 };
 
 struct Shape {

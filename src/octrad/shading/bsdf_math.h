@@ -6,6 +6,7 @@
 #include "octrad/shading/bsdf/conductor.h"
 #include "octrad/shading/bsdf/dielectric.h"
 #include "octrad/shading/bsdf/diffuse.h"
+#include "octrad/shading/bsdf/hair.h"
 #include "octrad/shading/bsdf/null.h"
 #include "octrad/shading/bsdf/plastic.h"
 #include "octrad/shading/bsdf/principled.h"
@@ -197,6 +198,7 @@ OCTRAD_HD inline float choose_lobe(Bsdf& b, Vec3f wo, float u) {
 OCTRAD_HD inline LobeEnergies energies_bsdf(const Bsdf& b) {
   if (b.type == BsdfType::principled) return principled_energies(PrincipledInput(b));
   if (b.type == BsdfType::principledthin) return principled_thin_energies(PrincipledInput(b));
+  if (b.type == BsdfType::hair) return hair_energies(HairInput(b));
   LobeEnergies e;
   const float roughness = roughness_bsdf<Models::parts>(b);
   e.alpha = e.transmission_alpha = e.coat_alpha = roughness;
@@ -318,6 +320,7 @@ OCTRAD_HD inline SeenThrough seen_through(const Bsdf& b, Vec3f wo) {
               refracted_direction(b.eta, wo)};
     case BsdfType::principled:
     case BsdfType::principledthin: return principled_seen_through(b.type, PrincipledInput(b), wo);
+    case BsdfType::hair: return {hair_energies(HairInput(b)).mainly_transmits(), through_hair(HairInput(b), wo)};
     case BsdfType::blendbsdf:
       if constexpr (kModels == Models::all) return blend_seen_through(*b.record, b.uv, wo);
       break;

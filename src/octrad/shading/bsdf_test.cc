@@ -35,6 +35,7 @@ struct Zoo {
       m.specular_reflectance = white;
       if (type == BsdfType::roughdielectric) m.alpha_u = m.alpha_v = maker.texture(0.3f);
       if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, maker.texture(0.4f));
+      if (type == BsdfType::hair) maker.hair(m, 0.4f);
       return m;
     };
     Material blend = make(BsdfType::blendbsdf);
@@ -77,6 +78,12 @@ struct Zoo {
   if (BsdfType::name != BsdfType::blendbsdf) add(#name, make(BsdfType::name));
     OCTRAD_BSDF_LIST(OCTRAD_ADD)
 #undef OCTRAD_ADD
+    Material clear_hair = make(BsdfType::hair);
+    maker.hair(clear_hair, 0.3f);
+    clear_hair.specular_transmittance = white;
+    clear_hair.extra[ExtraParameter::azimuthal_roughness] = maker.texture(0.9f);
+    clear_hair.extra[ExtraParameter::scale_tilt] = maker.texture(-5.0f);
+    add("hair without absorption", clear_hair);
     Material nonlinear = make(BsdfType::plastic);
     nonlinear.nonlinear = true;
     add("plastic nonlinear", nonlinear);
@@ -240,7 +247,8 @@ TEST(Bsdf, ReciprocalAndBounded) {
     // Below a mixture light has two indices.
     // Nor does Mitsuba's thin model ask for the same of both directions that it transmits between.
     const bool mixture = b.type == BsdfType::blendbsdf || b.type == BsdfType::principledthin;
-    for (const Vec3f a : mixture ? kViews : views(b)) {
+    const bool reciprocal = b.type != BsdfType::hair;
+    for (const Vec3f a : !reciprocal ? std::vector<Vec3f>() : mixture ? kViews : views(b)) {
       for (const Vec3f c : mixture ? kViews : views(b)) {
         const Vec3f forward = basic(a, c), backward = basic(c, a);
         for (int i = 0; i < 3; ++i) EXPECT_NEAR(forward[i], backward[i], 5e-4f * forward[i] + 1e-6f) << entry.name;
@@ -302,6 +310,33 @@ TEST(Bsdf, FirstHitAttributes) {
       default: break;
     }
   }
+}
+
+// All light that a fibre without absorption meets leaves it, on one of four ways; and what hair is expected to reflect
+// under even light is the mean over views across it.
+TEST(Bsdf, HairKeepsLight) {
+  int found = 0;
+  for (const Named& entry : zoo().entries) {
+    const Bsdf b = zoo().materials->at(entry.material, {0, 0});
+    if (b.type != BsdfType::hair) continue;
+    ++found;
+    const bool clear = b.specular_transmittance.x == 1.0f;
+    Rng rng(7, RngPurpose::test, 3);
+    constexpr int kSamples = 60000;
+    Vec3d sum{0, 0, 0};
+    for (int i = 0; i < kSamples; ++i) {
+      const float h = 2.0f * rng.uniform() - 1.0f;
+      const float u_lobe = rng.uniform();
+      const BsdfSample s = sample_bsdf(b, {h, 0.0f, std::sqrt(1.0f - h * h)}, u_lobe, rng.uniform2());
+      ASSERT_TRUE(s.valid);
+      if (clear) {
+        EXPECT_NEAR(s.weight.x, 1.0f, 2e-5f);
+      }
+      sum += Vec3d(s.weight);
+    }
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(sum[c] / kSamples, albedo_bsdf(b)[c], 0.01) << entry.name;
+  }
+  EXPECT_EQ(found, 2);
 }
 
 // Oren and Nayar's model without roughness is Lambert's; with it, grazing light comes back to where it came from. The

@@ -171,7 +171,8 @@ int color_slot(BsdfType type) {
     case BsdfType::roughconductor: return MaterialSlot::specular_reflectance;
     case BsdfType::dielectric:
     case BsdfType::thindielectric:
-    case BsdfType::roughdielectric: return MaterialSlot::specular_transmittance;
+    case BsdfType::roughdielectric:
+    case BsdfType::hair: return MaterialSlot::specular_transmittance;
     case BsdfType::null:
     case BsdfType::blendbsdf: return -1;
     default: return MaterialSlot::reflectance;
@@ -185,7 +186,8 @@ bool has_roughness(BsdfType type) {
     case BsdfType::roughdielectric:
     case BsdfType::principled:
     case BsdfType::principledthin:
-    case BsdfType::roughdiffuse: return true;
+    case BsdfType::roughdiffuse:
+    case BsdfType::hair: return true;
     default: return false;
   }
 }
