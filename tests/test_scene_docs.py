@@ -55,7 +55,7 @@ BESIDE = {"nonlinear": '<rgb name="diffuse_reflectance" value="0.9, 0.4, 0.1"/>'
           "specular_transmittance_sampling_rate": THIN, "principledthin.diffuse_reflectance_sampling_rate": THIN,
           "diffuse_transmittance_sampling_rate": '<float name="diff_trans" value="0.5"/>'}
 # Another value than the default, where half of it and 0.3 are not one.
-OTHER = {"true": "false", "false": "true", "air": "water", "polypropylene": "diamond", "bk7": "diamond", "beckmann": "ggx", "bilinear": "nearest",
+OTHER = {"true": "false", "false": "true", "air": "water", "polypropylene": "diamond", "bk7": "diamond", "amber": "diamond", "beckmann": "ggx", "bilinear": "nearest",
          "repeat": "clamp", "none": "Au", "x": "y", "50mm": "80mm", "far_clip": "2"}
 INTEGERS = ("lobes", "shape_index", "width", "height", "crop_offset_x", "crop_offset_y")
 

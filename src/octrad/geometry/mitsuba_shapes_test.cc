@@ -122,6 +122,15 @@ TEST(Curves, RaysInsidePass) {
   }
 }
 
+TEST(Curves, HaveNoOtherSide) {
+  for (const char* type : {"linearcurve", "bsplinecurve"}) {
+    EXPECT_THROW(
+        load_text(std::string("<shape type=\"") + type +
+                  R"("><string name="filename" value="c.txt"/><boolean name="flip_normals" value="true"/></shape>)"),
+        InputError);
+  }
+}
+
 const std::string kGroup =
     R"(<shape type="shapegroup" id="g"><shape type="cube"><bsdf type="conductor"/></shape><shape type="rectangle"/>
   <shape type="sphere"><float name="radius" value="2"/></shape></shape>)";

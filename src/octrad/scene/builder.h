@@ -133,7 +133,7 @@ class SceneBuilder {
   void microfacets(Params& params, Material& m);
   void anisotropic_microfacets(Params& params, Material& m);
   void conductor_index(Params& params, Material& m);
-  Vec3f constant_color(Params& params, const std::string& name, Vec3f fallback);
+  Vec3f constant_color(Params& params, const std::string& name, TextureRole role, Vec3f fallback);
   float index_of_refraction(Params& params, const std::string& name, const std::string& fallback);
 
   // load_textures.cc. `name` is a parameter of several permitted types; -1 where absent.

@@ -58,9 +58,9 @@ class Rings {
       // Where one sphere lies in the other there is no cone, and the larger one is nearly whole.
       const double touch = std::asin(std::clamp((a.radius - b.radius) / size, -0.999, 0.999));
       const auto along = static_cast<double>(segment_);
-      if (last == nullptr) add_arc(a, d, d, -0.5 * kHalfCircle, touch, along, true);
+      if (last == nullptr) add_arc(a, d, d, -0.5 * kHalfCircle, touch, along + kArc, true);
       else add_arc(a, direction, d, latitude, touch, along, false);
-      add_circle(b, d, touch, along + 1.0, false);
+      add_circle(b, d, touch, along + 1.0 - kArc, false);
       direction = d;
       latitude = touch;
       last = &b;
@@ -135,7 +135,9 @@ class Rings {
     ring.first = first;
     add(ring);
   }
-  // On the sphere about p, from one circle to another: its directions turn from d0 to d1.
+  // What an arc gets of the texture coordinate of a segment: some, so that the coordinates say where the curve runs.
+  static constexpr double kArc = 1e-3;
+  // On the sphere about p, from one circle to another: its directions turn from d0 to d1. It ends at `along`.
   void add_arc(const CurvePoint& p, Vec3d d0, Vec3d d1, double from, double to, double along, bool first) {
     const double turn = angle_between(d0, d1);
     const Vec3d rest = d1 - d0 * dot(d0, d1), side = length(rest) > 1e-9 ? normalize(rest) : across(d0);
@@ -143,7 +145,7 @@ class Rings {
     for (int k = first ? 0 : 1; k <= steps; ++k) {
       const double t = static_cast<double>(k) / steps;
       add_circle(p, k == steps ? d1 : d0 * std::cos(t * turn) + side * std::sin(t * turn), from + t * (to - from),
-                 along, first && k == 0);
+                 along - kArc * (1.0 - t), first && k == 0);
     }
   }
 

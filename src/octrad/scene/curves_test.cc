@@ -90,6 +90,20 @@ TEST(Curves, FaceOutwards) {
   }
 }
 
+// Texture coordinates say everywhere where the curve runs, at ends and turns as well.
+TEST(Curves, CoordinatesRunAlong) {
+  for (const CurveKind kind : {CurveKind::linear, CurveKind::bspline}) {
+    const RawMesh mesh = tubes("0 0 0 .1\n1 0 .3 .2\n2 1 0 .1\n2.5 2 .2 .3\n3 2 0 .1\n", kind);
+    for (const Vec3i& t : mesh.triangles) {
+      const Vec2f a = mesh.uvs[static_cast<std::size_t>(t.x)], b = mesh.uvs[static_cast<std::size_t>(t.y)],
+                  c = mesh.uvs[static_cast<std::size_t>(t.z)];
+      const Vec2f d = b - a, e = c - a;
+      EXPECT_GT(std::fabs(d.x * e.y - d.y * e.x), 1e-9f);
+      EXPECT_TRUE(b.y >= -1e-6f && b.y <= 1.0f + 1e-6f);
+    }
+  }
+}
+
 // Strands of hair: fewer sides.
 TEST(Curves, ManyPoints) {
   std::string text;

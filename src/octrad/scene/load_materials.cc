@@ -393,7 +393,7 @@ void SceneBuilder::read_hair(Params& params, Material& m) {
   const float pheomelanin = params.float_in("pheomelanin", 0.2f, 0.0f, 1e6f);
   const float scale = params.float_in("scale", 1.0f, 0.0f, 1e6f);
   constexpr Vec3f kNone(-1.0f);
-  const Vec3f given = constant_color(params, "sigma_a", kNone);
+  const Vec3f given = constant_color(params, "sigma_a", TextureRole::absorption, kNone);
   const Vec3f absorption = given.x >= 0.0f
                                ? given * scale
                                : Vec3f(0.419f, 0.697f, 1.37f) * eumelanin + Vec3f(0.187f, 0.4f, 1.05f) * pheomelanin;
@@ -425,7 +425,8 @@ void SceneBuilder::conductor_index(Params& params, Material& m) {
   const Location where = params.where("material");
   const std::string name = params.get_string("material", "");
   const Vec3f none(-1.0f);
-  const Vec3f eta = constant_color(params, "eta", none), k = constant_color(params, "k", none);
+  const Vec3f eta = constant_color(params, "eta", TextureRole::index, none);
+  const Vec3f k = constant_color(params, "k", TextureRole::index, none);
   if (!name.empty() && name != "none" && (eta.x >= 0.0f || k.x >= 0.0f))
     fail(where, params.what() + " takes either material or eta and k, not both");
   const auto known = named_conductor(name.empty() ? "none" : name);
@@ -436,10 +437,10 @@ void SceneBuilder::conductor_index(Params& params, Material& m) {
   m.k = k.x >= 0.0f ? k : known->k;
 }
 
-Vec3f SceneBuilder::constant_color(Params& params, const std::string& name, Vec3f fallback) {
+Vec3f SceneBuilder::constant_color(Params& params, const std::string& name, TextureRole role, Vec3f fallback) {
   const Element* parameter = params.find(name);
   if (!parameter) return fallback;
-  const auto value = constant_value(follow_reference(description_, *parameter), TextureRole::index);
+  const auto value = constant_value(follow_reference(description_, *parameter), role);
   if (!value)
     fail(parameter->location,
          "parameter \"" + name + "\" of " + params.what() + " must be a constant: <rgb>, <float> or <spectrum>");

@@ -101,7 +101,8 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   const Transform to_world = params.get_transform("to_world");
   if (to_world.is_singular(kLeastVolume))
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
-  const bool flip_normals = params.get_bool("flip_normals", false);
+  const bool curve = type == "linearcurve" || type == "bsplinecurve";  // which have no other side
+  const bool flip_normals = !curve && params.get_bool("flip_normals", false);
   params.ignore({kSilhouette});
   in_shape_ = false;
   check_attribute_use(params.element(), type != "sphere");

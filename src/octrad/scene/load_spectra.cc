@@ -12,9 +12,12 @@ namespace octrad {
 namespace {
 
 SpectrumUse use_of(TextureRole role) {
-  return role == TextureRole::radiance ? SpectrumUse::emission
-         : role == TextureRole::index  ? SpectrumUse::index
-                                       : SpectrumUse::reflectance;
+  switch (role) {
+    case TextureRole::radiance: return SpectrumUse::emission;
+    case TextureRole::index:
+    case TextureRole::absorption: return SpectrumUse::index;
+    default: return SpectrumUse::reflectance;
+  }
 }
 
 std::vector<double> number_list(Params& params, const std::string& name) {

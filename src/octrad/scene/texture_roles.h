@@ -14,6 +14,7 @@ enum class TextureRole {
   opacity,      // scalar in [0, 1]
   roughness,    // scalar in [0, 10]
   index,        // of refraction and absorption: scalar in [0, 1000]
+  absorption,   // colour >= 0
   fraction,     // scalar in [0, 1]
   two_sides,    // scalar in [0, 2]
   normal,       // colour in [0, 1] that stands for a direction
@@ -21,7 +22,8 @@ enum class TextureRole {
 };
 
 inline bool is_scalar(TextureRole role) {
-  return role != TextureRole::reflectance && role != TextureRole::radiance && role != TextureRole::normal;
+  return role != TextureRole::reflectance && role != TextureRole::radiance && role != TextureRole::absorption &&
+         role != TextureRole::normal;
 }
 
 // What a constant colour is where it serves as a number: the mean of its channels, as in Mitsuba, whose pictures count
@@ -45,6 +47,7 @@ inline Range range_of(TextureRole role) {
     case TextureRole::opacity: return {0.0f, 1.0f, "an opacity must be between 0 and 1"};
     case TextureRole::roughness: return {0.0f, 10.0f, "a roughness must be between 0 and 10"};
     case TextureRole::index: return {0.0f, 1000.0f, "an index of refraction must be between 0 and 1000"};
+    case TextureRole::absorption: return {0.0f, kMax, "an absorption must be finite and not negative"};
     case TextureRole::fraction: return {0.0f, 1.0f, "the value must be between 0 and 1"};
     case TextureRole::two_sides: return {0.0f, 2.0f, "the value must be between 0 and 2"};
     case TextureRole::normal: return {0.0f, 1.0f, "a normal map's colours must be between 0 and 1"};
@@ -62,6 +65,7 @@ inline Vec3f stand_in(TextureRole role) {
     case TextureRole::roughness: return Vec3f(0.1f);
     case TextureRole::index: return Vec3f(1.5f);
     case TextureRole::normal: return {0.5f, 0.5f, 1.0f};
+    case TextureRole::absorption:
     case TextureRole::fraction:
     case TextureRole::two_sides:
     case TextureRole::height: break;

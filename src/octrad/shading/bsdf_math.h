@@ -320,7 +320,6 @@ OCTRAD_HD inline SeenThrough seen_through(const Bsdf& b, Vec3f wo) {
               refracted_direction(b.eta, wo)};
     case BsdfType::principled:
     case BsdfType::principledthin: return principled_seen_through(b.type, PrincipledInput(b), wo);
-    case BsdfType::hair: return {hair_energies(HairInput(b)).mainly_transmits(), through_hair(HairInput(b), wo)};
     case BsdfType::blendbsdf:
       if constexpr (kModels == Models::all) return blend_seen_through(*b.record, b.uv, wo);
       break;

@@ -339,6 +339,48 @@ TEST(Bsdf, HairKeepsLight) {
   EXPECT_EQ(found, 2);
 }
 
+// At the ends of what scene files may say, and of where a fibre may be met: numbers, and samples with their densities.
+TEST(Bsdf, HairIsFinite) {
+  Zoo ends;
+  std::vector<int> made;
+  for (const float roughness : {0.0f, 1.0f}) {
+    for (const float index : {0.7f, 1.001f, 90.0f}) {
+      for (const Vec3f left : {Vec3f(0.0f), Vec3f(0, 1e-30f, 1), Vec3f(1.0f)}) {
+        Material m;
+        m.type = BsdfType::hair;
+        ends.maker.hair(m, roughness);
+        m.specular_transmittance = ends.maker.texture(left);
+        m.int_ior = index;
+        made.push_back(ends.maker.material(m));
+      }
+    }
+  }
+  const Materials materials(ends.maker.scene);
+  Rng rng(8, RngPurpose::test, 4);
+  int drawn = 0;
+  for (const int i : made) {
+    const Bsdf b = materials.at(i, {0, 0});
+    EXPECT_TRUE(is_finite(albedo_bsdf(b)) && std::isfinite(roughness_bsdf(b)));
+    for (const Vec3f wo :
+         {Vec3f(0, 1, 0), Vec3f(0, -1, 0), Vec3f(1, 0, 0), Vec3f(0, 0, 1), normalize(Vec3f(1e-4f, 1, 0)),
+          normalize(Vec3f(-1, 0.3f, 1e-6f)), normalize(Vec3f(0.2f, 0.3f, -0.5f))}) {
+      for (int k = 0; k < 50; ++k) {
+        const float u_lobe = k == 0 ? 0.0f : k == 1 ? 0.99999994f : rng.uniform();
+        const Vec2f u = k == 0 ? Vec2f{0, 0} : k == 1 ? Vec2f{0.99999994f, 0.99999994f} : rng.uniform2();
+        const BsdfSample s = sample_bsdf(b, wo, u_lobe, u);
+        if (!s.valid) continue;
+        ++drawn;
+        EXPECT_TRUE(is_finite(s.wi) && is_finite(s.weight) && std::isfinite(s.pdf));
+        EXPECT_NEAR(length(s.wi), 1.0f, 1e-5f);
+        EXPECT_LT(max_component(s.weight), 20.0f);
+        const BsdfValue v = evaluate_bsdf(b, wo, {0.6f, 0.0f, -0.8f});
+        EXPECT_TRUE(is_finite(v.value) && std::isfinite(v.pdf) && min_component(v.value) >= 0.0f);
+      }
+    }
+  }
+  EXPECT_GT(drawn, 6000);  // of 6,300
+}
+
 // Oren and Nayar's model without roughness is Lambert's; with it, grazing light comes back to where it came from. The
 // numbers are of their equations with sigma = 20 degrees, in double precision.
 TEST(Bsdf, RoughDiffuse) {

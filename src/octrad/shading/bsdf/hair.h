@@ -42,7 +42,7 @@ struct HairAttenuation {
 };
 
 // exp(-x) times the modified Bessel function of the first kind and order 0, x >= 0 (Abramowitz & Stegun 1964, 9.8.1
-// and 9.8.2; relative error 2e-7).
+// and 9.8.2; relative error 5e-7).
 OCTRAD_HD inline float scaled_bessel_i0(float x) {
   if (x < 3.75f) {
     const float t = x / 3.75f, y = t * t;
@@ -197,22 +197,14 @@ OCTRAD_HD_APART inline LobeEnergies hair_energies(HairInput in) {
     const float weight = i == 0 || i == 3 ? 0.17392742f : 0.32607258f;
     const float h = places[i];
     const HairAttenuation left(in.transmittance, in.eta, 0.0f, 1.0f, h, std::sqrt(1.0f - h * h));
-    e.reflection += (left.a[0] + left.a[2] + left.a[3]) * weight;
-    e.transmission += left.a[1] * weight;
+    for (const Vec3f& a : left.a) e.reflection += a * weight;
   }
   // Microfacets that spread directions as much, by the geometric mean of both deviations: half vectors deviate by half
   // of what directions do, and alpha is sqrt(2) times that.
   const float around = hair_scale(in.at(ExtraParameter::azimuthal_roughness)) * 1.8137994f;  // pi / sqrt(3)
   const float along = std::sqrt(hair_variance(in.at(ExtraParameter::roughness)));
-  e.alpha = e.transmission_alpha = lesser(std::sqrt(0.5f * along * around), kRoughestLobe);
+  e.alpha = lesser(std::sqrt(0.5f * along * around), kRoughestLobe);
   return e;
-}
-
-// Where a smooth fibre sends the light that crosses it.
-OCTRAD_HD_APART inline Vec3f through_hair(HairInput in, Vec3f wo) {
-  const HairView view(in, wo);
-  const float cos = HairView::cos_of(wo.y), phi = view.phi + view.turn(1);
-  return {cos * std::cos(phi), -wo.y, cos * std::sin(phi)};
 }
 
 struct HairModel {
