@@ -51,6 +51,7 @@ put("obj", "all", "# o\n" + OBJ_BOX + "vt 0 0\nvt 1 0 0\nvn 0 0 1\ng a\nf 1/1/1 
 put("ply", "ascii", ply())
 put("ply", "binary", ply(form="binary_little_endian", rows=TRIANGLE + b"\3" + struct.pack("<3i", 0, 1, 2)))
 put("ply", "big", ply(form="binary_big_endian", properties=("x", "y", "z"), rows=struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + b"\3" + struct.pack(">3i", 0, 1, 2)))
+put("ply", "strips", ply(rows="0 0 0\n1 0 0\n0 1 0\n5 0 1 -1 2 0\n").replace(b"element face", b"element tristrips").replace(b"list uchar", b"list int"))
 put("ply", "normals", ply(properties=("x", "y", "z", "nx", "ny", "nz", "u", "v"), rows="0 0 0 0 0 1 0 0\n1 0 0 0 0 1 1 0\n0 1 0 0 0 1 0 1\n3 0 1 2\n"))
 put("ply", "attributes", ply(properties=("x", "y", "z", "r", "g", "b", "w_0"), rows="0 0 0 1 1 1 1\n1 0 0 0 0 0 0\n0 1 0 1 0 1 0\n3 0 1 2\n"))
 put("bmp", "24", b"BM" + struct.pack("<IIIIiiHHIIIIII", 0, 0, 54, 40, 2, 2, 1, 24, 0, 0, 0, 0, 0, 0) + bytes(16))
@@ -306,7 +307,7 @@ WORDS = {
     "scene": "<scene <sensor <film <rfilter <shape <bsdf <emitter <texture <transform <lookat <matrix <scale <rotate <translate <rgb <float <integer <boolean <string <point <ref <default "
              "<include <alias <path type= name= value= id= version=\\\"3.0.0\\\" perspective thinlens orthographic cube sphere disk cylinder shapegroup instance rectangle obj ply serialized diffuse plastic conductor dielectric twosided mask bumpmap area "
              "constant envmap point spot directional projector bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
-    "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices end_header 4294967295 -1 nan inf".split(),
+    "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices tristrips end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
     "curves": "0 1 -1 .5 1e9 1e-9 \\x0a\\x0a nan inf".split(),
     "serialized": ["\\x1c\\x04\\x03\\x00", "\\x1c\\x04\\x04\\x00", "\\x78\\x9c"],

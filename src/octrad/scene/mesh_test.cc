@@ -235,6 +235,20 @@ TEST(Ply, OtherElementsAndPropertiesAreSkipped) {
   EXPECT_EQ(mesh.positions[1], Vec3f(1, 0, 6));
 }
 
+TEST(Ply, StripsOfTriangles) {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+      "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n5 5 5\n";
+  const RawMesh mesh = parse_ply("t.ply", head + "12 0 1 2 3 4 -1 2 1 -1 3 4 5\n");
+  const std::vector<Vec3i> expected = {{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {3, 4, 5}};
+  EXPECT_EQ(mesh.triangles, expected) << "all on the same side, and none of a strip of two";
+  EXPECT_NE(error_of(head + "3 0 1 6\n", true).find("vertex 6, but there are 6"), std::string::npos);
+  EXPECT_NE(error_of(head + "3 0 1 3000000000\n", true).find("a strip of triangles refers to vertex 3000000000"),
+            std::string::npos);
+  EXPECT_NE(error_of(head + "99 0 1\n", true).find("does not fit"), std::string::npos);
+}
+
 TEST(Ply, NormalsAsMitsuba) {
   const std::string rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n0.5 1.5 0\n3 0 1 2\n3 0 2 3\n";
   expect_normals(placed(parse_ply("a.ply", header("ascii", "x y z", 5, 2) + rows)).normals,

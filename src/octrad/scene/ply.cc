@@ -104,6 +104,9 @@ class PlyReader {
       } else if (element.name == "face" && !faces) {
         read_faces(element);
         faces = true;
+      } else if (element.name == "tristrips" && !faces) {
+        read_strips(element);
+        faces = true;
       } else if (!(vertices && faces)) {
         for (std::uint64_t i = 0; i < element.count; ++i) skip_row(element);
       }
@@ -394,6 +397,38 @@ class PlyReader {
         if (mesh_.triangles.size() > kMostMeshElements) fail_at(where, "the PLY file has too many faces");
       }
       repeat_face(mesh_.triangles.size() - first_triangle);
+    }
+  }
+
+  // Strips of triangles, as trimesh2 writes them: each vertex makes a triangle with the two before it, every second one
+  // turned; a negative index ends a strip.
+  void read_strips(const PlyElement& element) {
+    faces_begin_ = p_;
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      for (const Property& property : element.properties) {
+        if (!property.list || property.name != "vertex_indices") {
+          skip_property(property);
+          continue;
+        }
+        const char* where = p_;
+        const std::int64_t n = read_list_length(property.count_type);
+        int length = 0;
+        Vec3i t{0, 0, 0};  // the last three vertices of the strip
+        for (std::int64_t k = 0; k < n; ++k) {
+          const std::int64_t index = read_integer(property.type);
+          if (index > std::numeric_limits<int>::max())
+            fail_at(where, "a strip of triangles refers to vertex " + std::to_string(index));
+          if (index < 0) {
+            length = 0;
+            continue;
+          }
+          t = {t.y, t.z, static_cast<int>(index)};
+          if (++length < 3) continue;
+          ask_to_grow(mesh_.triangles, name_);
+          mesh_.triangles.push_back(length % 2 == 1 ? t : Vec3i(t.y, t.x, t.z));
+          if (mesh_.triangles.size() > kMostMeshElements) fail_at(where, "the PLY file has too many faces");
+        }
+      }
     }
   }
 
