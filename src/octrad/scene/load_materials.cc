@@ -388,7 +388,8 @@ void SceneBuilder::read_hair(Params& params, Material& m) {
   const bool pigments = params.given("eumelanin") || params.given("pheomelanin");
   if (pigments && params.given("sigma_a"))
     fail(params.where("sigma_a"), "hair takes sigma_a, or eumelanin and pheomelanin, not both");
-  // Absorption of a radius, by concentrations of pigments: d'Eon et al. 2011, section 6.1.
+  // Absorption of a radius, by concentrations of pigments (d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance
+  // Model").
   const float eumelanin = params.float_in("eumelanin", 1.3f, 0.0f, 1e6f);
   const float pheomelanin = params.float_in("pheomelanin", 0.2f, 0.0f, 1e6f);
   const float scale = params.float_in("scale", 1.0f, 0.0f, 1e6f);

@@ -14,7 +14,7 @@ namespace octrad {
 
 inline constexpr int kHairPaths = 4;  // p = 0, 1, 2 and all others
 
-// What light is left of after a path through the fibre: A_p (Chiang et al., equation 6 ff.).
+// What a path through the fibre leaves of light, A_p (Marschner et al.; all that comes after p = 2: Chiang et al.).
 struct HairAttenuation {
   Vec3f a[kHairPaths];
   float gamma_t;  // angle inside between direction and normal, in the plane across the fibre
@@ -60,13 +60,13 @@ OCTRAD_HD inline float scaled_bessel_i0(float x) {
          std::sqrt(x);
 }
 
-// Longitudinal scattering, M_p (d'Eon et al., equation 7): density in solid angle over the density in phi.
+// Longitudinal scattering, M_p (d'Eon et al.): density in solid angle over the density in phi.
 OCTRAD_HD inline float hair_longitudinal(float v, float sin_o, float cos_o, float sin_i, float cos_i) {
   const float exponent = (cos_o * cos_i - sin_o * sin_i - 1.0f) / v;
   return std::exp(exponent) * scaled_bessel_i0(cos_o * cos_i / v) / (v * -std::expm1(-2.0f / v));
 }
 
-// The logistic density between -pi and pi, and a sample of it (Chiang et al., section 4.1).
+// The logistic density between -pi and pi, and a sample of it (Chiang et al.).
 OCTRAD_HD inline float hair_logistic(float x, float s) {
   const float e = std::exp(-std::fabs(x) / s);
   return e / (s * (1.0f + e) * (1.0f + e) * std::tanh(kPi / (2.0f * s)));
@@ -85,7 +85,7 @@ OCTRAD_HD inline float power(float x, int n) {
   return product;
 }
 
-// Variance of M_0 and scale of the logistic, of roughnesses between 0 and 1 (Chiang et al., equations 7 and 8).
+// Variance of M_0 and scale of the logistic, of roughnesses between 0 and 1 (Chiang et al.).
 OCTRAD_HD inline float hair_variance(float roughness) {
   const float b = greater(roughness, 0.02f);
   const float deviation = 0.726f * b + 0.812f * b * b + 3.7f * power(b, 20);
