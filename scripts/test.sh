@@ -2,7 +2,7 @@
 # Every check of the project, from a bare clone: installs what is missing, builds, tests, and ends with one line
 # "N passed, N failed, N skipped". About half an hour on two cores the first time, mostly compiling.
 #   scripts/test.sh              everything
-#   scripts/test.sh --fast       without the sanitizers, clang and the demo
+#   scripts/test.sh --fast       without the sanitizers, clang, a million rays against Embree and the demo
 #   scripts/test.sh --long       everything, a minute of fuzzing for every reader of files, and fifty kills in each test of kills
 # The work tree is only read; builds are in build-test, build-sanitize and build-thread.
 # Scenes that are not part of this repository are looked for in $OCTRAD_SHARED, else in ../shared; tests that need them

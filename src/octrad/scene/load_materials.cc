@@ -108,14 +108,14 @@ Material SceneBuilder::read_bsdf(const Element& element) {
     if (transmits(m))
       fail(
           parts[0]->location,
-          "twosided cannot hold a bsdf that lets light through (dielectric, thindielectric, mask); put the mask around twosided");
+          "twosided cannot hold a bsdf that lets light through (such as dielectric, hair, mask); put the mask around twosided");
     m.two_sided = true;
     m.bump_mirrored = m.bump >= 0;
     if (parts.size() == 2) {
       m.back = material(*parts[1]);
       if (transmits(scene_.materials[static_cast<std::size_t>(m.back)])) {
         fail(parts[1]->location,
-             "twosided cannot hold a bsdf that lets light through (dielectric, thindielectric, mask)");
+             "twosided cannot hold a bsdf that lets light through (such as dielectric, hair, mask)");
       }
     }
   } else if (params.type() == "mask") {

@@ -243,6 +243,10 @@ TEST(Ply, StripsOfTriangles) {
   const RawMesh mesh = parse_ply("t.ply", head + "12 0 1 2 3 4 -1 2 1 -1 3 4 5\n");
   const std::vector<Vec3i> expected = {{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {3, 4, 5}};
   EXPECT_EQ(mesh.triangles, expected) << "all on the same side, and none of a strip of two";
+  std::string other = head;
+  other.replace(other.find("element tris"), 0, "element face 0\nproperty list uchar int vertex_indices\n");
+  other.replace(other.rfind("vertex_indices"), 14, "vertex_index");
+  EXPECT_EQ(parse_ply("t.ply", other + "3 0 1 2\n").triangles, (std::vector<Vec3i>{{0, 1, 2}}));
   EXPECT_NE(error_of(head + "3 0 1 6\n", true).find("vertex 6, but there are 6"), std::string::npos);
   EXPECT_NE(error_of(head + "3 0 1 3000000000\n", true).find("a strip of triangles refers to vertex 3000000000"),
             std::string::npos);

@@ -103,7 +103,7 @@ class PlyReader {
         vertices = true;
       } else if (element.name == "face" && !faces) {
         read_faces(element);
-        faces = true;
+        faces = element.count > 0;
       } else if (element.name == "tristrips" && !faces) {
         read_strips(element);
         faces = true;
@@ -357,13 +357,17 @@ class PlyReader {
     mesh_.attributes[channel.attribute].values.push_back(value);
   }
 
+  static bool is_vertex_list(const Property& property) {
+    return property.list && (property.name == "vertex_indices" || property.name == "vertex_index");
+  }
+
   void read_faces(const PlyElement& element) {
     faces_begin_ = p_;
     const std::vector<Channel> channels = attribute_channels(element, "face_");
     std::size_t indices = element.properties.size();
     for (std::size_t j = 0; j < element.properties.size(); ++j) {
       const Property& property = element.properties[j];
-      if (property.list && (property.name == "vertex_indices" || property.name == "vertex_index")) indices = j;
+      if (is_vertex_list(property)) indices = j;
     }
     if (indices == element.properties.size()) fail_at(bytes_.data(), "element \"face\" lacks the list vertex_indices");
     ask_memory(element.count * sizeof(Vec3i), name_);
@@ -406,7 +410,7 @@ class PlyReader {
     faces_begin_ = p_;
     for (std::uint64_t i = 0; i < element.count; ++i) {
       for (const Property& property : element.properties) {
-        if (!property.list || property.name != "vertex_indices") {
+        if (!is_vertex_list(property)) {
           skip_property(property);
           continue;
         }
