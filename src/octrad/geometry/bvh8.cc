@@ -338,6 +338,9 @@ class Bvh8Tracer final : public Tracer {
 Bvh8 build_bvh8(const Scene& scene, const Bvh8Options& options) {
   Bvh8 bvh;
   std::vector<BvhReference> references = references_of(scene, bvh.left_out);
+  bvh.one_sided = std::any_of(scene.shapes.begin(), scene.shapes.end(), [&](const Shape& shape) {
+    return shape.kind == Shape::Kind::mesh && scene.meshes[static_cast<std::size_t>(shape.geometry)].one_sided;
+  });
   if (references.empty()) return bvh;
   Bvh2 tree = build_bvh2(references.data(), references.size(), options.max_levels);
   bool placed = place_nodes(scene, references, tree, bvh);

@@ -15,11 +15,12 @@ struct Bvh8 {
   std::vector<Bvh8Primitive> primitives;
   int levels = 0;            // of nodes, at most kBvh8StackSize
   std::size_t left_out = 0;  // triangles and spheres that are not finite or reach further than kBvh8Largest
+  bool one_sided = false;    // some triangles are
   double cost = 0.0;         // expected work of a ray that meets the root's box, in visits of nodes
 
   Bvh8View view() const {
     return {nodes.data(), primitives.data(), static_cast<std::uint32_t>(nodes.size()),
-            static_cast<std::uint32_t>(primitives.size())};
+            static_cast<std::uint32_t>(primitives.size()), one_sided};
   }
   std::size_t bytes() const { return nodes.size() * sizeof(Bvh8Node) + primitives.size() * sizeof(Bvh8Primitive); }
 };

@@ -48,6 +48,7 @@ struct Bvh8View {
   const Bvh8Node* nodes;
   const Bvh8Primitive* primitives;
   std::uint32_t node_count, primitive_count;
+  bool one_sided;  // some primitives are: rays may pass them (bvh8_passes)
 };
 
 namespace bvh8_detail {
@@ -231,6 +232,7 @@ class Bvh8Traversal {
     check(index < bvh.primitive_count);
     float t;
     if (!bvh8_meets(bvh.primitives, index, memory.sheared.load_local(), t_min_, t_max_, t)) return;
+    if (bvh.one_sided && bvh8_passes(bvh.primitives[index], memory.sheared.load_local())) return;
     if (kAny) {
       pending_ = 0;
       depth_ = 0;

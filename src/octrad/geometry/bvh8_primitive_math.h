@@ -223,16 +223,14 @@ OCTRAD_HD inline bool inside(const Sheared& s) {
   return !(least < 0.0 && most > 0.0) && exact.sum() != 0.0;
 }
 
-// Distance to the triangle's plane, and the direction along its normal, in double: in float, long and grazed triangles
-// have errors far above rounding, a ray that starts on a surface may meet it again, and which of two near surfaces is
-// met would differ between devices.
-OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8ShearedRay& sheared,
-                                       double& facing) {
+// Distance to the triangle's plane, in double: in float, long and grazed triangles have errors far above rounding, a
+// ray that starts on a surface may meet it again, and which of two near surfaces is met would differ between devices.
+OCTRAD_HD inline double plane_distance(const Rows& rows, const Sheared& s, const Bvh8ShearedRay& sheared) {
   const Vec3d a(Vec3f(rows.x.corner[0], rows.y.corner[0], rows.z.corner[0]));
   const Vec3d b(Vec3f(rows.x.corner[1], rows.y.corner[1], rows.z.corner[1]));
   const Vec3d c(Vec3f(rows.x.corner[2], rows.y.corner[2], rows.z.corner[2]));
   const Vec3d n = cross(b - a, c - a);
-  facing = dot(n, Vec3d(sheared.direction));
+  const double facing = dot(n, Vec3d(sheared.direction));
   if (facing != 0.0) return dot(n, a - Vec3d(sheared.position)) / facing;
   const Areas<double> areas(s);
   const Vec3d z(Vec3f(s.z[0], s.z[1], s.z[2]));
@@ -249,8 +247,8 @@ OCTRAD_HD inline void set_weights(const Areas<T>& areas, Hit& hit) {
 
 }  // namespace bvh8_detail
 
-// Whether the ray meets the primitive, and where. Both sides, but for one-sided triangles; edges and corners belong to
-// the triangle. Distances in (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
+// Whether the ray meets the primitive, and where. Both sides; edges and corners belong to the triangle. Distances in
+// (t_min, t_max] for triangles and [t_min, t_max] for spheres, as Embree's.
 OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t index, const Bvh8ShearedRay& sheared,
                                  float t_min, float t_max, float& t) {
   using namespace bvh8_detail;
@@ -270,11 +268,23 @@ OCTRAD_HD inline bool bvh8_meets(const Bvh8Primitive* primitives, std::uint32_t 
   const float rounding = 4e-7f * greater(std::fabs(lower), std::fabs(upper));
   const float first = lower - rounding, last = upper + rounding;
   if (!(first <= t_max && last > t_min)) return false;
-  double facing;
-  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sheared, facing)), first), last);
-  if ((rows.x.id & kBvh8OneSided) != 0 && ((primitives[index].rows[2].id & 1u) != 0 ? -facing : facing) > 0.0)
-    return false;
+  t = lesser(greater(static_cast<float>(plane_distance(rows, s, sheared)), first), last);
   return t > t_min && t <= t_max;
+}
+
+// Whether the ray passes the primitive wherever it meets it: from inside a curve.
+OCTRAD_HD inline bool bvh8_passes(const Bvh8Primitive& p, const Bvh8ShearedRay& sheared) {
+  using bvh8_detail::multiply;
+  if ((p.rows[0].id & kBvh8OneSided) == 0) return false;
+  const Vec3f d = sheared.turned(sheared.direction);
+  float along = 0.0f;
+  OCTRAD_UNROLL
+  for (int i = 0; i < 3; ++i) {
+    const float* a = p.rows[(i + 1) % 3].corner;
+    const float* b = p.rows[(i + 2) % 3].corner;
+    along += multiply(multiply(a[1] - a[0], b[2] - b[0]) - multiply(b[1] - b[0], a[2] - a[0]), d[i]);
+  }
+  return ((p.rows[2].id & 1u) != 0 ? -along : along) > 0.0f;
 }
 
 // The record of a hit at distance t that bvh8_meets found.

@@ -38,8 +38,7 @@ Placement make_placement(const Transform& t) {
 std::string shape_advice(const std::string& type) {
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
   if (type == "hair") return "; write it as linearcurve: x y z radius a line, an empty line between fibres";
-  if (type == "heightfield" || type == "deformable")
-    return "; turn it into triangles and load them as ply";
+  if (type == "heightfield" || type == "deformable") return "; turn it into triangles and load them as ply";
   if (type == "ellipsoids" || type == "ellipsoidsmesh") return "; use instances of a mesh";
   return "";
 }

@@ -60,8 +60,8 @@ TEST(MitsubaScattering, Evaluations) {
     const std::string what = words(e.material, e.wo, e.wi);
     lit += max_component(e.value) > 0.0f;
     behind += max_component(e.value) > 0.0f && e.wi.z < 0.0f;
-    // Half vectors of refraction are differences of nearly equal vectors. The Bessel function of Mitsuba's hair is up to
-    // .6 % too small.
+    // Half vectors of refraction are differences of nearly equal vectors. The Bessel function of Mitsuba's hair is up
+    // to .6 % too small.
     const float tolerance = p.bsdf.type == BsdfType::hair ? 6e-3f : 2e-3f;
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(v.value[c], e.value[c], 1e-6f + tolerance * e.value[c]) << what;
     if (max_component(e.value) > 0.0f) {
