@@ -232,7 +232,7 @@ class Bvh8Traversal {
     check(index < bvh.primitive_count);
     float t;
     if (!bvh8_meets(bvh.primitives, index, memory.sheared.load_local(), t_min_, t_max_, t)) return;
-    if (bvh.one_sided && bvh8_passes(bvh.primitives[index], memory.sheared.load_local())) return;
+    if (bvh.one_sided && bvh8_passes(bvh.primitives[index], memory.sheared)) return;
     if (kAny) {
       pending_ = 0;
       depth_ = 0;
