@@ -34,6 +34,8 @@ Placement make_placement(const Transform& t) {
   return p;
 }
 
+bool is_curve(const std::string& type) { return type == "linearcurve" || type == "bsplinecurve"; }
+
 // What can be written instead of shapes that there are not.
 std::string shape_advice(const std::string& type) {
   if (type == "sdfgrid") return "; turn its surface into triangles and load them as ply";
@@ -101,8 +103,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   const Transform to_world = params.get_transform("to_world");
   if (to_world.is_singular(kLeastVolume))
     fail(params.where("to_world"), "to_world of " + params.what() + " is singular: it flattens the shape");
-  const bool curve = type == "linearcurve" || type == "bsplinecurve";  // which have no other side
-  const bool flip_normals = !curve && params.get_bool("flip_normals", false);
+  const bool flip_normals = !is_curve(type) && params.get_bool("flip_normals", false);  // curves have no other side
   params.ignore({kSilhouette});
   in_shape_ = false;
   check_attribute_use(params.element(), type != "sphere");
@@ -148,7 +149,7 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     job.options.face_normals = params.get_bool("face_normals", false);
     if (job.format == Format::serialized) job.index = params.int_in("shape_index", 0, 0, 1 << 30);
     else job.options.flip_v = params.get_bool("flip_tex_coords", job.format == Format::obj);
-  } else if (type == "linearcurve" || type == "bsplinecurve") {
+  } else if (is_curve(type)) {
     job.curve = type == "linearcurve" ? CurveKind::linear : CurveKind::bspline;
     job.options.one_sided = true;
     const std::string file = params.required_string("filename");

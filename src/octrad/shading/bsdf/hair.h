@@ -189,6 +189,14 @@ OCTRAD_HD_APART inline BsdfSample sample_hair(HairInput in, Vec3f wo, float u_lo
   return s;
 }
 
+// Roughness of microfacets that spread directions as much, by the geometric mean of both deviations: half vectors
+// deviate by half of what directions do, and alpha is sqrt(2) times that.
+OCTRAD_HD_APART inline float hair_alpha(HairInput in) {
+  const float around = hair_scale(in.at(ExtraParameter::azimuthal_roughness)) * 1.8137994f;  // pi / sqrt(3)
+  const float along = std::sqrt(hair_variance(in.at(ExtraParameter::roughness)));
+  return lesser(std::sqrt(0.5f * along * around), kRoughestLobe);
+}
+
 // Means across a fibre that is seen at a right angle, by Gauss and Legendre's rule of four points.
 OCTRAD_HD_APART inline LobeEnergies hair_energies(HairInput in) {
   LobeEnergies e;
@@ -199,11 +207,7 @@ OCTRAD_HD_APART inline LobeEnergies hair_energies(HairInput in) {
     const HairAttenuation left(in.transmittance, in.eta, 0.0f, 1.0f, h, std::sqrt(1.0f - h * h));
     for (const Vec3f& a : left.a) e.reflection += a * weight;
   }
-  // Microfacets that spread directions as much, by the geometric mean of both deviations: half vectors deviate by half
-  // of what directions do, and alpha is sqrt(2) times that.
-  const float around = hair_scale(in.at(ExtraParameter::azimuthal_roughness)) * 1.8137994f;  // pi / sqrt(3)
-  const float along = std::sqrt(hair_variance(in.at(ExtraParameter::roughness)));
-  e.alpha = lesser(std::sqrt(0.5f * along * around), kRoughestLobe);
+  e.alpha = hair_alpha(in);
   return e;
 }
 
@@ -215,7 +219,7 @@ struct HairModel {
     return sample_hair(HairInput(b), wo, u_lobe, u);
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return hair_energies(HairInput(b)).albedo(); }
-  OCTRAD_HD static float roughness(const Bsdf& b) { return hair_energies(HairInput(b)).roughness(); }
+  OCTRAD_HD static float roughness(const Bsdf& b) { return hair_alpha(HairInput(b)); }
 };
 
 }  // namespace octrad
