@@ -26,6 +26,10 @@ import time
 
 import compare_mitsuba as base
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "cli"))
+
+from measured_file import measured_file  # noqa: E402
+
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -50,6 +54,7 @@ BSDFS = {
     "principled": '<rgb name="base_color" value="0.7, 0.4, 0.2"/><float name="roughness" value="0.3"/><float name="metallic" value="0.3"/><float name="clearcoat" value="0.8"/>'
                   '<float name="spec_trans" value="0.5"/><float name="sheen" value="0.5"/>',
     "hair": '<float name="eumelanin" value="0.2"/><float name="longitudinal_roughness" value="0.2"/>',
+    "measured": '<string name="filename" value="m_rgb.bsdf"/>',
     "principledthin": '<float name="roughness" value="0.4"/><float name="spec_trans" value="0.4"/><float name="diff_trans" value="0.8"/>',
     "twosided": '<bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>', "mask": '<float name="opacity" value="0.5"/><bsdf type="diffuse"/>',
     "blendbsdf": '<float name="weight" value="0.4"/><bsdf type="diffuse"/><bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf>',
@@ -86,6 +91,8 @@ def write_grid(mi, np, folder):
         mi.Bitmap(picture.astype(np.float32)).write(os.path.join(folder, "grid", name + ".exr"))
     with open(os.path.join(folder, "grid", "c.txt"), "w", encoding="utf-8") as curve:
         curve.write("-2 0 0 0.8\n-1 0.2 0 0.9\n0 0 0.3 1\n1 0.2 0 0.9\n2 0 0 0.8\n")
+    with open(os.path.join(folder, "grid", "m_rgb.bsdf"), "wb") as out:
+        out.write(measured_file(1))
     for bsdf, parameters in BSDFS.items():
         for emitter, text in EMITTERS.items():
             # Mitsuba drops the light of paths that pass masks alone, unless there is an environment.

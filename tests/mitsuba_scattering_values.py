@@ -6,10 +6,16 @@
 Needs the mitsuba package. Directions: uniform over the sphere on both sides of the surface, grazing, and drawn from the model.
 """
 import math
+import os
+import sys
 import tempfile
 
 import mitsuba as mi
 import numpy as np
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "cli"))
+
+from measured_file import measured_file  # noqa: E402
 
 mi.set_variant("scalar_rgb")
 
@@ -47,6 +53,7 @@ METAL = bsdf("roughconductor", floats(alpha=0.3), word("material", "Au"), word("
 # A map of one direction; the test writes the same file.
 TILT_COLOR = (0.75, 0.625, 0.875)
 TILT = '<texture name="normalmap" type="bitmap"><string name="filename" value="tilt.exr"/><boolean name="raw" value="true"/></texture>'
+PARTS = (0, 1, 2, 4)
 CASES = [
     bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "beckmann"), GLASS),
     bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "ggx"), GLASS),
@@ -84,6 +91,7 @@ CASES = [
     bsdf("hair"),
     bsdf("hair", rgb("sigma_a", 0.02, 0.1, 0.4), floats(scale=2, longitudinal_roughness=0.1, azimuthal_roughness=0.6, scale_tilt=6), word("int_ior", "water")),
     bsdf("hair", floats(eumelanin=0, pheomelanin=0.4, longitudinal_roughness=0.9, azimuthal_roughness=0.2, scale_tilt=-3, int_ior=1.9, ext_ior=1.3)),
+    *(bsdf("measured", word("filename", "part%d.bsdf" % part)) for part in PARTS),  # the test writes the same files
 ]
 # Perfect lobes and light that passes: what is drawn for a number.
 DELTAS = [
@@ -125,7 +133,10 @@ def load(case):
     with tempfile.TemporaryDirectory() as folder:
         path = folder + "/tilt.exr"
         mi.Bitmap(np.full((2, 2, 3), TILT_COLOR, np.float32)).write(path)
-        return mi.load_string(case.replace("<bsdf ", '<bsdf version="3.0.0" ', 1).replace("tilt.exr", path))
+        for part in PARTS:
+            with open(os.path.join(folder, "part%d.bsdf" % part), "wb") as out:
+                out.write(measured_file(part))
+        return mi.load_string(case.replace("<bsdf ", '<bsdf version="3.0.0" ', 1).replace("tilt.exr", path).replace("part", folder + "/part"))
 
 
 print("""// Written by tests/mitsuba_scattering_values.py with Mitsuba %s. Not to be edited.

@@ -10,11 +10,16 @@ import pathlib
 import re
 import struct
 import subprocess
+import sys
 import tempfile
 import unittest
 import zlib
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests" / "cli"))
+
+from measured_file import measured_file  # noqa: E402
+
 PROGRAM = os.environ.get("OCTRAD", str(ROOT / "build" / "octrad"))
 TEXT = (ROOT / "docs" / "scenes.md").read_text()
 
@@ -31,6 +36,7 @@ AIMED = '<transform name="to_world"><lookat origin="0, 0, 3" target="0, 0, 0" up
 DIFFUSE, SPHERE = '<bsdf type="diffuse"/>', '<shape type="sphere"/>'
 # What an object must hold.
 NEEDS = {("bsdf", "blendbsdf"): '<float name="weight" value="0.5"/>' + DIFFUSE + DIFFUSE, ("bsdf", "twosided"): DIFFUSE, ("bsdf", "mask"): DIFFUSE,
+         ("bsdf", "measured"): '<string name="filename" value="material_rgb.bsdf"/>',
          ("bsdf", "bumpmap"): '<texture type="bitmap">%s</texture>' % BITMAP + DIFFUSE,
          ("bsdf", "normalmap"): '<texture name="normalmap" type="bitmap">%s<boolean name="raw" value="true"/></texture>' % BITMAP + DIFFUSE,
          ("texture", "bitmap"): BITMAP, ("texture", "mesh_attribute"): '<string name="name" value="vertex_color"/>',
@@ -135,6 +141,7 @@ class SceneDocuments(unittest.TestCase):
         (cls.folder / "mesh.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n%selement face 1\nproperty list uchar int vertex_indices\nend_header\n"
                                              "-1 -1 0 0 .6 .8 0 0 1 0 0\n1 -1 0 0 0 1 1 0 0 1 0\n0 1 0 0 .6 .8 0 .6 0 0 1\n3 0 1 2\n" % properties)
         (cls.folder / "mesh.serialized").write_bytes(serialized())
+        (cls.folder / "material_rgb.bsdf").write_bytes(measured_file(0))
         cls.plugins = json.loads(octrad("info", "--plugins", "--json").stdout)
 
     def scene(self, tag, name, inside):

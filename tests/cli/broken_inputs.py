@@ -13,6 +13,7 @@ import zlib
 
 from exr import write_exr
 from gltf import glb, triangle
+from measured_file import measured_file
 from support import ROOM
 
 SENSOR = """<sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
@@ -257,6 +258,18 @@ for kind, name, data, message in (
         ("linear", "no-radius", "0 0 0\n1 0 0\n", "expected a number"), ("linear", "negative", "0 0 0 -1\n1 0 0 1\n", "radius is negative"),
         ("linear", "nan", "0 0 nan 1\n1 0 0 1\n", "not finite"), ("linear", "far", "0 0 0 1\n1e30 0 0 1\n", "too far away"), ("bspline", "wide", "0 0 0 1\n1 0 0 1e20\n2 0 0 1\n3 0 0 1\n", "too far away")):
     body(f"curves-{kind}-{name}", f'<shape type="{kind}curve"><string name="filename" value="m.txt"/></shape>', message, m_txt=data)
+
+MEASURED = measured_file(0)
+for name, data, message in (
+        ("empty", b"", "not a measured material"), ("another-file", b"ply\nformat ascii 1.0\n", "not a measured material"), ("version", MEASURED[:12] + b"\2" + MEASURED[13:], "version 2.0 are not supported"),
+        ("header", MEASURED[:50], "ends early"), ("half", MEASURED[:5000], "is cut off"), ("endless-list", MEASURED[:14] + b"\xff" * 4 + MEASURED[18:], "larger than the file"),
+        ("spectra", measured_file(0, wavelengths=((2,), (400, 700), False)), "_rgb.bsdf"), ("no-normals", measured_file(0, ndf=None), 'no tensor "ndf"'),
+        ("bytes", measured_file(0, ndf=((9, 16), bytes(144), True)), "does not fit"), ("shape", measured_file(0, vndf=((1, 4, 2, 2), [1] * 16, False)), "does not fit"),
+        ("huge", measured_file(0, ndf=((2 ** 40, 2 ** 40), [1], False)), "larger than the file"), ("hollow", measured_file(0, ndf=((0, 16), [], False)), "is empty"),
+        ("narrow", measured_file(0, ndf=((9, 1), [1] * 9, False)), "two points"), ("oblong", measured_file(0, luminance=((1, 5, 2, 3), [1] * 30, False)), "as high as it is wide"),
+        ("nan", measured_file(0, ndf=((2, 2), [1, float("nan"), 1, 1], False)), "not finite"), ("order", measured_file(0, theta_i=((5,), (0, 1, 1, 2, 3), False)), "must ascend"),
+        ("arc", measured_file(4, phi_i=((5,), (0, .1, .2, .3, 2), False)), "must cover")):
+    body(f"measured-{name}", '<shape type="sphere"><bsdf type="measured"><string name="filename" value="m.bsdf"/></bsdf></shape>', message, m_bsdf=data)
 
 # Materials and lights
 for name, inside, message in (

@@ -16,6 +16,7 @@ sys.path.insert(0, os.path.join(here, "..", "cli"))
 os.environ["OCTRAD"] = program
 from broken_inputs import CASES, OBJ_BOX, TRIANGLE, chunk, pfm, ply, png, serialized  # noqa: E402
 from gltf import triangle  # noqa: E402
+from measured_file import measured_file  # noqa: E402
 from support import ROOM  # noqa: E402
 from test_gltf import scene as gltf_scene  # noqa: E402
 
@@ -107,6 +108,8 @@ put("gltf", "packed", PACKED.text())
 put("obj", "faces-first", "f 1/1/1 2/2/1 3/3/1\n" + OBJ_BOX + "vt 0 0\nf -1//-1 1 2\nvt 1 0\nvt 1 1\nvn 0 0 1\n")
 put("curves", "two", "0 0 0 .1\n1 0 0 .2\n1 1 0 .1 7\n\t2 1 0 0\r\n3 1 1 +.5\n \n0 0 0 .1\n0 0 1 .1\n0 0 2 .1\n0 0 2 .1\n")
 put("curves", "back", "0 0 0 .1\n0 0 1 .1\n0 0 0 .1\n0 0 .5 1e3\n0 0 1e9 0")
+for part in (0, 4):
+    put("measured", "part%d" % part, measured_file(part))
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
 put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
@@ -128,6 +131,7 @@ BSDFS = {
     "principled": '<rgb name="base_color" value="1 0.5 0"/>' + "".join(f'<float name="{name}" value="0.5"/>' for name in (
         "roughness", "anisotropic", "metallic", "spec_trans", "spec_tint", "sheen", "sheen_tint", "flatness", "clearcoat", "clearcoat_gloss", "specular", "main_specular_sampling_rate")),
     "hair": '<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="2"/><float name="scale_tilt" value="3"/><float name="longitudinal_roughness" value="0.2"/>',
+    "measured": '<string name="filename" value="t.bsdf"/>',
     "principledthin": '<float name="diff_trans" value="1"/><float name="eta" value="1.4"/><float name="spec_trans" value="0.5"/>',
     "normalmap": TEXTURE.format("normalmap", "repeat") + '<bsdf type="roughplastic"/>', "bumpmap": TEXTURE.format("a", "repeat") + '<float name="scale" value="2"/><bsdf type="diffuse"/>',
     "mask": '<float name="opacity" value="0.3"/><bsdf type="diffuse"/>', "twosided": '<bsdf type="diffuse"/><bsdf type="plastic"/>'}
@@ -310,6 +314,7 @@ WORDS = {
     "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices tristrips end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
     "curves": "0 1 -1 .5 1e9 1e-9 \\x0a\\x0a nan inf".split(),
+    "measured": "tensor_file rgb vndf luminance ndf sigma phi_i theta_i jacobian wavelengths".split(),
     "serialized": ["\\x1c\\x04\\x03\\x00", "\\x1c\\x04\\x04\\x00", "\\x78\\x9c"],
     "gltf": "glTF JSON BIN\\x00 asset version 2.0 scene scenes nodes children mesh meshes primitives attributes POSITION NORMAL TEXCOORD_0 TEXCOORD_1 COLOR_0 indices mode material materials accessors bufferView "
             "byteOffset byteStride byteLength buffers uri data:;base64, componentType 5120 5121 5122 5123 5125 5126 count type SCALAR VEC2 VEC3 VEC4 normalized sparse values images textures source samplers "

@@ -23,8 +23,11 @@
 #include "octrad/scene/camera_path.h"
 #include "octrad/scene/curves.h"
 #include "octrad/scene/load.h"
+#include "octrad/scene/measured.h"
 #include "octrad/scene/mesh.h"
+#include "octrad/scene/sample_measured.h"
 #include "octrad/scene/spectrum.h"
+#include "octrad/shading/measured_summary.h"
 #include "octrad/transport/path.h"
 #include "octrad/transport/prepared_scene.h"
 
@@ -146,6 +149,7 @@ constexpr Target kTargets[] = {
        for (const CurveKind kind : {CurveKind::linear, CurveKind::bspline})
          read_mesh(make_curves(parse_curves("in.txt", bytes, kind), kind, Transform()));
      }>},
+    {"measured", guarded<[](const std::string& bytes) { summarize(parse_measured("in.bsdf", bytes)); }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},
     {"webp", guarded<read_picture>},
@@ -191,6 +195,7 @@ void prepare() {
     std::error_code ignored;
     fs::remove_all(folder, ignored);
   });
+  std::ofstream("t.bsdf", std::ios::binary) << testing::sample_measured(0);
   std::ofstream("t.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
   std::ofstream("t.ply")
       << "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"

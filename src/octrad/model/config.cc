@@ -446,6 +446,7 @@ Config preset(const std::string& name) {
   c.train_points = 65536;
   c.train_directions = 32;
   c.train_quarters = true;
+  c.train_far_ends = 0.0;
   c.nr_width = 256;
   c.ncr_width = 128;
   c.ncr_rays_train = 128;

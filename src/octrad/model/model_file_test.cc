@@ -87,6 +87,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   info.config.lookup_rough_offset = true;
   info.config.train_average = 0.0;
   info.config.adam_rate_budget = 0;
+  info.config.train_far_ends = 0.0;
   for (const char* preset_name : {"cpu", "paper"}) {
     const TensorReader in(file);
     TensorWriter out;
@@ -98,7 +99,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
         config["preset"] = info.config.preset = preset_name;
         EXPECT_EQ(config["render"].erase("offset_spread"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
-        EXPECT_EQ(config["train"].erase("average"), 1u);
+        EXPECT_EQ(config["train"].erase("average") + config["train"].erase("far_ends"), 2u);
         EXPECT_EQ(config["adam"]["rate"].erase("budget"), 1u);
         text = config.dump();
       }

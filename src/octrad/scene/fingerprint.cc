@@ -99,12 +99,16 @@ std::string scene_fingerprint(const Scene& scene) {
     // Names every member, so that one more does not compile before it is here.
     const auto& [id, type, two_sided, back, opacity, bump, bump_scale, reflectance, specular_reflectance,
                  specular_transmittance, alpha_u, alpha_v, distribution, sample_visible, nonlinear, int_ior, ext_ior,
-                 eta, k, normal_map, bump_mirrored, bump_flips, bump_shadows, blended, extra] = m;
+                 eta, k, normal_map, bump_mirrored, bump_flips, bump_shadows, blended, measured, extra] = m;
     h.add(type).add(two_sided).add(back).add(opacity).add(bump).add(bump_scale);
     h.add(reflectance).add(specular_reflectance).add(specular_transmittance).add(alpha_u).add(alpha_v);
     h.add(distribution).add(sample_visible).add(nonlinear).add(int_ior).add(ext_ior).add(eta).add(k);
     // What came later, where it is used, so that the others keep their fingerprints.
     if (bump >= 0) h.add(normal_map).add(bump_mirrored).add(bump_flips).add(bump_shadows);
+    if (measured >= 0) {
+      const MeasuredMaterial& tables = scene.measured[static_cast<std::size_t>(measured)];
+      h.add(tables.data).add(tables.layout.phi_count).add(tables.layout.is_density);
+    }
     if (needs_record(type)) {
       for (const int part : blended) h.add(part);
       for (int i = 0; i < ExtraParameter::count; ++i) {

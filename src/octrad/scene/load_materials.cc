@@ -21,8 +21,7 @@ std::string bsdf_advice(const std::string& type) {
   static const std::pair<const char*, const char*> ways[] = {
       {"hk", "a thin scattering layer has no counterpart; use diffuse or principledthin"},
       {"irawan", "woven cloth has no counterpart; use diffuse with a bitmap"},
-      {"measured", "fit a principled bsdf to the measurement"},
-      {"measured_polarized", "light is not polarised here; fit a principled bsdf to the measurement"},
+      {"measured_polarized", "light is not polarised here; use measured, with an _rgb.bsdf file of the material"},
       {"pplastic", "light is not polarised here; use roughplastic"},
       {"polarizer", "light is not polarised here"},
       {"retarder", "light is not polarised here"},
@@ -400,6 +399,21 @@ void SceneBuilder::read_hair(Params& params, Material& m) {
                                : Vec3f(0.419f, 0.697f, 1.37f) * eumelanin + Vec3f(0.187f, 0.4f, 1.05f) * pheomelanin;
   m.specular_transmittance =
       constant_texture({std::exp(-absorption.x), std::exp(-absorption.y), std::exp(-absorption.z)});
+}
+
+void SceneBuilder::read_measured(Params& params, Material& m) {
+  const std::string file = params.required_string("filename");
+  const std::string path = description_.resolve(file, params.where("filename"));
+  const auto [known, added] = measured_files_.emplace(path, static_cast<int>(scene_.measured.size()));
+  if (added) {
+    try {
+      scene_.measured.push_back(read_measured_file(path));
+    } catch (...) {
+      measured_files_.erase(known);
+      throw;
+    }
+  }
+  m.measured = known->second;
 }
 
 // The distribution of microfacets, and alpha, or alpha_u and alpha_v.

@@ -33,6 +33,7 @@ struct Material {
   // black spots.
   bool normal_map = false, bump_mirrored = false, bump_flips = true, bump_shadows = true;
   int blended[2] = {-1, -1};         // blendbsdf: materials
+  int measured = -1;                 // index into Scene::measured
   int extra[ExtraParameter::count];  // scalar textures of OCTRAD_EXTRA_PARAMETERS, -1: 0
   Material() {
     for (int& texture : extra) texture = -1;

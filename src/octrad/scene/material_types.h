@@ -23,6 +23,7 @@ namespace octrad {
   X(principledthin, PrincipledThinModel, true)   \
   X(roughdiffuse, RoughDiffuseModel, false)      \
   X(hair, HairModel, true)                       \
+  X(measured, MeasuredModel, false)              \
   /* more models: at the end, for fingerprints of scenes hold the number */
 
 #define OCTRAD_NAME(name, Model, transmits) name,
@@ -75,7 +76,7 @@ enum class MicrofacetDistribution { beckmann, ggx };
 // Whether a Bsdf of the model refers to its record.
 OCTRAD_HD inline bool needs_record(BsdfType type) {
   return type == BsdfType::principled || type == BsdfType::principledthin || type == BsdfType::blendbsdf ||
-         type == BsdfType::hair;
+         type == BsdfType::hair || type == BsdfType::measured;
 }
 
 // Models that are in the kernels of scenes that have them alone (shading/device_world.h): all others fit into

@@ -5,6 +5,7 @@
 
 #include "octrad/base/rng.h"
 #include "octrad/scene/fingerprint.h"
+#include "octrad/scene/sample_measured.h"
 
 namespace octrad::testing {
 namespace {
@@ -55,6 +56,13 @@ void SceneMaker::principled(Material& m, int value) {
     m.extra[rate] = texture(1.0f);
   m.int_ior = 1.5f;
   m.ext_ior = 1.0f;
+}
+
+void SceneMaker::measured(Material& m) {
+  m.type = BsdfType::measured;
+  m.specular_reflectance = -1;
+  m.measured = last(scene.measured.size() + 1);
+  scene.measured.push_back(parse_measured("sample", sample_measured(0)));
 }
 
 int SceneMaker::rough_metal(float alpha) {
@@ -250,6 +258,7 @@ Scene every_material() {
     m.specular_reflectance = m.specular_transmittance = mirrored;
     if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, fine);
     if (type == BsdfType::hair) maker.hair(m, 0.4f);
+    if (type == BsdfType::measured) maker.measured(m);
     if (type == BsdfType::blendbsdf) {
       m.blended[0] = sides_index;
       m.blended[1] = glass_index;

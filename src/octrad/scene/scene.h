@@ -10,6 +10,7 @@
 #include "octrad/scene/camera.h"
 #include "octrad/scene/delta_light.h"
 #include "octrad/scene/material.h"
+#include "octrad/scene/measured.h"
 #include "octrad/scene/placement.h"
 #include "octrad/scene/report.h"
 #include "octrad/scene/sphere.h"
@@ -74,6 +75,7 @@ struct Scene {
   std::vector<Shape> shapes;
   std::vector<Material> materials;  // index 0 is the default material
   std::vector<Texture> textures;
+  std::vector<MeasuredMaterial> measured;
   std::vector<Placement> placements;  // of instances
   std::vector<AreaLight> area_lights;
   std::vector<DeltaLight> delta_lights;

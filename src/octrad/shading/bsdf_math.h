@@ -7,6 +7,7 @@
 #include "octrad/shading/bsdf/dielectric.h"
 #include "octrad/shading/bsdf/diffuse.h"
 #include "octrad/shading/bsdf/hair.h"
+#include "octrad/shading/bsdf/measured.h"
 #include "octrad/shading/bsdf/null.h"
 #include "octrad/shading/bsdf/plastic.h"
 #include "octrad/shading/bsdf/principled.h"

@@ -5,9 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "octrad/scene/sample_measured.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/bsdf_math.h"
 #include "octrad/shading/chi_square_test_helper.h"
+#include "octrad/shading/measured_summary.h"
 
 namespace octrad {
 namespace {
@@ -36,6 +38,7 @@ struct Zoo {
       if (type == BsdfType::roughdielectric) m.alpha_u = m.alpha_v = maker.texture(0.3f);
       if (type == BsdfType::principled || type == BsdfType::principledthin) maker.principled(m, maker.texture(0.4f));
       if (type == BsdfType::hair) maker.hair(m, 0.4f);
+      if (type == BsdfType::measured) maker.measured(m);
       return m;
     };
     Material blend = make(BsdfType::blendbsdf);
@@ -247,7 +250,8 @@ TEST(Bsdf, ReciprocalAndBounded) {
     // Below a mixture light has two indices.
     // Nor does Mitsuba's thin model ask for the same of both directions that it transmits between.
     const bool mixture = b.type == BsdfType::blendbsdf || b.type == BsdfType::principledthin;
-    const bool reciprocal = b.type != BsdfType::hair;
+    // Nor do tables of measurements.
+    const bool reciprocal = b.type != BsdfType::hair && b.type != BsdfType::measured;
     for (const Vec3f a : !reciprocal ? std::vector<Vec3f>() : mixture ? kViews : views(b)) {
       for (const Vec3f c : mixture ? kViews : views(b)) {
         const Vec3f forward = basic(a, c), backward = basic(c, a);
@@ -337,6 +341,27 @@ TEST(Bsdf, HairKeepsLight) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(sum[c] / kSamples, albedo_bsdf(b)[c], 0.01) << entry.name;
   }
   EXPECT_EQ(found, 2);
+}
+
+// What caches are told: what the values reflect of even light, and the alphas that the table was made with.
+TEST(Bsdf, MeasuredSummary) {
+  for (const int part : {0, 1, 2, 4}) {
+    const MeasuredMaterial material = parse_measured("sample", testing::sample_measured(part));
+    MaterialRecord record;
+    record.measured = {material.data.data(), material.layout};
+    Rng rng(9, RngPurpose::test, static_cast<std::uint64_t>(part));
+    constexpr int kSamples = 100000;
+    Vec3d sum(0.0);
+    for (int i = 0; i < kSamples; ++i) {
+      const Vec3f wo = square_to_cosine_hemisphere(rng.uniform2()), wi = square_to_cosine_hemisphere(rng.uniform2());
+      sum += Vec3d(evaluate_measured(record, wo, wi).value * (kPi / wi.z));
+    }
+    const MeasuredSummary summary = summarize(material);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(summary.albedo[c], sum[c] / kSamples, 0.01) << part;
+    EXPECT_GT(summary.albedo.x, 0.55f) << part;
+    // The median of slopes along two alphas is a little larger than their geometric mean.
+    EXPECT_NEAR(summary.roughness, part == 0 ? 0.5f : std::sqrt(0.25f * 0.6f), part == 0 ? 0.02f : 0.08f) << part;
+  }
 }
 
 // At the ends of what scene files may say, and of where a fibre may be met: numbers, and samples with their densities.

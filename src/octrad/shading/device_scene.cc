@@ -60,6 +60,7 @@ struct Plan {
   std::size_t spheres;
   std::vector<Image> images;               // of the textures, by index
   std::vector<std::size_t> transmittance;  // of the materials
+  std::vector<std::size_t> measured;       // of the scene
   std::vector<MeshLight> lights;
   std::size_t environment_pixels = kAbsent, environment_sines = kAbsent, environment_rows = kAbsent,
               environment_cells = kAbsent, environment_densities = kAbsent, environment_parts = kAbsent;
@@ -94,6 +95,7 @@ struct Plan {
       const float* table = t.materials.view().records[i].constant.external_transmittance;
       transmittance.push_back(layout.add(table, kTransmittanceResolution));
     }
+    for (const MeasuredMaterial& m : t.scene.measured) measured.push_back(layout.add(m.data.data(), m.data.size()));
     const LightsView& l = t.lights.view();
     for (int i = 0; i < l.area_count; ++i) {
       const auto count = static_cast<std::size_t>(l.area[i].triangle_count);
@@ -171,13 +173,15 @@ std::vector<TextureView> place_textures(const Materials& materials, const Plan& 
 }
 
 // `tables`: where they and the textures will be.
-std::vector<MaterialRecord> place_records(const Materials& materials, const Plan& plan, const Block& block,
-                                          const MaterialsView& tables) {
+std::vector<MaterialRecord> place_records(const Scene& scene, const Materials& materials, const Plan& plan,
+                                          const Block& block, const MaterialsView& tables) {
   std::vector<MaterialRecord> records(materials.view().records, materials.view().records + materials.size());
   for (std::size_t i = 0; i < records.size(); ++i) {
     MaterialRecord& r = records[i];
     r.constant.external_transmittance = block.at<float>(plan.transmittance[i]);
     r.tables = tables;
+    if (const int m = scene.materials[i].measured; m >= 0)
+      r.measured.data = block.at<float>(plan.measured[static_cast<std::size_t>(m)]);
     if (r.constant.record != nullptr) r.constant.record = tables.records + i;
   }
   return records;
@@ -233,7 +237,8 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.plain = true;
   for (const Material& m : tables.scene.materials) world_.plain = world_.plain && !is_extended(m.type);
   for (const DeltaLight& l : tables.scene.delta_lights) world_.plain = world_.plain && !l.through_masks;
-  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
+  const std::vector<MaterialRecord> records =
+      place_records(tables.scene, tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(tables.lights.view(), shapes, plan, block);
   plan.layout.pieces[plan.shapes].from = shapes.data();
   plan.layout.pieces[plan.textures].from = textures.data();
@@ -279,7 +284,8 @@ void DeviceScene::update(const SceneTables& tables) {
   assert(plan.layout.size == memory_.bytes());
   const Block block{memory_.data()};
   const LightsView& l = tables.lights.view();
-  const std::vector<MaterialRecord> records = place_records(tables.materials, plan, block, world_.materials);
+  const std::vector<MaterialRecord> records =
+      place_records(tables.scene, tables.materials, plan, block, world_.materials);
   const std::vector<LightRecord> lights = place_lights(l, place_shapes(tables.scene, plan, block), plan, block);
   const auto put = [&](std::size_t offset, const void* from, std::size_t bytes) {
     if (offset != kAbsent && bytes > 0) stream_->upload(memory_.data() + offset, from, bytes);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "octrad/scene/measured_tables.h"
 #include "octrad/scene/texture_math.h"
 #include "octrad/shading/bsdf_types.h"
 
@@ -22,6 +23,11 @@ struct MaterialsView {
   const TextureView* textures = nullptr;
 };
 
+struct MeasuredView {
+  const float* data = nullptr;
+  MeasuredLayout layout;
+};
+
 struct MaterialRecord {
   Bsdf constant;                      // every parameter that does not vary over the surface
   std::uint32_t textured = 0;         // bit s: slot s does
@@ -38,6 +44,7 @@ struct MaterialRecord {
   float extra[ExtraParameter::count] = {};  // constant ones
   std::uint32_t extra_textured = 0;
   int extra_textures[ExtraParameter::count] = {};
+  MeasuredView measured;
 
   // Sets what refers to other tables, which this record is one of. Parts of blends need it as blends do.
   OCTRAD_HD void refer(const MaterialsView& view) {

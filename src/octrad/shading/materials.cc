@@ -9,6 +9,7 @@
 #include "octrad/shading/compact_texture.h"
 #include "octrad/shading/fresnel.h"
 #include "octrad/shading/materials.h"
+#include "octrad/shading/measured_summary.h"
 #include "octrad/shading/rough_transmittance.h"
 
 namespace octrad {
@@ -54,6 +55,7 @@ struct Materials::Impl {
   std::map<std::tuple<int, float, float>, std::unique_ptr<RoughTransmittance>> tables;
   std::vector<std::unique_ptr<CompactTexture>> compact;  // of the scene's textures, by index; null where there is none
   std::vector<TextureView> textures;                     // of the scene, by index
+  std::vector<MeasuredSummary> summaries;                // of the scene's measured materials
 
   MaterialRecord record(const Material& m, const MaterialEdit& edit);
 };
@@ -108,6 +110,13 @@ MaterialRecord Materials::Impl::record(const Material& m, const MaterialEdit& ed
   r.blended[0] = m.blended[0];
   r.blended[1] = m.blended[1];
   r.masked_parts = has_masked_parts(scene, m);
+  if (m.measured >= 0) {
+    const MeasuredMaterial& measured = scene.measured[static_cast<std::size_t>(m.measured)];
+    r.measured = {measured.data.data(), measured.layout};
+    const MeasuredSummary& summary = summaries[static_cast<std::size_t>(m.measured)];
+    b.specular_reflectance = summary.albedo;
+    b.alpha_u = b.alpha_v = summary.roughness;
+  }
   if (const int slot = color_slot(m.type); edit.color && slot >= 0) {
     assign_slot(b, slot, *edit.color);
     r.textured &= ~(1u << slot);
@@ -130,7 +139,7 @@ MaterialRecord Materials::Impl::record(const Material& m, const MaterialEdit& ed
   return r;
 }
 
-Materials::Materials(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, {}}) {
+Materials::Materials(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, {}, {}}) {
   impl_->compact.resize(scene.textures.size());
   std::vector<char> used(scene.textures.size(), 0);
   for (const Material& m : scene.materials) {
@@ -147,6 +156,8 @@ Materials::Materials(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, {}}
   for (std::size_t i = 0; i < scene.textures.size(); ++i) {
     impl_->textures.push_back(impl_->compact[i] ? impl_->compact[i]->view() : texture_view(scene.textures[i]));
   }
+  impl_->summaries.resize(scene.measured.size());
+  parallel_for(scene.measured.size(), [&](std::size_t i) { impl_->summaries[i] = summarize(scene.measured[i]); });
   for (const Material& m : scene.materials) impl_->records.push_back(impl_->record(m, {}));
   view_ = {impl_->records.data(), impl_->textures.data()};
   for (MaterialRecord& r : impl_->records) r.refer(view_);
@@ -174,7 +185,8 @@ int color_slot(BsdfType type) {
     case BsdfType::roughdielectric:
     case BsdfType::hair: return MaterialSlot::specular_transmittance;
     case BsdfType::null:
-    case BsdfType::blendbsdf: return -1;
+    case BsdfType::blendbsdf:
+    case BsdfType::measured: return -1;
     default: return MaterialSlot::reflectance;
   }
 }

@@ -35,17 +35,19 @@ TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
   EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 1.0);
 }
 
-// They fall with the rates, in eighths, but do not wait for the warm-up.
+// They fall as the cube of the rates, in eighths, but do not wait for the warm-up.
 TEST(Schedule, FarEnds) {
   Config config = preset("cpu");
-  EXPECT_EQ(schedule(config, 0, 0.0).far_ends, 0);
-  config.train_far_ends = 0.3;
+  EXPECT_EQ(config.train_far_ends, 0.3);
   EXPECT_EQ(schedule(config, 0, 0.0).far_ends, 153);      // of 512
   EXPECT_EQ(schedule(config, 9000, 0.3).far_ends, 153);   // rates fall from here
-  EXPECT_EQ(schedule(config, 19500, 0.65).far_ends, 76);  // a half and 1 %
+  EXPECT_EQ(schedule(config, 19500, 0.65).far_ends, 19);  // of a half and 1 %
+  EXPECT_EQ(schedule(config, 20400, 0.68).far_ends, 0);
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 0);
   config.adam_decay_start = 1.0;
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 153);
+  EXPECT_EQ(schedule(preset("default"), 0, 0.0).far_ends, 0);
+  EXPECT_EQ(schedule(preset("paper"), 0, 0.0).far_ends, 0);
 }
 
 TEST(Schedule, TheLossIsAMeanOverTheLastTenthOfTheSteps) {
