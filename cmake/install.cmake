@@ -5,7 +5,7 @@ set(package ${CMAKE_INSTALL_LIBDIR}/cmake/octrad)
 install(TARGETS octrad_library EXPORT octradTargets)
 install(DIRECTORY src/octrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
         PATTERN "*_test_helper.h" EXCLUDE PATTERN "*_test_data.h" EXCLUDE PATTERN "check*.h" EXCLUDE
-        PATTERN "random_inputs.h" EXCLUDE PATTERN "sample_scenes.h" EXCLUDE
+        PATTERN "random_inputs.h" EXCLUDE PATTERN "sample_*.h" EXCLUDE
         PATTERN "*-inl.h" EXCLUDE)  # the last: inside of SIMD sources
 install(EXPORT octradTargets NAMESPACE octrad:: DESTINATION ${package})
 

@@ -53,7 +53,7 @@ METAL = bsdf("roughconductor", floats(alpha=0.3), word("material", "Au"), word("
 # A map of one direction; the test writes the same file.
 TILT_COLOR = (0.75, 0.625, 0.875)
 TILT = '<texture name="normalmap" type="bitmap"><string name="filename" value="tilt.exr"/><boolean name="raw" value="true"/></texture>'
-PARTS = (0, 1, 2, 4)
+PARTS = (0, 1, 2, 4, 8)
 CASES = [
     bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "beckmann"), GLASS),
     bsdf("roughdielectric", floats(alpha=0.3), word("distribution", "ggx"), GLASS),

@@ -38,7 +38,7 @@ PLACES = [
     ("scene of info", ".xml", "", ["info", "FILE"]), ("scene of render", ".xml", "", ["render", "FILE", "-o", "o.exr"]), ("scene of train", ".xml", "", ["train", "FILE", "-o", "n.octrad", "--steps", "1"]),
     ("scene of convert", ".xml", "", ["convert", "FILE", "-o", "o.xml"]), ("scene of view", ".xml", "", ["view", "FILE"]), ("glTF", ".gltf", "", ["info", "FILE"]), ("binary glTF", ".glb", "", ["info", "FILE"]),
     ("include", ".xml", scene('<include filename="FILE"/>'), ["info", "s.xml"]), ("OBJ", ".obj", shape("obj"), ["info", "s.xml"]), ("PLY", ".ply", shape("ply"), ["info", "s.xml"]),
-    ("serialized mesh", ".serialized", shape("serialized"), ["info", "s.xml"]), ("texture", ".png", bitmap("reflectance", "diffuse"), ["info", "s.xml"]), ("roughness", ".exr", bitmap("alpha", "roughconductor"), ["info", "s.xml"]),
+    ("measured material", ".bsdf", scene('<bsdf type="measured"><string name="filename" value="FILE"/></bsdf>'), ["info", "s.xml"]), ("serialized mesh", ".serialized", shape("serialized"), ["info", "s.xml"]), ("texture", ".png", bitmap("reflectance", "diffuse"), ["info", "s.xml"]), ("roughness", ".exr", bitmap("alpha", "roughconductor"), ["info", "s.xml"]),
     ("envmap", ".exr", scene('<emitter type="envmap"><string name="filename" value="FILE"/></emitter>'), ["info", "s.xml"]),
     ("spectrum", ".spd", scene('<bsdf type="diffuse"><spectrum name="reflectance" filename="FILE"/></bsdf>'), ["info", "s.xml"]),
     ("buffer of glTF", ".bin", triangle().text().replace('"data:', '"FILE", "x": "'), ["info", "s.gltf"]), ("image of glTF", ".png", gltf_image(), ["info", "s.gltf"]),

@@ -149,7 +149,10 @@ constexpr Target kTargets[] = {
        for (const CurveKind kind : {CurveKind::linear, CurveKind::bspline})
          read_mesh(make_curves(parse_curves("in.txt", bytes, kind), kind, Transform()));
      }>},
-    {"measured", guarded<[](const std::string& bytes) { summarize(parse_measured("in.bsdf", bytes)); }>},
+    {"measured", guarded<[](const std::string& bytes) {
+       const MeasuredSummary summary = summarize(parse_measured("in.bsdf", bytes));
+       if (!(max_component(summary.albedo) <= 1.0f && summary.roughness > 0.0f)) std::abort();
+     }>},
     {"png", guarded<read_picture>},
     {"jpeg", guarded<read_picture>},
     {"webp", guarded<read_picture>},
@@ -195,7 +198,7 @@ void prepare() {
     std::error_code ignored;
     fs::remove_all(folder, ignored);
   });
-  std::ofstream("t.bsdf", std::ios::binary) << testing::sample_measured(0);
+  std::ofstream("t.bsdf", std::ios::binary) << testing::measured_sample_file(0);
   std::ofstream("t.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
   std::ofstream("t.ply")
       << "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"

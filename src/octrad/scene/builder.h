@@ -188,7 +188,12 @@ class SceneBuilder {
   // Colours of spectra, which may be long and be referred to often: by element, and by file.
   std::map<std::pair<const Element*, SpectrumUse>, Vec3f> spectra_;
   std::map<std::pair<std::string, SpectrumUse>, Vec3f> spectrum_files_;
-  std::map<std::string, int> measured_files_;  // Scene::measured, by path
+  // Of Scene::measured; each file is read once, also a broken one.
+  struct MeasuredFile {
+    int index = -1;
+    std::exception_ptr mistake;
+  };
+  std::map<std::string, MeasuredFile> measured_files_;  // by canonical path
   std::map<const Element*, unsigned> texture_kinds_;
   std::vector<AttributeUse> attribute_uses_;  // of the shape that is being added
   bool in_shape_ = false;

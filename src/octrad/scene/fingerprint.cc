@@ -77,13 +77,20 @@ std::uint64_t hash_bytes(const void* data, std::size_t bytes, std::uint64_t seed
 }
 
 std::string scene_fingerprint(const Scene& scene) {
-  std::vector<std::uint64_t> parts(scene.meshes.size() + scene.textures.size());
+  const std::size_t textures_end = scene.meshes.size() + scene.textures.size();
+  std::vector<std::uint64_t> parts(textures_end + scene.measured.size());
   parallel_for(parts.size(), [&](std::size_t i) {
     Hasher h;
     if (i < scene.meshes.size()) {
       const TriangleMesh& m = scene.meshes[i];
       h.add(m.positions).add(m.normals).add(m.uvs).add(m.triangles).add(m.flip_normals);
       if (m.one_sided) h.add(m.one_sided);
+    } else if (i >= textures_end) {
+      const MeasuredMaterial& m = scene.measured[i - textures_end];
+      const MeasuredLayout& l = m.layout;
+      h.add(m.data).add(l.phi_count).add(l.theta_count).add(l.is_density);
+      for (const MeasuredGrid& g : {l.normals, l.area, MeasuredGrid(l.visible_normals), MeasuredGrid(l.luminance)})
+        h.add(g.width).add(g.height);
     } else {
       const Texture& t = scene.textures[i - scene.meshes.size()];
       h.add(t.kind).add(t.color0).add(t.color1).add(t.to_uv).add(t.filter).add(t.wrap).add(t.width).add(t.height).add(
@@ -105,10 +112,7 @@ std::string scene_fingerprint(const Scene& scene) {
     h.add(distribution).add(sample_visible).add(nonlinear).add(int_ior).add(ext_ior).add(eta).add(k);
     // What came later, where it is used, so that the others keep their fingerprints.
     if (bump >= 0) h.add(normal_map).add(bump_mirrored).add(bump_flips).add(bump_shadows);
-    if (measured >= 0) {
-      const MeasuredMaterial& tables = scene.measured[static_cast<std::size_t>(measured)];
-      h.add(tables.data).add(tables.layout.phi_count).add(tables.layout.is_density);
-    }
+    if (measured >= 0) h.add(measured);
     if (needs_record(type)) {
       for (const int part : blended) h.add(part);
       for (int i = 0; i < ExtraParameter::count; ++i) {

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <filesystem>
 #include <utility>
 
 #include "octrad/base/error.h"
@@ -404,16 +406,20 @@ void SceneBuilder::read_hair(Params& params, Material& m) {
 void SceneBuilder::read_measured(Params& params, Material& m) {
   const std::string file = params.required_string("filename");
   const std::string path = description_.resolve(file, params.where("filename"));
-  const auto [known, added] = measured_files_.emplace(path, static_cast<int>(scene_.measured.size()));
+  std::error_code code;
+  const std::string identity = std::filesystem::weakly_canonical(path, code).string();
+  const auto [known, added] = measured_files_.emplace(identity, MeasuredFile());
+  MeasuredFile& found = known->second;
   if (added) {
     try {
       scene_.measured.push_back(read_measured_file(path));
-    } catch (...) {
-      measured_files_.erase(known);
-      throw;
+      found.index = static_cast<int>(scene_.measured.size()) - 1;
+    } catch (const InputError&) {
+      found.mistake = std::current_exception();
     }
   }
-  m.measured = known->second;
+  if (found.mistake) std::rethrow_exception(found.mistake);
+  m.measured = found.index;
 }
 
 // The distribution of microfacets, and alpha, or alpha_u and alpha_v.

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <map>
 #include <numbers>
+#include <string_view>
 #include <utility>
 
 #include "octrad/base/input_file.h"
@@ -26,7 +27,12 @@ struct Tensor {
 };
 
 constexpr int kByteTensor = 1, kFloatTensor = 10;  // types of a tensor's items
+constexpr std::string_view kTensors[] = {"phi_i", "theta_i",   "ndf",      "sigma",      "vndf",
+                                         "rgb",   "luminance", "jacobian", "wavelengths"};
+constexpr std::size_t kMostDimensions = 5;
 constexpr std::uint64_t kMostFloats = std::uint64_t{1} << 28;
+constexpr float kLargest = 1e10f;  // of what is measured: products of two stay finite
+constexpr double kHalfTurn = std::numbers::pi;
 
 class MeasuredReader {
  public:
@@ -74,9 +80,13 @@ class MeasuredReader {
     fail(name_, bytes_, offset, message);
   }
 
+  void require(std::size_t bytes) const {
+    if (bytes_.size() - next_ < bytes) fail_at(next_, "the file ends early");
+  }
+
   template <typename T>
   T take() {
-    if (bytes_.size() - next_ < sizeof(T)) fail_at(next_, "the file ends early");
+    require(sizeof(T));
     T value;
     std::memcpy(&value, bytes_.data() + next_, sizeof value);
     next_ += sizeof value;
@@ -96,24 +106,35 @@ class MeasuredReader {
     for (std::uint32_t i = 0; i < count; ++i) read_tensor();
   }
 
+  // Keeps those that are read.
   void read_tensor() {
     Tensor t;
     t.at = next_;
     const std::size_t letters = take<std::uint16_t>();
-    if (bytes_.size() - next_ < letters) fail_at(next_, "the file ends early");
-    const std::string name = bytes_.substr(next_, letters);
+    require(letters);
+    const std::string_view name = std::string_view(bytes_).substr(next_, letters);
     next_ += letters;
-    const int dimensions = take<std::uint16_t>();
+    const std::size_t dimensions = take<std::uint16_t>();
     t.type = take<std::uint8_t>();
     t.begin = take<std::uint64_t>();
-    for (int i = 0; i < dimensions; ++i) {
+    const auto known = std::find(std::begin(kTensors), std::end(kTensors), name);
+    if (known == std::end(kTensors) || dimensions > kMostDimensions) {
+      require(dimensions * sizeof(std::uint64_t));
+      next_ += dimensions * sizeof(std::uint64_t);
+      if (known == std::end(kTensors)) return;
+      fail_shape(t, std::string(name));
+    }
+    for (std::size_t i = 0; i < dimensions; ++i) {
       t.shape.push_back(take<std::uint64_t>());
       if (t.shape.back() == 0) fail_at(t.at, "a tensor is empty");
-      // Of what is read; larger ones have a type that is not.
       if (t.shape.back() > bytes_.size() / t.count) fail_at(t.at, "a tensor is larger than the file");
-      t.count *= t.shape.back();
+      t.count *= t.shape.back();  // items, of a byte at least
     }
-    tensors_[name] = t;
+    tensors_[std::string(name)] = std::move(t);
+  }
+
+  [[noreturn]] void fail_shape(const Tensor& t, const std::string& name) const {
+    fail_at(t.at, "the tensor \"" + name + "\" has a type or a shape that does not fit the others");
   }
 
   // The tensor `name`; its type and shape must be as given, where 0 is any number.
@@ -123,7 +144,7 @@ class MeasuredReader {
     const Tensor& t = found->second;
     bool fits = t.type == type && t.shape.size() == shape.size();
     for (std::size_t i = 0; fits && i < shape.size(); ++i) fits = shape[i] == 0 || t.shape[i] == shape[i];
-    if (!fits) fail_at(t.at, "the tensor \"" + name + "\" has a type or a shape that does not fit the others");
+    if (!fits) fail_shape(t, name);
     const std::uint64_t size = t.count * (type == kFloatTensor ? sizeof(float) : 1);
     if (t.begin > bytes_.size() || bytes_.size() - t.begin < size)
       fail_at(t.at, "the tensor \"" + name + "\" is cut off");
@@ -135,15 +156,14 @@ class MeasuredReader {
 
   static std::uint32_t place(const MeasuredMaterial& m) { return static_cast<std::uint32_t>(m.data.size()); }
 
-  // Its values: finite, and what noise leaves of negative ones is 0.
+  // Its values; what noise leaves of negative ones is 0.
   void append(MeasuredMaterial& m, const Tensor& t, const std::string& name, bool may_be_negative = false) const {
     const std::size_t begin = m.data.size();
     m.data.resize(begin + t.count);
     std::memcpy(m.data.data() + begin, bytes_.data() + t.begin, t.count * sizeof(float));
     for (std::size_t i = begin; i < m.data.size(); ++i) {
       float& value = m.data[i];
-      // The sums of a table must be finite.
-      if (!(std::fabs(value) <= 1e20f)) fail_at(t.at, "a value of \"" + name + "\" is not finite");
+      if (!(std::fabs(value) <= kLargest)) fail_at(t.at, "a value of \"" + name + "\" is not finite, or above 1e10");
       if (!may_be_negative) value = std::max(value, 0.0f);
     }
   }
@@ -159,10 +179,10 @@ class MeasuredReader {
 
   int symmetry_of(const MeasuredMaterial& m, const Tensor& phi) const {
     const float* nodes = m.data.data() + m.layout.phi;
-    const float range = nodes[m.layout.phi_count - 1] - nodes[0];
-    const double parts = std::rint(2.0 * std::numbers::pi / range);
-    if (parts != 1.0 && parts != 2.0 && parts != 4.0)
-      fail_at(phi.at, "the values of \"phi_i\" must cover a circle, half, or a quarter of it");
+    const double first = static_cast<double>(nodes[0]), last = static_cast<double>(nodes[m.layout.phi_count - 1]);
+    const double parts = std::rint(2.0 * kHalfTurn / (last - first));
+    if ((parts != 1.0 && parts != 2.0 && parts != 4.0) || std::fabs(first + kHalfTurn) > 0.1)
+      fail_at(phi.at, "the values of \"phi_i\" must cover a circle, half, or a quarter of it, from -pi on");
     return static_cast<int>(parts);
   }
 

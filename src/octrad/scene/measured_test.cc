@@ -33,29 +33,30 @@ void expect_density(const MeasuredMaterial& m, const MeasuredDensity& d) {
 }
 
 TEST(Measured, Tables) {
-  for (const int part : {0, 1, 2, 4}) {
-    const MeasuredMaterial m = parse_measured("m", testing::sample_measured(part));
-    EXPECT_EQ(m.layout.isotropic, part == 0);
-    EXPECT_EQ(m.layout.symmetry, part == 0 ? 1 : part);
-    EXPECT_TRUE(m.layout.is_density);
-    EXPECT_EQ(m.layout.phi_count, part == 0 ? 1 : 5);
+  for (const int part : {0, 1, 2, 4, 8}) {
+    const MeasuredMaterial m = parse_measured("m", testing::measured_sample_file(part));
+    const bool isotropic = part == 0 || part == 8;
+    EXPECT_EQ(m.layout.isotropic, isotropic);
+    EXPECT_EQ(m.layout.symmetry, isotropic ? 1 : part);
+    EXPECT_EQ(m.layout.is_density, part != 8);
+    EXPECT_EQ(m.layout.phi_count, part == 0 ? 1 : part == 8 ? 2 : 5);
     EXPECT_EQ(m.layout.theta_count, 5);
     EXPECT_EQ(m.data[m.layout.theta + 2], 0.7f);
     EXPECT_EQ(m.layout.normals.width, 16);
     EXPECT_EQ(m.layout.normals.height, 9);
-    EXPECT_NEAR(m.data[m.layout.normals.values], 1.0 / (3.14159265 * (part == 0 ? 0.25 : 0.15)), 1e-5);
+    EXPECT_NEAR(m.data[m.layout.normals.values], 1.0 / (3.14159265 * (isotropic ? 0.25 : 0.15)), 1e-5);
     expect_density(m, m.layout.visible_normals);
     expect_density(m, m.layout.luminance);
     // The last table, and its last value.
     const auto nodes = static_cast<std::size_t>(m.layout.phi_count * m.layout.theta_count);
     EXPECT_EQ(m.layout.rgb + nodes * 3 * 64, m.data.size());
-    EXPECT_NEAR(m.data.back(), 0.4 * 1.2 * 2.15 / 1.775, 1e-6);
+    EXPECT_NEAR(m.data.back(), (part == 8 ? 0.1 : 1.0) * 0.4 * 1.2 * 2.15 / 1.775, 1e-6);
   }
 }
 
 // Noise may leave values below 0, and a direction in which nothing was measured.
 TEST(Measured, NegativeAndDark) {
-  std::string bytes = testing::sample_measured(0);
+  std::string bytes = testing::measured_sample_file(0);
   const std::string before = bytes;
   const MeasuredMaterial whole = parse_measured("m", bytes);
   // The last tensors of the file: luminance and rgb, of 5 nodes.
@@ -72,7 +73,7 @@ TEST(Measured, NegativeAndDark) {
 
 TEST(Measured, InScenes) {
   const TestFolder folder;
-  for (const int part : {0, 1}) folder.write("m" + std::to_string(part) + ".bsdf", testing::sample_measured(part));
+  for (const int part : {0, 1}) folder.write("m" + std::to_string(part) + ".bsdf", testing::measured_sample_file(part));
   const auto scene = [&](const std::string& first, const std::string& second) {
     const auto shape = [](const std::string& file) {
       return "<shape type=\"sphere\"><bsdf type=\"measured\"><string name=\"filename\" value=\"" + file +

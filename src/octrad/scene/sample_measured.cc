@@ -52,14 +52,16 @@ Vec3d direction(double theta, double phi) {
 
 }  // namespace
 
-std::string sample_measured(int part) {
+std::string measured_sample_file(int part) {
   constexpr double pi = 3.14159265358979323846;
   constexpr int kTheta = 5, kWidth = 16, kHeight = 9, kSide = 8;
-  const double ax = part == 0 ? 0.5 : 0.25, ay = part == 0 ? 0.5 : 0.6;
+  const bool isotropic = part == 0 || part == 8;
+  const double ax = isotropic ? 0.5 : 0.25, ay = isotropic ? 0.5 : 0.6;
   SampleTensor phi{"phi_i", {}, {}}, theta{"theta_i", {kTheta}, {}}, ndf{"ndf", {kHeight, kWidth}, {}},
       sigma{"sigma", {kHeight, kWidth}, {}};
   if (part == 0) phi.values = {0.0};
-  for (int i = 0; part > 0 && i < 5; ++i) phi.values.push_back(-pi + 2.0 * pi / part * i / 4.0);
+  if (part == 8) phi.values = {-pi, pi};
+  for (int i = 0; !isotropic && i < 5; ++i) phi.values.push_back(-pi + 2.0 * pi / part * i / 4.0);
   phi.shape = {phi.values.size()};
   for (int i = 0; i < kTheta; ++i) theta.values.push_back(0.35 * i);
   const auto density = [&](Vec3d m) {
@@ -84,7 +86,7 @@ std::string sample_measured(int part) {
   const double tint[] = {0.8, 0.6, 0.4};
   for (const double p_o : phi.values) {
     for (int j = 0; j < kTheta; ++j) {
-      const Vec3d view = direction(theta.values[static_cast<std::size_t>(j)], p_o);
+      const Vec3d view = direction(theta.values[static_cast<std::size_t>(j)], isotropic ? 0.0 : p_o);
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
           const auto [t, p] = normal(x, y);
@@ -101,14 +103,14 @@ std::string sample_measured(int part) {
         for (int y = 0; y < kSide; ++y) {
           for (int x = 0; x < kSide; ++x) {
             const double color = tint[c] * (1.0 + 0.2 * (c - 1) * x / (kSide - 1));
-            rgb.values.push_back(color * bright(x, y) / (1.375 + 0.1 * j));
+            rgb.values.push_back((part == 8 ? 0.1 : 1.0) * color * bright(x, y) / (1.375 + 0.1 * j));
           }
         }
       }
     }
   }
   return tensor_file({{"description", {1}, {'-'}, true},
-                      {"jacobian", {1}, {1.0}, true},
+                      {"jacobian", {1}, {part == 8 ? 0.0 : 1.0}, true},
                       phi,
                       theta,
                       ndf,

@@ -58,11 +58,11 @@ void SceneMaker::principled(Material& m, int value) {
   m.ext_ior = 1.0f;
 }
 
-void SceneMaker::measured(Material& m) {
+void SceneMaker::measured(Material& m, int part) {
   m.type = BsdfType::measured;
   m.specular_reflectance = -1;
   m.measured = last(scene.measured.size() + 1);
-  scene.measured.push_back(parse_measured("sample", sample_measured(0)));
+  scene.measured.push_back(parse_measured("sample", measured_sample_file(part)));
 }
 
 int SceneMaker::rough_metal(float alpha) {

@@ -20,8 +20,8 @@ struct SceneMaker {
   void principled(Material& m, int value);
   // Sets the parameters of hair, both roughnesses to `roughness`.
   void hair(Material& m, float roughness);
-  // Makes it a measured material, sample_measured(0).
-  void measured(Material& m);
+  // Makes it a measured material, of measured_sample_file(part).
+  void measured(Material& m, int part = 0);
   int rough_metal(float alpha);
   int shape(Shape::Kind kind, std::size_t geometry, int material_index, Vec3f emission);
   // Parallelogram p0, p0 + a, p0 + a + b, p0 + b; normal along a x b.

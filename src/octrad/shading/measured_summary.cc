@@ -1,5 +1,6 @@
 #include "octrad/shading/measured_summary.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -30,17 +31,19 @@ Vec3f mean_reflectance(const MaterialRecord& record) {
 float median_slope(const MeasuredView& m) {
   const MeasuredGrid& g = m.layout.normals;
   constexpr int kSteps = 512;
+  const int rows = std::min(g.height - 1, kSteps);
   std::vector<double> before(kSteps + 1, 0.0);
   for (int i = 0; i < kSteps; ++i) {
     const float x = (static_cast<float>(i) + 0.5f) / kSteps, theta = 0.5f * kPi * x * x;
     double row = 0.0;
-    for (int y = 0; y + 1 < g.height; ++y) {
-      const float middle = (static_cast<float>(y) + 0.5f) / static_cast<float>(g.height - 1);
+    for (int y = 0; y < rows; ++y) {
+      const float middle = (static_cast<float>(y) + 0.5f) / static_cast<float>(rows);
       row += static_cast<double>(measured_value(m.data + g.values, g, MeasuredNodes(), MeasuredCell(g, {x, middle})));
     }
     before[static_cast<std::size_t>(i) + 1] =
         before[static_cast<std::size_t>(i)] + row * static_cast<double>(x * std::sin(theta) * std::cos(theta));
   }
+  if (!(before.back() > 0.0)) return kRoughestLobe;
   int i = 0;
   while (i + 1 < kSteps && before[static_cast<std::size_t>(i) + 1] < 0.5 * before.back()) ++i;
   const double cell = before[static_cast<std::size_t>(i) + 1] - before[static_cast<std::size_t>(i)];
@@ -55,7 +58,7 @@ MeasuredSummary summarize(const MeasuredMaterial& material) {
   MaterialRecord record;
   record.measured = {material.data.data(), material.layout};
   MeasuredSummary summary;
-  summary.albedo = mean_reflectance(record);
+  summary.albedo = min(mean_reflectance(record), Vec3f(1.0f));
   summary.roughness = std::fmin(std::fmax(median_slope(record.measured), 1e-3f), kRoughestLobe);
   return summary;
 }

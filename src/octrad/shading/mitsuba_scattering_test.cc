@@ -24,8 +24,8 @@ struct MitsubaScene {
     Image tilt(2, 2, {"R", "G", "B"});
     for (std::size_t i = 0; i < tilt.data.size(); ++i) tilt.data[i] = kMitsubaTilt[static_cast<int>(i % 3)];
     write_exr(folder.file("tilt.exr"), tilt);
-    for (const int part : {0, 1, 2, 4})
-      folder.write("part" + std::to_string(part) + ".bsdf", testing::sample_measured(part));
+    for (const int part : {0, 1, 2, 4, 8})
+      folder.write("part" + std::to_string(part) + ".bsdf", testing::measured_sample_file(part));
     std::string text =
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/></sensor>\n";
     for (const char* bsdf : kMitsubaBsdfs) text += std::string("<shape type=\"sphere\">") + bsdf + "</shape>\n";

@@ -62,15 +62,14 @@ struct MeasuredCell {
   }
 };
 
-OCTRAD_HD inline float between(float a, float b, float t) { return a + t * (b - a); }
-
 // Of `count` tables of each node number `i`.
 OCTRAD_HD inline float measured_value(const float* values, const MeasuredGrid& g, const MeasuredNodes& nodes,
                                       const MeasuredCell& c, std::size_t i = 0, std::size_t count = 1) {
   const auto width = static_cast<std::size_t>(g.width), size = width * static_cast<std::size_t>(g.height);
   const std::size_t at = i * size + static_cast<std::size_t>(c.y) * width + static_cast<std::size_t>(c.x);
   const auto value = [&](std::size_t k) { return nodes.at(values, count * size, k); };
-  return between(between(value(at), value(at + 1), c.u), between(value(at + width), value(at + width + 1), c.u), c.v);
+  return lerp(lerp(value(at), value(at + 1), c.u),
+                          lerp(value(at + width), value(at + width + 1), c.u), c.v);
 }
 
 struct MeasuredPlace {
@@ -103,7 +102,7 @@ struct MeasuredDensityAt {
       else end = middle;
     }
     const float v = inverse(row_density(y), row_density(y + 1), u.y - row(y));
-    const float left = u.x * between(row_density(y), row_density(y + 1), v);
+    const float left = u.x * lerp(row_density(y), row_density(y + 1), v);
     int x = 0;
     end = grid.width - 1;
     while (end - x > 1) {
@@ -125,7 +124,7 @@ struct MeasuredDensityAt {
   OCTRAD_HD MeasuredPlace invert(Vec2f place) const {
     const MeasuredCell c(grid, place);
     const float a = edge(c.x, c.y, c.v), b = edge(c.x + 1, c.y, c.v);
-    const float r0 = row_density(c.y), r1 = row_density(c.y + 1), whole = between(r0, r1, c.v);
+    const float r0 = row_density(c.y), r1 = row_density(c.y + 1), whole = lerp(r0, r1, c.v);
     const float before = column(c.x, c.y, c.v) + c.u * (a + 0.5f * c.u * (b - a));
     return {{whole > 0.0f ? before / whole : 0.5f, row(c.y) + c.v * (r0 + 0.5f * c.v * (r1 - r0))}, value(c)};
   }
@@ -146,10 +145,10 @@ struct MeasuredDensityAt {
   }
   OCTRAD_HD float row_density(int y) const { return nodes.at(columns, size(), index(grid.width - 1, y)); }
   OCTRAD_HD float column(int x, int y, float v) const {
-    return between(nodes.at(columns, size(), index(x, y)), nodes.at(columns, size(), index(x, y + 1)), v);
+    return lerp(nodes.at(columns, size(), index(x, y)), nodes.at(columns, size(), index(x, y + 1)), v);
   }
   OCTRAD_HD float edge(int x, int y, float v) const {
-    return between(nodes.at(values, size(), index(x, y)), nodes.at(values, size(), index(x, y + 1)), v);
+    return lerp(nodes.at(values, size(), index(x, y)), nodes.at(values, size(), index(x, y + 1)), v);
   }
 };
 
@@ -177,7 +176,7 @@ struct MeasuredAtView {
   OCTRAD_HD MeasuredAtView(const MeasuredView& material, Vec3f to_viewer) : m(material), wo(to_viewer) {
     if (m.layout.symmetry >= 2) {
       const float y = wo.y, x = m.layout.symmetry == 4 ? wo.x : y;
-      turn = {x > 0.0f ? -1.0f : 1.0f, y > 0.0f ? -1.0f : 1.0f, 1.0f};
+      turn = {-std::copysign(1.0f, x), -std::copysign(1.0f, y), 1.0f};  // 0 as well: atan2() asks for its sign
       wo = wo * turn;
     }
     const MeasuredAngles angles(wo);
@@ -203,11 +202,11 @@ struct MeasuredAtView {
       const Vec2f viewer{std::sqrt(theta * (2.0f * kInvPi)), (phi + kPi) * (0.5f * kInvPi)};
       const float common = measured_value(m.data + l.normals.values, l.normals, all, MeasuredCell(l.normals, normal));
       const float area = measured_value(m.data + l.area.values, l.area, all, MeasuredCell(l.area, viewer));
-      out.value *= area > 0.0f ? common / (4.0f * area) : 0.0f;
+      out.value *= area > 1e-6f ? common / (4.0f * area) : 0.0f;
     }
     const float sin = std::sqrt(h.x * h.x + h.y * h.y);
     const float solid_angle = greater(2.0f * kPi * kPi * normal.x * sin, 1e-6f) * 4.0f * dot(wo, h);
-    out.pdf = density / solid_angle;
+    out.pdf = lesser(density / solid_angle, 1e30f);
     return out;
   }
 };
@@ -216,6 +215,7 @@ OCTRAD_HD_APART inline BsdfValue evaluate_measured(const MaterialRecord& record,
   if (!(wo.z > 0.0f && wi.z > 0.0f)) return {};
   const MeasuredAtView view(record.measured, wo);
   const Vec3f h = normalize(view.wo + wi * view.turn);
+  if (!(dot(view.wo, h) > 0.0f)) return {};
   Vec2f normal = MeasuredAngles(h).place(view.from_phi());
   normal.y -= std::floor(normal.y);
   const MeasuredPlace at = view.visible_normals().invert(normal);
@@ -241,7 +241,7 @@ OCTRAD_HD_APART inline BsdfSample sample_measured(const MaterialRecord& record, 
   s.wi = wi * view.turn;
   s.weight = v.value / v.pdf;
   s.pdf = v.pdf;
-  s.valid = true;
+  s.valid = max_component(s.weight) < 1e10f;  // tables of which one has nothing where the other has much
   return s;
 }
 
