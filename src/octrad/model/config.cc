@@ -243,7 +243,7 @@ const std::vector<Key>& keys() {
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
       number("train.far_ends", &C::train_far_ends, {0, 1},
              "share of points where rays of the last step ended, drawn by what the cache's response contributed; falls "
-             "with the rates (adam.decay)"),
+             "as the cube of the rates (adam.decay)"),
       number("train.view_share", &C::train_view_share, {0, 1},
              "share of points on the primary hits of the scene's view (for a fixed camera)"),
       number("train.keep_direction", &C::train_keep_direction, {0, 1},

@@ -22,7 +22,7 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
     decay = config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
   }
   s.rate_scale = decay * std::min(1.0, static_cast<double>(step + 1) / std::max(1, config.adam_warmup));
-  // As the cube of the rates: none from half of the rates on. In eighths: devices record a step anew for each.
+  // As the cube of the rates: none below half of the rates. In eighths: devices record a step anew for each.
   s.far_ends = static_cast<int>(config.train_far_ends * s.points * std::floor(8.0 * decay * decay * decay) / 8.0);
   s.network_scale = s.rate_scale;
   if (config.field == "octaoctree" && config.adam_rate_budget > 0) {
