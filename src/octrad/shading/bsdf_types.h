@@ -42,7 +42,8 @@ struct Bsdf {
   // values.
   float internal_reflectance = 0.0f;
   const float* external_transmittance = nullptr;
-  // Models with extra parameters (OCTRAD_EXTRA_PARAMETERS), parts or tables: where they find them, and at which coordinates.
+  // Models with extra parameters (OCTRAD_EXTRA_PARAMETERS), parts or tables: where they find them, and at which
+  // coordinates.
   const MaterialRecord* record = nullptr;
   Vec2f uv;
 };

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "octrad/shading/bsdf/measured.h"
+#include "octrad/shading/bsdf_math.h"
 
 namespace octrad {
 namespace {

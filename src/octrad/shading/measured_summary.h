@@ -1,6 +1,7 @@
 // What caches are told of a measured material.
 #pragma once
 
+#include "octrad/base/vec.h"
 #include "octrad/scene/measured.h"
 
 namespace octrad {

@@ -68,8 +68,7 @@ OCTRAD_HD inline float measured_value(const float* values, const MeasuredGrid& g
   const auto width = static_cast<std::size_t>(g.width), size = width * static_cast<std::size_t>(g.height);
   const std::size_t at = i * size + static_cast<std::size_t>(c.y) * width + static_cast<std::size_t>(c.x);
   const auto value = [&](std::size_t k) { return nodes.at(values, count * size, k); };
-  return lerp(lerp(value(at), value(at + 1), c.u),
-                          lerp(value(at + width), value(at + width + 1), c.u), c.v);
+  return lerp(lerp(value(at), value(at + 1), c.u), lerp(value(at + width), value(at + width + 1), c.u), c.v);
 }
 
 struct MeasuredPlace {
