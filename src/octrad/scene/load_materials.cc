@@ -414,7 +414,7 @@ void SceneBuilder::read_measured(Params& params, Material& m) {
     try {
       scene_.measured.push_back(read_measured_file(path));
       found.index = static_cast<int>(scene_.measured.size()) - 1;
-    } catch (const InputError&) {
+    } catch (...) {
       found.mistake = std::current_exception();
     }
   }

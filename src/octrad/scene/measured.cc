@@ -40,7 +40,6 @@ class MeasuredReader {
 
   MeasuredMaterial read() {
     MeasuredMaterial m;
-    m.file = name_;
     MeasuredLayout& l = m.layout;
     if (tensors_.count("wavelengths") > 0 || tensors_.count("rgb") == 0)
       fail_at(0, "the file holds spectra, or no colours: take the one whose name ends in _rgb.bsdf");
@@ -53,11 +52,14 @@ class MeasuredReader {
     if (luminance.shape[3] != side) fail_at(luminance.at, "luminance must be as high as it is wide");
     const Tensor& rgb = floats("rgb", {nodes_phi, nodes_theta, 3, side, side});
     const Tensor& jacobian = tensor("jacobian", kByteTensor, {1});
-    // Each of them is of the file, and below the limit.
-    const std::uint64_t total =
-        4 * (phi.count + theta.count + normals.count + area.count + visible.count + luminance.count + rgb.count);
-    if (total > kMostFloats) fail_at(0, "the tables are too large");
+    // Densities have their integrals beside them.
+    const auto with_integrals = [](const Tensor& t) { return 2 * t.count + t.count / t.shape.back(); };
+    const std::uint64_t total = phi.count + theta.count + normals.count + area.count + with_integrals(visible) +
+                                with_integrals(luminance) + rgb.count;
+    if (total > kMostFloats)
+      fail_at(0, "the tables take " + std::to_string(total) + " numbers; at most " + std::to_string(kMostFloats));
     ask_memory(total * sizeof(float), name_);
+    m.data.reserve(total);
 
     l.phi_count = static_cast<int>(phi.count);
     l.theta_count = static_cast<int>(theta.count);

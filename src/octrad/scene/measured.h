@@ -9,7 +9,6 @@
 namespace octrad {
 
 struct MeasuredMaterial {
-  std::string file;
   MeasuredLayout layout;
   std::vector<float> data;
 };

@@ -62,7 +62,7 @@ struct MeasuredCell {
   }
 };
 
-// Of `count` tables of each node number `i`.
+// The value in a cell, of table `i` of the `count` that each node has.
 OCTRAD_HD inline float measured_value(const float* values, const MeasuredGrid& g, const MeasuredNodes& nodes,
                                       const MeasuredCell& c, std::size_t i = 0, std::size_t count = 1) {
   const auto width = static_cast<std::size_t>(g.width), size = width * static_cast<std::size_t>(g.height);
