@@ -7,11 +7,23 @@
 
 namespace octrad {
 
+// The last cell, of those before point `last`, that does not begin after x: point i is at begin(i), which ascends.
+template <typename Begin>
+OCTRAD_HD inline int measured_cell(int last, float x, const Begin& begin) {
+  int i = 0;
+  while (last - i > 1) {
+    const int middle = (i + last) / 2;
+    if (begin(middle) <= x) i = middle;
+    else last = middle;
+  }
+  return i;
+}
+
 // Between which nodes the direction to the viewer lies.
 struct MeasuredNodes {
-  int first = 0;                     // node before in phi and theta
-  int next_phi = 0, next_theta = 0;  // from a node to the next one
-  float phi = 0.0f, theta = 0.0f;    // how far the direction is on the way to it
+  int first = 0;                   // node before in phi and theta
+  int next_phi = 0;                // from a node to the next one in phi; in theta they follow one another
+  float phi = 0.0f, theta = 0.0f;  // how far the direction is on the way to it
 
   OCTRAD_HD MeasuredNodes() = default;  // of a grid that is the same for all
   OCTRAD_HD MeasuredNodes(const MeasuredView& m, float phi_o, float theta_o) {
@@ -20,16 +32,10 @@ struct MeasuredNodes {
     const int j = place(m.data + l.theta, l.theta_count, theta_o, theta);
     first = i * l.theta_count + j;
     next_phi = l.theta_count;
-    next_theta = 1;
   }
   // The last node that is not after x, and how far x is from there to the next one; 0 where there is none.
   OCTRAD_HD static int place(const float* nodes, int count, float x, float& way) {
-    int i = 0, end = count - 1;
-    while (end - i > 1) {
-      const int middle = (i + end) / 2;
-      if (nodes[middle] <= x) i = middle;
-      else end = middle;
-    }
+    const int i = measured_cell(count - 1, x, [&](int k) { return nodes[k]; });
     if (count > 1) way = lesser(greater((x - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0f), 1.0f);
     return i;
   }
@@ -39,7 +45,7 @@ struct MeasuredNodes {
     const float* const here = table + static_cast<std::size_t>(first) * size + i;
     const float before = along_phi(here, size);
     if (theta == 0.0f) return before;
-    return before + theta * (along_phi(here + static_cast<std::size_t>(next_theta) * size, size) - before);
+    return before + theta * (along_phi(here + size, size) - before);
   }
 
  private:
@@ -94,21 +100,10 @@ struct MeasuredDensityAt {
   }
 
   OCTRAD_HD MeasuredPlace sample(Vec2f u) const {
-    int y = 0, end = grid.height - 1;
-    while (end - y > 1) {
-      const int middle = (y + end) / 2;
-      if (row(middle) <= u.y) y = middle;
-      else end = middle;
-    }
+    const int y = measured_cell(grid.height - 1, u.y, [&](int k) { return row(k); });
     const float v = inverse(row_density(y), row_density(y + 1), u.y - row(y));
     const float left = u.x * lerp(row_density(y), row_density(y + 1), v);
-    int x = 0;
-    end = grid.width - 1;
-    while (end - x > 1) {
-      const int middle = (x + end) / 2;
-      if (column(middle, y, v) <= left) x = middle;
-      else end = middle;
-    }
+    const int x = measured_cell(grid.width - 1, left, [&](int k) { return column(k, y, v); });
     MeasuredCell c(grid, {0.0f, 0.0f});
     c.x = x;
     c.y = y;
