@@ -86,7 +86,7 @@ def second(plan):
         name = "%dx%d-K%d" % (points, directions, levels)
         log = p.at("shape-%s.jsonl" % name)
         p.train("time to quality: %s" % name, 15, s["cornell-box"], "shape.octrad", "--preset", "default", "--time", "10s", "--reference", p.at("reference.exr"),
-                "-D", "train.points=%d" % points, "-D", "train.directions=%d" % directions, "-D", "octree.levels=%d" % levels, "--validate-every", "1s", "--log-json", log,
+                "-D", "train.points=%d" % points, "-D", "train.first_points=0", "-D", "train.directions=%d" % directions, "-D", "octree.levels=%d" % levels, "--validate-every", "1s", "--log-json", log,
                 log=log, needs=[reference], priority=3)
     if p.profiler:
         p.octrad("kernels in detail", 90, "train", s["cornell-box"], "--preset", "paper", "-D", "octree.levels=7", "--steps", "2", *NO_EXTRAS, "-o", p.at("profile.octrad"),

@@ -417,12 +417,12 @@ def schedule(folder):
     svg = Svg(880, 300)
     plot = Plot(svg, 60, 230, 330, 180, (0, 1), (4, 17))
     plot.ticks([(k / 4, "%g" % (k / 4)) for k in range(5)], [(k, "%d" % 2 ** k if k < 10 else "%dk" % 2 ** (k - 10)) for k in range(4, 18, 3)],
-               "share of the budget", "`default`, `paper`: *N* points, *M* directions".replace("`", ""))
-    for first, step_, color, name in ((16, -1, BLUE, "*N*"), (5, 1, RED, "*M*")):
+               "share of the budget", "*N* points, *M* directions: default; paper, dashed")
+    for first, step_, color, name, dash in ((13, 1, BLUE, "*N*", None), (16, -1, BLUE, "*N*", "4 3"), (5, 0, RED, "*M*", None), (5, 1, RED, "", "4 3")):
         curve = []
         for quarter in range(4):
             curve += [(quarter / 4, first + step_ * quarter), ((quarter + 1) / 4, first + step_ * quarter)]
-        plot.curve(curve, color)
+        plot.curve(curve, color, dash=dash)
         px, py = plot.at(0.04, first)
         svg.text(px, py - 8, name, 13, color)
     plot = Plot(svg, 500, 230, 330, 180, (0, 1), (0, 1.05))

@@ -236,6 +236,9 @@ const std::vector<Key>& keys() {
                "train for this long; setting it sets train.steps to 0"),
       number("train.steps", &C::train_steps, {0, 100000000}, "train this many steps; 0: until train.time is over"),
       number("train.points", &C::train_points, {64, 1 << 20}, "N, left-hand-side points a step"),
+      number(
+          "train.first_points", &C::train_first_points, {0, 1 << 20},
+          "at most so many left-hand-side points a step in the first quarter of the budget, twice as many in each next; 0: no limit"),
       number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
       number("train.guide", &C::train_guide, {0, 0.95},
              "share of these directions, at rough points, that are drawn by what arrived before; 0: by the BSDF alone"),
@@ -444,18 +447,18 @@ Config preset(const std::string& name) {
   c.disparity_log2_table = 19;
   c.train_steps = 20000;
   c.train_points = 65536;
+  c.train_first_points = 8192;
   c.train_directions = 32;
-  c.train_quarters = true;
   c.train_far_ends = 0.0;
   c.nr_width = 256;
   c.ncr_width = 128;
   c.ncr_rays_train = 128;
-  c.adam_beta2 = 0.999;  // the shorter memory and lower rates of `cpu` go with its small batches
-  c.adam_rate_features = 1e-2;
-  c.adam_rate_networks = 3e-3;
   c.adam_rate_budget = 0;
   if (name == "default") return c;
   // The paper, and the constants behind its tables.
+  c.train_first_points = 0;
+  c.train_quarters = true;
+  c.adam_beta2 = 0.999;
   c.octree_box = OctreeBox::axis;
   c.octree_bounds = "scene";
   c.lookup_rough_threshold = 0.5;

@@ -94,6 +94,7 @@ struct Config {
   int train_steps = 0;                // 0: until train_time is over
   double train_seconds = 300.0;       // "train.time"; used when train_steps is 0
   int train_points = 512;             // N, left-hand-side points a step
+  int train_first_points = 0;         // at most so many in the first quarter, twice as many in each next; 0: no limit
   int train_directions = 8;           // M, right-hand-side directions a point
   double train_guide = 0.5;           // share of these at rough points that are drawn by what arrived before
   bool train_quarters = false;        // halve N and double M every quarter

@@ -30,6 +30,10 @@ TEST(Config, PresetsSayWhatTheyStandFor) {
   EXPECT_EQ(paper.target_emission, TargetEmission::inside);
   const Config full = preset("default");
   EXPECT_EQ(full.octree_levels, 8);
+  EXPECT_EQ(paper.train_first_points, 0);
+  EXPECT_TRUE(paper.train_quarters);
+  EXPECT_EQ(full.train_first_points, 8192);
+  EXPECT_FALSE(full.train_quarters);
   EXPECT_EQ(full.loss_normalizer, LossNormalizer::prediction);
   EXPECT_EQ(full.decoder_output, Activation::exp);
   const Config cpu = preset("cpu");

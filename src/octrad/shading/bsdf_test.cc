@@ -560,5 +560,27 @@ TEST(Shade, SidesAndFrames) {
   EXPECT_FALSE(shade(materials, s, below).black);
 }
 
+// Of unit vectors that roundings have made a little longer, and of grazing light, as well.
+TEST(Bsdf, BumpShadowingIsTheFormulaAndFinite) {
+  for (const float tilt : {1.0f, 0.9f, 0.5f, 0.1f}) {
+    for (const float cos : {1.0f, 0.7f, -0.4f, 0.05f, 1e-3f}) {
+      const double t2 = static_cast<double>(tilt) * static_cast<double>(tilt),
+                   c2 = static_cast<double>(cos) * static_cast<double>(cos);
+      const double alpha2 = std::min(1.0, 0.125 * (1.0 - t2) / t2);
+      const double expected = 2.0 / (1.0 + std::sqrt(1.0 + alpha2 * (1.0 - c2) / c2));
+      EXPECT_NEAR(static_cast<double>(bump_shadowing(tilt, cos)), expected, 1e-5 * expected) << tilt << " " << cos;
+    }
+  }
+  for (const float tilt : {1.0000001f, 1.000001f, 0.9999999f, 1e-3f, 1e-25f, 0.0f, -1.0f}) {
+    for (const float cos : {1.0000001f, 1e-3f, 1e-5f, -1e-8f, 1e-12f, 1e-25f, 1e-38f}) {
+      const float share = bump_shadowing(tilt, cos);
+      EXPECT_TRUE(share >= 0.0f && share <= 1.0f) << tilt << " " << cos << ": " << share;
+      if (tilt > 1.0f) {
+        EXPECT_FLOAT_EQ(share, 1.0f) << cos;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace octrad

@@ -99,15 +99,16 @@ OCTRAD_HD inline Vec3f flipped_normal(const MaterialRecord& record, Vec3f wo, Ve
   return record.bump_flips && wo.z * dot(wo, m) <= 0.0f ? Vec3f(-m.x, -m.y, m.z) : m;
 }
 
-// Share of light that arrives along a direction with cosine `cos` to the surface's normal where a map tilts the normal
-// by an angle of cosine `tilt` (Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
+// Share of light that arrives along a direction with cosine `cos`, not 0, to the surface's normal where a map tilts the
+// normal by an angle of cosine `tilt` (Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
 // Terminator Problem").
 OCTRAD_HD inline float bump_shadowing(float tilt, float cos) {
   const float tilt2 = tilt * tilt, cos2 = cos * cos;
-  const float t = 0.125f * (1.0f - tilt2) / tilt2;
-  const float alpha2 = t < 1.0f ? t : 1.0f;
-  const float tan2 = (1.0f - cos2) / cos2;
-  return 2.0f / (1.0f + std::sqrt(1.0f + alpha2 * (tan2 > 0.0f ? tan2 : 0.0f)));
+  const float t = 0.125f * (1.0f - tilt2) / tilt2;  // below 0 by rounding where the map does not tilt
+  const float alpha2 = t > 0.0f ? (t < 1.0f ? t : 1.0f) : 0.0f;
+  const float sin2 = cos2 < 1.0f ? 1.0f - cos2 : 0.0f, c = std::fabs(cos);
+  const float root = std::sqrt(cos2 + alpha2 * sin2);
+  return 2.0f * c / (c + (root > c ? root : c));
 }
 
 }  // namespace octrad

@@ -42,8 +42,14 @@ constexpr std::size_t kQueryChunk = std::size_t{1} << 18;      // of radiance(),
 constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
 constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};         // of the schedule: in each all steps have as many points
 
-std::size_t most_points(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).points); }
-std::size_t most_far_ends(const Config& config) { return static_cast<std::size_t>(schedule(config, 0, 0.0).far_ends); }
+// The most of a number of the schedule that any step has.
+std::size_t most_of(const Config& config, int ScheduleState::*number) {
+  int most = 0;
+  for (const double fraction : kQuarters) most = std::max(most, schedule(config, 0, fraction).*number);
+  return static_cast<std::size_t>(most);
+}
+std::size_t most_points(const Config& config) { return most_of(config, &ScheduleState::points); }
+std::size_t most_far_ends(const Config& config) { return most_of(config, &ScheduleState::far_ends); }
 
 using StepShape = std::tuple<int, int, int, int>;  // points, directions, far ends and buffer
 

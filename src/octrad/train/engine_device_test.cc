@@ -127,11 +127,12 @@ TEST_P(TrainOnStream, DeterministicRunsRepeatBitForBit) {
 
 // However many steps' left-hand-side points are drawn at once, and wherever a run begins, changes its shape or asks for
 // a report.
-TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
-  Config config = short_run("octaoctree", 24);
-  config.train_points = 128;
-  config.train_directions = 1;
-  config.train_quarters = true;
+class PointsDrawnAhead : public TrainOnStream {
+ protected:
+  void are_those_of_the_step(const Config& config);
+};
+
+void PointsDrawnAhead::are_those_of_the_step(const Config& config) {
   const FieldDomain domain = field_domain(box.scene.scene(), config, fit_domain(box.scene, config).box);
   BatchSource batches(box.scene, config, {});
   std::vector<Vec3f> learnt[5], last_targets[5];
@@ -168,6 +169,20 @@ TEST_P(TrainOnStream, PointsDrawnAheadAreThoseOfTheStep) {
     EXPECT_TRUE(last_targets[k] == last_targets[0]);
     for (std::size_t i = 0; i < last_points[0].size(); ++i) ASSERT_EQ(last_points[k][i].x, last_points[0][i].x);
   }
+}
+
+TEST_P(PointsDrawnAhead, WhereBatchesShrink) {
+  Config config = short_run("octaoctree", 24);
+  config.train_points = 128;
+  config.train_directions = 1;
+  config.train_quarters = true;
+  are_those_of_the_step(config);
+}
+TEST_P(PointsDrawnAhead, WhereBatchesGrow) {
+  Config config = short_run("octaoctree", 24);
+  config.train_first_points = 64;
+  config.train_directions = 2;
+  are_those_of_the_step(config);
 }
 
 // Every alternative of DeviceTuning learns the same.
@@ -284,6 +299,7 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, TrainOnStream, ::testing::Bool(), testing::stream_name);
+INSTANTIATE_TEST_SUITE_P(All, PointsDrawnAhead, ::testing::Bool(), testing::stream_name);
 
 }  // namespace
 }  // namespace octrad

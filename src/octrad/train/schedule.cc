@@ -15,6 +15,7 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
     s.points = std::max(64, s.points >> quarter);
     s.directions <<= quarter;
   }
+  if (config.train_first_points > 0) s.points = std::min(s.points, std::max(64, config.train_first_points) << quarter);
   s.epsilon = config.loss_epsilon_first * std::pow(config.loss_epsilon_last / config.loss_epsilon_first, quarter / 3.0);
   double decay = 1.0;
   if (fraction > config.adam_decay_start && config.adam_decay_start < 1.0) {

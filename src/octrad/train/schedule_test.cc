@@ -35,6 +35,34 @@ TEST(Schedule, QuartersHalveTheBatchAndTheEpsilon) {
   EXPECT_DOUBLE_EQ(schedule(config, 3000, 0.2).network_scale, 1.0);
 }
 
+TEST(Schedule, BatchesGrowFromTheFirstPoints) {
+  Config config = preset("default");
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    for (const double fraction : {quarter / 4.0, (quarter + 0.99) / 4.0}) {
+      const ScheduleState s = schedule(config, 1000, fraction);
+      EXPECT_EQ(s.points, 8192 << quarter) << fraction;
+      EXPECT_EQ(s.directions, 32);
+    }
+  }
+  EXPECT_EQ(schedule(config, 1000, 1.0).points, 65536);
+  config.train_points = 20000;  // never more
+  EXPECT_EQ(schedule(config, 1000, 0.3).points, 16384);
+  EXPECT_EQ(schedule(config, 1000, 0.6).points, 20000);
+  config.train_first_points = 1;  // a step has 64 points
+  EXPECT_EQ(schedule(config, 0, 0.0).points, 64);
+  EXPECT_EQ(schedule(config, 0, 1.0).points, 512);
+  config.train_first_points = 1 << 20;
+  EXPECT_EQ(schedule(config, 0, 1.0).points, 20000);
+  // Of the paper's quarters it is a limit.
+  config = preset("paper");
+  config.train_first_points = 16384;
+  const int points[] = {16384, 32768, 16384, 8192};
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    EXPECT_EQ(schedule(config, 0, quarter / 4.0).points, points[quarter]);
+    EXPECT_EQ(schedule(config, 0, quarter / 4.0).directions, 32 << quarter);
+  }
+}
+
 // They fall as the cube of the rates, in eighths, but do not wait for the warm-up.
 TEST(Schedule, FarEnds) {
   Config config = preset("cpu");
