@@ -149,6 +149,8 @@ class DeviceEngine : public TrainEngine {
                        static_cast<float>(s.network_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
     last_points_ = static_cast<std::size_t>(s.points);
+    // Where batches grow, what lies beyond the last step's ends is of steps before it.
+    if (static_cast<std::size_t>(s.far_ends) > kept_ends_) set_far_ends(far_ends());
     kept_ends_ = static_cast<std::size_t>(s.far_ends);
     stale_ = true;
     if (guide_ && step % kGuideSteps == 0) guide_->make_tables();

@@ -185,6 +185,34 @@ TEST_P(PointsDrawnAhead, WhereBatchesGrow) {
   are_those_of_the_step(config);
 }
 
+TEST_P(TrainOnStream, AnotherEngineGoesOnWhereBatchesGrow) {
+  Config config = short_run("octaoctree", 24);
+  config.train_first_points = 64;
+  config.train_directions = 2;
+  const FieldDomain domain = field_domain(box.scene.scene(), config, fit_domain(box.scene, config).box);
+  BatchSource batches(box.scene, config, {});
+  DeviceEngineOptions options;
+  options.deterministic = true;
+  const auto at = [&](int step) { return schedule(config, step, step / 24.0); };
+  const auto engine = [&](std::unique_ptr<RadianceField> field) {
+    return make_device_engine(*stream, box.scene, config, batches.sampler(), std::move(field), nullptr, options);
+  };
+  const auto take = [&](TrainEngine& of, int begin, int end) {
+    for (int step = begin; step < end; ++step) of.step(step, at(step));
+    of.collect();
+  };
+  const auto whole = engine(make_field(config, domain)), first = engine(make_field(config, domain));
+  take(*whole, 0, 24);
+  take(*first, 0, 12);
+  const std::vector<FarEnd> ends = first->far_ends();
+  EXPECT_LT(ends.size(), static_cast<std::size_t>(at(12).far_ends));
+  EXPECT_LT(ends.size(), static_cast<std::size_t>(at(6).far_ends));  // so that there are older ones behind them
+  const auto second = engine(first->release_field());
+  second->set_far_ends(ends);
+  take(*second, 12, 24);
+  EXPECT_TRUE(radiance(*second->release_field(), probes_) == radiance(*whole->release_field(), probes_));
+}
+
 // Every alternative of DeviceTuning learns the same.
 TEST_P(TrainOnStream, TuningChangesNothing) {
   for (const bool dense : {false, true}) {
