@@ -417,8 +417,8 @@ def schedule(folder):
     svg = Svg(880, 300)
     plot = Plot(svg, 60, 230, 330, 180, (0, 1), (4, 17))
     plot.ticks([(k / 4, "%g" % (k / 4)) for k in range(5)], [(k, "%d" % 2 ** k if k < 10 else "%dk" % 2 ** (k - 10)) for k in range(4, 18, 3)],
-               "share of the budget", "*N* points, *M* directions: default; paper, dashed")
-    for first, step_, color, name, dash in ((13, 1, BLUE, "*N*", None), (16, -1, BLUE, "*N*", "4 3"), (5, 0, RED, "*M*", None), (5, 1, RED, "", "4 3")):
+               "share of the budget", "*N* points, *M* directions; paper: dashed")
+    for first, step_, color, name, dash in ((13, 1, BLUE, "*N*, default", None), (16, -1, BLUE, "*N*, paper", "4 3"), (5, 0, RED, "*M*, default", None), (5, 1, RED, "", "4 3")):
         curve = []
         for quarter in range(4):
             curve += [(quarter / 4, first + step_ * quarter), ((quarter + 1) / 4, first + step_ * quarter)]

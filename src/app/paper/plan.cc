@@ -14,6 +14,7 @@
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 #include "octrad/scene/camera.h"
+#include "octrad/train/trainer.h"
 
 namespace octrad::paper {
 namespace {
@@ -272,6 +273,17 @@ struct Planner {
     film = find_or_add(plan.films, f);
   }
 
+  // Right-hand sides a step, a mean over the quarters of the schedule.
+  static double mean_queries(Config config, const std::map<std::string, std::string>& keys) {
+    for (const auto& [key, value] : keys) set(config, key, value);
+    double sum = 0.0;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const ScheduleState s = schedule(config, 0, quarter / 4.0);
+      sum += static_cast<double>(s.points) * s.directions;
+    }
+    return sum / 4.0;
+  }
+
   std::size_t add_training(const Method& method, const Switch& sw, Equal equal, long long seed) {
     Training t;
     t.scene = s;
@@ -286,8 +298,13 @@ struct Planner {
     const int points =
         std::min(config.train_points, std::max(128, static_cast<int>(config.train_points * plan.scale.batch())));
     const double batch = static_cast<double>(points) / config.train_points;
-    if (batch < 1.0) t.keys["train.points"] = std::to_string(points);
-    t.work = static_cast<double>(points) * config.train_directions;
+    if (batch < 1.0) {
+      t.keys["train.points"] = std::to_string(points);
+      if (config.train_first_points > 0)
+        t.keys["train.first_points"] =
+            std::to_string(std::max(64, static_cast<int>(config.train_first_points * batch)));
+    }
+    t.work = mean_queries(config, t.keys);
     if (equal == Equal::bytes && t.field != "octaoctree")
       match_bytes(config, octaoctree_bytes(s, matrix(), sw), t.keys);
     if (equal == Equal::steps) {

@@ -238,7 +238,7 @@ const std::vector<Key>& keys() {
       number("train.points", &C::train_points, {64, 1 << 20}, "N, left-hand-side points a step"),
       number(
           "train.first_points", &C::train_first_points, {0, 1 << 20},
-          "at most so many left-hand-side points a step in the first quarter of the budget, twice as many in each next; 0: no limit"),
+          "at most so many points a step in the first quarter of the budget, twice as many in each next; 0: no limit"),
       number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
       number("train.guide", &C::train_guide, {0, 0.95},
              "share of these directions, at rough points, that are drawn by what arrived before; 0: by the BSDF alone"),

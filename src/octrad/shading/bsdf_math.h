@@ -98,7 +98,7 @@ OCTRAD_HD inline BsdfSample sample_opaque(const Bsdf& b, Vec3f wo, float u_lobe,
       sample_model<kModels>(b, wo, u_lobe, u);  // one call, so that kernels contain the code of all models once
   s.pdf *= b.opacity;
   if (s.valid && bump_hides(b, s.wi)) s.valid = false;
-  if (b.shadowed) s.weight *= bump_shadowing(b.base_normal.z, dot(b.base_normal, s.wi));
+  if (s.valid && b.shadowed) s.weight *= bump_shadowing(b.base_normal.z, dot(b.base_normal, s.wi));
   return s;
 }
 

@@ -61,7 +61,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
 
 double mean_direct_light(BatchSource& batches, const Config& config) {
   ScheduleState s = schedule(config, 0, 0.0);
-  s.points = std::min(s.points, 4096);
+  s.points = std::min(config.train_points, 4096);
   std::vector<float> lit;
   long long count = 0;
   for (unsigned long long batch = 0; batch < 4; ++batch) {

@@ -71,7 +71,7 @@ std::size_t most_points_ahead(const Config& config, const DeviceEngineOptions& o
   return most;
 }
 
-// Right-hand-side slots of the largest step: points halve while directions double, but small batches stop halving.
+// Right-hand-side slots of the largest step, whichever quarter it is in.
 std::size_t most_slots(const Config& config) {
   std::size_t most = 0;
   for (const double fraction : kQuarters) {

@@ -66,8 +66,10 @@ double check_memory(const TrainOptions& options, const Config& config, const std
     set(changed, key, value);
     std::vector<long long> fewer = cells;
     fewer.resize(std::min(cells.size(), static_cast<std::size_t>(field_entry(config.field).cell_levels(changed))));
+    const double needed = total_bytes(estimate(changed, fewer));
+    if (needed >= bytes) continue;  // as of train.points where train.first_points is the limit
     advice += fmt::format("{}{}={} would need {}", advice.empty() ? "" : "; ", key, value,
-                          format_bytes(options.used_memory + total_bytes(estimate(changed, fewer))));
+                          format_bytes(options.used_memory + needed));
   }
   if (options.resume) advice = "a run that continues keeps the sizes of its model";
   require_memory(static_cast<std::uint64_t>(std::max(0.0, options.max_memory)),
