@@ -423,8 +423,8 @@ def schedule(folder):
         for quarter in range(4):
             curve += [(quarter / 4, first + step_ * quarter), ((quarter + 1) / 4, first + step_ * quarter)]
         plot.curve(curve, color, dash=dash)
-        px, py = plot.at(0.04, first)
-        svg.text(px, py - 8, name, 13, color)
+        px, py = plot.at(0.02, first)
+        svg.text(px, py - 6, name, 12, color, anchor="start")
     plot = Plot(svg, 500, 230, 330, 180, (0, 1), (0, 1.05))
     plot.ticks([(k / 4, "%g" % (k / 4)) for k in range(5)], [(k / 5, "%.1f" % (k / 5)) for k in range(6)], "share of the budget",
                "learning rate / largest; *ε* of the loss × 10")
