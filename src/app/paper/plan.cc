@@ -274,14 +274,13 @@ struct Planner {
   }
 
   // Right-hand sides a step, a mean over the quarters of the schedule.
-  static double mean_queries(Config config, const std::map<std::string, std::string>& keys) {
-    for (const auto& [key, value] : keys) set(config, key, value);
+  static double mean_queries(const Config& config) {
     double sum = 0.0;
-    for (int quarter = 0; quarter < 4; ++quarter) {
-      const ScheduleState s = schedule(config, 0, quarter / 4.0);
+    for (const double fraction : kQuarters) {
+      const ScheduleState s = schedule(config, 0, fraction);
       sum += static_cast<double>(s.points) * s.directions;
     }
-    return sum / 4.0;
+    return sum / static_cast<double>(std::size(kQuarters));
   }
 
   std::size_t add_training(const Method& method, const Switch& sw, Equal equal, long long seed) {
@@ -298,13 +297,16 @@ struct Planner {
     const int points =
         std::min(config.train_points, std::max(128, static_cast<int>(config.train_points * plan.scale.batch())));
     const double batch = static_cast<double>(points) / config.train_points;
+    Config scaled = config;
     if (batch < 1.0) {
+      scaled.train_points = points;
       t.keys["train.points"] = std::to_string(points);
-      if (config.train_first_points > 0)
-        t.keys["train.first_points"] =
-            std::to_string(std::max(64, static_cast<int>(config.train_first_points * batch)));
+      if (config.train_first_points > 0) {
+        scaled.train_first_points = std::max(64, static_cast<int>(config.train_first_points * batch));
+        t.keys["train.first_points"] = std::to_string(scaled.train_first_points);
+      }
     }
-    t.work = mean_queries(config, t.keys);
+    t.work = mean_queries(scaled);
     if (equal == Equal::bytes && t.field != "octaoctree")
       match_bytes(config, octaoctree_bytes(s, matrix(), sw), t.keys);
     if (equal == Equal::steps) {

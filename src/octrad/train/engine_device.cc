@@ -40,7 +40,6 @@ constexpr int kStepsBetweenReports = 16;
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
 constexpr std::size_t kQueryChunk = std::size_t{1} << 18;      // of radiance(), for validation
 constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
-constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};         // of the schedule: in each all steps have as many points
 
 // The most of a number of the schedule that any step has.
 std::size_t most_of(const Config& config, int ScheduleState::*number) {

@@ -119,6 +119,8 @@ struct ScheduleState {
   double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.budget
 };
 ScheduleState schedule(const Config& config, long long step, double fraction);
+// Where its quarters begin: in each, all steps have as many points and directions.
+inline constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};
 
 // What train.average does after `steps` steps: by what share the averages approach the weights. 0: nothing; 1: they are
 // the weights, as long as the steps to average over are few. In between their weight falls as exp(-age / window), with
