@@ -88,6 +88,7 @@ class SceneBuilder {
     bool failed = false, empty = false;   // could not be read; holds no triangle
     SharedFile<RawMesh>* file = nullptr;  // of `path`; of curves:
     SharedFile<Curves>* curve_file = nullptr;
+    const Curves* built_curves = nullptr;  // or those that are in no file
   };
   static void read_mesh(MeshJob& job);  // load.cc
 

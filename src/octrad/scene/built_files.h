@@ -1,4 +1,4 @@
-// Meshes and pictures that a scene file holds inside, or that are made of those it refers to, under the names by which
+// Meshes, pictures and curves that a scene file holds inside, or that are made of those it refers to, under the names by which
 // the elements of its description refer to them. Internal to the module.
 #pragma once
 
@@ -7,6 +7,7 @@
 #include <string>
 
 #include "octrad/image/image.h"
+#include "octrad/scene/curves.h"
 #include "octrad/scene/mesh.h"
 
 namespace octrad {
@@ -19,6 +20,7 @@ struct BuiltPicture {
 struct BuiltFiles {
   std::map<std::string, RawMesh> meshes;
   std::map<std::string, BuiltPicture> pictures;
+  std::map<std::string, Curves> curves;
 };
 
 }  // namespace octrad

@@ -7,6 +7,7 @@
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
 #include "octrad/base/read_decimal.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/source.h"
@@ -254,6 +255,18 @@ Curves parse_curves(const std::string& name, const std::string& text, CurveKind 
 }
 
 Curves read_curves(const std::string& file, CurveKind kind) { return parse_curves(file, read_file(file), kind); }
+
+std::string curves_text(const Curves& curves) {
+  std::string text;
+  for (const auto& curve : curves) {
+    if (!text.empty()) text += '\n';
+    for (const CurvePoint& p : curve) {
+      for (const double v : {p.position.x, p.position.y, p.position.z}) text.append(number_text(v)).append(" ");
+      text.append(number_text(p.radius)).append("\n");
+    }
+  }
+  return text;
+}
 
 RawMesh make_curves(const Curves& curves, CurveKind kind, const Transform& to_world) {
   const bool linear = kind == CurveKind::linear;

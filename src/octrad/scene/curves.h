@@ -21,6 +21,9 @@ using Curves = std::vector<std::vector<CurvePoint>>;
 Curves read_curves(const std::string& file, CurveKind kind);
 Curves parse_curves(const std::string& name, const std::string& text, CurveKind kind);
 
+// The text that reads as these curves.
+std::string curves_text(const Curves& curves);
+
 // The surface in world space, facing outwards, with normals and Mitsuba's texture coordinates; radii do not follow
 // `to_world`, as in Mitsuba. Linear curves are cones between spheres about their points; cubic B-splines are open at
 // their ends. Tubes have 48 sides, down to 6 where there would be more than about four million triangles. Texture

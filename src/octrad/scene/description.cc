@@ -14,6 +14,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/gltf.h"
+#include "octrad/scene/pbrt.h"
 #include "octrad/scene/scene.h"
 #include "octrad/scene/upgrade.h"
 
@@ -74,10 +75,10 @@ class XmlReader {
       read_gltf(file, std::move(text), description_, report_);
       return check_definitions();
     }
-    if (ending_of(file) == ".pbrt")
-      throw InputError(
-          file +
-          ": scenes of pbrt are not read; take the scene's Mitsuba XML, which collections often have too, or its glTF");
+    if (is_pbrt(file)) {
+      read_pbrt(file, std::move(text), description_, report_);
+      return check_definitions();
+    }
     read_document(file, std::move(text), nullptr);
     check_definitions();
     collect_ids(*description_.root);
@@ -478,6 +479,12 @@ const BuiltPicture* Description::built_picture(const std::string& name) const {
   if (!built) return nullptr;
   const auto found = built->pictures.find(name);
   return found == built->pictures.end() ? nullptr : &found->second;
+}
+
+const Curves* Description::built_curves(const std::string& name) const {
+  if (!built) return nullptr;
+  const auto found = built->curves.find(name);
+  return found == built->curves.end() ? nullptr : &found->second;
 }
 
 Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,

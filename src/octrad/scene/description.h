@@ -37,6 +37,7 @@ struct Understood {
 };
 
 struct BuiltFiles;
+struct CurvePoint;
 struct BuiltPicture;
 struct RawMesh;
 
@@ -55,12 +56,13 @@ struct Description {
   // What the name of a file stands for where it is built, or null.
   const RawMesh* built_mesh(const std::string& name) const;
   const BuiltPicture* built_picture(const std::string& name) const;
+  const std::vector<std::vector<CurvePoint>>* built_curves(const std::string& name) const;
   // Full name of an existing file in the search paths or beside the file of `where`, or an error there that lists what
   // was tried.
   std::string resolve(const std::string& file, const Location& where) const;
 };
 
-// Mitsuba XML or glTF (gltf.h); XML of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with
+// Mitsuba XML, glTF (gltf.h) or pbrt (pbrt.h); XML of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with
 // file:line:column, or IoError when the scene file itself cannot be read; mistakes that `report` collects are listed
 // there, and what holds them is left out. `report` must outlive the result.
 Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,

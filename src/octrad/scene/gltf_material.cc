@@ -11,27 +11,12 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
-#include "octrad/image/tonemap.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/gltf_reader.h"
+#include "octrad/scene/picture_values.h"
 
 namespace octrad {
 namespace {
-
-// Of one value of a picture.
-double linear(const Image& image, float value) {
-  return is_display_referred(image) ? decode_srgb(static_cast<double>(value)) : static_cast<double>(value);
-}
-
-// Indices of R, G, B and A; grey pictures repeat theirs; -1 without alpha.
-std::vector<int> color_channels(const Image& image) {
-  int grey = image.channel("Y");
-  if (grey < 0) grey = 0;
-  std::vector<int> result;
-  for (const char* name : {"R", "G", "B"}) result.push_back(image.channel(name) >= 0 ? image.channel(name) : grey);
-  result.push_back(image.channel("A"));
-  return result;
-}
 
 // Factors of a colour, which glTF keeps to [0, 1], but some files do not.
 std::vector<double> color_factors(const GltfObject& owner, const std::string& key, std::vector<double> fallback) {
@@ -396,7 +381,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
       switch (recipe.what) {
         case What::color:
           for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(linear(in, value(c)) * recipe.factor[c]);
+            out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
           break;
         case What::channel:
           out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);

@@ -260,8 +260,9 @@ void SceneBuilder::load_files() {
       MeshJob& job = mesh_jobs_[i - bitmaps_.size()];
       if (job.file) read_mesh(job);
       if (job.curve) {
-        const auto curves = job.curve_file->take([&] { return read_curves(job.path, *job.curve); });
-        job.raw = make_curves(*curves, *job.curve, job.to_world);
+        const auto curves =
+            job.curve_file ? job.curve_file->take([&] { return read_curves(job.path, *job.curve); }) : nullptr;
+        job.raw = make_curves(curves ? *curves : *job.built_curves, *job.curve, job.to_world);
         job.to_world = Transform();
       }
       job.empty = job.raw.triangles.empty();

@@ -11,17 +11,6 @@ namespace {
 
 const std::vector<std::string> kEmitters = {"point", "spot", "directional", "projector", "envmap", "constant"};
 
-// Row-major inverse of an affine transform, upper 3 x 4.
-void invert(const Transform& t, float* out) {
-  const Vec3d columns[3] = {t.column(0), t.column(1), t.column(2)}, origin = t.column(3);
-  const double determinant = t.determinant();
-  for (int i = 0; i < 3; ++i) {
-    const Vec3d row = cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) / determinant;
-    for (int k = 0; k < 3; ++k) out[4 * i + k] = static_cast<float>(row[k]);
-    out[4 * i + 3] = static_cast<float>(-dot(row, origin));
-  }
-}
-
 }  // namespace
 
 std::vector<std::string> emitter_types() {
@@ -66,7 +55,8 @@ void SceneBuilder::add_delta_light(Params& params) {
     fail(params.where("to_world"), params.what() + " is too far away: coordinates may be up to 1e9");
   light.position = Vec3f(to_world.column(3));
   light.axis = Vec3f(to_world.column(2));
-  invert(to_world, light.to_local);
+  const Transform to_local = to_world.inverse();
+  for (std::size_t i = 0; i < 12; ++i) light.to_local[i] = static_cast<float>(to_local.m[i]);
   if (directional) {
     const Vec3d direction = params.get_point("direction", to_world.column(2));
     if (!(length(direction) > 0.0)) fail(params.where("direction"), "the direction of a light must not be zero");
@@ -150,7 +140,8 @@ void SceneBuilder::add_environment(Params& params) {
     BitmapJob job;
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
-    job.path = description_.resolve(file, job.where);
+    job.built = description_.built_picture(file);
+    job.path = job.built ? file : description_.resolve(file, job.where);
     job.scale = params.get_float("scale", 1.0f);
     job.roles = {TextureRole::radiance};
     if (!(job.scale >= 0.0f)) fail(params.where("scale"), "the scale of an envmap must not be negative");

@@ -154,7 +154,8 @@ void SceneBuilder::read_mesh_source(Params& params, MeshJob& job) {
     job.options.one_sided = true;
     const std::string file = params.required_string("filename");
     job.where = params.where("filename");
-    job.path = description_.resolve(file, job.where);
+    job.built_curves = description_.built_curves(file);
+    if (!job.built_curves) job.path = description_.resolve(file, job.where);
   } else if (type == "cylinder") {
     const Vec3d p0 = params.get_point("p0", Vec3d(0.0)), p1 = params.get_point("p1", Vec3d(0, 0, 1));
     const float radius = params.get_float("radius", 1.0f);

@@ -69,6 +69,17 @@ std::array<double, 9> Transform::normal_matrix() const {
   return {x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z};
 }
 
+Transform Transform::inverse() const {
+  Transform t;
+  const double scale = determinant();
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d row = cross(column((i + 1) % 3), column((i + 2) % 3)) / scale;
+    for (int k = 0; k < 3; ++k) t(i, k) = row[k];
+    t(i, 3) = -dot(row, column(3));
+  }
+  return t;
+}
+
 bool Transform::is_affine() const {
   for (double v : m) {
     if (!std::isfinite(v)) return false;

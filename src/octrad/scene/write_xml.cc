@@ -222,6 +222,11 @@ class Writer {
       };
       return file;
     }
+    if (const Curves* curves = description_.built_curves(name)) {
+      const std::string file = files_ + "/" + name + ".txt";
+      result.others[file] = [curves, keep = description_.built] { return curves_text(*curves); };
+      return file;
+    }
     if (ending_of(name) == ".webp") notes.insert("Mitsuba does not read WebP, which the written file refers to");
     std::error_code code;
     const std::filesystem::path file =

@@ -1,0 +1,777 @@
+#include "octrad/scene/pbrt.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+
+#include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
+#include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
+#include "octrad/base/number_text.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/limits.h"
+#include "octrad/scene/make_element.h"
+#include "octrad/scene/params.h"
+#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/picture_values.h"
+
+namespace octrad {
+namespace {
+
+constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
+constexpr std::size_t kMostIncludes = 1000, kMostIncludeDepth = 16, kMostStates = 10000, kMostShapes = 4'000'000;
+constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000;
+constexpr std::uint64_t kObjectBytes = 3000;  // of the elements of one, about
+constexpr double kLeastDeterminant = 1e-18;
+
+using Object = PbrtMaterials::Object;
+
+// Where the direction (x, y, z) lies in a square picture of all directions, both coordinates in [0, 1]: Clarberg, P.
+// 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD".
+Vec2<double> equal_area_square(Vec3d d) {
+  const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z), r = std::sqrt(std::max(0.0, 1.0 - z));
+  const double larger = std::max(x, y), smaller = std::min(x, y);
+  double phi = larger > 0.0 ? std::atan2(smaller, larger) * 2.0 / std::numbers::pi : 0.0;
+  if (x < y) phi = 1.0 - phi;
+  double v = phi * r, u = r - v;
+  if (d.z < 0.0) {
+    std::swap(u, v);
+    u = 1.0 - u;
+    v = 1.0 - v;
+  }
+  return {0.5 * (std::copysign(u, d.x) + 1.0), 0.5 * (std::copysign(v, d.y) + 1.0)};
+}
+
+// An envmap of Mitsuba has y up and begins at -z; pbrt's environments have z up and begin at +x.
+Transform envmap_of_pbrt() {
+  Transform t;
+  t.m = {0, 0, -1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
+  return t;
+}
+
+// A picture by latitude and longitude, as Mitsuba has it, of one by equal areas.
+Image unfold(const Image& in, const std::string& file) {
+  const MemoryScope scope;
+  const int height = std::max(in.height, 2), width = 2 * height;
+  ask_memory(static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * 12, file);
+  Image out(width, height, {"R", "G", "B"});
+  const std::vector<int> from = color_channels(in);
+  const Transform turn = envmap_of_pbrt();
+  for (int y = 0; y < height; ++y) {
+    const double theta = (y + 0.5) / height * std::numbers::pi;
+    for (int x = 0; x < width; ++x) {
+      const double phi = (x + 0.5) / width * 2.0 * std::numbers::pi;
+      // Mitsuba: u = atan2(x, -z) / 2 pi, v = acos(y) / pi.
+      const Vec3d d{std::sin(phi) * std::sin(theta), std::cos(theta), -std::cos(phi) * std::sin(theta)};
+      const Vec2<double> uv = equal_area_square(turn.vector(d));
+      // Between four pixels; those beyond the edge are the edge's: the square is folded there.
+      const double px = uv.x * in.width - 0.5, py = uv.y * in.height - 0.5, fx = px - std::floor(px),
+                   fy = py - std::floor(py);
+      for (int c = 0; c < 3; ++c) {
+        const auto at = [&](int dx, int dy) {
+          const int ix = std::clamp(static_cast<int>(std::floor(px)) + dx, 0, in.width - 1),
+                    iy = std::clamp(static_cast<int>(std::floor(py)) + dy, 0, in.height - 1);
+          return linear_value(in, in.at(ix, iy, from[static_cast<std::size_t>(c)]));
+        };
+        out.at(x, y, c) = static_cast<float>((at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) +
+                                             (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy);
+      }
+    }
+  }
+  return out;
+}
+
+class PbrtReader {
+ public:
+  PbrtReader(const std::string& file, std::string text, Description& description, SceneReport& report)
+      : description_(description),
+        report_(report),
+        old_(text.find("WorldEnd") != std::string::npos),  // which version 4 has no more
+        materials_(old_, description, report),
+        meter_(file + ": the tree of the scene") {
+    ask_memory(2 * text.size(), file);
+    main_ = std::make_shared<const SourceFile>(file, std::move(text));
+    description.root->location = {main_, 0};
+    names_.push_back(file);
+  }
+
+  void read() {
+    group_ = description_.root.get();
+    read_file_of(main_);
+    if (!stack_.empty()) fail(stack_.back().where, "the block that begins here is not closed");
+    flush_curves();
+    add_integrator();
+    add_sensor();
+  }
+
+ private:
+  // What AttributeBegin keeps and AttributeEnd brings back.
+  struct State {
+    Transform ctm;
+    bool reverse = false, at_start = true;  // transforms count for the beginning of the shutter time
+    Object material, light;
+    std::map<std::string, PbrtObject::Defaults> defaults;  // by the target of Attribute
+  };
+  struct Kept {
+    State state;
+    char kind;  // a: attributes, t: transforms, o: an object
+    Location where;
+  };
+  struct Group {
+    Element* element = nullptr;
+  };
+  using Handler = void (PbrtReader::*)(PbrtLexer&, const Location&);
+
+  void read_file_of(const std::shared_ptr<const SourceFile>& source) {
+    static const std::map<std::string_view, Handler> kDirectives = {{"AttributeBegin", &PbrtReader::attribute_begin},
+                                                                    {"AttributeEnd", &PbrtReader::attribute_end},
+                                                                    {"TransformBegin", &PbrtReader::transform_begin},
+                                                                    {"TransformEnd", &PbrtReader::transform_end},
+                                                                    {"ObjectBegin", &PbrtReader::object_begin},
+                                                                    {"ObjectEnd", &PbrtReader::object_end},
+                                                                    {"ObjectInstance", &PbrtReader::object_instance},
+                                                                    {"Identity", &PbrtReader::identity},
+                                                                    {"Translate", &PbrtReader::translate},
+                                                                    {"Scale", &PbrtReader::scale},
+                                                                    {"Rotate", &PbrtReader::rotate},
+                                                                    {"LookAt", &PbrtReader::look_at},
+                                                                    {"Transform", &PbrtReader::set_transform},
+                                                                    {"ConcatTransform", &PbrtReader::concat_transform},
+                                                                    {"CoordinateSystem", &PbrtReader::name_system},
+                                                                    {"CoordSysTransform", &PbrtReader::take_system},
+                                                                    {"ActiveTransform", &PbrtReader::active},
+                                                                    {"TransformTimes", &PbrtReader::times},
+                                                                    {"ReverseOrientation", &PbrtReader::reverse},
+                                                                    {"WorldBegin", &PbrtReader::world_begin},
+                                                                    {"WorldEnd", &PbrtReader::world_end},
+                                                                    {"Include", &PbrtReader::include},
+                                                                    {"Import", &PbrtReader::include},
+                                                                    {"Attribute", &PbrtReader::attribute},
+                                                                    {"Camera", &PbrtReader::camera},
+                                                                    {"Film", &PbrtReader::film},
+                                                                    {"PixelFilter", &PbrtReader::filter},
+                                                                    {"Integrator", &PbrtReader::integrator},
+                                                                    {"SurfaceIntegrator", &PbrtReader::integrator},
+                                                                    {"Sampler", &PbrtReader::skip},
+                                                                    {"Accelerator", &PbrtReader::skip},
+                                                                    {"Option", &PbrtReader::option},
+                                                                    {"ColorSpace", &PbrtReader::color_space},
+                                                                    {"Texture", &PbrtReader::texture},
+                                                                    {"Material", &PbrtReader::material},
+                                                                    {"MakeNamedMaterial", &PbrtReader::make_named},
+                                                                    {"NamedMaterial", &PbrtReader::named},
+                                                                    {"MakeNamedMedium", &PbrtReader::medium},
+                                                                    {"MediumInterface", &PbrtReader::medium_interface},
+                                                                    {"LightSource", &PbrtReader::light},
+                                                                    {"AreaLightSource", &PbrtReader::area_light},
+                                                                    {"Shape", &PbrtReader::shape}};
+    PbrtLexer lexer(source);
+    while (lexer.peek().kind != PbrtToken::Kind::end) {
+      const PbrtToken token = lexer.take();
+      const Location where = lexer.location(token);
+      const auto found = kDirectives.find(token.text);
+      if (token.kind != PbrtToken::Kind::word || found == kDirectives.end()) {
+        std::vector<std::string> known;
+        for (const auto& [name, handler] : kDirectives) known.emplace_back(name);
+        const std::string word(token.text.substr(0, 60));
+        fail(where, "\"" + word + "\" is no directive of pbrt" + did_you_mean(word, known));
+      }
+      (this->*found->second)(lexer, where);
+    }
+  }
+
+  // The type and the parameters of an object that follow.
+  Object object(PbrtLexer& lexer, const Location& where, const char* kind, const std::string& target = "") {
+    const std::string type = lexer.text("a type");
+    return object_of(lexer, where, kind, type, target);
+  }
+  Object object_of(PbrtLexer& lexer, const Location& where, const char* kind, const std::string& type,
+                   const std::string& target) {
+    PbrtParameters parameters = read_pbrt_parameters(lexer, meter_);
+    const auto found = state_.defaults.find(target);
+    meter_.add(sizeof(PbrtObject) + 100);
+    return std::make_shared<const PbrtObject>(kind, type, where, std::move(parameters),
+                                              found == state_.defaults.end() ? PbrtObject::Defaults() : found->second);
+  }
+
+  // Blocks.
+  void push(char kind, const Location& where) {
+    if (stack_.size() == kMostStates) fail(where, "blocks are nested too deep");
+    stack_.push_back({state_, kind, where});
+  }
+  void pop(char kind, const Location& where, const char* name) {
+    if (stack_.empty() || stack_.back().kind != kind)
+      fail(where, std::string(name) + " without its beginning" +
+                      (stack_.empty() ? "" : "; another block begins at " + stack_.back().where.text()));
+    if (kind == 't') state_.ctm = stack_.back().state.ctm;
+    else state_ = std::move(stack_.back().state);
+    stack_.pop_back();
+  }
+  void attribute_begin(PbrtLexer&, const Location& w) { push('a', w); }
+  void attribute_end(PbrtLexer&, const Location& w) { pop('a', w, "AttributeEnd"); }
+  void transform_begin(PbrtLexer&, const Location& w) { push('t', w); }
+  void transform_end(PbrtLexer&, const Location& w) { pop('t', w, "TransformEnd"); }
+
+  void object_begin(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    if (group_ != description_.root.get()) fail(where, "an object cannot stand in another one");
+    push('o', where);
+    const auto [at, inserted] = groups_.try_emplace(name);
+    if (!inserted) fail(where, "there is an object with the name \"" + name + "\" already");
+    flush_curves();
+    const std::string id = "object" + std::to_string(groups_.size() - 1);
+    group_ = &add_element(*description_.root, where, "shape", {{"type", "shapegroup"}, {"id", id}});
+    description_.ids.emplace(id, group_);
+    at->second.element = group_;
+  }
+  void object_end(PbrtLexer&, const Location& where) {
+    pop('o', where, "ObjectEnd");
+    flush_curves();
+    group_ = description_.root.get();
+  }
+  void object_instance(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    const auto found = groups_.find(name);
+    report_.attempt(where, [&] {
+      if (found == groups_.end())
+        fail(where, "there is no object with the name \"" + name + "\"" + did_you_mean(name, keys_near(groups_, name)));
+      if (group_ != description_.root.get()) fail(where, "an instance cannot stand in an object");
+      const Element& group = *found->second.element;
+      if (group.children.empty() || flat(where)) return;
+      count_shape(where);
+      Element& instance = add_element(*group_, where, "shape", {{"type", "instance"}});
+      add_element(instance, where, "ref", {{"id", group.get("id")}});
+      add_matrix(instance, where, "to_world", state_.ctm);
+    });
+  }
+
+  // Transforms; each is applied before those that were given so far.
+  void apply(const Transform& t, const Location& where) {
+    if (!state_.at_start) {
+      report_.assume(where, "animations are left out: everything stands as it does when the shutter opens");
+      return;
+    }
+    state_.ctm = state_.ctm * t;
+    if (!state_.ctm.is_affine()) fail(where, "the transform is not affine and finite");
+  }
+  void identity(PbrtLexer&, const Location&) {
+    if (state_.at_start) state_.ctm = Transform();
+  }
+  static Vec3d three(PbrtLexer& lexer) {
+    const double x = lexer.number("x"), y = lexer.number("y");
+    return {x, y, lexer.number("z")};
+  }
+  void translate(PbrtLexer& lexer, const Location& w) { apply(Transform::translate(three(lexer)), w); }
+  void scale(PbrtLexer& lexer, const Location& w) { apply(Transform::scale(three(lexer)), w); }
+  void rotate(PbrtLexer& lexer, const Location& where) {
+    const double angle = lexer.number("degrees");
+    const Vec3d axis = three(lexer);
+    if (!(length(axis) > 0.0)) fail(where, "the axis of a rotation must not be zero");
+    apply(Transform::rotate(axis, angle), where);
+  }
+  void look_at(PbrtLexer& lexer, const Location& where) {
+    const Vec3d eye = three(lexer), target = three(lexer), up = three(lexer);
+    const auto view = Transform::look_at(eye, target, up);
+    if (!view) fail(where, "LookAt: the directions to the target and up must differ");
+    apply(view->inverse(), where);
+  }
+  Transform matrix(PbrtLexer& lexer, const Location& where) const {
+    const std::vector<double> v = lexer.numbers(16, "of a matrix");
+    Transform t;
+    for (int row = 0; row < 4; ++row) {
+      for (int column = 0; column < 4; ++column) t(row, column) = v[static_cast<std::size_t>(4 * column + row)];
+    }
+    if (t(3, 3) != 0.0 && t(3, 3) != 1.0) {
+      const double w = t(3, 3);
+      for (double& x : t.m) x /= w;
+    }
+    if (!t.is_affine()) fail(where, "the matrix must be affine: its last column 0 0 0 1 as it is written here");
+    return t;
+  }
+  void set_transform(PbrtLexer& lexer, const Location& where) {
+    const Transform t = matrix(lexer, where);
+    if (state_.at_start) state_.ctm = t;
+  }
+  void concat_transform(PbrtLexer& lexer, const Location& where) { apply(matrix(lexer, where), where); }
+  void name_system(PbrtLexer& lexer, const Location&) { systems_[lexer.text("a name")] = state_.ctm; }
+  void take_system(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    const auto found = systems_.find(name);
+    if (found == systems_.end()) fail(where, "there is no coordinate system with the name \"" + name + "\"");
+    state_.ctm = found->second;
+  }
+  void active(PbrtLexer& lexer, const Location& where) {
+    const PbrtToken token = lexer.take();
+    if (token.text != "StartTime" && token.text != "EndTime" && token.text != "All")
+      fail(where, "ActiveTransform takes StartTime, EndTime or All");
+    state_.at_start = token.text != "EndTime";
+  }
+  void times(PbrtLexer& lexer, const Location&) {
+    lexer.number("start time");
+    lexer.number("end time");
+  }
+  void reverse(PbrtLexer&, const Location&) { state_.reverse = !state_.reverse; }
+  void world_begin(PbrtLexer&, const Location&) {
+    state_.ctm = Transform();
+    state_.at_start = true;
+    systems_["world"] = state_.ctm;
+  }
+  void world_end(PbrtLexer&, const Location&) {}
+
+  void include(PbrtLexer& lexer, const Location& where) {
+    const std::string file = description_.resolve(lexer.text("a file"), where);
+    if (names_.size() >= kMostIncludeDepth) fail(where, "Include: nested more than 16 deep");
+    if (++includes_ > kMostIncludes) fail(where, "Include: more than 1000 files");
+    if (ending_of(file) == ".gz") fail(where, "Include: decompress \"" + file + "\" first (gunzip)");
+    std::string text = read_file(file);
+    included_bytes_ += text.size();
+    if (included_bytes_ > kMostIncludedBytes) fail(where, "Include: more than a gigabyte in all");
+    ask_memory(2 * text.size(), file);
+    names_.push_back(file);
+    read_file_of(std::make_shared<const SourceFile>(file, std::move(text)));
+    names_.pop_back();
+  }
+
+  void attribute(PbrtLexer& lexer, const Location& where) {
+    const std::string target = lexer.text("a target");
+    if (target != "shape" && target != "light" && target != "material" && target != "texture" && target != "medium")
+      fail(where, "Attribute sets parameters of shape, light, material, medium or texture, not of \"" + target + "\"");
+    PbrtObject::Defaults& all = state_.defaults[target];
+    if (all.size() == 1000) fail(where, "more than 1000 Attribute directives in one block");
+    all.push_back(std::make_shared<const PbrtParameters>(read_pbrt_parameters(lexer, meter_)));
+  }
+
+  // Options of the scene.
+  void camera(PbrtLexer& lexer, const Location& where) {
+    camera_ = object(lexer, where, "Camera");
+    if (state_.ctm.is_singular(kLeastDeterminant)) fail(where, "the transform of the camera is singular");
+    camera_to_world_ = state_.ctm.inverse();
+    systems_["camera"] = *camera_to_world_;
+  }
+  void film(PbrtLexer& lexer, const Location& where) { film_ = object(lexer, where, "Film"); }
+  void filter(PbrtLexer& lexer, const Location& where) { filter_ = object(lexer, where, "PixelFilter"); }
+  void integrator(PbrtLexer& lexer, const Location& where) { integrator_ = object(lexer, where, "Integrator"); }
+  void skip(PbrtLexer& lexer, const Location& where) { object(lexer, where, "(skipped)"); }
+  void option(PbrtLexer& lexer, const Location&) { read_pbrt_parameters(lexer, meter_); }
+  void color_space(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    if (name != "srgb") report_.assume(where, "colours of the space " + name + " are read as those of srgb");
+  }
+
+  void add_integrator() {
+    if (!integrator_) return;
+    const Location where = integrator_->location();
+    const std::string& type = integrator_->type();
+    Element& e = add_element(*description_.root, where, "integrator", {{"type", "path"}});
+    if (type != "path" && type != "volpath" && type != "simplepath" && type != "bdpt")
+      report_.assume(where, "Integrator \"" + type + "\" read as path");
+    // pbrt counts bounces, Mitsuba the segments of a path.
+    const double bounces = integrator_->number("maxdepth", 5.0, 0.0, 1e9);
+    add_element(e, where, "integer",
+                {{"name", "max_depth"}, {"value", std::to_string(static_cast<long>(bounces) + 1)}});
+  }
+
+  static void add_value(Element& parent, const Location& where, const char* tag, const char* name,
+                        const std::string& value) {
+    add_element(parent, where, tag, {{"name", name}, {"value", value}});
+  }
+
+  void add_sensor() {
+    if (!camera_) return;
+    report_.attempt(camera_->location(), [&] {
+      const PbrtObject& c = *camera_;
+      const Location where = c.location();
+      const std::string& type = c.type();
+      const bool orthographic = type == "orthographic";
+      if (!orthographic && type != "perspective")
+        fail(where, c.what() + " is not supported; supported: perspective, orthographic");
+      static const PbrtObject no_film("Film", "", Location());
+      const PbrtObject& f = film_ ? *film_ : no_film;
+      const bool image = f.type() == "image";  // of version 3
+      const double width = f.number("xresolution", image ? 640 : 1280, 1, kMostFilmPixels),
+                   height = f.number("yresolution", image ? 480 : 720, 1, kMostFilmPixels);
+      const double aspect = c.number("frameaspectratio", width / height, 1e-3, 1e3);
+      // Of the plane at distance 1 times the tangent of half the field of view, or in units of the camera.
+      double window[4] = {-std::max(aspect, 1.0), std::max(aspect, 1.0), -std::max(1.0 / aspect, 1.0),
+                          std::max(1.0 / aspect, 1.0)};
+      if (const PbrtParameter* p = c.find("screenwindow", {"float"})) {
+        if (p->numbers.size() != 4 || !(p->numbers[0] < p->numbers[1]) || !(p->numbers[2] < p->numbers[3]))
+          fail(p->where, "the screenwindow must be four numbers: the ends of x and of y");
+        std::copy(p->numbers.begin(), p->numbers.end(), window);
+      }
+      const double size_x = window[1] - window[0], size_y = window[3] - window[2];
+      const double radius = c.number("lensradius", 0.0, 0.0),
+                   focus = c.number("focaldistance", radius > 0.0 ? 1e6 : 1e30, 0.0);
+      c.ignore({"shutteropen", "shutterclose"});
+      const bool lens = radius > 0.0 && !orthographic;
+
+      // pbrt's x runs to the right of the picture, Mitsuba's to the left. Scales of the camera change no direction.
+      Transform t = *camera_to_world_;
+      double unit = 0.0;
+      for (int i = 0; i < 3; ++i) {
+        const double l = length(t.column(i));
+        unit = std::max(unit, l);
+        for (int row = 0; row < 3; ++row) t(row, i) /= l;
+      }
+      t = t * Transform::scale({-1.0, 1.0, 1.0});
+      if (orthographic) t = t * Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit, 1.0});
+
+      Element& e = add_element(*description_.root, where, "sensor",
+                               {{"type", orthographic ? "orthographic"
+                                         : lens       ? "thinlens"
+                                                      : "perspective"}});
+      if (!orthographic) {
+        const double half = std::tan(0.5 * c.number("fov", 90.0, 1e-3, 179.9) / kDegreesPerRadian);
+        add_value(e, where, "float", "fov", number_text(2.0 * std::atan(half * 0.5 * size_y) * kDegreesPerRadian));
+        add_value(e, where, "string", "fov_axis", "y");
+      }
+      if (lens) {
+        add_value(e, where, "float", "aperture_radius", number_text(radius * unit));
+        add_value(e, where, "float", "focus_distance", number_text(focus * unit));
+      } else if (!orthographic) {
+        // Mitsuba's offsets are shares of the picture, to the left and up.
+        const double x = 0.5 * (window[0] + window[1]) / size_x, y = 0.5 * (window[2] + window[3]) / size_y;
+        if (x != 0.0) add_value(e, where, "float", "principal_point_offset_x", number_text(-x));
+        if (y != 0.0) add_value(e, where, "float", "principal_point_offset_y", number_text(y));
+      }
+      add_value(e, where, "float", "near_clip", "0.0001");
+      add_value(e, where, "float", "far_clip", "1e10");
+      add_matrix(e, where, "to_world", t);
+      add_film(e, f, where, width, height);
+      c.note_unused(report_);
+    });
+  }
+
+  void add_film(Element& sensor, const PbrtObject& f, const Location& where, double width, double height) {
+    Element& e = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
+    const auto whole = [&](const char* name, double value) {
+      add_value(e, where, "integer", name, std::to_string(static_cast<long>(value)));
+    };
+    whole("width", width);
+    whole("height", height);
+    double crop[4] = {0.0, width, 0.0, height};
+    if (const PbrtParameter* p = f.find("cropwindow", {"float"}); p && p->numbers.size() == 4) {
+      for (int i = 0; i < 4; ++i)
+        crop[i] = std::ceil(std::clamp(p->numbers[static_cast<std::size_t>(i)], 0.0, 1.0) * (i < 2 ? width : height));
+    } else if (const PbrtParameter* q = f.find("pixelbounds", {"integer"}); q && q->numbers.size() == 4) {
+      for (int i = 0; i < 4; ++i)
+        crop[i] = std::clamp(q->numbers[static_cast<std::size_t>(i)], 0.0, i < 2 ? width : height);
+    }
+    if (crop[0] < crop[1] && crop[2] < crop[3] && (crop[1] - crop[0] < width || crop[3] - crop[2] < height)) {
+      whole("crop_offset_x", crop[0]);
+      whole("crop_offset_y", crop[2]);
+      whole("crop_width", crop[1] - crop[0]);
+      whole("crop_height", crop[3] - crop[2]);
+    }
+    if (f.has("sensor") && f.text("sensor", "cie1931") != "cie1931")
+      report_.assume(f.location(), "the film shows linear sRGB: the response and exposure of its sensor are left out");
+    else if (f.number("iso", 100.0) != 100.0 || f.number("exposuretime", 1.0) != 1.0)
+      report_.assume(f.location(), "the exposure of the film (iso, exposuretime) is left out");
+    if (!filter_) return;
+    const std::string& type = filter_->type();
+    const char* name = type == "box"        ? "box"
+                       : type == "triangle" ? "tent"
+                       : type == "mitchell" ? "mitchell"
+                       : type == "sinc"     ? "lanczos"
+                                            : "gaussian";
+    Element& r = add_element(e, filter_->location(), "rfilter", {{"type", name}});
+    if (type == "triangle")
+      add_value(r, where, "float", "radius",
+                number_text(filter_->number("radius", filter_->number("xwidth", 2.0, 0.1, 8.0), 0.1, 8.0)));
+    if (type == "mitchell") {
+      add_value(r, where, "float", "B", number_text(filter_->number("B", 1.0 / 3.0)));
+      add_value(r, where, "float", "C", number_text(filter_->number("C", 1.0 / 3.0)));
+    }
+    if (type == "sinc")
+      add_value(r, where, "integer", "lobes", number_text(std::lround(filter_->number("tau", 3.0, 1.0, 8.0))));
+    if (type == "gaussian")
+      add_value(r, where, "float", "stddev", number_text(filter_->number("sigma", 0.5, 0.05, 2.0)));
+  }
+
+  // Materials and textures.
+  void texture(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name"), kind = lexer.text("float or spectrum");
+    if (kind != "float" && kind != "spectrum" && kind != "color")
+      fail(where, "a texture is one of float or spectrum, not of \"" + kind + "\"");
+    materials_.add_texture(kind == "float", name, object(lexer, where, "Texture", "texture"));
+  }
+  void material(PbrtLexer& lexer, const Location& where) {
+    state_.material = object(lexer, where, "Material", "material");
+  }
+  void make_named(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    Object m = object_of(lexer, where, "MakeNamedMaterial", "", "material");
+    const std::string type = m->text("type", "");
+    materials_.add_named(name, std::make_shared<const PbrtObject>(m->with_type("Material", type)));
+  }
+  void named(PbrtLexer& lexer, const Location& where) {
+    const std::string name = lexer.text("a name");
+    state_.material = nullptr;
+    report_.attempt(where, [&] { state_.material = materials_.named(name, where); });
+  }
+  void medium(PbrtLexer& lexer, const Location& where) {
+    object(lexer, where, "Medium");
+    report_.attempt(where, [&] { fail(where, std::string("a medium") + kNoMedia); });
+  }
+  void medium_interface(PbrtLexer& lexer, const Location&) {
+    for (int i = 0; i < 2 && lexer.peek().kind == PbrtToken::Kind::text; ++i) lexer.take();
+  }
+
+  // Lights.
+  // L, I ... with the factor `scale`.
+  Vec3d strength(const PbrtObject& light, const char* name) {
+    Vec3d factor(1.0);
+    if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
+      factor = materials_.color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
+    else factor = Vec3d(light.number("scale", 1.0, 0.0));
+    const Vec3d v = materials_.color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0)) * factor;
+    return {std::max(v.x, 0.0), std::max(v.y, 0.0), std::max(v.z, 0.0)};
+  }
+
+  void light(PbrtLexer& lexer, const Location& where) {
+    const Object o = object(lexer, where, "LightSource", "light");
+    if (group_ != description_.root.get()) {
+      report_.assume(where, "lights in objects are left out, as in pbrt");
+      return;
+    }
+    count_shape(where);
+    report_.attempt(where, [&] { add_light(*o); });
+  }
+
+  void add_light(const PbrtObject& l) {
+    const Location where = l.location();
+    const std::string& type = l.type();
+    const Vec3d from = l.point("from", Vec3d(0.0)), to = l.point("to", {0, 0, 1});
+    l.ignore({"samples", "nsamples"});
+    Element& root = *description_.root;
+    if (type == "infinite") {
+      add_infinite(l);
+    } else if (type == "distant") {
+      double factor = 1.0;
+      if (l.has("illuminance")) factor = l.number("illuminance", 1.0, 0.0);
+      const Vec3d direction = state_.ctm.vector(to - from);
+      if (!(length(direction) > 0.0)) fail(where, "the light has no direction");
+      Element& e = add_element(root, where, "emitter", {{"type", "directional"}});
+      add_value(e, where, "rgb", "irradiance", three_numbers(strength(l, "L") * factor));
+      add_value(e, where, "vector", "direction", three_numbers(normalize(direction)));
+    } else if (type == "point" || type == "spot") {
+      const double outer = l.number("coneangle", 30.0, 0.01, 179.9),
+                   inner = std::max(outer - l.number("conedeltaangle", 5.0, 0.0, 180.0), 0.0);
+      double factor = 1.0;
+      if (l.has("power")) {
+        // Of a light of intensity 1: 4 pi, or what the cone and its edge, which falls smoothly, let out.
+        const double out = std::cos(outer / kDegreesPerRadian), in = std::cos(inner / kDegreesPerRadian);
+        factor = l.number("power", 0.0, 0.0) /
+                 (type == "point" ? 4.0 * std::numbers::pi : 2.0 * std::numbers::pi * ((1.0 - in) + 0.5 * (in - out)));
+      }
+      Element& e = add_element(root, where, "emitter", {{"type", type}});
+      add_value(e, where, "rgb", "intensity", three_numbers(strength(l, "I") * factor));
+      if (type == "point") {
+        add_matrix(e, where, "to_world", Transform::translate(state_.ctm.point(from)));
+      } else {
+        const Vec3d p = state_.ctm.point(from), q = state_.ctm.point(to), axis = q - p;
+        const Vec3d up = std::fabs(axis.x) > 0.9 * length(axis) ? Vec3d(0, 1, 0) : Vec3d(1, 0, 0);
+        const auto view = Transform::look_at(p, q, up);
+        if (!view) fail(where, "the light has no direction");
+        add_matrix(e, where, "to_world", *view);
+        add_value(e, where, "float", "cutoff_angle", number_text(outer));
+        add_value(e, where, "float", "beam_width", number_text(inner));
+        report_.assume(where, "the light of a spot falls linearly with the angle between its cones, as in Mitsuba");
+      }
+    } else {
+      fail(where, l.what() + " is not supported; supported: point, spot, distant, infinite");
+    }
+    l.note_unused(report_);
+  }
+
+  void add_infinite(const PbrtObject& l) {
+    const Location where = l.location();
+    Vec3d factor = strength(l, "L");
+    l.ignore({"portal"});
+    const char* name = l.has("mapname") ? "mapname" : "filename";
+    if (!l.has(name)) {
+      // Of radiance 1 everywhere a surface receives pi.
+      if (l.has("illuminance")) factor = factor * (l.number("illuminance", 1.0, 0.0) / std::numbers::pi);
+      Element& e = add_element(*description_.root, where, "emitter", {{"type", "constant"}});
+      add_value(e, where, "rgb", "radiance", three_numbers(factor));
+      return;
+    }
+    if (l.has("illuminance"))
+      fail(l.where("illuminance"), "the illuminance of a picture of the sky is not supported; give its scale");
+    const std::string file = std::filesystem::absolute(description_.resolve(l.text(name, ""), l.where(name))).string();
+    Element& e = add_element(*description_.root, where, "emitter", {{"type", "envmap"}});
+    if (factor.x != factor.y || factor.x != factor.z) {
+      report_.assume(where, "the colour L of a light with a picture is read as its mean");
+      factor = Vec3d((factor.x + factor.y + factor.z) / 3.0);
+    }
+    // Version 4 maps a square by equal areas; version 3 has latitude and longitude.
+    BuiltPicture built;
+    built.read = [file] {
+      const Image in = read_image(file);
+      if (in.width != in.height) return in;
+      return unfold(in, file);
+    };
+    std::string picture = file;
+    if (!old_) picture = materials_.build_picture("environment " + file, std::move(built));
+    add_value(e, l.where(name), "string", "filename", picture);
+    add_value(e, where, "float", "scale", number_text(factor.x));
+    Transform turn = state_.ctm;
+    for (int row = 0; row < 3; ++row) turn(row, 3) = 0.0;
+    add_matrix(e, where, "to_world", turn * envmap_of_pbrt());
+  }
+
+  void area_light(PbrtLexer& lexer, const Location& where) {
+    state_.light = object(lexer, where, "AreaLightSource", "light");
+  }
+
+  // Shapes.
+  void count_shape(const Location& where) {
+    if (++shapes_ > kMostShapes) fail(where, "the scene has more than 4 million shapes, instances and lights");
+    meter_.add(kObjectBytes);
+  }
+  bool flat(const Location& where) {
+    if (!state_.ctm.is_singular(kLeastDeterminant)) return false;
+    report_.assume(where, "a shape that is scaled to nothing shows nothing");
+    return true;
+  }
+
+  void shape(PbrtLexer& lexer, const Location& where) {
+    const Object o = object(lexer, where, "Shape", "shape");
+    count_shape(where);
+    if (flat(where)) return;
+    report_.attempt(where, [&] { add_shape(*o); });
+  }
+
+  // A sphere of pbrt whose transform keeps it one.
+  bool is_round(const PbrtObject& s) const {
+    if (s.type() != "sphere" || s.has("zmin") || s.has("zmax") || s.has("phimax")) return false;
+    const Transform& t = state_.ctm;
+    const double l = length(t.column(0));
+    for (int i = 0; i < 3; ++i) {
+      const Vec3d a = t.column(i), b = t.column((i + 1) % 3);
+      if (std::fabs(length(a) - l) > 1e-6 * l || std::fabs(dot(a, b)) > 1e-6 * l * l) return false;
+    }
+    return true;
+  }
+
+  void add_shape(const PbrtObject& s) {
+    const Location where = s.location();
+    const std::string& type = s.type();
+    const bool mirrored = state_.ctm.determinant() < 0.0, in_group = group_ != description_.root.get();
+    bool flip = state_.reverse;
+    if (type == "curve") {
+      const std::string bsdf = materials_.bsdf(state_.material, s);
+      if (state_.light) report_.assume(where, "curves do not shine");
+      Curves curves = pbrt_curves(s, state_.ctm, report_);
+      Curves& all = curves_[bsdf];
+      for (auto& curve : curves) {
+        meter_.add(8 * sizeof(CurvePoint));
+        all.push_back(std::move(curve));
+      }
+      s.note_unused(report_);
+      return;
+    }
+    double area = -1.0;
+    Attributes attributes;
+    std::string mesh, file;
+    bool faces = false;  // without normals of its own
+    if (is_round(s)) {
+      const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
+      area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
+      flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
+    } else if (type == "plymesh") {
+      file = description_.resolve(s.text("filename", ""), s.where("filename"));
+      s.ignore({"displacement.edgelength"});
+      if (ending_of(file) == ".gz") {
+        const auto [at, inserted] = compressed_.try_emplace(file, "");
+        if (inserted) at->second = keep(read_pbrt_ply(file));
+        mesh = at->second;
+      } else {
+        faces = !ply_has_normals(file);
+      }
+    } else {
+      std::optional<RawMesh> raw = pbrt_mesh(s);
+      if (!raw)
+        fail(where, s.what() +
+                        " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
+                        "disk, cylinder, cone, paraboloid, curve");
+      area = mesh_area(*raw, state_.ctm);
+      mesh = keep(std::move(*raw));
+    }
+    if (!mesh.empty()) faces = description_.built_mesh(mesh)->normals.empty();
+    if (faces && mirrored) flip = !flip;  // what mirrors turns the front with it; normals do so by themselves
+    const std::string bsdf = materials_.bsdf(state_.material, s);
+    Element& e = add_element(*group_, where, "shape", {{"type", is_round(s) ? "sphere" : "ply"}});
+    if (is_round(s)) {
+      add_value(e, where, "float", "radius", number_text(s.number("radius", 1.0)));
+    } else {
+      add_value(e, where, "string", "filename", mesh.empty() ? file : mesh);
+      if (mesh.empty()) add_value(e, where, "boolean", "flip_tex_coords", "true");
+      if (faces) add_value(e, where, "boolean", "face_normals", "true");
+    }
+    add_matrix(e, where, "to_world", state_.ctm);
+    if (flip) add_value(e, where, "boolean", "flip_normals", "true");
+    add_element(e, where, "ref", {{"id", bsdf}});
+    if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
+    else if (state_.light) materials_.add_emitter(e, *state_.light, area);
+    s.note_unused(report_);
+  }
+
+  std::string keep(RawMesh mesh) {
+    const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
+    description_.built->meshes.emplace(name, std::move(mesh));
+    return name;
+  }
+
+  // The curves so far, those of a material together.
+  void flush_curves() {
+    for (auto& [bsdf, curves] : curves_) {
+      const std::string name = "curves" + std::to_string(description_.built->curves.size());
+      description_.built->curves.emplace(name, std::move(curves));
+      const Location where = description_.root->location;
+      Element& e = add_element(*group_, where, "shape", {{"type", "bsplinecurve"}});
+      add_value(e, where, "string", "filename", name);
+      add_element(e, where, "ref", {{"id", bsdf}});
+    }
+    curves_.clear();
+  }
+
+  Description& description_;
+  SceneReport& report_;
+  bool old_;
+  PbrtMaterials materials_;
+  MemoryMeter meter_;
+  std::shared_ptr<const SourceFile> main_;
+  State state_;
+  std::vector<Kept> stack_;
+  std::map<std::string, Transform> systems_;
+  Object camera_, film_, filter_, integrator_;
+  std::optional<Transform> camera_to_world_;
+  Element* group_ = nullptr;  // to which shapes are added: the root or a group
+  std::map<std::string, Group> groups_;
+  std::map<std::string, Curves> curves_;           // by the id of their bsdf
+  std::map<std::string, std::string> compressed_;  // meshes of files
+  std::vector<std::string> names_;                 // of the files that are open
+  std::size_t includes_ = 0, shapes_ = 0;
+  std::uint64_t included_bytes_ = 0;
+};
+
+}  // namespace
+
+bool is_pbrt(const std::string& file) { return ending_of(file) == ".pbrt"; }
+
+void read_pbrt(const std::string& file, std::string text, Description& description, SceneReport& report) {
+  description.root = std::make_unique<Element>();
+  description.root->tag = "scene";
+  description.built = std::make_shared<BuiltFiles>();
+  PbrtReader(file, std::move(text), description, report).read();
+}
+
+}  // namespace octrad

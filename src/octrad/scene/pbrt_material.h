@@ -1,0 +1,124 @@
+// Materials, textures and colours of pbrt in the terms of Mitsuba's objects. Internal to pbrt*.cc.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "octrad/scene/built_files.h"
+#include "octrad/scene/description.h"
+#include "octrad/scene/make_element.h"
+#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/spectrum.h"
+
+namespace octrad {
+
+// What is done with the values of a texture: of roughnesses pbrt makes the alpha of microfacets.
+enum class PbrtMap {
+  none,
+  root,           // alpha of a roughness, pbrt-v4
+  fourth_root,    // the roughness of principled, whose square is alpha
+  old_alpha,      // alpha of a roughness, pbrt-v3
+  old_alpha_root  // and the roughness of principled
+};
+double pbrt_map(PbrtMap map, double value);
+
+inline double channel_mean(Vec3d v) { return (v.x + v.y + v.z) / 3.0; }
+
+struct PbrtTexture {
+  enum class Kind { constant, picture, checkerboard } kind = Kind::constant;
+  Vec3d value{1, 1, 1};  // the constant, the factor of a picture, the first colour of a checkerboard
+  Vec3d other{1, 1, 1};  // the second
+  std::string file;      // of a picture
+  double gamma = 0.0;    // by which its values are encoded; 0: as the file's format says
+  bool invert = false, nearest = false;
+  std::string wrap = "repeat";
+  double scale[2] = {1, 1}, offset[2] = {0, 0};  // of the texture coordinates
+
+  bool operator==(const PbrtTexture&) const = default;
+  bool is_constant() const { return kind == Kind::constant; }
+};
+
+class PbrtMaterials {
+ public:
+  // `old`: the file is one of pbrt-v3. Adds to the root of `description`.
+  PbrtMaterials(bool old, Description& description, SceneReport& report)
+      : old_(old),
+        description_(description),
+        report_(report) {}
+
+  using Object = std::shared_ptr<const PbrtObject>;
+  // `number`: a float texture, otherwise one of colours.
+  void add_texture(bool number, const std::string& name, Object texture) {
+    objects_[{number, name}] = std::move(texture);
+  }
+  void add_named(const std::string& name, Object material) { named_[name] = std::move(material); }
+  Object named(const std::string& name, const Location& where) const;
+
+  // The id of a bsdf for a shape of that material, which may have an alpha; null: what pbrt takes where a file says
+  // nothing.
+  std::string bsdf(const Object& material, const PbrtObject& shape);
+
+  // A constant colour; nullopt where the object has no such parameter. Emission: spectra have a luminance of 1, as in
+  // pbrt-v4.
+  std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
+  // An area light of `object` on a shape; `area`: of the shape in the scene, < 0 where it is not known.
+  void add_emitter(Element& shape, const PbrtObject& light, double area);
+  // A picture that is made, under a name of its own for each `key`.
+  std::string build_picture(const std::string& key, BuiltPicture picture);
+
+ private:
+  PbrtTexture texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback);
+  PbrtTexture named_texture(const std::string& name, bool number, const Location& where);
+  PbrtTexture evaluate(const PbrtObject& object, bool number);
+  PbrtTexture picture(const PbrtObject& object);
+  std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
+
+  enum class Role { color, number, radiance };
+  void add(Element& parent, const Location& where, const std::string& name, const PbrtTexture& t, Role role,
+           PbrtMap map = PbrtMap::none);
+  void add_color(Element& bsdf, const std::string& name, const PbrtObject& m, std::string_view parameter,
+                 double fallback);
+  void add_value(Element& bsdf, const std::string& name, const PbrtObject& m, std::string_view parameter,
+                 double fallback);
+  void add_number(Element& parent, const Location& where, const std::string& name, double value) const;
+
+  // The two roughnesses of a material.
+  struct Roughness {
+    PbrtTexture u, v;
+    bool remap = true;
+    bool smooth = false;  // as pbrt counts it: alpha below .001
+  };
+  Roughness roughness(const PbrtObject& m, const std::string& prefix, double fallback);
+  PbrtMap alpha_map(const Roughness& r) const;
+  void add_alpha(Element& bsdf, const PbrtObject& m, const Roughness& r);
+
+  void add_bsdf(const std::string& id, const Object& material, const PbrtTexture& alpha, const Location& where);
+  Element& nest(Element& parent, const Location& where, const std::string& type, Attributes labels);
+  void add_model(Element& parent, const PbrtObject& m, const Attributes& labels, int depth);
+  void add_coat(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_conductor(Element& parent, const PbrtObject& m, const Attributes& labels, const std::string& prefix);
+  void add_dielectric(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_translucent(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_hair(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_disney(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_mix(Element& parent, const PbrtObject& m, const Attributes& labels, int depth);
+  bool is_opaque(const PbrtObject& m, int depth = 0) const;
+  std::pair<Object, Object> parts(const PbrtObject& mix) const;
+  double eta(const PbrtObject& m, double fallback) const;
+
+  bool old_;
+  Description& description_;
+  SceneReport& report_;
+  std::map<std::pair<bool, std::string>, Object> objects_;  // textures, by whether they are numbers, and name
+  std::map<const PbrtObject*, PbrtTexture> values_;         // of textures
+  int open_ = 0;                                            // textures that are being looked into
+  std::map<std::string, Object> named_;                     // materials
+  std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
+  std::vector<Object> kept_;                                // whose address is a key of bsdfs_
+  std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names
+};
+
+}  // namespace octrad

@@ -1,0 +1,353 @@
+#include "octrad/scene/pbrt_shape.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "octrad/base/input_file.h"
+#include "octrad/base/memory_limit.h"
+#include "octrad/scene/limits.h"
+
+namespace octrad {
+namespace {
+
+// `count` numbers an element.
+std::size_t elements(const PbrtParameter& p, std::size_t count) {
+  if (p.numbers.empty() || p.numbers.size() % count != 0)
+    fail(p.where, "the parameter \"" + p.name + "\" must hold " + std::to_string(count) + " numbers for each element");
+  if (p.numbers.size() / count > kMostMeshElements) fail(p.where, "the mesh is too large");
+  return p.numbers.size() / count;
+}
+
+std::vector<Vec3f> vectors(const PbrtParameter& p) {
+  std::vector<Vec3f> result(elements(p, 3));
+  ask_memory(result.size() * sizeof(Vec3f), p.where.file->name());
+  for (std::size_t i = 0; i < result.size(); ++i)
+    result[i] = Vec3f(Vec3d(p.numbers[3 * i], p.numbers[3 * i + 1], p.numbers[3 * i + 2]));
+  return result;
+}
+
+const PbrtParameter& required(const PbrtObject& shape, std::string_view name,
+                              std::initializer_list<const char*> types) {
+  const PbrtParameter* p = shape.find(name, types);
+  if (!p) fail(shape.location(), shape.what() + " needs the parameter \"" + std::string(name) + "\"");
+  return *p;
+}
+
+// Positions, normals and texture coordinates of the vertices.
+RawMesh vertices(const PbrtObject& shape) {
+  RawMesh mesh;
+  mesh.positions = vectors(required(shape, "P", {"point", "point3"}));
+  if (const PbrtParameter* n = shape.find("N", {"normal", "normal3"})) {
+    mesh.normals = vectors(*n);
+    if (mesh.normals.size() != mesh.positions.size()) fail(n->where, "there must be as many normals as points");
+  }
+  for (const char* name : {"uv", "st"}) {
+    const PbrtParameter* uv = mesh.uvs.empty() ? shape.find(name, {"point2", "vector2", "float"}) : nullptr;
+    if (!uv) continue;
+    if (elements(*uv, 2) != mesh.positions.size())
+      fail(uv->where, "there must be as many texture coordinates as points");
+    for (std::size_t i = 0; i < uv->numbers.size(); i += 2)
+      mesh.uvs.push_back({static_cast<float>(uv->numbers[i]), static_cast<float>(1.0 - uv->numbers[i + 1])});
+  }
+  shape.ignore({"S", "faceIndices"});
+  return mesh;
+}
+
+// The indices of corners, `corners` a face; where there are none, those of one face.
+std::vector<int> corner_indices(const PbrtObject& shape, std::size_t corners, std::size_t points) {
+  std::vector<int> result;
+  const PbrtParameter* p = shape.find("indices", {"integer"});
+  if (!p) {
+    if (points != corners) fail(shape.location(), shape.what() + " needs the parameter \"indices\"");
+    for (std::size_t i = 0; i < corners; ++i) result.push_back(static_cast<int>(i));
+    return result;
+  }
+  elements(*p, corners);
+  ask_memory(p->numbers.size() * sizeof(int), p->where.file->name());
+  for (const double index : p->numbers) {
+    if (!(index >= 0.0 && index < static_cast<double>(points) && index == std::floor(index)))
+      fail(p->where, "an index of a vertex is out of range: there are " + std::to_string(points) + " points");
+    result.push_back(static_cast<int>(index));
+  }
+  return result;
+}
+
+RawMesh triangles(const PbrtObject& shape) {
+  RawMesh mesh = vertices(shape);
+  const std::vector<int> corners = corner_indices(shape, 3, mesh.positions.size());
+  for (std::size_t i = 0; i < corners.size(); i += 3)
+    mesh.triangles.push_back({corners[i], corners[i + 1], corners[i + 2]});
+  return mesh;
+}
+
+// Two triangles a patch, whose corners are at (0,0), (1,0), (0,1) and (1,1).
+RawMesh patches(const PbrtObject& shape) {
+  RawMesh mesh = vertices(shape);
+  const std::vector<int> corners = corner_indices(shape, 4, mesh.positions.size());
+  if (mesh.uvs.empty()) {  // each patch has its own
+    RawMesh apart;
+    for (const int corner : corners) {
+      const auto from = static_cast<std::size_t>(corner), k = apart.positions.size() % 4;
+      apart.positions.push_back(mesh.positions[from]);
+      if (!mesh.normals.empty()) apart.normals.push_back(mesh.normals[from]);
+      apart.uvs.push_back({k % 2 ? 1.0f : 0.0f, k / 2 ? 0.0f : 1.0f});
+    }
+    for (int i = 0; i + 3 < static_cast<int>(apart.positions.size()); i += 4) {
+      apart.triangles.push_back({i, i + 1, i + 3});
+      apart.triangles.push_back({i, i + 3, i + 2});
+    }
+    return apart;
+  }
+  for (std::size_t i = 0; i < corners.size(); i += 4) {
+    mesh.triangles.push_back({corners[i], corners[i + 1], corners[i + 3]});
+    mesh.triangles.push_back({corners[i], corners[i + 3], corners[i + 2]});
+  }
+  return mesh;
+}
+
+// A line of (radius, z) turned about the z axis; v, pbrt's, goes with the line.
+RawMesh revolve(const std::vector<std::array<double, 2>>& line, double phi_max) {
+  constexpr int kSegments = 256;
+  RawMesh mesh;
+  const auto rows = static_cast<int>(line.size());
+  for (int j = 0; j < rows; ++j) {
+    const auto at = [&](int k) { return line[static_cast<std::size_t>(std::clamp(k, 0, rows - 1))]; };
+    const std::array<double, 2> here = at(j), before = at(j - 1), after = at(j + 1);
+    const double dr = after[0] - before[0], dz = after[1] - before[1];
+    for (int i = 0; i <= kSegments; ++i) {
+      const double u = static_cast<double>(i) / kSegments, c = std::cos(u * phi_max), s = std::sin(u * phi_max);
+      mesh.positions.push_back(Vec3f(Vec3d(here[0] * c, here[0] * s, here[1])));
+      mesh.normals.push_back(Vec3f(normalize(Vec3d(dz * c, dz * s, -dr))));
+      mesh.uvs.push_back({static_cast<float>(u), static_cast<float>(1.0 - static_cast<double>(j) / (rows - 1))});
+      if (i == kSegments || j + 1 == rows) continue;
+      const int a = j * (kSegments + 1) + i, b = a + 1, d = a + kSegments + 1, e = d + 1;
+      if (here[0] > 0.0) mesh.triangles.push_back({a, b, e});
+      if (after[0] > 0.0) mesh.triangles.push_back({a, e, d});
+    }
+  }
+  return mesh;
+}
+
+RawMesh quadric(const PbrtObject& shape) {
+  const std::string& type = shape.type();
+  const double phi_max = shape.number("phimax", 360.0, 1e-3, 360.0) * std::numbers::pi / 180.0,
+               radius = shape.number("radius", 1.0, 1e-9, 1e9);
+  std::vector<std::array<double, 2>> line;
+  if (type == "disk") {
+    const double inner = shape.number("innerradius", 0.0, 0.0, radius), z = shape.number("height", 0.0);
+    line = {{radius, z}, {inner, z}};
+  } else if (type == "cylinder") {
+    line = {{radius, shape.number("zmin", -1.0)}, {radius, shape.number("zmax", 1.0)}};
+  } else if (type == "cone") {
+    line = {{radius, 0.0}, {0.0, shape.number("height", 1.0)}};
+  } else if (type == "paraboloid") {
+    const double low = std::max(shape.number("zmin", 0.0), 0.0), high = shape.number("zmax", 1.0, 1e-9, 1e9);
+    constexpr int kRows = 64;
+    for (int j = 0; j <= kRows; ++j) {
+      const double z = low + (high - low) * j / kRows;
+      line.push_back({radius * std::sqrt(z / high), z});
+    }
+  } else {
+    const double low = std::clamp(shape.number("zmin", -radius), -radius, radius),
+                 high = std::clamp(shape.number("zmax", radius), -radius, radius);
+    const double from = std::acos(std::min(low, high) / radius), to = std::acos(std::max(low, high) / radius);
+    constexpr int kRows = 128;
+    for (int j = 0; j <= kRows; ++j) {
+      const double theta = from + (to - from) * j / kRows;
+      line.push_back({std::max(radius * std::sin(theta), 0.0), radius * std::cos(theta)});
+    }
+    if (from > std::numbers::pi - 1e-6) line.front()[0] = 0.0;
+    if (to < 1e-6) line.back()[0] = 0.0;
+  }
+  RawMesh mesh = revolve(line, phi_max);
+  if (mesh.triangles.empty()) fail(shape.location(), shape.what() + " has no area");
+  return mesh;
+}
+
+std::string inflated(const std::string& bytes, const std::string& file) {
+  z_stream stream{};
+  if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw MemoryError(file + ": no memory to decompress");
+  struct End {
+    z_stream& s;
+    ~End() { inflateEnd(&s); }
+  } const end{stream};
+  std::string out;
+  constexpr std::size_t kStep = 1 << 20;
+  std::size_t given = 0;
+  int status = Z_OK;
+  while (status == Z_OK) {
+    if (stream.avail_in == 0) {
+      const std::size_t next = std::min(bytes.size() - given, std::size_t{1} << 30);
+      if (next == 0) break;
+      stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + given));
+      stream.avail_in = static_cast<unsigned>(next);
+      given += next;
+    }
+    const std::size_t before = out.size();
+    if (out.capacity() < before + kStep) {
+      const std::size_t larger = std::max(2 * out.capacity(), before + kStep);
+      ask_memory(larger, file);
+      out.reserve(larger);
+    }
+    out.resize(before + kStep);
+    stream.next_out = reinterpret_cast<Bytef*>(out.data() + before);
+    stream.avail_out = kStep;
+    status = inflate(&stream, Z_NO_FLUSH);
+    out.resize(before + kStep - stream.avail_out);
+  }
+  if (status != Z_STREAM_END) throw InputError(file + ": the gzip data is broken or cut off");
+  return out;
+}
+
+}  // namespace
+
+std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape) {
+  const std::string& type = shape.type();
+  if (type == "trianglemesh") return triangles(shape);
+  if (type == "bilinearmesh") return patches(shape);
+  if (type == "loopsubdiv") {
+    RawMesh mesh = triangles(shape);
+    shape.ignore({"scheme"});
+    const char* name = shape.has("nlevels") ? "nlevels" : "levels";
+    return subdivide_loop(std::move(mesh), static_cast<int>(shape.number(name, 3.0, 0.0, 10.0)));
+  }
+  if (type == "sphere" || type == "disk" || type == "cylinder" || type == "cone" || type == "paraboloid")
+    return quadric(shape);
+  return std::nullopt;
+}
+
+Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneReport& report) {
+  const std::vector<Vec3f> points = vectors(required(shape, "P", {"point", "point3"}));
+  const std::string basis = shape.text("basis", "bezier"), type = shape.text("type", "flat");
+  const auto degree = static_cast<std::size_t>(shape.number("degree", 3.0, 2.0, 3.0));
+  if (basis != "bezier" && basis != "bspline")
+    fail(shape.where("basis"), "the basis of a curve is bezier or bspline, not \"" + basis + "\"");
+  if (type != "cylinder") report.assume(shape.location(), "curves of pbrt, flat ones and ribbons too, are round");
+  shape.ignore({"N", "splitdepth"});
+  const bool spline = basis == "bspline";
+  const std::size_t step = spline ? 1 : degree, extra = spline ? degree : 1;
+  if (points.size() < degree + 1 || (points.size() - extra) % step != 0)
+    fail(shape.where("P"),
+         std::to_string(points.size()) + " points do not make curves of the degree " + std::to_string(degree));
+  const double width = shape.number("width", 1.0, 0.0), width0 = shape.number("width0", width, 0.0),
+               width1 = shape.number("width1", width, 0.0), scale = std::cbrt(std::fabs(to_world.determinant()));
+  const std::size_t segments = (points.size() - extra) / step;
+  Curves curves;
+  for (std::size_t s = 0; s < segments; ++s) {
+    std::array<Vec3d, 4> p;
+    for (std::size_t k = 0; k <= degree; ++k) p[k] = to_world.point(Vec3d(points[s * step + k]));
+    if (spline && degree == 2) {  // three control points of a quadratic B-spline as Bezier's
+      p = {(p[0] + p[1]) * 0.5, p[1], (p[1] + p[2]) * 0.5, p[3]};
+    }
+    if (degree == 2) p = {p[0], p[0] * (1.0 / 3.0) + p[1] * (2.0 / 3.0), p[1] * (2.0 / 3.0) + p[2] * (1.0 / 3.0), p[2]};
+    // The same cubic by the control points of a uniform B-spline.
+    if (!spline || degree == 2) {
+      p = {p[0] * 6.0 - p[1] * 7.0 + p[2] * 2.0, p[1] * 2.0 - p[2], p[2] * 2.0 - p[1],
+           p[1] * 2.0 - p[2] * 7.0 + p[3] * 6.0};
+    }
+    std::vector<CurvePoint> curve(4);
+    for (std::size_t k = 0; k < 4; ++k) {
+      // A B-spline of a linear function has its values, at -1, 0, 1 and 2 of the segment, as control points.
+      const double u = (static_cast<double>(s) + static_cast<double>(k) - 1.0) / static_cast<double>(segments);
+      curve[k] = {p[k], std::max(0.5 * scale * (width0 + (width1 - width0) * u), 0.0)};
+    }
+    curves.push_back(std::move(curve));
+  }
+  return curves;
+}
+
+RawMesh read_pbrt_ply(const std::string& file) {
+  RawMesh mesh = parse_ply(file, inflated(read_file(file), file));
+  for (Vec2f& uv : mesh.uvs) uv.y = 1.0f - uv.y;
+  return mesh;
+}
+
+bool ply_has_normals(const std::string& file) {
+  const InputFile input(file);
+  std::string head(static_cast<std::size_t>(std::min<std::uint64_t>(input.size(), 1 << 16)), '\0');
+  input.read(head.data(), head.size(), 0);
+  head.resize(std::min(head.find("end_header"), head.size()));
+  return head.find(" nx") != std::string::npos;
+}
+
+double mesh_area(const RawMesh& mesh, const Transform& to_world) {
+  double sum = 0.0;
+  for (const Vec3i& t : mesh.triangles) {
+    Vec3d p[3];
+    for (int k = 0; k < 3; ++k) p[k] = to_world.point(Vec3d(mesh.positions[static_cast<std::size_t>(t[k])]));
+    sum += 0.5 * length(cross(p[1] - p[0], p[2] - p[0]));
+  }
+  return sum;
+}
+
+RawMesh subdivide_loop(RawMesh mesh, int levels) {
+  mesh.normals.clear();
+  mesh.uvs.clear();
+  for (int level = 0; level < levels; ++level) {
+    const std::size_t count = mesh.positions.size();
+    if (mesh.triangles.size() > kMostMeshElements / 4) throw InputError("the subdivided mesh is too large");
+    // Of an edge and of each of its ends, a set in a map and a list: about 300 bytes.
+    ask_memory(mesh.triangles.size() * 1000, "a subdivision surface");
+    struct Edge {
+      int opposite[2] = {-1, -1}, faces = 0, point = -1;
+    };
+    std::map<std::pair<int, int>, Edge> edges;
+    const auto edge = [&](int a, int b) -> Edge& { return edges[{std::min(a, b), std::max(a, b)}]; };
+    for (const Vec3i& t : mesh.triangles) {
+      for (int k = 0; k < 3; ++k) {
+        Edge& e = edge(t[k], t[(k + 1) % 3]);
+        if (e.faces < 2) e.opposite[e.faces] = t[(k + 2) % 3];
+        ++e.faces;
+      }
+    }
+    const auto position = [&](int i) { return Vec3d(mesh.positions[static_cast<std::size_t>(i)]); };
+    std::vector<Vec3d> around(count, Vec3d(0.0)), along(count, Vec3d(0.0));  // sums of neighbours, on the boundary too
+    std::vector<int> valence(count, 0), borders(count, 0);
+    for (const auto& [ends, e] : edges) {
+      for (const auto& [a, b] : {ends, std::pair(ends.second, ends.first)}) {
+        const auto i = static_cast<std::size_t>(a);
+        around[i] += position(b);
+        ++valence[i];
+        if (e.faces == 2) continue;
+        along[i] += position(b);
+        ++borders[i];
+      }
+    }
+    std::vector<Vec3f> positions(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vec3d p = position(static_cast<int>(i));
+      const int n = valence[i];
+      const double beta = n == 3 ? 3.0 / 16.0 : n > 0 ? 3.0 / (8.0 * n) : 0.0;
+      Vec3d moved = borders[i] == 2  ? p * 0.75 + along[i] * 0.125
+                    : borders[i] > 0 ? p
+                                     : p * (1.0 - n * beta) + around[i] * beta;
+      positions[i] = Vec3f(moved);
+    }
+    for (auto& [ends, e] : edges) {
+      const Vec3d middle = position(ends.first) + position(ends.second);
+      e.point = static_cast<int>(positions.size());
+      positions.push_back(Vec3f(
+          e.faces == 2 ? middle * 0.375 + (position(e.opposite[0]) + position(e.opposite[1])) * 0.125 : middle * 0.5));
+    }
+    std::vector<Vec3i> finer;
+    finer.reserve(4 * mesh.triangles.size());
+    for (const Vec3i& t : mesh.triangles) {
+      const int a = edge(t[0], t[1]).point, b = edge(t[1], t[2]).point, c = edge(t[2], t[0]).point;
+      finer.push_back({t[0], a, c});
+      finer.push_back({a, t[1], b});
+      finer.push_back({c, b, t[2]});
+      finer.push_back({a, b, c});
+    }
+    mesh.positions = std::move(positions);
+    mesh.triangles = std::move(finer);
+  }
+  mesh.normals = smooth_normals(mesh.positions, mesh.triangles);
+  return mesh;
+}
+
+}  // namespace octrad

@@ -1,0 +1,32 @@
+// Shapes of pbrt as meshes and curves. Internal to pbrt*.cc.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "octrad/scene/curves.h"
+#include "octrad/scene/mesh.h"
+#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/transform.h"
+
+namespace octrad {
+
+// The shape in object space, its front where pbrt has it, with Mitsuba's v, which runs down: triangles, bilinear
+// patches (two triangles each), subdivision surfaces, spheres, disks, cylinders, cones and paraboloids (256 segments
+// around). nullopt for types that are no such mesh. Throws SceneError, MemoryError.
+std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape);
+
+// The cubic B-splines of a shape "curve", in world space; radii grow with the transform.
+Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneReport& report);
+
+// The content of a PLY file that may be compressed by gzip (its name then ends in .gz): with v turned over.
+RawMesh read_pbrt_ply(const std::string& file);
+// Whether a plain PLY file says that its vertices have normals.
+bool ply_has_normals(const std::string& file);
+
+double mesh_area(const RawMesh& mesh, const Transform& to_world);
+
+// Loop, C. 1987, "Smooth Subdivision Surfaces Based on Triangles": `levels` steps, without the way to the limit.
+RawMesh subdivide_loop(RawMesh mesh, int levels);
+
+}  // namespace octrad

@@ -1,0 +1,317 @@
+// Colours, spectra and textures of pbrt. What depends on constants alone becomes one, what is a picture with factors
+// becomes a bitmap or a picture that is made; textures that are computed from the place are refused.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "octrad/base/join.h"
+#include "octrad/base/number_text.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/named_materials.h"
+#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/picture_values.h"
+
+namespace octrad {
+namespace {
+
+constexpr int kMostNested = 64;
+
+// pbrt-v3: TrowbridgeReitzDistribution::RoughnessToAlpha.
+double old_alpha(double roughness) {
+  const double l = std::log(std::max(roughness, 1e-3));
+  return 1.62142 + l * (0.819955 + l * (0.1734 + l * (0.0171201 + l * 0.000640711)));
+}
+
+Vec3d clamped(Vec3d v) { return {std::clamp(v.x, 0.0, 1.0), std::clamp(v.y, 0.0, 1.0), std::clamp(v.z, 0.0, 1.0)}; }
+
+// Of a luminance of 1.
+Vec3d normalized_light(const Spectrum& spectrum, const Location& where) {
+  const Vec3f rgb = spectrum_rgb(spectrum, SpectrumUse::emission);
+  const double y = static_cast<double>(luminance(rgb));
+  if (!(y > 0.0)) fail(where, "the spectrum gives no light that can be seen");
+  return Vec3d(rgb) / y;
+}
+
+// Of brass; refractiveindex.info, at 650, 550 and 450 nm.
+constexpr Vec3d kBrassEta{0.444, 0.527, 1.094}, kBrassK{3.695, 2.765, 1.829};
+
+}  // namespace
+
+double pbrt_map(PbrtMap map, double value) {
+  switch (map) {
+    case PbrtMap::none: return value;
+    case PbrtMap::root: return std::sqrt(std::max(value, 0.0));
+    case PbrtMap::fourth_root: return std::sqrt(std::sqrt(std::max(value, 0.0)));
+    case PbrtMap::old_alpha: return old_alpha(value);
+    case PbrtMap::old_alpha_root: return std::sqrt(std::max(old_alpha(value), 0.0));
+  }
+  return value;
+}
+
+std::optional<Vec3d> PbrtMaterials::named_spectrum(const std::string& name, SpectrumUse use) const {
+  // Metals: "metal-Cu-eta", "metal-Cu-k".
+  if (name.starts_with("metal-")) {
+    const std::size_t dash = name.rfind('-');
+    const std::string metal = name.substr(6, dash > 6 ? dash - 6 : 0), part = name.substr(dash + 1);
+    if (part != "eta" && part != "k") return std::nullopt;
+    if (metal == "CuZn") return part == "eta" ? kBrassEta : kBrassK;
+    if (const auto known = named_conductor(metal)) return Vec3d(part == "eta" ? known->eta : known->k);
+    return std::nullopt;
+  }
+  // Schott's glasses at 587.6 nm.
+  static const std::pair<const char*, double> glasses[] = {
+      {"glass-BK7", 1.5168}, {"glass-BAF10", 1.6700}, {"glass-FK51A", 1.4866}, {"glass-LASF9", 1.8503},
+      {"glass-F5", 1.6034},  {"glass-SF5", 1.6727},   {"glass-F10", 1.7283},   {"glass-SF10", 1.7283},
+      {"glass-F11", 1.7847}, {"glass-SF11", 1.7847}};
+  for (const auto& [glass, index] : glasses) {
+    if (name == glass) return Vec3d(index);
+  }
+  if (use != SpectrumUse::emission) return std::nullopt;
+  if (name == "stdillum-D65" || name == "illum-acesD60") return Vec3d(1.0);  // the white of RGB
+  if (name == "stdillum-A") return normalized_light(blackbody_spectrum(2856.0), {});
+  if (name == "stdillum-D50") return normalized_light(blackbody_spectrum(5003.0), {});
+  return std::nullopt;
+}
+
+std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_view name, SpectrumUse use) const {
+  const PbrtParameter* p = object.find(name, {"rgb", "color", "spectrum", "blackbody", "xyz", "float"});
+  if (!p) return std::nullopt;
+  const auto count = [&](std::size_t wanted, const char* text) {
+    if (p->numbers.size() != wanted)
+      fail(p->where, "the parameter \"" + p->name + "\" of " + object.what() + " must be " + text);
+  };
+  if (p->type == "float") {
+    count(1, "one number");
+    return Vec3d(p->numbers[0]);
+  }
+  if (p->type == "blackbody") {
+    // Version 3 may give a factor as well.
+    if (p->numbers.size() != 2) count(1, "a temperature in kelvin");
+    if (!(p->numbers[0] >= 200.0 && p->numbers[0] <= 1e6))
+      fail(p->where, "a temperature must be from 200 to 1e6 kelvin");
+    return normalized_light(blackbody_spectrum(p->numbers[0]), p->where) *
+           (p->numbers.size() == 2 ? p->numbers[1] : 1.0);
+  }
+  if (p->type == "rgb" || p->type == "color" || p->type == "xyz") {
+    count(3, "three numbers");
+    const Vec3d v{p->numbers[0], p->numbers[1], p->numbers[2]};
+    if (p->type != "xyz") return v;
+    // XYZ to linear Rec. 709 (IEC 61966-2-1).
+    return Vec3d{3.2404542 * v.x - 1.5371385 * v.y - 0.4985314 * v.z,
+                 -0.9692660 * v.x + 1.8760108 * v.y + 0.0415560 * v.z,
+                 0.0556434 * v.x - 0.2040259 * v.y + 1.0572252 * v.z};
+  }
+  Spectrum spectrum;
+  if (!p->texts.empty()) {
+    if (p->texts.size() != 1) fail(p->where, "the spectrum \"" + p->name + "\" must be one name or file");
+    if (const auto named = named_spectrum(p->texts[0], use)) return named;
+    spectrum = read_spectrum(description_.resolve(p->texts[0], p->where));
+  } else {
+    if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
+    if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
+    std::vector<double> wavelengths, values;
+    for (std::size_t i = 0; i < p->numbers.size(); i += 2) {
+      wavelengths.push_back(p->numbers[i]);
+      values.push_back(p->numbers[i + 1]);
+    }
+    spectrum = make_spectrum(std::move(wavelengths), std::move(values), p->where);
+  }
+  if (use == SpectrumUse::emission && !old_) return normalized_light(spectrum, p->where);
+  return Vec3d(spectrum_rgb(spectrum, use));
+}
+
+PbrtTexture PbrtMaterials::texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback) {
+  PbrtTexture t;
+  t.value = fallback;
+  if (const PbrtParameter* p = object.find(name); p && p->type == "texture") {
+    if (p->texts.size() != 1) fail(p->where, "the parameter \"" + p->name + "\" must name one texture");
+    return named_texture(p->texts[0], number, p->where);
+  }
+  if (number) t.value = Vec3d(object.number(name, fallback.x));
+  else t.value = color(object, name, SpectrumUse::reflectance).value_or(fallback);
+  return t;
+}
+
+PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, const Location& where) {
+  const auto found = objects_.find({number, name});
+  if (found == objects_.end()) {
+    std::vector<std::string> known;
+    for (const auto& [key, object] : objects_) {
+      if (key.first == number && known.size() < 1000) known.push_back(key.second);
+    }
+    fail(where, std::string("there is no texture of ") + (number ? "numbers" : "colours") + " with the name \"" + name +
+                    "\"" + did_you_mean(name, known));
+  }
+  const Object object = found->second;
+  if (const auto known = values_.find(object.get()); known != values_.end()) return known->second;
+  if (open_ >= kMostNested) fail(where, "textures are nested too deep, or one uses itself");
+  ++open_;
+  struct Close {
+    int& open;
+    ~Close() { --open; }
+  } const close{open_};
+  const PbrtTexture value = evaluate(*object, number);
+  object->note_unused(report_);
+  values_.emplace(object.get(), value);
+  return value;
+}
+
+PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
+  const std::string& type = object.type();
+  if (type == "constant") return texture(object, "value", number, Vec3d(1.0));
+  if (type == "imagemap") return picture(object);
+  if (type == "scale") {
+    const bool v3 = object.has("tex1") || object.has("tex2");
+    PbrtTexture a = texture(object, v3 ? "tex1" : "tex", number, Vec3d(1.0));
+    PbrtTexture b = texture(object, v3 ? "tex2" : "scale", v3 ? number : true, Vec3d(1.0));
+    if (a.is_constant()) std::swap(a, b);
+    if (!b.is_constant())
+      fail(object.location(), "a product of two textures is not supported; multiply their pictures");
+    a.value = a.value * b.value;
+    a.other = a.other * b.value;
+    return a;
+  }
+  if (type == "mix") {
+    const PbrtTexture a = texture(object, "tex1", number, Vec3d(0.0)), b = texture(object, "tex2", number, Vec3d(1.0)),
+                      amount = texture(object, "amount", true, Vec3d(0.5));
+    if (amount.is_constant() && amount.value.x <= 0.0) return a;
+    if (amount.is_constant() && amount.value.x >= 1.0) return b;
+    PbrtTexture result = a;
+    result.value = a.value * (1.0 - amount.value.x) + b.value * amount.value.x;
+    if (a == b || (a.is_constant() && b.is_constant() && amount.is_constant())) return a == b ? a : result;
+    fail(object.location(), "a mix of textures is not supported; mix their pictures");
+  }
+  if (type == "checkerboard") {
+    if (object.number("dimension", 2.0) != 2.0)
+      fail(object.location(), "a checkerboard of three dimensions is not supported; bake it into a picture");
+    const PbrtTexture a = texture(object, "tex1", number, Vec3d(1.0)), b = texture(object, "tex2", number, Vec3d(0.0));
+    if (!a.is_constant() || !b.is_constant())
+      fail(object.location(), "a checkerboard of textures is not supported; bake it into a picture");
+    object.ignore({"aamode"});
+    PbrtTexture t = picture(object);  // its texture coordinates
+    t.kind = PbrtTexture::Kind::checkerboard;
+    t.value = a.value;
+    t.other = b.value;
+    return t;
+  }
+  fail(object.location(), object.what() +
+                              " is not supported; bake it into a picture and load that as an imagemap. "
+                              "Supported: constant, imagemap, scale, mix, checkerboard");
+}
+
+// Also the texture coordinates of others.
+PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
+  PbrtTexture t;
+  const std::string mapping = object.text("mapping", "uv");
+  if (mapping != "uv")
+    fail(object.where("mapping"),
+         "the mapping \"" + mapping + "\" is not supported; give the mesh texture coordinates");
+  t.scale[0] = object.number("uscale", 1.0);
+  t.scale[1] = object.number("vscale", 1.0);
+  t.offset[0] = object.number("udelta", 0.0);
+  t.offset[1] = object.number("vdelta", 0.0);
+  if (object.type() != "imagemap") return t;
+  t.kind = PbrtTexture::Kind::picture;
+  const std::string file = object.text("filename", "");
+  t.file = std::filesystem::absolute(description_.resolve(file, object.where("filename"))).string();
+  t.value = Vec3d(object.number("scale", 1.0));
+  t.invert = object.flag("invert", false);
+  const std::string filter = object.text("filter", "bilinear"), wrap = object.text("wrap", "repeat");
+  t.nearest = filter == "point";
+  t.wrap = wrap == "repeat" ? "repeat" : "clamp";
+  if (wrap == "black") report_.assume(object.where("wrap"), "textures that are black outside are clamped");
+  const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "" : "linear");
+  if (encoding == "linear") t.gamma = 1.0;
+  else if (encoding.starts_with("gamma")) t.gamma = std::clamp(std::atof(encoding.c_str() + 5), 0.1, 10.0);
+  object.ignore({"maxanisotropy", "trilinear"});
+  return t;
+}
+
+std::string PbrtMaterials::build_picture(const std::string& key, BuiltPicture picture) {
+  const auto [at, inserted] = pictures_.try_emplace(key, "picture" + std::to_string(pictures_.size()));
+  if (inserted) description_.built->pictures.emplace(at->second, std::move(picture));
+  return at->second;
+}
+
+void PbrtMaterials::add_number(Element& parent, const Location& where, const std::string& name, double value) const {
+  add_element(parent, where, "float", {{"name", name}, {"value", number_text(value)}});
+}
+
+void PbrtMaterials::add(Element& parent, const Location& where, const std::string& name, const PbrtTexture& t,
+                        Role role, PbrtMap map) {
+  using Kind = PbrtTexture::Kind;
+  const bool number = role == Role::number, color = role == Role::color;
+  const auto constant = [&](Element& e, const std::string& key, Vec3d value) {
+    if (number) return add_number(e, where, key, pbrt_map(map, channel_mean(value)));
+    add_element(e, where, "rgb", {{"name", key}, {"value", three_numbers(color ? clamped(value) : value)}});
+  };
+  if (t.kind == Kind::constant) return constant(parent, name, t.value);
+  // pbrt's v runs up, Mitsuba's down: v' = 1 - v, and so of what is scaled and moved.
+  Transform to_uv;
+  const bool checks = t.kind == Kind::checkerboard;
+  if (checks) {  // two fields of pbrt are the period of Mitsuba's
+    to_uv = Transform::translate({0.5 * t.offset[0], 0.5 * (t.scale[1] + t.offset[1]), 0.0}) *
+            Transform::scale({0.5 * t.scale[0], -0.5 * t.scale[1], 1.0});
+  } else {
+    to_uv = Transform::translate({t.offset[0], 1.0 - t.scale[1] - t.offset[1], 0.0}) *
+            Transform::scale({t.scale[0], t.scale[1], 1.0});
+  }
+  std::string key = std::string(checks ? "checks " : "picture ") + t.file + (number ? " number" : "") +
+                    (role == Role::radiance ? " radiance" : "") + " " + std::to_string(static_cast<int>(map)) +
+                    (t.invert ? " inverted" : "") + (t.nearest ? " nearest" : "") + " " + t.wrap + " " +
+                    number_text(t.gamma);
+  for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z}) key += " " + number_text(v);
+  const std::string picture_key = key;
+  for (const double v : to_uv.m) key += " " + number_text(v);
+  const auto [at, inserted] = textures_.try_emplace(key, "texture" + std::to_string(textures_.size()));
+  if (inserted) {
+    Element& e = add_element(*description_.root, where, "texture",
+                             {{"type", checks ? "checkerboard" : "bitmap"}, {"id", at->second}});
+    description_.ids.emplace(at->second, &e);
+    if (checks) {
+      // As a number Mitsuba exchanges the two.
+      constant(e, "color0", number ? t.other : t.value);
+      constant(e, "color1", number ? t.value : t.other);
+    } else {
+      const bool plain =
+          t.value == Vec3d(1.0) && !t.invert && map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
+      std::string file = t.file;
+      if (!plain) {
+        BuiltPicture built;
+        built.read = [t, number, color, map] {
+          const MemoryScope scope;
+          const Image in = read_image(t.file);
+          const std::vector<int> from = color_channels(in);
+          ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
+          Image out(in.width, in.height,
+                    number ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B"});
+          const std::size_t stride = in.channels.size();
+          for (std::size_t i = 0; i < in.pixel_count(); ++i) {
+            Vec3d v;
+            for (int c = 0; c < 3; ++c) {
+              const float stored = in.data[i * stride + static_cast<std::size_t>(from[static_cast<std::size_t>(c)])];
+              v[c] = t.gamma == 0.0 ? linear_value(in, stored)
+                                    : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
+              if (t.invert) v[c] = std::max(0.0, 1.0 - v[c]);
+            }
+            v = v * t.value;
+            if (color) v = clamped(v);
+            if (number) out.data[i] = static_cast<float>(pbrt_map(map, channel_mean(v)));
+            else
+              for (int c = 0; c < 3; ++c) out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(v[c]);
+          }
+          return out;
+        };
+        file = build_picture(picture_key, std::move(built));
+      }
+      add_element(e, where, "string", {{"name", "filename"}, {"value", file}});
+      add_element(e, where, "string", {{"name", "filter_type"}, {"value", t.nearest ? "nearest" : "bilinear"}});
+      add_element(e, where, "string", {{"name", "wrap_mode"}, {"value", t.wrap}});
+      add_element(e, where, "boolean", {{"name", "raw"}, {"value", !plain || t.gamma == 1.0 ? "true" : "false"}});
+    }
+    if (checks || to_uv.m != Transform().m) add_matrix(e, where, "to_uv", to_uv);
+  }
+  add_element(parent, where, "ref", {{"id", at->second}, {"name", name}});
+}
+
+}  // namespace octrad

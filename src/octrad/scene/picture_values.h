@@ -1,0 +1,27 @@
+// What the values of a picture mean, for pictures that are made of others. Internal to the module.
+#pragma once
+
+#include <vector>
+
+#include "octrad/image/image.h"
+#include "octrad/image/tonemap.h"
+#include "octrad/image/tonemap_math.h"
+
+namespace octrad {
+
+// Of one value of a picture.
+inline double linear_value(const Image& image, float value) {
+  return is_display_referred(image) ? decode_srgb(static_cast<double>(value)) : static_cast<double>(value);
+}
+
+// Indices of R, G, B and A; grey pictures repeat theirs; -1 without alpha.
+inline std::vector<int> color_channels(const Image& image) {
+  int grey = image.channel("Y");
+  if (grey < 0) grey = 0;
+  std::vector<int> result;
+  for (const char* name : {"R", "G", "B"}) result.push_back(image.channel(name) >= 0 ? image.channel(name) : grey);
+  result.push_back(image.channel("A"));
+  return result;
+}
+
+}  // namespace octrad
