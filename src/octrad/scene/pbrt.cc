@@ -105,7 +105,7 @@ class PbrtReader {
   void read() {
     group_ = description_.root.get();
     read_file_of(main_);
-    if (!stack_.empty()) fail(stack_.back().where, "the block that begins here is not closed");
+    if (!stack_.empty()) report_.assume(stack_.back().where, "the block that begins here ends with the file");
     flush_curves();
     add_integrator();
     add_sensor();
@@ -273,8 +273,9 @@ class PbrtReader {
   void rotate(PbrtLexer& lexer, const Location& where) {
     const double angle = lexer.number("degrees");
     const Vec3d axis = three(lexer);
-    if (!(length(axis) > 0.0)) fail(where, "the axis of a rotation must not be zero");
-    apply(Transform::rotate(axis, angle), where);
+    if (!(length(axis) > 0.0) && angle != 0.0)
+      report_.assume(where, "a rotation about an axis of length 0 changes nothing");
+    apply(length(axis) > 0.0 ? Transform::rotate(axis, angle) : Transform(), where);
   }
   void look_at(PbrtLexer& lexer, const Location& where) {
     const Vec3d eye = three(lexer), target = three(lexer), up = three(lexer);
@@ -282,7 +283,7 @@ class PbrtReader {
     if (!view) fail(where, "LookAt: the directions to the target and up must differ");
     apply(view->inverse(), where);
   }
-  Transform matrix(PbrtLexer& lexer, const Location& where) const {
+  Transform matrix(PbrtLexer& lexer, const Location& where) {
     const std::vector<double> v = lexer.numbers(16, "of a matrix");
     Transform t;
     for (int row = 0; row < 4; ++row) {
@@ -292,7 +293,11 @@ class PbrtReader {
       const double w = t(3, 3);
       for (double& x : t.m) x /= w;
     }
-    if (!t.is_affine()) fail(where, "the matrix must be affine: its last column 0 0 0 1 as it is written here");
+    if (std::fabs(t.m[12]) + std::fabs(t.m[13]) + std::fabs(t.m[14]) > 1e-6 || t(3, 3) != 1.0)
+      report_.assume(where, "what a matrix does to the fourth coordinate is left out");
+    t.m[12] = t.m[13] = t.m[14] = 0.0;
+    t.m[15] = 1.0;
+    if (!t.is_affine()) fail(where, "the matrix is not finite");
     return t;
   }
   void set_transform(PbrtLexer& lexer, const Location& where) {
@@ -421,7 +426,7 @@ class PbrtReader {
         for (int row = 0; row < 3; ++row) t(row, i) /= l;
       }
       t = t * Transform::scale({-1.0, 1.0, 1.0});
-      if (orthographic) t = t * Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit, 1.0});
+      if (orthographic) t = t * Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit * width / height, 1.0});
 
       Element& e = add_element(*description_.root, where, "sensor",
                                {{"type", orthographic ? "orthographic"
@@ -436,10 +441,9 @@ class PbrtReader {
         add_value(e, where, "float", "aperture_radius", number_text(radius * unit));
         add_value(e, where, "float", "focus_distance", number_text(focus * unit));
       } else if (!orthographic) {
-        // Mitsuba's offsets are shares of the picture, to the left and up.
         const double x = 0.5 * (window[0] + window[1]) / size_x, y = 0.5 * (window[2] + window[3]) / size_y;
-        if (x != 0.0) add_value(e, where, "float", "principal_point_offset_x", number_text(-x));
-        if (y != 0.0) add_value(e, where, "float", "principal_point_offset_y", number_text(y));
+        if (x != 0.0) add_value(e, where, "float", "principal_point_offset_x", number_text(x));
+        if (y != 0.0) add_value(e, where, "float", "principal_point_offset_y", number_text(-y));
       }
       add_value(e, where, "float", "near_clip", "0.0001");
       add_value(e, where, "float", "far_clip", "1e10");
@@ -701,7 +705,7 @@ class PbrtReader {
       if (!raw)
         fail(where, s.what() +
                         " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
-                        "disk, cylinder, cone, paraboloid, curve");
+                        "disk, cylinder, cone, paraboloid, hyperboloid, curve");
       area = mesh_area(*raw, state_.ctm);
       mesh = keep(std::move(*raw));
     }

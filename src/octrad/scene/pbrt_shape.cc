@@ -110,24 +110,30 @@ RawMesh patches(const PbrtObject& shape) {
   return mesh;
 }
 
-// A line of (radius, z) turned about the z axis; v, pbrt's, goes with the line.
-RawMesh revolve(const std::vector<std::array<double, 2>>& line, double phi_max) {
+// A line in cylindrical coordinates (radius, z, angle), turned about the z axis; v, pbrt's, goes with the line.
+using Line = std::vector<std::array<double, 3>>;
+
+RawMesh revolve(const Line& line, double phi_max) {
   constexpr int kSegments = 256;
   RawMesh mesh;
   const auto rows = static_cast<int>(line.size());
+  const auto point = [&](int k, double phi) {
+    const auto& p = line[static_cast<std::size_t>(std::clamp(k, 0, rows - 1))];
+    return Vec3d(p[0] * std::cos(phi + p[2]), p[0] * std::sin(phi + p[2]), p[1]);
+  };
   for (int j = 0; j < rows; ++j) {
-    const auto at = [&](int k) { return line[static_cast<std::size_t>(std::clamp(k, 0, rows - 1))]; };
-    const std::array<double, 2> here = at(j), before = at(j - 1), after = at(j + 1);
-    const double dr = after[0] - before[0], dz = after[1] - before[1];
     for (int i = 0; i <= kSegments; ++i) {
-      const double u = static_cast<double>(i) / kSegments, c = std::cos(u * phi_max), s = std::sin(u * phi_max);
-      mesh.positions.push_back(Vec3f(Vec3d(here[0] * c, here[0] * s, here[1])));
-      mesh.normals.push_back(Vec3f(normalize(Vec3d(dz * c, dz * s, -dr))));
+      const double u = static_cast<double>(i) / kSegments, phi = u * phi_max,
+                   here = line[static_cast<std::size_t>(j)][2];
+      const Vec3d around(-std::sin(phi + here), std::cos(phi + here), 0.0),
+          normal = cross(around, point(j + 1, phi) - point(j - 1, phi));
+      mesh.positions.push_back(Vec3f(point(j, phi)));
+      mesh.normals.push_back(Vec3f(length(normal) > 0.0 ? normalize(normal) : Vec3d(0, 0, 1)));
       mesh.uvs.push_back({static_cast<float>(u), static_cast<float>(1.0 - static_cast<double>(j) / (rows - 1))});
       if (i == kSegments || j + 1 == rows) continue;
       const int a = j * (kSegments + 1) + i, b = a + 1, d = a + kSegments + 1, e = d + 1;
-      if (here[0] > 0.0) mesh.triangles.push_back({a, b, e});
-      if (after[0] > 0.0) mesh.triangles.push_back({a, e, d});
+      if (line[static_cast<std::size_t>(j)][0] > 0.0) mesh.triangles.push_back({a, b, e});
+      if (line[static_cast<std::size_t>(j) + 1][0] > 0.0) mesh.triangles.push_back({a, e, d});
     }
   }
   return mesh;
@@ -137,20 +143,27 @@ RawMesh quadric(const PbrtObject& shape) {
   const std::string& type = shape.type();
   const double phi_max = shape.number("phimax", 360.0, 1e-3, 360.0) * std::numbers::pi / 180.0,
                radius = shape.number("radius", 1.0, 1e-9, 1e9);
-  std::vector<std::array<double, 2>> line;
+  Line line;
   if (type == "disk") {
     const double inner = shape.number("innerradius", 0.0, 0.0, radius), z = shape.number("height", 0.0);
-    line = {{radius, z}, {inner, z}};
+    line = {{radius, z, 0.0}, {inner, z, 0.0}};
   } else if (type == "cylinder") {
-    line = {{radius, shape.number("zmin", -1.0)}, {radius, shape.number("zmax", 1.0)}};
+    line = {{radius, shape.number("zmin", -1.0), 0.0}, {radius, shape.number("zmax", 1.0), 0.0}};
   } else if (type == "cone") {
-    line = {{radius, 0.0}, {0.0, shape.number("height", 1.0)}};
+    line = {{radius, 0.0, 0.0}, {0.0, shape.number("height", 1.0), 0.0}};
+  } else if (type == "hyperboloid") {
+    const Vec3d from = shape.point("p1", {0, 0, 0}), to = shape.point("p2", {1, 1, 1});
+    constexpr int kRows = 64;
+    for (int j = 0; j <= kRows; ++j) {
+      const Vec3d p = from + (to - from) * (static_cast<double>(j) / kRows);
+      line.push_back({std::hypot(p.x, p.y), p.z, std::atan2(p.y, p.x)});
+    }
   } else if (type == "paraboloid") {
     const double low = std::max(shape.number("zmin", 0.0), 0.0), high = shape.number("zmax", 1.0, 1e-9, 1e9);
     constexpr int kRows = 64;
     for (int j = 0; j <= kRows; ++j) {
       const double z = low + (high - low) * j / kRows;
-      line.push_back({radius * std::sqrt(z / high), z});
+      line.push_back({radius * std::sqrt(z / high), z, 0.0});
     }
   } else {
     const double low = std::clamp(shape.number("zmin", -radius), -radius, radius),
@@ -159,7 +172,7 @@ RawMesh quadric(const PbrtObject& shape) {
     constexpr int kRows = 128;
     for (int j = 0; j <= kRows; ++j) {
       const double theta = from + (to - from) * j / kRows;
-      line.push_back({std::max(radius * std::sin(theta), 0.0), radius * std::cos(theta)});
+      line.push_back({std::max(radius * std::sin(theta), 0.0), radius * std::cos(theta), 0.0});
     }
     if (from > std::numbers::pi - 1e-6) line.front()[0] = 0.0;
     if (to < 1e-6) line.back()[0] = 0.0;
@@ -216,7 +229,8 @@ std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape) {
     const char* name = shape.has("nlevels") ? "nlevels" : "levels";
     return subdivide_loop(std::move(mesh), static_cast<int>(shape.number(name, 3.0, 0.0, 10.0)));
   }
-  if (type == "sphere" || type == "disk" || type == "cylinder" || type == "cone" || type == "paraboloid")
+  if (type == "sphere" || type == "disk" || type == "cylinder" || type == "cone" || type == "paraboloid" ||
+      type == "hyperboloid")
     return quadric(shape);
   return std::nullopt;
 }

@@ -12,8 +12,8 @@
 namespace octrad {
 
 // The shape in object space, its front where pbrt has it, with Mitsuba's v, which runs down: triangles, bilinear
-// patches (two triangles each), subdivision surfaces, spheres, disks, cylinders, cones and paraboloids (256 segments
-// around). nullopt for types that are no such mesh. Throws SceneError, MemoryError.
+// patches (two triangles each), subdivision surfaces, spheres, disks, cylinders, cones, paraboloids and hyperboloids
+// (256 segments around). nullopt for types that are no such mesh. Throws SceneError, MemoryError.
 std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape);
 
 // The cubic B-splines of a shape "curve", in world space; radii grow with the transform.

@@ -1,0 +1,618 @@
+// pbrt files, beside Mitsuba files that say the same.
+#include "octrad/scene/pbrt.h"
+
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "octrad/base/error.h"
+#include "octrad/base/folder_test_helper.h"
+#include "octrad/base/join.h"
+#include "octrad/image/io.h"
+#include "octrad/scene/load.h"
+#include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/texture_math.h"
+
+namespace octrad {
+namespace {
+
+const std::string kPbrtSphere = "Shape \"sphere\"\n";
+const std::string kPbrtSquare =
+    "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3] "
+    "\"point2 uv\" [0 0 1 0 1 1 0 1]\n";
+
+class PbrtTest : public ::testing::Test {
+ protected:
+  Scene load(const std::string& world, const std::string& before = "") const {
+    return load_scene(folder_.write("s.pbrt", before + "WorldBegin\n" + world));
+  }
+  Scene load_old(const std::string& world) const { return load(world + "\nWorldEnd\n"); }
+  Scene load_xml(const std::string& body) const {
+    return load_scene(folder_.write("s.xml", "<scene version=\"3.0.0\">\n" + body + "</scene>\n"));
+  }
+  static std::string on_sphere(const std::string& bsdf) { return "<shape type=\"sphere\">" + bsdf + "</shape>\n"; }
+  // A sphere of that material, and one of that bsdf.
+  void same_material(const std::string& pbrt, const std::string& bsdf, bool old = false) const {
+    const Scene scene = old ? load_old(pbrt + kPbrtSphere) : load(pbrt + kPbrtSphere);
+    EXPECT_EQ(scene.fingerprint, load_xml(on_sphere(bsdf)).fingerprint) << pbrt;
+  }
+  static std::string two_sided(const std::string& bsdf) { return "<bsdf type=\"twosided\">" + bsdf + "</bsdf>"; }
+  std::string error(const std::string& text) const {
+    try {
+      load_scene(folder_.write("s.pbrt", text));
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "no error";
+  }
+  void fails(const std::string& text, const std::string& where, const std::string& what) const {
+    const std::string message = error(text);
+    EXPECT_NE(message.find("s.pbrt:" + where + ":"), std::string::npos) << message;
+    EXPECT_NE(message.find(what), std::string::npos) << message;
+  }
+  void assumes(const Scene& scene, const std::string& what) const {
+    EXPECT_NE(join(scene.assumed, "\n").find(what), std::string::npos) << join(scene.assumed, "\n");
+  }
+  TestFolder folder_;
+};
+
+// Towards which side a triangle of a mesh shines.
+Vec3d front(const Scene& scene, std::size_t mesh = 0, std::size_t triangle = 0) {
+  const TriangleMesh& m = scene.meshes[mesh];
+  const Vec3i t = m.triangles[triangle];
+  const auto p = [&](int i) { return Vec3d(m.positions[static_cast<std::size_t>(i)]); };
+  return normalize(cross(p(t.y) - p(t.x), p(t.z) - p(t.x))) * (m.flip_normals ? -1.0 : 1.0);
+}
+
+void expect_near(Vec3d a, Vec3d b, double tolerance = 1e-5) {
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], tolerance);
+}
+
+TEST_F(PbrtTest, DiffuseMaterials) {
+  same_material("", two_sided("<bsdf type=\"diffuse\"/>"));
+  same_material("Material \"diffuse\" \"rgb reflectance\" [.1 .2 .3]\n",
+                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"));
+  same_material(
+      "MakeNamedMaterial \"m\" \"string type\" \"diffuse\" \"spectrum reflectance\" [400 .3 800 .3]\nNamedMaterial "
+      "\"m\"\n",
+      two_sided("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"400:.3, 800:.3\"/></bsdf>"));
+  same_material("Attribute \"material\" \"rgb reflectance\" [.1 .2 .3]\nMaterial \"diffuse\"\n",
+                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"));
+  same_material("Material \"interface\"\n", "<bsdf type=\"null\"/>");
+  same_material("Material \"matte\" \"color Kd\" [.1 .2 .3]\n",
+                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"), true);
+  same_material(
+      "Material \"diffusetransmission\" \"rgb reflectance\" [.1 .1 .1] \"rgb transmittance\" [.3 .3 .3]\n",
+      "<bsdf type=\"principledthin\"><rgb name=\"base_color\" value=\".4\"/><float name=\"diff_trans\" value=\"1.5\"/>"
+      "<float name=\"roughness\" value=\"1\"/></bsdf>");
+}
+
+TEST_F(PbrtTest, Coats) {
+  const std::string tail =
+      "<float name=\"int_ior\" value=\"1.5\"/><float name=\"ext_ior\" value=\"1\"/><boolean name=\"nonlinear\" "
+      "value=\"true\"/>";
+  same_material(
+      "Material \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]\n",
+      two_sided("<bsdf type=\"plastic\"><rgb name=\"diffuse_reflectance\" value=\".1 .2 .3\"/>" + tail + "</bsdf>"));
+  // Version 4: alpha is the root of the roughness.
+  same_material("Material \"coateddiffuse\" \"float roughness\" .04\n",
+                two_sided("<bsdf type=\"roughplastic\">" + tail +
+                          "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".2\"/></bsdf>"));
+  same_material("Material \"coateddiffuse\" \"float roughness\" .04 \"bool remaproughness\" false\n",
+                two_sided("<bsdf type=\"roughplastic\">" + tail +
+                          "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".04\"/></bsdf>"));
+  // Version 3: a polynomial in its logarithm; 1.62142 at 1.
+  const Scene old = load_old("Material \"plastic\" \"float roughness\" 1\n" + kPbrtSphere);
+  EXPECT_NEAR(old.textures[static_cast<std::size_t>(old.materials[1].alpha_u)].color0.x, 1.62142f, 1e-5f);
+  assumes(old, "read as coateddiffuse");
+}
+
+TEST_F(PbrtTest, Metals) {
+  const std::string smooth = "<bsdf type=\"conductor\">";
+  same_material("Material \"conductor\"\n", two_sided(smooth + "<string name=\"material\" value=\"Cu\"/></bsdf>"));
+  same_material("Material \"conductor\" \"spectrum eta\" \"metal-Au-eta\" \"spectrum k\" \"metal-Au-k\"\n",
+                two_sided(smooth + "<string name=\"material\" value=\"Au\"/></bsdf>"));
+  // ((1 - 1)^2 + k^2) / ((1 + 1)^2 + k^2) = .5 for k = 2.
+  same_material("Material \"conductor\" \"rgb reflectance\" [.5 .5 .5]\n",
+                two_sided(smooth + "<rgb name=\"eta\" value=\"1\"/><rgb name=\"k\" value=\"2\"/></bsdf>"));
+  same_material(
+      "Material \"conductor\" \"rgb eta\" [1 2 3] \"rgb k\" [3 2 1] \"float uroughness\" .04 \"float vroughness\" .09\n",
+      two_sided(
+          "<bsdf type=\"roughconductor\"><string name=\"distribution\" value=\"ggx\"/><float name=\"alpha_u\" "
+          "value=\".2\"/><float name=\"alpha_v\" value=\".3\"/><rgb name=\"eta\" value=\"1 2 3\"/><rgb name=\"k\" "
+          "value=\"3 2 1\"/></bsdf>"));
+  same_material("Material \"mirror\" \"rgb Kr\" [.9 .8 .7]\n",
+                two_sided(smooth + "<string name=\"material\" value=\"none\"/><rgb name=\"specular_reflectance\" "
+                                   "value=\".9 .8 .7\"/></bsdf>"),
+                true);
+  const Scene brass = load(
+      "Material \"conductor\" \"spectrum eta\" \"metal-CuZn-eta\" \"spectrum k\" \"metal-CuZn-k\"\n" + kPbrtSphere);
+  expect_near(Vec3d(brass.materials[1].eta), {.444, .527, 1.094});
+  assumes(load("Material \"coatedconductor\"\n" + kPbrtSphere), "has no coat");
+}
+
+TEST_F(PbrtTest, Glass) {
+  const auto glass = [](const char* type, const char* index, const char* more = "") {
+    return std::string("<bsdf type=\"") + type + "\"><float name=\"int_ior\" value=\"" + index +
+           "\"/><float name=\"ext_ior\" value=\"1\"/>" + more + "</bsdf>";
+  };
+  same_material("Material \"dielectric\"\n", glass("dielectric", "1.5"));
+  same_material("Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"\n", glass("dielectric", "1.5168"));
+  same_material("Material \"thindielectric\" \"float eta\" 1.3\n", glass("thindielectric", "1.3"));
+  same_material("Material \"dielectric\" \"float roughness\" .01\n",
+                glass("roughdielectric", "1.5",
+                      "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".1\"/>"));
+  same_material("Material \"dielectric\" \"float eta\" 1\n", "<bsdf type=\"null\"/>");
+  same_material(
+      "Material \"glass\" \"rgb Kr\" [.1 .1 .1] \"rgb Kt\" [.2 .3 .4]\n",
+      glass("dielectric", "1.5",
+            "<rgb name=\"specular_reflectance\" value=\".1\"/><rgb name=\"specular_transmittance\" value=\".2 .3 "
+            ".4\"/>"),
+      true);
+}
+
+TEST_F(PbrtTest, MixesAndMasks) {
+  const std::string red = "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".5 .1 .1\"/></bsdf>",
+                    blue = "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .1 .5\"/></bsdf>";
+  const std::string both =
+      "MakeNamedMaterial \"red\" \"string type\" \"diffuse\" \"rgb reflectance\" [.5 .1 .1]\n"
+      "MakeNamedMaterial \"blue\" \"string type\" \"diffuse\" \"rgb reflectance\" [.1 .1 .5]\n";
+  same_material(both + "Material \"mix\" \"string materials\" [\"red\" \"blue\"] \"float amount\" .3\n",
+                two_sided("<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\".3\"/>" + red + blue + "</bsdf>"));
+  // In version 3 the amount is that of the first.
+  same_material(
+      both +
+          "Material \"mix\" \"string namedmaterial1\" \"red\" \"string namedmaterial2\" \"blue\" \"rgb amount\" [.3 .3 .3]\n",
+      two_sided("<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\".3\"/>" + blue + red + "</bsdf>"), true);
+  EXPECT_EQ(load("Material \"diffuse\"\nShape \"sphere\" \"float alpha\" .25\n").fingerprint,
+            load_xml(on_sphere("<bsdf type=\"mask\"><float name=\"opacity\" value=\".25\"/>" +
+                               two_sided("<bsdf type=\"diffuse\"/>") + "</bsdf>"))
+                .fingerprint);
+  fails(
+      "WorldBegin\n" + both.substr(0, both.find('\n') + 1) +
+          "MakeNamedMaterial \"b\" \"string type\" \"mix\" \"string materials\" [\"red\" \"b\"]\nNamedMaterial \"b\"\n" +
+          kPbrtSphere,
+      "3:1", "mixed too deep");
+}
+
+TEST_F(PbrtTest, Hair) {
+  // d'Eon's concentrations, and the colour by Chiang's polynomial, whose value at a roughness of 0.3 is 5.87...
+  const Scene plain = load("Material \"hair\"\n" + kPbrtSphere),
+              grey = load("Material \"hair\" \"rgb reflectance\" [.5 .5 .5]\n" + kPbrtSphere);
+  const auto absorption = [](const Scene& scene) {
+    const Vec3f t = scene.textures[static_cast<std::size_t>(scene.materials[1].specular_transmittance)].color0;
+    return Vec3d(-std::log(t.x), -std::log(t.y), -std::log(t.z));
+  };
+  expect_near(absorption(plain), Vec3d(.419, .697, 1.37) * 1.3, 1e-4);
+  const double n = 0.3, power = 5.969 - 0.215 * n + 2.532 * n * n - 10.73 * n * n * n + 5.574 * n * n * n * n +
+                                0.245 * n * n * n * n * n;
+  expect_near(absorption(grey), Vec3d(std::pow(std::log(0.5) / power, 2.0)), 1e-4);
+  EXPECT_NEAR(plain.materials[1].int_ior, 1.55f, 1e-6f);
+}
+
+TEST_F(PbrtTest, Textures) {
+  Image picture(2, 1, {"R", "G", "B"});
+  picture.set_rgb(0, 0, {0.2f, 0.4f, 0.6f});
+  picture.set_rgb(1, 0, {0.5f, 0.5f, 0.5f});
+  write_exr((folder_.path() / "p.exr").string(), picture);
+  const std::string image =
+      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"float uscale\" 2 "
+      "\"float vscale\" 3 \"float udelta\" .5 \"float vdelta\" .25\n";
+  const Scene plain = load(image + "Material \"diffuse\" \"texture reflectance\" \"p\"\n" + kPbrtSquare);
+  const auto texture = [](const Scene& scene) -> const Texture& {
+    return scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)];
+  };
+  EXPECT_EQ(texture(plain).pixels[0].y, 0.4f);
+  // A corner at (s, t) = (1, 0) of pbrt, whose v runs up: (2.5, .25) of the picture from below.
+  const TriangleMesh& mesh = plain.meshes[0];
+  EXPECT_EQ(mesh.uvs[1].x, 1.0f);
+  EXPECT_EQ(mesh.uvs[1].y, 1.0f);
+  const float* m = texture(plain).to_uv;
+  EXPECT_NEAR(m[0] * mesh.uvs[1].x + m[1] * mesh.uvs[1].y + m[2], 2.5f, 1e-6f);
+  EXPECT_NEAR(m[3] * mesh.uvs[1].x + m[4] * mesh.uvs[1].y + m[5], 1.0f - 0.25f, 1e-6f);
+  // Factors, inversion, products with constants.
+  const Scene scaled = load(image +
+                            "Texture \"s\" \"spectrum\" \"scale\" \"texture tex\" \"p\" \"float scale\" .5\n"
+                            "Material \"diffuse\" \"texture reflectance\" \"s\"\n" +
+                            kPbrtSquare);
+  EXPECT_NEAR(texture(scaled).pixels[0].z, 0.3f, 1e-6f);
+  const Scene inverted = load(
+      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"bool invert\" true\n"
+      "Material \"diffuse\" \"texture reflectance\" \"p\"\n" +
+      kPbrtSquare);
+  EXPECT_NEAR(texture(inverted).pixels[0].x, 0.8f, 1e-6f);
+  // Of a roughness the fourth root is the roughness of principled; numbers are means of the channels.
+  const Scene rough = load(
+      "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"p.exr\"\n"
+      "Material \"conductor\" \"texture roughness\" \"r\"\n" +
+      kPbrtSquare);
+  EXPECT_NEAR(rough.textures[static_cast<std::size_t>(rough.materials[1].alpha_u)].pixels[0].x, std::sqrt(0.4f), 1e-6f);
+  const Scene coat = load(
+      "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"p.exr\"\n"
+      "Material \"coateddiffuse\" \"texture roughness\" \"r\"\n" +
+      kPbrtSquare);
+  assumes(coat, "read as principled");
+  // Constants are folded.
+  const Scene folded = load(
+      "Texture \"a\" \"spectrum\" \"constant\" \"rgb value\" [.2 .4 .6]\n"
+      "Texture \"b\" \"spectrum\" \"mix\" \"texture tex1\" \"a\" \"rgb tex2\" [1 1 1] \"float amount\" .25\n"
+      "Material \"diffuse\" \"texture reflectance\" \"b\"\n" +
+      kPbrtSphere);
+  expect_near(Vec3d(texture(folded).color0), {.4, .55, .7});
+}
+
+// Every field of a checkerboard, colours and numbers, against pbrt's rule: the parity of floor(s) + floor(t).
+TEST_F(PbrtTest, Checkerboards) {
+  const Scene scene = load(
+      "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 3 \"float vscale\" 5 \"float udelta\" .2 \"float "
+      "vdelta\" .7 \"rgb tex1\" [.1 .1 .1] \"rgb tex2\" [.9 .9 .9]\n"
+      "Texture \"d\" \"float\" \"checkerboard\" \"float tex1\" .04 \"float tex2\" .16\n"
+      "Material \"diffuse\" \"texture reflectance\" \"c\"\n" +
+      kPbrtSquare + "Material \"conductor\" \"texture roughness\" \"d\"\n" + kPbrtSquare);
+  const auto value = [&](int texture, double s, double t) {
+    const Texture& x = scene.textures[static_cast<std::size_t>(texture)];
+    const auto u = static_cast<float>(s), v = static_cast<float>(1.0 - t);
+    const float a = x.to_uv[0] * u + x.to_uv[1] * v + x.to_uv[2], b = x.to_uv[3] * u + x.to_uv[4] * v + x.to_uv[5];
+    return (a - std::floor(a) > 0.5f) == (b - std::floor(b) > 0.5f) ? x.color0.x : x.color1.x;
+  };
+  int checked = 0;
+  for (double s = 0.013; s < 2.0; s += 0.11) {
+    for (double t = 0.017; t < 2.0; t += 0.13, ++checked) {
+      const auto odd = [](double x, double y) { return (static_cast<int>(std::floor(x) + std::floor(y)) & 1) != 0; };
+      EXPECT_EQ(value(scene.materials[1].reflectance, s, t), odd(3.0 * s + 0.2, 5.0 * t + 0.7) ? 0.9f : 0.1f)
+          << s << " " << t;
+      EXPECT_NEAR(value(scene.materials[2].alpha_u, s, t), odd(s, t) ? 0.4f : 0.2f, 1e-6f) << s << " " << t;
+    }
+  }
+  EXPECT_GT(checked, 200);
+}
+
+TEST_F(PbrtTest, Camera) {
+  // x to the right of the picture: pbrt's camera is left-handed.
+  const Scene scene =
+      load(kPbrtSphere,
+           "LookAt 0 0 -5  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 60\nFilm \"rgb\" \"integer "
+           "xresolution\" 400 \"integer yresolution\" 200\nIntegrator \"volpath\" \"integer maxdepth\" 7\n");
+  ASSERT_EQ(scene.cameras.size(), 1u);
+  const Camera& camera = scene.cameras[0];
+  EXPECT_EQ(camera.film_width, 400);
+  EXPECT_EQ(scene.max_depth, 8);
+  const auto direction = [&](float x, float y) { return Vec3d(camera.generate({x, y}, 400, 200).direction); };
+  expect_near(direction(200, 100), {0, 0, 1});
+  // The field of view is that of the shorter side.
+  const double up = std::tan(30.0 * std::numbers::pi / 180.0);
+  expect_near(direction(200, 0), normalize(Vec3d(0, up, 1)));
+  expect_near(direction(400, 100), normalize(Vec3d(2.0 * up, 0, 1)));
+  // A mirroring scale, as exporters write, turns it over; other scales change nothing.
+  const Camera mirrored =
+      load(kPbrtSphere, "Scale -2 2 2\nLookAt 0 0 -5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 60\n")
+          .cameras[0];
+  expect_near(Vec3d(mirrored.generate({1280, 360}, 1280, 720).direction), normalize(Vec3d(-up * 16.0 / 9.0, 0, 1)));
+  expect_near(Vec3d(mirrored.generate({640, 360}, 1280, 720).origin), {0, 0, -5}, 1e-3);
+  // Tall pictures.
+  const Camera tall =
+      load(
+          kPbrtSphere,
+          "Camera \"perspective\" \"float fov\" 60\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 300\n")
+          .cameras[0];
+  expect_near(Vec3d(tall.generate({100, 150}, 100, 300).direction), normalize(Vec3d(up, 0, 1)));
+  // A window of the screen: its right half.
+  const Camera window =
+      load(
+          kPbrtSphere,
+          "Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [0 1 -1 1]\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200\n")
+          .cameras[0];
+  expect_near(Vec3d(window.generate({0, 100}, 100, 200).direction), {0, 0, 1}, 1e-4);
+  expect_near(Vec3d(window.generate({100, 0}, 100, 200).direction), normalize(Vec3d(up, up, 1)), 1e-4);
+  const Camera upper =
+      load(
+          kPbrtSphere,
+          "Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [-1 1 0 1]\nFilm \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n")
+          .cameras[0];
+  expect_near(Vec3d(upper.generate({100, 100}, 200, 100).direction), {0, 0, 1}, 1e-4);
+  expect_near(Vec3d(upper.generate({200, 0}, 200, 100).direction), normalize(Vec3d(up, up, 1)), 1e-4);
+  const Camera lens =
+      load(kPbrtSphere, "Camera \"perspective\" \"float lensradius\" .1 \"float focaldistance\" 7\n").cameras[0];
+  EXPECT_EQ(lens.kind, CameraKind::thinlens);
+  EXPECT_NEAR(lens.focus_distance, 7.0f, 1e-6f);
+  const Camera flat =
+      load(
+          kPbrtSphere,
+          "Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\nFilm \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 200\n")
+          .cameras[0];
+  expect_near(Vec3d(flat.generate({300, 0}, 300, 200).origin), {3, 2, 0}, 1e-3);
+}
+
+TEST_F(PbrtTest, Transforms) {
+  const Scene scene = load(
+      "Translate 1 2 3\nScale 2 2 2\nRotate 90 0 0 1\n" + kPbrtSquare + "AttributeBegin\nIdentity\n" + kPbrtSquare +
+      "AttributeEnd\nTransform [1 0 0 0  0 1 0 0  0 0 1 0  5 6 7 1]\n" + kPbrtSquare +
+      "CoordinateSystem \"here\"\nIdentity\nConcatTransform [0 1 0 0  -1 0 0 0  0 0 1 0  0 0 0 1]\nCoordSysTransform \"here\"\n" +
+      kPbrtSquare);
+  expect_near(Vec3d(scene.meshes[0].positions[1]), {1, 4, 3});
+  expect_near(Vec3d(scene.meshes[1].positions[1]), {1, 0, 0});
+  expect_near(Vec3d(scene.meshes[2].positions[1]), {6, 6, 7});
+  expect_near(Vec3d(scene.meshes[3].positions[1]), {6, 6, 7});
+  const Scene moving =
+      load("ActiveTransform EndTime\nTranslate 9 9 9\nActiveTransform All\nTranslate 1 0 0\n" + kPbrtSquare);
+  expect_near(Vec3d(moving.meshes[0].positions[0]), {1, 0, 0});
+  assumes(moving, "animations are left out");
+}
+
+TEST_F(PbrtTest, Fronts) {
+  const std::string light = "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float scale\" 2\n";
+  EXPECT_NEAR(front(load(light + kPbrtSquare)).z, 1.0, 1e-6);
+  EXPECT_NEAR(front(load(light + "ReverseOrientation\n" + kPbrtSquare)).z, -1.0, 1e-6);
+  // Mirrors keep the front where the object has it, with normals and without.
+  EXPECT_NEAR(front(load(light + "Scale -1 1 1\n" + kPbrtSquare)).z, 1.0, 1e-6);
+  EXPECT_NEAR(front(load(light + "Scale 1 1 -1\n" + kPbrtSquare)).z, -1.0, 1e-6);
+  const std::string normals =
+      "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0] \"normal N\" [0 0 -1 0 0 -1 0 0 -1]\n";
+  EXPECT_NEAR(front(load(light + "Shape \"disk\"\n")).z, 1.0, 1e-6);
+  EXPECT_NEAR(front(load(light + "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0]\n")).z, 1.0, 1e-6);
+  const Scene scene = load(light + kPbrtSquare);
+  expect_near(Vec3d(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)].color0), {2, 4, 6});
+  EXPECT_FALSE(load(light + kPbrtSphere).spheres[0].flip_normals);
+  EXPECT_FALSE(load(light + "Scale -1 1 1\n" + kPbrtSphere).spheres[0].flip_normals);
+  EXPECT_TRUE(load(light + "ReverseOrientation\n" + kPbrtSphere).spheres[0].flip_normals);
+  // Normals of the file decide, as in pbrt.
+  const TriangleMesh turned = load(light + normals).meshes[0];
+  EXPECT_LT(Vec3d(turned.normals[0]).z * (turned.flip_normals ? -1.0 : 1.0), 0.0);
+}
+
+TEST_F(PbrtTest, Power) {
+  // Of luminance 1, 10 W over pi times the area, which the transform makes four times as large.
+  const Scene scene = load("Scale 2 2 2\nAreaLightSource \"diffuse\" \"float power\" 10\n" + kPbrtSquare);
+  EXPECT_NEAR(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)].color0.x,
+              10.0 / (4.0 * std::numbers::pi), 1e-5);
+  const Scene point = load("LightSource \"point\" \"float power\" 10 \"point3 from\" [1 2 3]\n" + kPbrtSphere);
+  EXPECT_NEAR(point.delta_lights[0].intensity.x, 10.0 / (4.0 * std::numbers::pi), 1e-5);
+  expect_near(Vec3d(point.delta_lights[0].position), {1, 2, 3});
+  // A black body is as bright as white light.
+  const Scene warm = load("AreaLightSource \"diffuse\" \"blackbody L\" 3000\n" + kPbrtSquare);
+  const Vec3f l = warm.textures[static_cast<std::size_t>(warm.area_lights[0].radiance)].color0;
+  EXPECT_NEAR(0.212671f * l.x + 0.715160f * l.y + 0.072169f * l.z, 1.0f, 1e-3f);
+  EXPECT_GT(l.x, 2.0f * l.z);
+}
+
+TEST_F(PbrtTest, OtherLights) {
+  const Scene distant = load(
+      "Rotate 90 0 1 0\nLightSource \"distant\" \"point3 from\" [0 0 0] \"point3 to\" [0 0 1] \"rgb L\" [1 2 3]\n" +
+      kPbrtSphere);
+  expect_near(Vec3d(distant.delta_lights[0].axis), {1, 0, 0});
+  expect_near(Vec3d(distant.delta_lights[0].intensity), {1, 2, 3});
+  const Scene spot = load(
+      "LightSource \"spot\" \"point3 from\" [0 5 0] \"point3 to\" [0 0 0] \"float coneangle\" 40 \"float conedeltaangle\" 10\n" +
+      kPbrtSphere);
+  expect_near(Vec3d(spot.delta_lights[0].axis), {0, -1, 0});
+  EXPECT_NEAR(spot.delta_lights[0].cutoff, 40.0 * std::numbers::pi / 180.0, 1e-6);
+  EXPECT_NEAR(spot.delta_lights[0].cos_beam, std::cos(30.0 * std::numbers::pi / 180.0), 1e-6);
+  EXPECT_EQ(load("LightSource \"infinite\" \"rgb L\" [1 2 3] \"float scale\" 2\n" + kPbrtSphere).fingerprint,
+            load_xml("<emitter type=\"constant\"><rgb name=\"radiance\" value=\"2 4 6\"/></emitter>" +
+                     on_sphere(two_sided("<bsdf type=\"diffuse\"/>")))
+                .fingerprint);
+}
+
+// The radiance that an environment shows in a direction of the world, by Mitsuba's rule.
+double seen(const Environment& e, Vec3d world) {
+  Transform t;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) t(row, column) = static_cast<double>(e.to_world[row * 3 + column]);
+  }
+  const Vec3d d = normalize(t.inverse().vector(world));
+  double u = std::atan2(d.x, -d.z) / (2.0 * std::numbers::pi);
+  u -= std::floor(u);
+  const double v = std::acos(std::clamp(d.y, -1.0, 1.0)) / std::numbers::pi;
+  const int x = std::min(static_cast<int>(u * e.width), e.width - 1),
+            y = std::min(static_cast<int>(v * e.height), e.height - 1);
+  return static_cast<double>(e.pixels[static_cast<std::size_t>(y * e.width + x)].x);
+}
+
+// A direction of a pixel by equal areas (Clarberg 2008, the way from the square to the sphere).
+Vec3d direction_of_square(double u, double v) {
+  u = 2.0 * u - 1.0;
+  v = 2.0 * v - 1.0;
+  const double up = std::fabs(u), vp = std::fabs(v), distance = 1.0 - (up + vp), d = std::fabs(distance), r = 1.0 - d;
+  const double phi = (r == 0.0 ? 1.0 : (vp - up) / r + 1.0) * std::numbers::pi / 4.0;
+  const double z = std::copysign(1.0 - r * r, distance), s = r * std::sqrt(2.0 - r * r);
+  return {std::copysign(std::cos(phi), u) * s, std::copysign(std::sin(phi), v) * s, z};
+}
+
+TEST_F(PbrtTest, Environments) {
+  const auto light = [](Vec3d d) { return 1.0 + 0.5 * d.x + 0.3 * d.y - 0.2 * d.z; };
+  constexpr int kSide = 64;
+  Image square(kSide, kSide, {"R", "G", "B"}), wide(2 * kSide, kSide, {"R", "G", "B"});
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x)
+      square.set_rgb(x, y, Vec3f(static_cast<float>(light(direction_of_square((x + 0.5) / kSide, (y + 0.5) / kSide)))));
+    // Version 3: latitude from +z down, longitude from +x to +y.
+    for (int x = 0; x < 2 * kSide; ++x) {
+      const double theta = (y + 0.5) / kSide * std::numbers::pi, phi = (x + 0.5) / kSide * std::numbers::pi;
+      wide.set_rgb(x, y,
+                   Vec3f(static_cast<float>(
+                       light({std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)}))));
+    }
+  }
+  write_exr((folder_.path() / "square.exr").string(), square);
+  write_exr((folder_.path() / "wide.exr").string(), wide);
+  const std::string turn = "Rotate 30 0 1 0\n";
+  const Scene now = load(turn + "LightSource \"infinite\" \"string filename\" \"square.exr\" \"float scale\" 2\n" +
+                         kPbrtSphere),
+              old = load_old(turn + "LightSource \"infinite\" \"string mapname\" \"wide.exr\" \"rgb scale\" [2 2 2]\n" +
+                             kPbrtSphere);
+  const Transform to_world = Transform::rotate({0, 1, 0}, 30.0);
+  for (int i = 0; i < 200; ++i) {
+    const double z = 1.0 - 2.0 * (i + 0.5) / 200.0, phi = 2.4 * i, r = std::sqrt(1.0 - z * z);
+    const Vec3d d{r * std::cos(phi), r * std::sin(phi), z};
+    EXPECT_NEAR(seen(now.environments[0], to_world.vector(d)), 2.0 * light(d), 0.08) << i;
+    EXPECT_NEAR(seen(old.environments[0], to_world.vector(d)), 2.0 * light(d), 0.08) << i;
+  }
+}
+
+TEST_F(PbrtTest, RoundShapes) {
+  const auto area = [&](const std::string& shape) {
+    const Scene scene = load(shape);
+    RawMesh mesh;
+    mesh.positions = scene.meshes[0].positions;
+    mesh.triangles = scene.meshes[0].triangles;
+    return mesh_area(mesh, Transform());
+  };
+  constexpr double pi = std::numbers::pi;
+  EXPECT_NEAR(area("Shape \"disk\" \"float radius\" 2 \"float innerradius\" 1\n"), 3.0 * pi, 0.01);
+  EXPECT_NEAR(area("Shape \"cylinder\" \"float radius\" 2 \"float zmin\" 0 \"float zmax\" 3 \"float phimax\" 90\n"),
+              3.0 * pi, 0.01);
+  EXPECT_NEAR(area("Shape \"cone\" \"float radius\" 3 \"float height\" 4\n"), 15.0 * pi, 0.02);
+  EXPECT_NEAR(area("Shape \"sphere\" \"float zmin\" 0\n"), 2.0 * pi, 0.01);
+  // pi r / (6 h^2) ((r^2 + 4 h^2)^(3/2) - r^3).
+  EXPECT_NEAR(area("Shape \"paraboloid\"\n"), pi / 6.0 * (std::pow(5.0, 1.5) - 1.0), 0.01);
+  // A cylinder as a hyperboloid whose line is parallel to the axis.
+  EXPECT_NEAR(area("Shape \"hyperboloid\" \"point3 p1\" [1 0 0] \"point3 p2\" [1 0 2]\n"), 4.0 * pi, 0.01);
+  // Spheres that the transform makes ellipsoids are meshes, whose normals point outwards.
+  const Scene scene = load("Scale 1 2 3\n" + kPbrtSphere);
+  ASSERT_EQ(scene.spheres.size(), 0u);
+  for (std::size_t t = 0; t < scene.meshes[0].triangles.size(); t += 97) {
+    const Vec3d p(scene.meshes[0].positions[static_cast<std::size_t>(scene.meshes[0].triangles[t].x)]);
+    EXPECT_GT(dot(front(scene, 0, t), p), 0.0) << t;
+  }
+}
+
+TEST_F(PbrtTest, Instances) {
+  const Scene scene = load("ObjectBegin \"o\"\nTranslate 0 0 1\n" + kPbrtSquare + kPbrtSphere +
+                           "ObjectEnd\nTranslate 5 0 0\n"
+                           "ObjectInstance \"o\"\nScale 2 2 2\nObjectInstance \"o\"\n");
+  EXPECT_EQ(scene.meshes.size(), 1u);
+  EXPECT_EQ(scene.shapes.size(), 4u);
+  expect_near(Vec3d(scene.placements[1].point(scene.meshes[0].positions[1])), {7, 0, 2});
+  expect_near(Vec3d(scene.spheres[1].center), {5, 0, 2});
+  assumes(load("ObjectBegin \"o\"\nAreaLightSource \"diffuse\"\n" + kPbrtSquare + "ObjectEnd\nObjectInstance \"o\"\n"),
+          "lights in objects are left out");
+}
+
+TEST_F(PbrtTest, Plys) {
+  const std::string body =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float u\n"
+      "property float v\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 "
+      "0 .75\n3 0 1 2\n";
+  folder_.write("m.ply", body);
+  const std::string file = (folder_.path() / "z.ply.gz").string();
+  const gzFile out = gzopen(file.c_str(), "wb");
+  ASSERT_NE(out, nullptr);
+  ASSERT_EQ(gzwrite(out, body.data(), static_cast<unsigned>(body.size())), static_cast<int>(body.size()));
+  gzclose(out);
+  const Scene plain = load("Shape \"plymesh\" \"string filename\" \"m.ply\"\n"),
+              packed = load("Shape \"plymesh\" \"string filename\" \"z.ply.gz\"\n");
+  EXPECT_EQ(plain.fingerprint, packed.fingerprint);
+  EXPECT_EQ(plain.meshes[0].uvs[2].y, 0.25f);
+  EXPECT_TRUE(plain.meshes[0].normals.empty());  // pbrt makes none
+  folder_.write("b.ply.gz", "\x1f\x8bnothing");
+  EXPECT_NE(error("WorldBegin\nShape \"plymesh\" \"string filename\" \"b.ply.gz\"\n").find("broken or cut off"),
+            std::string::npos);
+}
+
+TEST_F(PbrtTest, CurvesAreTheSameCubics) {
+  // A Bezier segment from (0,0,0) to (3,1,0), half as wide at its end; the tube's rings lie about its points.
+  const Scene scene = load(
+      "Material \"hair\"\nScale 2 2 2\nShape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 1 0 3 1 0] \"float width0\" .2 "
+      "\"float width1\" .1\n");
+  const TriangleMesh& mesh = scene.meshes[0];
+  EXPECT_TRUE(mesh.one_sided);
+  Bounds3f box;
+  for (const Vec3f& p : mesh.positions) box.extend(p);
+  EXPECT_NEAR(box.lower.x, 0.0f, 1e-4f);
+  EXPECT_NEAR(box.upper.x, 6.0f, 1e-4f);
+  EXPECT_NEAR(box.upper.z, 0.2f, 2e-3f);  // radii grow with the transform
+  EXPECT_NEAR(box.upper.y, 2.1f, 5e-3f);
+  PbrtParameters p(1);
+  const Location here{std::make_shared<const SourceFile>("s", ""), 0};
+  p[0] = {"point3", "P", here, {0, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0, 2, 2, 0, 3, 2, 0, 3, 3, 0}, {}, false};
+  SceneReport report(false);
+  const Curves two = pbrt_curves(PbrtObject("Shape", "curve", here, p), Transform(), report);
+  ASSERT_EQ(two.size(), 2u);
+  const auto value = [](const std::vector<CurvePoint>& c, int end) {  // of a uniform cubic B-spline at 0 and 1
+    const std::size_t k = static_cast<std::size_t>(end);
+    return (c[k].position + c[k + 1].position * 4.0 + c[k + 2].position) / 6.0;
+  };
+  expect_near(value(two[0], 0), {0, 0, 0});
+  expect_near(value(two[0], 1), {2, 1, 0});
+  expect_near(value(two[1], 0), {2, 1, 0});
+  expect_near(value(two[1], 1), {3, 3, 0});
+}
+
+TEST_F(PbrtTest, LoopSubdivision) {
+  // An octahedron: each of its six corners has four neighbours.
+  RawMesh mesh;
+  mesh.positions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  mesh.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  const RawMesh once = subdivide_loop(mesh, 1);
+  EXPECT_EQ(once.triangles.size(), 32u);
+  EXPECT_EQ(once.positions.size(), 18u);
+  // beta = 3 / 32: 1 - 4 beta; of an edge 3/8 of its ends and 1/8 of the two others, which cancel.
+  EXPECT_NEAR(length(Vec3d(once.positions[0])), 1.0 - 12.0 / 32.0, 1e-6);
+  EXPECT_NEAR(length(Vec3d(once.positions[6])), 0.375 * std::numbers::sqrt2, 1e-6);
+  const RawMesh fine = subdivide_loop(mesh, 4);
+  for (std::size_t i = 0; i < fine.positions.size(); ++i) {
+    EXPECT_GT(dot(Vec3d(fine.positions[i]), Vec3d(fine.normals[i])), 0.0);
+  }
+  // The boundary of a flat mesh stays straight where it is.
+  RawMesh flat;
+  flat.positions = {{0, 0, 0}, {2, 0, 0}, {4, 0, 0}, {1, 2, 0}, {3, 2, 0}};
+  flat.triangles = {{0, 1, 3}, {1, 4, 3}, {1, 2, 4}};
+  const RawMesh finer = subdivide_loop(flat, 2);
+  for (const Vec3f& p : finer.positions) {
+    EXPECT_EQ(p.z, 0.0f);
+    EXPECT_GE(p.y, 0.0f);
+  }
+  EXPECT_EQ(finer.positions[1].y, 0.0f);
+  const Scene scene = load(
+      "Shape \"loopsubdiv\" \"integer levels\" 2 \"point3 P\" [1 0 0 -1 0 0 0 1 0 0 0 1] \"integer indices\" [0 2 3 2 1 3 1 0 3 0 1 2]\n");
+  EXPECT_EQ(scene.meshes[0].triangles.size(), 64u);
+}
+
+TEST_F(PbrtTest, Includes) {
+  folder_.write("part.pbrt", kPbrtSphere);
+  EXPECT_EQ(load("Include \"part.pbrt\"\nTranslate 3 0 0\nInclude \"part.pbrt\"\n").spheres.size(), 2u);
+  folder_.write("self.pbrt", "Include \"self.pbrt\"\n");
+  EXPECT_NE(error("Include \"self.pbrt\"\n").find("nested more than 16 deep"), std::string::npos);
+}
+
+TEST_F(PbrtTest, Mistakes) {
+  fails("WorldBegin\nShpae \"sphere\"\n", "2:1", "did you mean \"Shape\"");
+  fails("WorldBegin\nShape \"sphere\" \"float radius\" [1\n", "3:1", "expected a value");
+  fails("WorldBegin\nShape \"sphere\" \"float radius\" \"x\"\n", "2:16", "must be one number");
+  fails("WorldBegin\nShape \"sphere\" \"radius\" 1\n", "2:16", "the type and the name of a parameter");
+  fails("WorldBegin\nShape \"sphere\" \"rgb radius\" [1 1 1]\n", "2:16", "must be of the type float or integer");
+  fails("WorldBegin\nShape \"sphere\n", "2:7", "not closed");
+  fails("WorldBegin\nTranslate 1 2\nShape \"sphere\"\n", "3:1", "expected a number");
+  fails("WorldBegin\nTranslate 1 2 1e999\n", "2:15", "not a finite number");
+  fails("WorldBegin\nAttributeEnd\n", "2:1", "without its beginning");
+  fails("WorldBegin\nAttributeBegin\nTransformEnd\n", "3:1", "another block begins at");
+  fails("WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0] \"integer indices\" [0 1 3]\n", "2:53",
+        "out of range");
+  fails("WorldBegin\nShape \"trianglemesh\"\n", "2:1", "needs the parameter \"P\"");
+  fails("WorldBegin\nShape \"nurbs\"\n", "2:1", "is not supported");
+  fails("WorldBegin\nMaterial \"difuse\"\n" + kPbrtSphere, "2:1", "did you mean \"diffuse\"");
+  fails("WorldBegin\nNamedMaterial \"m\"\n" + kPbrtSphere, "2:1", "no material with the name");
+  fails("WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + kPbrtSphere, "2:20",
+        "no texture of colours");
+  fails("WorldBegin\nTexture \"t\" \"spectrum\" \"fbm\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" +
+            kPbrtSphere,
+        "2:1", "bake it into a picture");
+  fails(
+      "WorldBegin\nTexture \"t\" \"spectrum\" \"scale\" \"texture tex\" \"t\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" +
+          kPbrtSphere,
+      "2:32", "nested too deep");
+  fails("WorldBegin\nObjectInstance \"o\"\n", "2:1", "no object with the name");
+  fails("WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\n", "2:1", "a medium is not supported");
+  fails("Camera \"realistic\"\nWorldBegin\n" + kPbrtSphere, "1:1", "supported: perspective, orthographic");
+  fails("LookAt 0 0 0 0 0 0 0 1 0\n", "1:1", "must differ");
+  fails("WorldBegin\nInclude \"none.pbrt\"\n", "2:1", "does not exist");
+  // What nothing uses is not looked at.
+  load("Texture \"t\" \"spectrum\" \"fbm\"\nMakeNamedMaterial \"m\" \"string type\" \"fourier\"\n" + kPbrtSphere);
+  assumes(load("Shape \"sphere\" \"float rdius\" 2\n"), "\"rdius\" of Shape \"sphere\" is left out");
+  assumes(load("AttributeBegin\n" + kPbrtSphere), "ends with the file");
+}
+
+}  // namespace
+}  // namespace octrad
