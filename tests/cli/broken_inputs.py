@@ -111,7 +111,8 @@ body("instance-flattened", '<shape type="shapegroup" id="g">' + CUBE + '</shape>
 body("instance-far-away", '<shape type="shapegroup" id="g">' + CUBE + '</shape><shape type="instance"><ref id="g"/><transform name="to_world"><translate x="1e18"/></transform></shape>', "too far away")
 bad("many-instances", scene(SENSOR + '<shape type="shapegroup" id="g">' + CUBE * 900 + "</shape>" + '<shape type="instance"><ref id="g"/></shape>' * 5000), "the budget is", 4)
 body("unknown-element", "<thing/>", "unknown element <thing>")
-body("a-medium", '<medium type="homogeneous"/>', "<medium> is not supported")
+odd("a-medium", scene(SENSOR + CUBE + '<medium type="homogeneous"/>'), "is not used")
+body("a-medium-in-use", '<medium type="homogeneous" id="m"/><shape type="cube"><ref name="interior" id="m"/></shape>', "is not supported")
 
 # Values of the wrong kind
 for value in ("abc", "", "1e999", "nan", "inf", "-inf", "1,2", "0x10", "1 2", "--1"):
@@ -165,7 +166,7 @@ bad("lookat-nowhere", sensor('<transform name="to_world"><lookat origin="0 0 0" 
 for side in ("0", "-1", "131073", "2147483647"):
     bad(f"film-{side}", sensor("", f'<film type="hdrfilm"><integer name="width" value="{side}"/></film>'), "between 1 and 131072")
 bad("two-films", sensor("", '<film type="hdrfilm"/>' * 2), "at most one film")
-bad("film-unknown", sensor("", '<film type="ldrfilm"/>'), 'film "ldrfilm" is not supported')
+odd("film-unknown", sensor("", '<film type="ldrfilm"><float name="exposure" value="1"/></film>'), 'film "ldrfilm" read as hdrfilm')
 bad("film-crop", sensor("", '<film type="hdrfilm"><integer name="crop_offset_x" value="7"/></film>'), "reaches beyond the film")
 bad("film-crop-huge", sensor("", '<film type="hdrfilm"><integer name="crop_offset_x" value="2147483647"/></film>'), "between 0 and 131072")
 bad("filter-unknown", sensor("", '<film type="hdrfilm"><rfilter type="lancos"/></film>'), 'rfilter "lancos" is not supported')

@@ -1,5 +1,5 @@
-// Meshes, pictures and curves that a scene file holds inside, or that are made of those it refers to, under the names by which
-// the elements of its description refer to them. Internal to the module.
+// Meshes, pictures and curves that a scene file holds inside, or that are made of those it refers to, under the names
+// by which the elements of its description refer to them. Internal to the module.
 #pragma once
 
 #include <functional>

@@ -68,6 +68,11 @@ TEST_F(CheckTest, ListsEverything) {
                                      "8:1 emitter \"sky\" is not supported",
                                  });
   EXPECT_TRUE(mistakes("<shape type=\"sphere\"/>").empty());
+  // What follows from another mistake says so.
+  const SceneCheck check =
+      check_scene_file(folder_.write("s.xml", "<scene version=\"3.0.0\">\n<shape type=\"teapot\"/></scene>"));
+  ASSERT_EQ(check.refused.size(), 2u);
+  EXPECT_EQ(check.refused[1].what.rfind("without what cannot be used the scene has neither", 0), 0u);
   // What no stand-in helps is listed as well.
   expect_begins(
       mistakes(
@@ -311,6 +316,55 @@ TEST_F(ConvertTest, SharedScenes) {
   if (!std::filesystem::is_directory(scenes)) GTEST_SKIP() << "no shared scenes at " << scenes;
   for (const char* name : {"cornell-box/scene_origin_v3.xml", "cbox-mitsuba/scene.xml"})
     round_trip((scenes / name).string());
+}
+
+// What people's files have.
+TEST_F(CheckTest, FilmsOfOtherPrograms) {
+  const std::string film = R"(<integer name="width" value="99"/><rfilter type="box"/>)";
+  const auto scene = [&](const std::string& type, const std::string& more) {
+    return load_scene(folder_.write(
+        "s.xml", R"(<scene version="3.0.0"><shape type="sphere"/><sensor type="perspective"><film type=")" + type +
+                     "\">" + film + more + "</film></sensor></scene>"));
+  };
+  const Scene other =
+      scene("transient_hdr_film", R"(<rfilter name="tfilter" type="box"/><float name="bin_width" value="2"/>)");
+  EXPECT_EQ(other.film.width, 99);
+  EXPECT_EQ(other.film.filter, scene("hdrfilm", "").film.filter);
+  EXPECT_NE(join(other.assumed).find("film \"transient_hdr_film\" read as hdrfilm"), std::string::npos);
+}
+
+TEST_F(CheckTest, TexturesCalledSpectra) {
+  folder_.write("t.pfm", std::string("PF\n1 1\n-1\n") + std::string(12, '\0'));
+  const auto scene = [&](const std::string& tag) {
+    const auto textured = [&](const std::string& name) {
+      return "<" + tag + " type=\"bitmap\" name=\"" + name + R"("><string name="filename" value="t.pfm"/></)" + tag +
+             ">";
+    };
+    return load_scene(write(R"(<shape type="cube"><bsdf type="bumpmap">)" + textured("arbitrary") +
+                            R"(<bsdf type="diffuse">)" + textured("reflectance") + "</bsdf></bsdf></shape>"))
+        .fingerprint;
+  };
+  EXPECT_EQ(scene("spectrum"), scene("texture"));
+}
+
+TEST_F(CheckTest, IntegratorsInside) {
+  const auto depth = [&](const std::string& inside) {
+    const Scene scene =
+        load_scene(write("<integrator type=\"aov\">" + inside + "</integrator><shape type=\"sphere\"/>"));
+    return std::pair(scene.max_depth, scene.hide_emitters);
+  };
+  const std::string path =
+      R"(<integrator type="path"><integer name="max_depth" value="3"/><boolean name="hide_emitters" value="true"/></integrator>)";
+  EXPECT_EQ(depth(path), std::pair(3, true));
+  EXPECT_EQ(depth(path + "<integrator type=\"depth\"/>"), std::pair(3, true));
+  EXPECT_EQ(depth("<integrator type=\"field\"/>" + path), std::pair(3, true));
+}
+
+TEST_F(CheckTest, MediaThatNothingUses) {
+  EXPECT_TRUE(mistakes(R"(<medium type="homogeneous" id="m"/><shape type="sphere"/>)").empty());
+  expect_begins(
+      mistakes(R"(<medium type="homogeneous" id="m"/><shape type="sphere"><ref name="interior" id="m"/></shape>)"),
+      {"2:57 <medium> inside shape"});
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/gltf.h"
 #include "octrad/scene/pbrt.h"
+#include "octrad/scene/plugins.h"
 #include "octrad/scene/scene.h"
 #include "octrad/scene/upgrade.h"
 
@@ -216,6 +217,11 @@ class XmlReader {
     } else {
       read_children(source, node, *element, depth + 1);
       element->old = old_;
+      // To Mitsuba 3 the two tags are one; spectra that vary over a surface are textures here.
+      const std::vector<std::string> textures = texture_types();
+      if (element->tag == "spectrum" &&
+          std::find(textures.begin(), textures.end(), element->get("type")) != textures.end())
+        element->tag = "texture";
       if (old_) upgrade_element(*element, report_);
       else downgrade_element(*element, report_);
       parent.children.push_back(std::move(element));

@@ -62,9 +62,9 @@ struct Description {
   std::string resolve(const std::string& file, const Location& where) const;
 };
 
-// Mitsuba XML, glTF (gltf.h) or pbrt (pbrt.h); XML of versions below 2 in the terms of version 3 (upgrade.h). Throws InputError with
-// file:line:column, or IoError when the scene file itself cannot be read; mistakes that `report` collects are listed
-// there, and what holds them is left out. `report` must outlive the result.
+// Mitsuba XML, glTF (gltf.h) or pbrt (pbrt.h); XML of versions below 2 in the terms of version 3 (upgrade.h). Throws
+// InputError with file:line:column, or IoError when the scene file itself cannot be read; mistakes that `report`
+// collects are listed there, and what holds them is left out. `report` must outlive the result.
 Description read_description(const std::string& file, const std::map<std::string, std::string>& definitions,
                              SceneReport& report);
 

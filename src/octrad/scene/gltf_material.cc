@@ -381,7 +381,8 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
       switch (recipe.what) {
         case What::color:
           for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
+            out.data[3 * i + static_cast<std::size_t>(c)] =
+                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
           break;
         case What::channel:
           out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);

@@ -102,9 +102,16 @@ Scene SceneBuilder::build() {
   aim_projectors();
   find_bounds();
   if (scene_.cameras.empty()) {
-    if (scene_.shapes.empty()) fail(root.location, "the scene has neither a shape with triangles nor a sensor");
-    report().assume(root.location,
-                    "the scene has no sensor: one that looks at all of it from outside, with y up, is added");
+    const bool sensor = std::any_of(root.children.begin(), root.children.end(),
+                                    [](const auto& child) { return child->tag == "sensor"; });
+    if (scene_.shapes.empty()) {
+      fail(root.location,
+           report().refused().empty()
+               ? "the scene has neither a shape with triangles nor a sensor"
+               : "without what cannot be used the scene has neither a shape with triangles nor a sensor");
+    }
+    report().assume(root.location, std::string("the scene has no sensor") + (sensor ? " that can be used" : "") +
+                                       ": one that looks at all of it from outside, with y up, is added");
     add_sensor(make_overview_sensor(*description_.root, root.location, scene_.bounds));
   }
   if (scene_.area_lights.empty() && scene_.delta_lights.empty() && scene_.environments.empty())
@@ -140,12 +147,18 @@ void SceneBuilder::add_object(const Element& element) {
                                           element.get("name") == "allow_thread_reordering")) {
     // Of Mitsuba's ray tracers.
   } else if (element.tag == "medium" || element.tag == "phase" || element.tag == "volume") {
-    report().refuse(element.location, "<" + element.tag + ">" + kNoMedia);
+    // One with an id is refused where something uses it.
+    if (element.find("id") == nullptr)
+      report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
-    fail(element.location, "unknown element <" + element.tag + "> at the top level" + did_you_mean(element.tag, known) +
-                               "; supported: " + join(known));
+    // Of versions before 0.4.
+    const std::string now = element.tag == "camera"      ? ", now called <sensor>"
+                            : element.tag == "luminaire" ? ", now called <emitter>"
+                                                         : did_you_mean(element.tag, known);
+    fail(element.location,
+         "unknown element <" + element.tag + "> at the top level" + now + "; supported: " + join(known));
   }
 }
 
@@ -190,9 +203,18 @@ void SceneBuilder::add_integrator(const Element& element) {
   has_integrator_ = true;
   // moment and aov hold the integrator whose radiance they record.
   const std::vector<const Element*> nested = params.nested("integrator");
-  for (const Element* inner : nested) {
+  // Of several the first that makes pictures.
+  const auto pictures = [](const Element* e) {
+    const std::string& type = e->get("type");
+    return type != "depth" && type != "field" && type != "aov";
+  };
+  const auto chosen = std::find_if(nested.begin(), nested.end(), pictures);
+  if (!nested.empty()) {
+    const Element& inner = chosen != nested.end() ? **chosen : *nested[0];
+    if (nested.size() > 1)
+      report().assume(inner.location, "of several integrators in \"" + params.type() + "\" this one is read");
     has_integrator_ = false;
-    add_integrator(*inner);
+    add_integrator(inner);
   }
   const std::string& type = params.type();
   if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())

@@ -24,7 +24,7 @@ void SceneBuilder::add_emitter(const Element& element) {
   const std::string& type = params.type();
   if (type == "envmap" || type == "constant") return add_environment(params);
   if (type == "area") fail(element.location, "an area emitter must stand inside a shape");
-  if (type == "sky" || type == "sun" || type == "sunsky" || type == "timed_sunsky") {
+  if (type == "sky" || type == "sun" || type == "sunsky" || type == "timed_sunsky" || type == "avg_sunsky") {
     fail(element.location, "emitter \"" + type +
                                "\" is not supported: bake it to a picture with Mitsuba (render it with a sensor that "
                                "sees all directions, or evaluate the emitter along them), and load that as an envmap");

@@ -28,6 +28,8 @@ std::string bsdf_advice(const std::string& type) {
       {"polarizer", "light is not polarised here"},
       {"retarder", "light is not polarised here"},
       {"circular", "light is not polarised here"},
+      {"itu-radio-material", "a material of radio waves; give a diffuse bsdf, or --permissive"},
+      {"radio-material", "a material of radio waves; give a diffuse bsdf, or --permissive"},
   };
   for (const auto& [name, way] : ways) {
     if (type == name) return std::string("; ") + way;
@@ -156,7 +158,9 @@ Material SceneBuilder::read_bsdf(const Element& element) {
     map.bump_flips = params.get_bool("flip_invalid_normals", true);
     map.bump_shadows = params.get_bool("use_shadowing_function", true);
     map.bump = texture(params, "normalmap", TextureRole::normal);
-    if (map.bump < 0) fail(element.location, "normalmap needs a <texture name=\"normalmap\">");
+    if (map.bump < 0)
+      fail(element.location, std::string("normalmap needs a <texture name=\"normalmap\">") +
+                                 (params.given("filename") ? "; the filename belongs into a bitmap there" : ""));
     m = flatten(*parts[0]);
     map_normals(m, map, element.location);
   } else {

@@ -125,7 +125,8 @@ void SceneBuilder::add_sensor(const Element& element) {
 
 Film SceneBuilder::read_film(const Element& element, Camera& camera) {
   Params params(description_, element, scene_.warnings);
-  if (params.type() != "hdrfilm") params.fail_type(film_types());
+  const bool known = params.type() == "hdrfilm";
+  if (!known) report().assume(element.location, "film \"" + params.type() + "\" read as hdrfilm");
   Film film;
   const int width = params.int_in("width", film.width, 1, kMostFilmPixels),
             height = params.int_in("height", film.height, 1, kMostFilmPixels);
@@ -145,9 +146,10 @@ Film SceneBuilder::read_film(const Element& element, Camera& camera) {
   params.ignore({"file_format", "pixel_format", "component_format", "banner", "compensate", "sample_border",
                  "high_quality_edges"});
   const std::vector<const Element*> filters = params.nested("rfilter");
-  if (filters.size() > 1) fail(filters[1]->location, "a film holds at most one rfilter");
+  if (filters.size() > 1 && known) fail(filters[1]->location, "a film holds at most one rfilter");
   film.filter_radius = 4.0f * film.filter_stddev;
   if (!filters.empty()) read_filter(*filters[0], film);
+  if (!known) params.ignore_rest();
   params.finish();
   return film;
 }

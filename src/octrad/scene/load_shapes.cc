@@ -253,7 +253,11 @@ void SceneBuilder::find_bounds() {
 
 int SceneBuilder::shape_material(Params& params, bool emits) {
   const std::vector<const Element*> bsdfs = params.nested("bsdf");
-  if (bsdfs.size() > 1) fail(bsdfs[1]->location, "a shape holds at most one bsdf");
+  if (bsdfs.size() > 1)
+    fail(bsdfs[1]->location, std::string("a shape holds at most one bsdf") +
+                                 (params.element().old && params.type() == "obj"
+                                      ? "; Mitsuba 0.6 gave them to the usemtl groups of the file: split it"
+                                      : ""));
   if (!bsdfs.empty()) return material(*bsdfs[0]);
   if (!emits) return 0;
   // As in Mitsuba 3: a light without a bsdf reflects nothing.

@@ -140,6 +140,11 @@ std::optional<Vec3f> SceneBuilder::constant_value(const Element& element, Textur
   }
   if (!value) return std::nullopt;
   const Range range = range_of(role);
+  if (element.old && role == TextureRole::reflectance && value->x >= 0.0f && value->y >= 0.0f && value->z >= 0.0f &&
+      (value->x > 1.0f || value->y > 1.0f || value->z > 1.0f)) {
+    report().assume(element.location, "a reflectance above 1 is read as 1 (Mitsuba 0.6 scaled it down)");
+    *value = {std::min(value->x, 1.0f), std::min(value->y, 1.0f), std::min(value->z, 1.0f)};
+  }
   if (!range.holds(value->x) || !range.holds(value->y) || !range.holds(value->z)) {
     const std::string* text = element.find("value");
     fail(element.location,

@@ -698,8 +698,6 @@ TEST_F(LoadTest, SensorsAndFilms) {
   refuses(sensor(R"(<float name="near_clip" value="0"/>)"), "3:1", {"near_clip must be above 0"});
   refuses(sensor(R"(<transform name="to_world"><scale value="2"/></transform>)"), "3:1", {"must not scale"});
   refuses(sensor(R"(<string name="focal_length" value="wide"/>)"), "3:1", {"is not a length"});
-  refuses(sensor(R"(<film type="ldrfilm"/>)"), "3:1",
-          {"film \"ldrfilm\" is not supported", "did you mean \"hdrfilm\""});
   refuses(film(R"(<integer name="width" value="0"/>)"), "3:22", {"must be between 1 and 131072"});
   refuses(film(R"(<integer name="width" value="1.5"/>)"), "3:22", {"is not a 32-bit integer"});
   refuses(film(R"(<float name="width" value="100"/>)"), "3:22", {"must be <integer>, not <float>"});
@@ -755,7 +753,7 @@ TEST_F(LoadTest, WholeFiles) {
   EXPECT_NE(error_whole("<scene version=\"3.0.0\">\n<shape type=\"cube\">\n</scene>").find("s.xml:3:"),
             std::string::npos);
   refuses("<shap type=\"cube\"/>", "2:1", {"unknown element <shap>", "did you mean \"shape\""});
-  refuses("<medium type=\"homogeneous\"/>", "2:1", {"<medium> is not supported"});
+  refuses("<camera type=\"perspective\"/>", "2:1", {"unknown element <camera>", "now called <sensor>"});
   EXPECT_THROW(load_scene(folder_.file("none.xml")), IoError);
   EXPECT_THROW(load_scene(folder_.file("")), IoError);
 }

@@ -486,6 +486,9 @@ void Params::finish() {
       const Element& target = follow_reference(description_, child);
       if (target.tag == "medium" || target.tag == "subsurface")
         fail(child.location, "<" + target.tag + "> inside " + what() + kNoMedia);
+      if (target.tag == "sensor")
+        fail(child.location,
+             "<sensor> inside " + what() + " is not supported; octrad query gives values at points of surfaces");
       if (!name.empty())
         fail(child.location,
              "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);

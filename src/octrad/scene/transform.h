@@ -28,7 +28,7 @@ struct Transform {
   // Cofactor matrix of the linear part (row-major 3x3) times sign(det): carries normals, up to length.
   std::array<double, 9> normal_matrix() const;
   Transform inverse() const;  // of an affine one that is not singular
-  bool is_affine() const;  // last row 0 0 0 1 and everything finite
+  bool is_affine() const;     // last row 0 0 0 1 and everything finite
   // Whether it is not affine, or flattens: its determinant is at most `least` times the cube of its longest column.
   bool is_singular(double least) const;
 };

@@ -47,6 +47,10 @@ Element* child(Element& element, const std::string& name) {
   return nullptr;
 }
 
+bool child_with_tag(const Element& element, const std::string& tag) {
+  return std::any_of(element.children.begin(), element.children.end(), [&](const auto& c) { return c->tag == tag; });
+}
+
 // Takes a child out of the element; null where there is none.
 std::unique_ptr<Element> take(Element& element, const std::string& name) {
   for (auto it = element.children.begin(); it != element.children.end(); ++it) {
@@ -175,6 +179,9 @@ void upgrade_film(Element& e, SceneReport& report) {
 
 void upgrade_shape(Element& e, SceneReport& report) {
   for (const char* name : {"collapse", "load_materials"}) take(e, name);
+  if (e.get("type") == "obj" && !child_with_tag(e, "bsdf") && !child_with_tag(e, "ref") &&
+      !child_with_tag(e, "emitter"))
+    report.assume(e.location, "an obj without a bsdf is grey, as in Mitsuba 3: materials of .mtl files are not read");
   if (const std::unique_ptr<Element> angle = take(e, "max_smooth_angle"))
     report.assume(angle->location, "max_smooth_angle is not used, as in Mitsuba 3: normals are those of the file");
 }
@@ -362,6 +369,8 @@ void upgrade_difftrans(Element& e, SceneReport& report) {
 }
 
 void upgrade_conductor(Element& e, SceneReport& report) {
+  if (!child(e, "material") && !child(e, "eta") && !child(e, "k"))
+    report.assume(e.location, "a conductor without a material reflects everything, as in Mitsuba 3 (0.6 took copper)");
   if (const std::unique_ptr<Element> outside = take(e, "ext_eta")) {
     const std::string& text = outside->get("value");
     const double eta = number_or(outside.get(), text == "air" || text == "vacuum" ? 1.0 : -1.0);

@@ -175,6 +175,15 @@ TEST_F(UpgradeTest, ModelsOfTheirOwn) {
   EXPECT_THROW(load(R"(<bsdf type="mixturebsdf"><string name="weights" value="1"/></bsdf>)", "0.6.0"), InputError);
 }
 
+TEST_F(UpgradeTest, OldDefaults) {
+  assumes(R"(<bsdf type="conductor"/>)", "0.6 took copper");
+  same(R"(<bsdf type="diffuse"><rgb name="reflectance" value="1.5 .5 .5"/></bsdf>)",
+       R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 .5 .5"/></bsdf>)");
+  EXPECT_THROW(load(R"(<bsdf type="diffuse"><rgb name="reflectance" value="1.5 .5 .5"/></bsdf>)", "3.0.0"), InputError);
+  folder_.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  assumes(R"(<shape type="obj"><string name="filename" value="t.obj"/></shape>)", "materials of .mtl files");
+}
+
 // Mip maps of Mitsuba after 3.9.
 TEST_F(UpgradeTest, NewerFilters) {
   folder_.write("t.pfm", std::string("PF\n1 1\n-1\n") + std::string(12, '\0'));
