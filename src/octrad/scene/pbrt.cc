@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -13,80 +12,23 @@
 #include "octrad/base/join.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
-#include "octrad/image/io.h"
 #include "octrad/scene/limits.h"
 #include "octrad/scene/make_element.h"
 #include "octrad/scene/params.h"
 #include "octrad/scene/pbrt_file.h"
 #include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt_parts.h"
 #include "octrad/scene/pbrt_shape.h"
-#include "octrad/scene/picture_values.h"
 
 namespace octrad {
 namespace {
 
-constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 constexpr std::size_t kMostIncludes = 1000, kMostIncludeDepth = 16, kMostStates = 10000, kMostShapes = 4'000'000;
 constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000;
 constexpr std::uint64_t kObjectBytes = 3000;  // of the elements of one, about
 constexpr double kLeastDeterminant = 1e-18;
 
 using Object = PbrtMaterials::Object;
-
-// Where the direction (x, y, z) lies in a square picture of all directions, both coordinates in [0, 1]: Clarberg, P.
-// 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD".
-Vec2<double> equal_area_square(Vec3d d) {
-  const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z), r = std::sqrt(std::max(0.0, 1.0 - z));
-  const double larger = std::max(x, y), smaller = std::min(x, y);
-  double phi = larger > 0.0 ? std::atan2(smaller, larger) * 2.0 / std::numbers::pi : 0.0;
-  if (x < y) phi = 1.0 - phi;
-  double v = phi * r, u = r - v;
-  if (d.z < 0.0) {
-    std::swap(u, v);
-    u = 1.0 - u;
-    v = 1.0 - v;
-  }
-  return {0.5 * (std::copysign(u, d.x) + 1.0), 0.5 * (std::copysign(v, d.y) + 1.0)};
-}
-
-// An envmap of Mitsuba has y up and begins at -z; pbrt's environments have z up and begin at +x.
-Transform envmap_of_pbrt() {
-  Transform t;
-  t.m = {0, 0, -1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
-  return t;
-}
-
-// A picture by latitude and longitude, as Mitsuba has it, of one by equal areas.
-Image unfold(const Image& in, const std::string& file) {
-  const MemoryScope scope;
-  const int height = std::max(in.height, 2), width = 2 * height;
-  ask_memory(static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * 12, file);
-  Image out(width, height, {"R", "G", "B"});
-  const std::vector<int> from = color_channels(in);
-  const Transform turn = envmap_of_pbrt();
-  for (int y = 0; y < height; ++y) {
-    const double theta = (y + 0.5) / height * std::numbers::pi;
-    for (int x = 0; x < width; ++x) {
-      const double phi = (x + 0.5) / width * 2.0 * std::numbers::pi;
-      // Mitsuba: u = atan2(x, -z) / 2 pi, v = acos(y) / pi.
-      const Vec3d d{std::sin(phi) * std::sin(theta), std::cos(theta), -std::cos(phi) * std::sin(theta)};
-      const Vec2<double> uv = equal_area_square(turn.vector(d));
-      // Between four pixels; those beyond the edge are the edge's: the square is folded there.
-      const double px = uv.x * in.width - 0.5, py = uv.y * in.height - 0.5, fx = px - std::floor(px),
-                   fy = py - std::floor(py);
-      for (int c = 0; c < 3; ++c) {
-        const auto at = [&](int dx, int dy) {
-          const int ix = std::clamp(static_cast<int>(std::floor(px)) + dx, 0, in.width - 1),
-                    iy = std::clamp(static_cast<int>(std::floor(py)) + dy, 0, in.height - 1);
-          return linear_value(in, in.at(ix, iy, from[static_cast<std::size_t>(c)]));
-        };
-        out.at(x, y, c) = static_cast<float>((at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) +
-                                             (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy);
-      }
-    }
-  }
-  return out;
-}
 
 class PbrtReader {
  public:
@@ -108,7 +50,11 @@ class PbrtReader {
     if (!stack_.empty()) report_.assume(stack_.back().where, "the block that begins here ends with the file");
     flush_curves();
     add_integrator();
-    add_sensor();
+    if (camera_) {
+      report_.attempt(camera_->location(), [&] {
+        add_pbrt_sensor(*camera_, *camera_to_world_, film_.get(), filter_.get(), *description_.root, report_);
+      });
+    }
   }
 
  private:
@@ -364,7 +310,14 @@ class PbrtReader {
   void filter(PbrtLexer& lexer, const Location& where) { filter_ = object(lexer, where, "PixelFilter"); }
   void integrator(PbrtLexer& lexer, const Location& where) { integrator_ = object(lexer, where, "Integrator"); }
   void skip(PbrtLexer& lexer, const Location& where) { object(lexer, where, "(skipped)"); }
-  void option(PbrtLexer& lexer, const Location&) { read_pbrt_parameters(lexer, meter_); }
+  void option(PbrtLexer& lexer, const Location& where) {  // such as "string rendercoordsys" "world", or "seed" 42
+    lexer.text("an option");
+    const bool list = lexer.peek().kind == PbrtToken::Kind::open;
+    do {
+      if (lexer.take().kind == PbrtToken::Kind::end) fail(where, "Option needs a value");
+    } while (list && lexer.peek().kind != PbrtToken::Kind::close);
+    if (list) lexer.take();
+  }
   void color_space(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     if (name != "srgb") report_.assume(where, "colours of the space " + name + " are read as those of srgb");
@@ -381,122 +334,6 @@ class PbrtReader {
     const double bounces = integrator_->number("maxdepth", 5.0, 0.0, 1e9);
     add_element(e, where, "integer",
                 {{"name", "max_depth"}, {"value", std::to_string(static_cast<long>(bounces) + 1)}});
-  }
-
-  static void add_value(Element& parent, const Location& where, const char* tag, const char* name,
-                        const std::string& value) {
-    add_element(parent, where, tag, {{"name", name}, {"value", value}});
-  }
-
-  void add_sensor() {
-    if (!camera_) return;
-    report_.attempt(camera_->location(), [&] {
-      const PbrtObject& c = *camera_;
-      const Location where = c.location();
-      const std::string& type = c.type();
-      const bool orthographic = type == "orthographic";
-      if (!orthographic && type != "perspective")
-        fail(where, c.what() + " is not supported; supported: perspective, orthographic");
-      static const PbrtObject no_film("Film", "", Location());
-      const PbrtObject& f = film_ ? *film_ : no_film;
-      const bool image = f.type() == "image";  // of version 3
-      const double width = f.number("xresolution", image ? 640 : 1280, 1, kMostFilmPixels),
-                   height = f.number("yresolution", image ? 480 : 720, 1, kMostFilmPixels);
-      const double aspect = c.number("frameaspectratio", width / height, 1e-3, 1e3);
-      // Of the plane at distance 1 times the tangent of half the field of view, or in units of the camera.
-      double window[4] = {-std::max(aspect, 1.0), std::max(aspect, 1.0), -std::max(1.0 / aspect, 1.0),
-                          std::max(1.0 / aspect, 1.0)};
-      if (const PbrtParameter* p = c.find("screenwindow", {"float"})) {
-        if (p->numbers.size() != 4 || !(p->numbers[0] < p->numbers[1]) || !(p->numbers[2] < p->numbers[3]))
-          fail(p->where, "the screenwindow must be four numbers: the ends of x and of y");
-        std::copy(p->numbers.begin(), p->numbers.end(), window);
-      }
-      const double size_x = window[1] - window[0], size_y = window[3] - window[2];
-      const double radius = c.number("lensradius", 0.0, 0.0),
-                   focus = c.number("focaldistance", radius > 0.0 ? 1e6 : 1e30, 0.0);
-      c.ignore({"shutteropen", "shutterclose"});
-      const bool lens = radius > 0.0 && !orthographic;
-
-      // pbrt's x runs to the right of the picture, Mitsuba's to the left. Scales of the camera change no direction.
-      Transform t = *camera_to_world_;
-      double unit = 0.0;
-      for (int i = 0; i < 3; ++i) {
-        const double l = length(t.column(i));
-        unit = std::max(unit, l);
-        for (int row = 0; row < 3; ++row) t(row, i) /= l;
-      }
-      t = t * Transform::scale({-1.0, 1.0, 1.0});
-      if (orthographic) t = t * Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit * width / height, 1.0});
-
-      Element& e = add_element(*description_.root, where, "sensor",
-                               {{"type", orthographic ? "orthographic"
-                                         : lens       ? "thinlens"
-                                                      : "perspective"}});
-      if (!orthographic) {
-        const double half = std::tan(0.5 * c.number("fov", 90.0, 1e-3, 179.9) / kDegreesPerRadian);
-        add_value(e, where, "float", "fov", number_text(2.0 * std::atan(half * 0.5 * size_y) * kDegreesPerRadian));
-        add_value(e, where, "string", "fov_axis", "y");
-      }
-      if (lens) {
-        add_value(e, where, "float", "aperture_radius", number_text(radius * unit));
-        add_value(e, where, "float", "focus_distance", number_text(focus * unit));
-      } else if (!orthographic) {
-        const double x = 0.5 * (window[0] + window[1]) / size_x, y = 0.5 * (window[2] + window[3]) / size_y;
-        if (x != 0.0) add_value(e, where, "float", "principal_point_offset_x", number_text(x));
-        if (y != 0.0) add_value(e, where, "float", "principal_point_offset_y", number_text(-y));
-      }
-      add_value(e, where, "float", "near_clip", "0.0001");
-      add_value(e, where, "float", "far_clip", "1e10");
-      add_matrix(e, where, "to_world", t);
-      add_film(e, f, where, width, height);
-      c.note_unused(report_);
-    });
-  }
-
-  void add_film(Element& sensor, const PbrtObject& f, const Location& where, double width, double height) {
-    Element& e = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
-    const auto whole = [&](const char* name, double value) {
-      add_value(e, where, "integer", name, std::to_string(static_cast<long>(value)));
-    };
-    whole("width", width);
-    whole("height", height);
-    double crop[4] = {0.0, width, 0.0, height};
-    if (const PbrtParameter* p = f.find("cropwindow", {"float"}); p && p->numbers.size() == 4) {
-      for (int i = 0; i < 4; ++i)
-        crop[i] = std::ceil(std::clamp(p->numbers[static_cast<std::size_t>(i)], 0.0, 1.0) * (i < 2 ? width : height));
-    } else if (const PbrtParameter* q = f.find("pixelbounds", {"integer"}); q && q->numbers.size() == 4) {
-      for (int i = 0; i < 4; ++i)
-        crop[i] = std::clamp(q->numbers[static_cast<std::size_t>(i)], 0.0, i < 2 ? width : height);
-    }
-    if (crop[0] < crop[1] && crop[2] < crop[3] && (crop[1] - crop[0] < width || crop[3] - crop[2] < height)) {
-      whole("crop_offset_x", crop[0]);
-      whole("crop_offset_y", crop[2]);
-      whole("crop_width", crop[1] - crop[0]);
-      whole("crop_height", crop[3] - crop[2]);
-    }
-    if (f.has("sensor") && f.text("sensor", "cie1931") != "cie1931")
-      report_.assume(f.location(), "the film shows linear sRGB: the response and exposure of its sensor are left out");
-    else if (f.number("iso", 100.0) != 100.0 || f.number("exposuretime", 1.0) != 1.0)
-      report_.assume(f.location(), "the exposure of the film (iso, exposuretime) is left out");
-    if (!filter_) return;
-    const std::string& type = filter_->type();
-    const char* name = type == "box"        ? "box"
-                       : type == "triangle" ? "tent"
-                       : type == "mitchell" ? "mitchell"
-                       : type == "sinc"     ? "lanczos"
-                                            : "gaussian";
-    Element& r = add_element(e, filter_->location(), "rfilter", {{"type", name}});
-    if (type == "triangle")
-      add_value(r, where, "float", "radius",
-                number_text(filter_->number("radius", filter_->number("xwidth", 2.0, 0.1, 8.0), 0.1, 8.0)));
-    if (type == "mitchell") {
-      add_value(r, where, "float", "B", number_text(filter_->number("B", 1.0 / 3.0)));
-      add_value(r, where, "float", "C", number_text(filter_->number("C", 1.0 / 3.0)));
-    }
-    if (type == "sinc")
-      add_value(r, where, "integer", "lobes", number_text(std::lround(filter_->number("tau", 3.0, 1.0, 8.0))));
-    if (type == "gaussian")
-      add_value(r, where, "float", "stddev", number_text(filter_->number("sigma", 0.5, 0.05, 2.0)));
   }
 
   // Materials and textures.
@@ -528,17 +365,6 @@ class PbrtReader {
     for (int i = 0; i < 2 && lexer.peek().kind == PbrtToken::Kind::text; ++i) lexer.take();
   }
 
-  // Lights.
-  // L, I ... with the factor `scale`.
-  Vec3d strength(const PbrtObject& light, const char* name) {
-    Vec3d factor(1.0);
-    if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
-      factor = materials_.color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
-    else factor = Vec3d(light.number("scale", 1.0, 0.0));
-    const Vec3d v = materials_.color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0)) * factor;
-    return {std::max(v.x, 0.0), std::max(v.y, 0.0), std::max(v.z, 0.0)};
-  }
-
   void light(PbrtLexer& lexer, const Location& where) {
     const Object o = object(lexer, where, "LightSource", "light");
     if (group_ != description_.root.get()) {
@@ -546,89 +372,7 @@ class PbrtReader {
       return;
     }
     count_shape(where);
-    report_.attempt(where, [&] { add_light(*o); });
-  }
-
-  void add_light(const PbrtObject& l) {
-    const Location where = l.location();
-    const std::string& type = l.type();
-    const Vec3d from = l.point("from", Vec3d(0.0)), to = l.point("to", {0, 0, 1});
-    l.ignore({"samples", "nsamples"});
-    Element& root = *description_.root;
-    if (type == "infinite") {
-      add_infinite(l);
-    } else if (type == "distant") {
-      double factor = 1.0;
-      if (l.has("illuminance")) factor = l.number("illuminance", 1.0, 0.0);
-      const Vec3d direction = state_.ctm.vector(to - from);
-      if (!(length(direction) > 0.0)) fail(where, "the light has no direction");
-      Element& e = add_element(root, where, "emitter", {{"type", "directional"}});
-      add_value(e, where, "rgb", "irradiance", three_numbers(strength(l, "L") * factor));
-      add_value(e, where, "vector", "direction", three_numbers(normalize(direction)));
-    } else if (type == "point" || type == "spot") {
-      const double outer = l.number("coneangle", 30.0, 0.01, 179.9),
-                   inner = std::max(outer - l.number("conedeltaangle", 5.0, 0.0, 180.0), 0.0);
-      double factor = 1.0;
-      if (l.has("power")) {
-        // Of a light of intensity 1: 4 pi, or what the cone and its edge, which falls smoothly, let out.
-        const double out = std::cos(outer / kDegreesPerRadian), in = std::cos(inner / kDegreesPerRadian);
-        factor = l.number("power", 0.0, 0.0) /
-                 (type == "point" ? 4.0 * std::numbers::pi : 2.0 * std::numbers::pi * ((1.0 - in) + 0.5 * (in - out)));
-      }
-      Element& e = add_element(root, where, "emitter", {{"type", type}});
-      add_value(e, where, "rgb", "intensity", three_numbers(strength(l, "I") * factor));
-      if (type == "point") {
-        add_matrix(e, where, "to_world", Transform::translate(state_.ctm.point(from)));
-      } else {
-        const Vec3d p = state_.ctm.point(from), q = state_.ctm.point(to), axis = q - p;
-        const Vec3d up = std::fabs(axis.x) > 0.9 * length(axis) ? Vec3d(0, 1, 0) : Vec3d(1, 0, 0);
-        const auto view = Transform::look_at(p, q, up);
-        if (!view) fail(where, "the light has no direction");
-        add_matrix(e, where, "to_world", *view);
-        add_value(e, where, "float", "cutoff_angle", number_text(outer));
-        add_value(e, where, "float", "beam_width", number_text(inner));
-        report_.assume(where, "the light of a spot falls linearly with the angle between its cones, as in Mitsuba");
-      }
-    } else {
-      fail(where, l.what() + " is not supported; supported: point, spot, distant, infinite");
-    }
-    l.note_unused(report_);
-  }
-
-  void add_infinite(const PbrtObject& l) {
-    const Location where = l.location();
-    Vec3d factor = strength(l, "L");
-    l.ignore({"portal"});
-    const char* name = l.has("mapname") ? "mapname" : "filename";
-    if (!l.has(name)) {
-      // Of radiance 1 everywhere a surface receives pi.
-      if (l.has("illuminance")) factor = factor * (l.number("illuminance", 1.0, 0.0) / std::numbers::pi);
-      Element& e = add_element(*description_.root, where, "emitter", {{"type", "constant"}});
-      add_value(e, where, "rgb", "radiance", three_numbers(factor));
-      return;
-    }
-    if (l.has("illuminance"))
-      fail(l.where("illuminance"), "the illuminance of a picture of the sky is not supported; give its scale");
-    const std::string file = std::filesystem::absolute(description_.resolve(l.text(name, ""), l.where(name))).string();
-    Element& e = add_element(*description_.root, where, "emitter", {{"type", "envmap"}});
-    if (factor.x != factor.y || factor.x != factor.z) {
-      report_.assume(where, "the colour L of a light with a picture is read as its mean");
-      factor = Vec3d((factor.x + factor.y + factor.z) / 3.0);
-    }
-    // Version 4 maps a square by equal areas; version 3 has latitude and longitude.
-    BuiltPicture built;
-    built.read = [file] {
-      const Image in = read_image(file);
-      if (in.width != in.height) return in;
-      return unfold(in, file);
-    };
-    std::string picture = file;
-    if (!old_) picture = materials_.build_picture("environment " + file, std::move(built));
-    add_value(e, l.where(name), "string", "filename", picture);
-    add_value(e, where, "float", "scale", number_text(factor.x));
-    Transform turn = state_.ctm;
-    for (int row = 0; row < 3; ++row) turn(row, 3) = 0.0;
-    add_matrix(e, where, "to_world", turn * envmap_of_pbrt());
+    report_.attempt(where, [&] { add_pbrt_light(*o, state_.ctm, old_, materials_, description_, report_); });
   }
 
   void area_light(PbrtLexer& lexer, const Location& where) {
@@ -683,8 +427,7 @@ class PbrtReader {
       return;
     }
     double area = -1.0;
-    Attributes attributes;
-    std::string mesh, file;
+    std::string mesh, file, back;
     bool faces = false;  // without normals of its own
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
@@ -707,25 +450,39 @@ class PbrtReader {
                         " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
                         "disk, cylinder, cone, paraboloid, hyperboloid, curve");
       area = mesh_area(*raw, state_.ctm);
+      // Lights have one side: one on both is two, a little apart.
+      if (state_.light && !in_group && state_.light->flag("twosided", false)) {
+        back = keep(moved_along_normals(*raw, -1e-4));
+        *raw = moved_along_normals(*raw, 1e-4);
+      }
       mesh = keep(std::move(*raw));
     }
     if (!mesh.empty()) faces = description_.built_mesh(mesh)->normals.empty();
     if (faces && mirrored) flip = !flip;  // what mirrors turns the front with it; normals do so by themselves
     const std::string bsdf = materials_.bsdf(state_.material, s);
+    if (!back.empty()) add_surface(s, back, "", bsdf, faces, !flip, area);
+    add_surface(s, mesh, file, bsdf, faces, flip, area);
+    if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
+    s.note_unused(report_);
+  }
+
+  // A mesh that is kept, one of a file, or a sphere.
+  void add_surface(const PbrtObject& s, const std::string& mesh, const std::string& file, const std::string& bsdf,
+                   bool faces, bool flip, double area) {
+    const Location where = s.location();
     Element& e = add_element(*group_, where, "shape", {{"type", is_round(s) ? "sphere" : "ply"}});
     if (is_round(s)) {
-      add_value(e, where, "float", "radius", number_text(s.number("radius", 1.0)));
+      add_pbrt_value(e, where, "float", "radius", number_text(s.number("radius", 1.0)));
     } else {
-      add_value(e, where, "string", "filename", mesh.empty() ? file : mesh);
-      if (mesh.empty()) add_value(e, where, "boolean", "flip_tex_coords", "true");
-      if (faces) add_value(e, where, "boolean", "face_normals", "true");
+      add_pbrt_value(e, where, "string", "filename", mesh.empty() ? file : mesh);
+      if (mesh.empty()) add_pbrt_value(e, where, "boolean", "flip_tex_coords", "true");
+      if (faces) add_pbrt_value(e, where, "boolean", "face_normals", "true");
     }
     add_matrix(e, where, "to_world", state_.ctm);
-    if (flip) add_value(e, where, "boolean", "flip_normals", "true");
+    if (flip) add_pbrt_value(e, where, "boolean", "flip_normals", "true");
     add_element(e, where, "ref", {{"id", bsdf}});
-    if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
-    else if (state_.light) materials_.add_emitter(e, *state_.light, area);
-    s.note_unused(report_);
+    const bool in_group = group_ != description_.root.get();
+    if (state_.light && !in_group) materials_.add_emitter(e, *state_.light, area, !is_round(s) && file.empty());
   }
 
   std::string keep(RawMesh mesh) {
@@ -741,7 +498,7 @@ class PbrtReader {
       description_.built->curves.emplace(name, std::move(curves));
       const Location where = description_.root->location;
       Element& e = add_element(*group_, where, "shape", {{"type", "bsplinecurve"}});
-      add_value(e, where, "string", "filename", name);
+      add_pbrt_value(e, where, "string", "filename", name);
       add_element(e, where, "ref", {{"id", bsdf}});
     }
     curves_.clear();

@@ -437,7 +437,7 @@ void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attribut
   b->note_unused(report_);
 }
 
-void PbrtMaterials::add_emitter(Element& shape, const PbrtObject& light, double area) {
+void PbrtMaterials::add_emitter(Element& shape, const PbrtObject& light, double area, bool both) {
   const Location where = light.location();
   if (light.type() != "diffuse" && light.type() != "area")
     fail(where, light.what() + " is not supported; supported: diffuse");
@@ -449,7 +449,7 @@ void PbrtMaterials::add_emitter(Element& shape, const PbrtObject& light, double 
     scale = light.number("scale", 1.0, 0.0);
   }
   const bool two_sided = light.flag("twosided", false);
-  if (two_sided) report_.assume(where, "a light on both sides shines from its front only");
+  if (two_sided && !both) report_.assume(where, "a light on both sides shines from its front only");
   light.ignore({"samples", "nsamples"});
   if (light.has("power")) {
     if (!(area > 0.0))

@@ -27,6 +27,8 @@ double pbrt_map(PbrtMap map, double value);
 
 inline double channel_mean(Vec3d v) { return (v.x + v.y + v.z) / 3.0; }
 
+struct PbrtMix;
+
 struct PbrtTexture {
   enum class Kind { constant, picture, checkerboard } kind = Kind::constant;
   Vec3d value{1, 1, 1};  // the constant, the factor of a picture, the first colour of a checkerboard
@@ -36,9 +38,17 @@ struct PbrtTexture {
   bool invert = false, nearest = false;
   std::string wrap = "repeat";
   double scale[2] = {1, 1}, offset[2] = {0, 0};  // of the texture coordinates
+  std::shared_ptr<const PbrtMix> mix;            // of which the picture is made instead of a file
+  int files = 0;                                 // that it is made of
 
   bool operator==(const PbrtTexture&) const = default;
   bool is_constant() const { return kind == Kind::constant; }
+};
+
+// The product of two textures, or the second in the share `amount` and the first in the rest.
+struct PbrtMix {
+  PbrtTexture a, b, amount;
+  bool product = false;
 };
 
 class PbrtMaterials {
@@ -64,8 +74,9 @@ class PbrtMaterials {
   // A constant colour; nullopt where the object has no such parameter. Emission: spectra have a luminance of 1, as in
   // pbrt-v4.
   std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
-  // An area light of `object` on a shape; `area`: of the shape in the scene, < 0 where it is not known.
-  void add_emitter(Element& shape, const PbrtObject& light, double area);
+  // An area light on a shape; `area`: of the shape in the scene, < 0 where it is not known; `both`: a light on both
+  // sides has another shape for the other side.
+  void add_emitter(Element& shape, const PbrtObject& light, double area, bool both);
   // A picture that is made, under a name of its own for each `key`.
   std::string build_picture(const std::string& key, BuiltPicture picture);
 
@@ -74,6 +85,7 @@ class PbrtMaterials {
   PbrtTexture named_texture(const std::string& name, bool number, const Location& where);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
+  PbrtTexture mixed(const PbrtObject& object, const PbrtMix& mix) const;
   std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
 
   enum class Role { color, number, radiance };

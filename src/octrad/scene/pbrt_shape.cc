@@ -289,6 +289,16 @@ bool ply_has_normals(const std::string& file) {
   return head.find(" nx") != std::string::npos;
 }
 
+RawMesh moved_along_normals(RawMesh mesh, double share) {
+  Bounds3f box;
+  for (const Vec3f& p : mesh.positions) box.extend(p);
+  const double distance = share * length(Vec3d(box.upper) - Vec3d(box.lower));
+  const std::vector<Vec3f> normals = smooth_normals(mesh.positions, mesh.triangles);
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    mesh.positions[i] = Vec3f(Vec3d(mesh.positions[i]) + Vec3d(normals[i]) * distance);
+  return mesh;
+}
+
 double mesh_area(const RawMesh& mesh, const Transform& to_world) {
   double sum = 0.0;
   for (const Vec3i& t : mesh.triangles) {

@@ -24,6 +24,9 @@ RawMesh read_pbrt_ply(const std::string& file);
 // Whether a plain PLY file says that its vertices have normals.
 bool ply_has_normals(const std::string& file);
 
+// Vertices moved along their normals, outwards where `share` of the diagonal of the mesh's box is above 0.
+RawMesh moved_along_normals(RawMesh mesh, double share);
+
 double mesh_area(const RawMesh& mesh, const Transform& to_world);
 
 // Loop, C. 1987, "Smooth Subdivision Surfaces Based on Triangles": `levels` steps, without the way to the limit.

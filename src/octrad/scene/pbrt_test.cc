@@ -234,6 +234,24 @@ TEST_F(PbrtTest, Textures) {
       "Material \"coateddiffuse\" \"texture roughness\" \"r\"\n" +
       kPbrtSquare);
   assumes(coat, "read as principled");
+  // Products and mixes of pictures: of the larger size.
+  Image small(1, 1, {"R", "G", "B"});
+  small.set_rgb(0, 0, {0.5f, 0.25f, 1.0f});
+  write_exr((folder_.path() / "q.exr").string(), small);
+  const std::string pair =
+      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\"\nTexture \"q\" \"spectrum\" \"imagemap\" \"string filename\" \"q.exr\"\n";
+  const std::string use = "Material \"diffuse\" \"texture reflectance\" \"r\"\n" + kPbrtSquare;
+  const Scene product =
+      load(pair + "Texture \"r\" \"spectrum\" \"scale\" \"texture tex1\" \"p\" \"texture tex2\" \"q\"\n" + use);
+  EXPECT_EQ(texture(product).width, 2);
+  expect_near(Vec3d(texture(product).pixels[0]), {.1, .1, .6}, 1e-6);
+  const Scene mix = load(
+      pair + "Texture \"r\" \"spectrum\" \"mix\" \"texture tex1\" \"p\" \"texture tex2\" \"q\" \"float amount\" .25\n" +
+      use);
+  expect_near(Vec3d(texture(mix).pixels[1]), {.5, .4375, .625}, 1e-6);
+  fails(std::string("WorldBegin\n") + image + pair.substr(pair.find('\n') + 1) +
+            "Texture \"r\" \"spectrum\" \"mix\" \"texture tex1\" \"p\" \"texture tex2\" \"q\"\n" + use,
+        "4:1", "in two ways");
   // Constants are folded.
   const Scene folded = load(
       "Texture \"a\" \"spectrum\" \"constant\" \"rgb value\" [.2 .4 .6]\n"
@@ -357,6 +375,12 @@ TEST_F(PbrtTest, Fronts) {
   EXPECT_FALSE(load(light + kPbrtSphere).spheres[0].flip_normals);
   EXPECT_FALSE(load(light + "Scale -1 1 1\n" + kPbrtSphere).spheres[0].flip_normals);
   EXPECT_TRUE(load(light + "ReverseOrientation\n" + kPbrtSphere).spheres[0].flip_normals);
+  // A light on both sides is two, whose fronts look away from one another.
+  const Scene both = load("AreaLightSource \"diffuse\" \"bool twosided\" true\n" + kPbrtSquare);
+  ASSERT_EQ(both.meshes.size(), 2u);
+  EXPECT_EQ(both.area_lights.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i)
+    EXPECT_GT(front(both, i).z * static_cast<double>(both.meshes[i].positions[0].z), 0.0);
   // Normals of the file decide, as in pbrt.
   const TriangleMesh turned = load(light + normals).meshes[0];
   EXPECT_LT(Vec3d(turned.normals[0]).z * (turned.flip_normals ? -1.0 : 1.0), 0.0);

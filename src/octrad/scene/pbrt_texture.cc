@@ -35,6 +35,82 @@ Vec3d normalized_light(const Spectrum& spectrum, const Location& where) {
 // Of brass; refractiveindex.info, at 650, 550 and 450 nm.
 constexpr Vec3d kBrassEta{0.444, 0.527, 1.094}, kBrassK{3.695, 2.765, 1.829};
 
+// The colours of a picture, with its factors.
+Image linear_picture(const PbrtTexture& t) {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  if (!t.mix) {
+    const Image in = read_image(t.file);
+    const std::vector<int> from = color_channels(in);
+    ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
+    Image out(in.width, in.height, rgb);
+    for (int y = 0; y < in.height; ++y) {
+      for (int x = 0; x < in.width; ++x) {
+        Vec3d v;
+        for (int c = 0; c < 3; ++c) {
+          const float stored = in.at(x, y, from[static_cast<std::size_t>(c)]);
+          v[c] =
+              t.gamma == 0.0 ? linear_value(in, stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
+          if (t.invert) v[c] = std::max(0.0, 1.0 - v[c]);
+        }
+        out.set_rgb(x, y, Vec3f(v * t.value));
+      }
+    }
+    return out;
+  }
+  // As large as the largest of them; a constant is one pixel.
+  const PbrtTexture* parts[3] = {&t.mix->a, &t.mix->b, &t.mix->amount};
+  Image pictures[3];
+  int width = 1, height = 1;
+  for (int i = 0; i < 3; ++i) {
+    if (parts[i]->is_constant()) {
+      pictures[i] = Image(1, 1, rgb);
+      pictures[i].set_rgb(0, 0, Vec3f(parts[i]->value));
+    } else {
+      pictures[i] = linear_picture(*parts[i]);
+    }
+    width = std::max(width, pictures[i].width);
+    height = std::max(height, pictures[i].height);
+  }
+  ask_memory(static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * 3 * sizeof(float), "a texture");
+  Image out(width, height, rgb);
+  const bool repeat = t.wrap == "repeat";
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      Vec3d v[3];
+      for (int i = 0; i < 3; ++i) {
+        // Between four pixels, at the middle of this one.
+        const Image& p = pictures[i];
+        const double px = (x + 0.5) / width * p.width - 0.5, py = (y + 0.5) / height * p.height - 0.5;
+        const int x0 = static_cast<int>(std::floor(px)), y0 = static_cast<int>(std::floor(py));
+        const auto at = [&](int dx, int dy) {
+          const auto inside = [&](int k, int n) { return repeat ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
+          return Vec3d(p.rgb(inside(x0 + dx, p.width), inside(y0 + dy, p.height)));
+        };
+        const double fx = px - x0, fy = py - y0;
+        v[i] = (at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) + (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy;
+      }
+      const Vec3d share(channel_mean(v[2]));
+      const Vec3d result = t.mix->product ? v[0] * v[1] : v[0] * (Vec3d(1.0) - share) + v[1] * share;
+      out.set_rgb(x, y, Vec3f(result * t.value));
+    }
+  }
+  return out;
+}
+
+// What the picture is made of.
+std::string text_of(const PbrtTexture& t) {
+  std::string text = std::to_string(static_cast<int>(t.kind)) + (t.invert ? " inverted " : " ") +
+                     (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma);
+  for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z})
+    text += " " + number_text(v);
+  text += " " + t.file;
+  if (t.mix) {
+    text += t.mix->product ? " product" : " mix";
+    for (const PbrtTexture* part : {&t.mix->a, &t.mix->b, &t.mix->amount}) text += " (" + text_of(*part) + ")";
+  }
+  return text;
+}
+
 }  // namespace
 
 double pbrt_map(PbrtMap map, double value) {
@@ -165,8 +241,7 @@ PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
     PbrtTexture a = texture(object, v3 ? "tex1" : "tex", number, Vec3d(1.0));
     PbrtTexture b = texture(object, v3 ? "tex2" : "scale", v3 ? number : true, Vec3d(1.0));
     if (a.is_constant()) std::swap(a, b);
-    if (!b.is_constant())
-      fail(object.location(), "a product of two textures is not supported; multiply their pictures");
+    if (!b.is_constant()) return mixed(object, {a, b, {}, true});
     a.value = a.value * b.value;
     a.other = a.other * b.value;
     return a;
@@ -174,12 +249,12 @@ PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
   if (type == "mix") {
     const PbrtTexture a = texture(object, "tex1", number, Vec3d(0.0)), b = texture(object, "tex2", number, Vec3d(1.0)),
                       amount = texture(object, "amount", true, Vec3d(0.5));
-    if (amount.is_constant() && amount.value.x <= 0.0) return a;
+    if (a == b || (amount.is_constant() && amount.value.x <= 0.0)) return a;
     if (amount.is_constant() && amount.value.x >= 1.0) return b;
+    if (!a.is_constant() || !b.is_constant() || !amount.is_constant()) return mixed(object, {a, b, amount, false});
     PbrtTexture result = a;
     result.value = a.value * (1.0 - amount.value.x) + b.value * amount.value.x;
-    if (a == b || (a.is_constant() && b.is_constant() && amount.is_constant())) return a == b ? a : result;
-    fail(object.location(), "a mix of textures is not supported; mix their pictures");
+    return result;
   }
   if (type == "checkerboard") {
     if (object.number("dimension", 2.0) != 2.0)
@@ -197,6 +272,33 @@ PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
   fail(object.location(), object.what() +
                               " is not supported; bake it into a picture and load that as an imagemap. "
                               "Supported: constant, imagemap, scale, mix, checkerboard");
+}
+
+// A picture that is made of others, which must lie on the surface in the same way.
+PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, const PbrtMix& mix) const {
+  constexpr int kMostFiles = 16;
+  PbrtTexture t;
+  for (const PbrtTexture* part : {&mix.a, &mix.b, &mix.amount}) {
+    if (part->is_constant()) continue;
+    if (part->kind != PbrtTexture::Kind::picture)
+      fail(object.location(), object.what() + " of a checkerboard is not supported; bake it into a picture");
+    if (t.is_constant()) {
+      t = *part;
+      t.files = 0;
+    }
+    if (!std::equal(t.scale, t.scale + 2, part->scale) || !std::equal(t.offset, t.offset + 2, part->offset) ||
+        t.wrap != part->wrap)
+      fail(object.location(),
+           object.what() + " of pictures that lie on the surface in two ways is not supported; bake it into a picture");
+    t.files += std::max(part->files, 1);
+  }
+  if (t.files > kMostFiles) fail(object.location(), object.what() + " is made of more than 16 pictures");
+  t.value = Vec3d(1.0);
+  t.invert = t.nearest = false;
+  t.gamma = 0.0;
+  t.file.clear();
+  t.mix = std::make_shared<const PbrtMix>(mix);
+  return t;
 }
 
 // Also the texture coordinates of others.
@@ -256,11 +358,8 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
     to_uv = Transform::translate({t.offset[0], 1.0 - t.scale[1] - t.offset[1], 0.0}) *
             Transform::scale({t.scale[0], t.scale[1], 1.0});
   }
-  std::string key = std::string(checks ? "checks " : "picture ") + t.file + (number ? " number" : "") +
-                    (role == Role::radiance ? " radiance" : "") + " " + std::to_string(static_cast<int>(map)) +
-                    (t.invert ? " inverted" : "") + (t.nearest ? " nearest" : "") + " " + t.wrap + " " +
-                    number_text(t.gamma);
-  for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z}) key += " " + number_text(v);
+  std::string key =
+      std::to_string(static_cast<int>(role)) + " " + std::to_string(static_cast<int>(map)) + " " + text_of(t);
   const std::string picture_key = key;
   for (const double v : to_uv.m) key += " " + number_text(v);
   const auto [at, inserted] = textures_.try_emplace(key, "texture" + std::to_string(textures_.size()));
@@ -274,31 +373,23 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
       constant(e, "color1", number ? t.value : t.other);
     } else {
       const bool plain =
-          t.value == Vec3d(1.0) && !t.invert && map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
+          !t.mix && t.value == Vec3d(1.0) && !t.invert && map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
       std::string file = t.file;
       if (!plain) {
         BuiltPicture built;
         built.read = [t, number, color, map] {
           const MemoryScope scope;
-          const Image in = read_image(t.file);
-          const std::vector<int> from = color_channels(in);
-          ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
+          const Image in = linear_picture(t);
+          ask_memory(in.pixel_count() * 3 * sizeof(float), "a texture");
           Image out(in.width, in.height,
                     number ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B"});
-          const std::size_t stride = in.channels.size();
-          for (std::size_t i = 0; i < in.pixel_count(); ++i) {
-            Vec3d v;
-            for (int c = 0; c < 3; ++c) {
-              const float stored = in.data[i * stride + static_cast<std::size_t>(from[static_cast<std::size_t>(c)])];
-              v[c] = t.gamma == 0.0 ? linear_value(in, stored)
-                                    : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
-              if (t.invert) v[c] = std::max(0.0, 1.0 - v[c]);
+          for (int y = 0; y < in.height; ++y) {
+            for (int x = 0; x < in.width; ++x) {
+              Vec3d v(in.rgb(x, y));
+              if (color) v = clamped(v);
+              if (number) out.at(x, y, 0) = static_cast<float>(pbrt_map(map, channel_mean(v)));
+              else out.set_rgb(x, y, Vec3f(v));
             }
-            v = v * t.value;
-            if (color) v = clamped(v);
-            if (number) out.data[i] = static_cast<float>(pbrt_map(map, channel_mean(v)));
-            else
-              for (int c = 0; c < 3; ++c) out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(v[c]);
           }
           return out;
         };
