@@ -35,7 +35,7 @@ class PbrtReader {
   PbrtReader(const std::string& file, std::string text, Description& description, SceneReport& report)
       : description_(description),
         report_(report),
-        old_(text.find("WorldEnd") != std::string::npos),  // which version 4 has no more
+        old_(has_world_end(text)),  // which version 4 has no more
         materials_(old_, description, report),
         meter_(file + ": the tree of the scene") {
     ask_memory(2 * text.size(), file);
@@ -52,12 +52,22 @@ class PbrtReader {
     add_integrator();
     if (camera_) {
       report_.attempt(camera_->location(), [&] {
-        add_pbrt_sensor(*camera_, *camera_to_world_, film_.get(), filter_.get(), *description_.root, report_);
+        add_pbrt_sensor(*camera_, *camera_to_world_, film_.get(), filter_.get(), old_, *description_.root, report_);
       });
     }
   }
 
  private:
+  // Outside of comments.
+  static bool has_world_end(const std::string& text) {
+    for (std::size_t at = text.find("WorldEnd"); at != std::string::npos; at = text.find("WorldEnd", at + 1)) {
+      const std::size_t line = at == 0 ? std::string::npos : text.rfind('\n', at - 1),
+                        begin = line == std::string::npos ? 0 : line + 1;
+      if (text.find_first_of("#\"", begin) >= at) return true;
+    }
+    return false;
+  }
+
   // What AttributeBegin keeps and AttributeEnd brings back.
   struct State {
     Transform ctm;
@@ -69,9 +79,6 @@ class PbrtReader {
     State state;
     char kind;  // a: attributes, t: transforms, o: an object
     Location where;
-  };
-  struct Group {
-    Element* element = nullptr;
   };
   using Handler = void (PbrtReader::*)(PbrtLexer&, const Location&);
 
@@ -98,7 +105,7 @@ class PbrtReader {
                                                                     {"WorldBegin", &PbrtReader::world_begin},
                                                                     {"WorldEnd", &PbrtReader::world_end},
                                                                     {"Include", &PbrtReader::include},
-                                                                    {"Import", &PbrtReader::include},
+                                                                    {"Import", &PbrtReader::import},
                                                                     {"Attribute", &PbrtReader::attribute},
                                                                     {"Camera", &PbrtReader::camera},
                                                                     {"Film", &PbrtReader::film},
@@ -141,6 +148,7 @@ class PbrtReader {
   Object object_of(PbrtLexer& lexer, const Location& where, const char* kind, const std::string& type,
                    const std::string& target) {
     PbrtParameters parameters = read_pbrt_parameters(lexer, meter_);
+    for (PbrtParameter& p : parameters) p.serial = materials_.serial();
     const auto found = state_.defaults.find(target);
     meter_.add(sizeof(PbrtObject) + 100);
     return std::make_shared<const PbrtObject>(kind, type, where, std::move(parameters),
@@ -156,7 +164,7 @@ class PbrtReader {
     if (stack_.empty() || stack_.back().kind != kind)
       fail(where, std::string(name) + " without its beginning" +
                       (stack_.empty() ? "" : "; another block begins at " + stack_.back().where.text()));
-    if (kind == 't') state_.ctm = stack_.back().state.ctm;
+    if (kind == 't' && old_) state_.ctm = stack_.back().state.ctm;
     else state_ = std::move(stack_.back().state);
     stack_.pop_back();
   }
@@ -169,13 +177,14 @@ class PbrtReader {
     const std::string name = lexer.text("a name");
     if (group_ != description_.root.get()) fail(where, "an object cannot stand in another one");
     push('o', where);
-    const auto [at, inserted] = groups_.try_emplace(name);
-    if (!inserted) fail(where, "there is an object with the name \"" + name + "\" already");
+    // In version 3 a name stands for the last object that had it.
+    if (groups_.count(name) && !old_) fail(where, "there is an object with the name \"" + name + "\" already");
     flush_curves();
-    const std::string id = "object" + std::to_string(groups_.size() - 1);
+    count_shape(where);
+    const std::string id = "object" + std::to_string(objects_++);
     group_ = &add_element(*description_.root, where, "shape", {{"type", "shapegroup"}, {"id", id}});
     description_.ids.emplace(id, group_);
-    at->second.element = group_;
+    groups_[name] = group_;
   }
   void object_end(PbrtLexer&, const Location& where) {
     pop('o', where, "ObjectEnd");
@@ -189,7 +198,7 @@ class PbrtReader {
       if (found == groups_.end())
         fail(where, "there is no object with the name \"" + name + "\"" + did_you_mean(name, keys_near(groups_, name)));
       if (group_ != description_.root.get()) fail(where, "an instance cannot stand in an object");
-      const Element& group = *found->second.element;
+      const Element& group = *found->second;
       if (group.children.empty() || flat(where)) return;
       count_shape(where);
       Element& instance = add_element(*group_, where, "shape", {{"type", "instance"}});
@@ -255,8 +264,8 @@ class PbrtReader {
   void take_system(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     const auto found = systems_.find(name);
-    if (found == systems_.end()) fail(where, "there is no coordinate system with the name \"" + name + "\"");
-    state_.ctm = found->second;
+    if (found != systems_.end()) state_.ctm = found->second;
+    else report_.assume(where, "CoordSysTransform with a name that there is not changes nothing");
   }
   void active(PbrtLexer& lexer, const Location& where) {
     const PbrtToken token = lexer.take();
@@ -269,7 +278,8 @@ class PbrtReader {
     lexer.number("end time");
   }
   void reverse(PbrtLexer&, const Location&) { state_.reverse = !state_.reverse; }
-  void world_begin(PbrtLexer&, const Location&) {
+  void world_begin(PbrtLexer&, const Location& where) {
+    report_.attempt(where, [&] { materials_.exposure = exposure(); });
     state_.ctm = Transform();
     state_.at_start = true;
     systems_["world"] = state_.ctm;
@@ -280,14 +290,22 @@ class PbrtReader {
     const std::string file = description_.resolve(lexer.text("a file"), where);
     if (names_.size() >= kMostIncludeDepth) fail(where, "Include: nested more than 16 deep");
     if (++includes_ > kMostIncludes) fail(where, "Include: more than 1000 files");
-    if (ending_of(file) == ".gz") fail(where, "Include: decompress \"" + file + "\" first (gunzip)");
-    std::string text = read_file(file);
+    std::string text = read_pbrt_file(file);
     included_bytes_ += text.size();
     if (included_bytes_ > kMostIncludedBytes) fail(where, "Include: more than a gigabyte in all");
     ask_memory(2 * text.size(), file);
     names_.push_back(file);
     read_file_of(std::make_shared<const SourceFile>(file, std::move(text)));
     names_.pop_back();
+  }
+
+  // What the file leaves open and changes is its own.
+  void import(PbrtLexer& lexer, const Location& where) {
+    const State before = state_;
+    const std::size_t open = stack_.size();
+    include(lexer, where);
+    if (stack_.size() != open) fail(where, "Import: the blocks of the file are not closed");
+    state_ = before;
   }
 
   void attribute(PbrtLexer& lexer, const Location& where) {
@@ -323,15 +341,31 @@ class PbrtReader {
     if (name != "srgb") report_.assume(where, "colours of the space " + name + " are read as those of srgb");
   }
 
+  // By what the film multiplies.
+  double exposure() {
+    if (!film_) return 1.0;
+    if (old_) return film_->number("scale", 1.0, 0.0, 1e12);
+    const double open = camera_ ? camera_->number("shutteropen", 0.0) : 0.0,
+                 close = camera_ ? camera_->number("shutterclose", 1.0) : 1.0;
+    const double factor = (close - open) * film_->number("iso", 100.0, 0.0, 1e12) / 100.0;
+    if (!(factor > 0.0)) return 1.0;
+    if (std::fabs(factor - 1.0) > 1e-6)
+      report_.assume(film_->location(),
+                     "lights are multiplied by what the film's iso and the shutter time make of them");
+    return factor;
+  }
+
   void add_integrator() {
-    if (!integrator_) return;
-    const Location where = integrator_->location();
-    const std::string& type = integrator_->type();
+    static const PbrtObject standard("Integrator", "path", Location());
+    const PbrtObject& integrator = integrator_ ? *integrator_ : standard;
+    const Location where = integrator.location();
+    const std::string& type = integrator.type();
     Element& e = add_element(*description_.root, where, "integrator", {{"type", "path"}});
     if (type != "path" && type != "volpath" && type != "simplepath" && type != "bdpt")
       report_.assume(where, "Integrator \"" + type + "\" read as path");
     // pbrt counts bounces, Mitsuba the segments of a path.
-    const double bounces = integrator_->number("maxdepth", 5.0, 0.0, 1e9);
+    const bool direct = type == "directlighting";
+    const double bounces = direct ? 1.0 : integrator.number("maxdepth", 5.0, 0.0, 1e9);
     add_element(e, where, "integer",
                 {{"name", "max_depth"}, {"value", std::to_string(static_cast<long>(bounces) + 1)}});
   }
@@ -355,7 +389,7 @@ class PbrtReader {
   void named(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     state_.material = nullptr;
-    report_.attempt(where, [&] { state_.material = materials_.named(name, where); });
+    report_.attempt(where, [&] { state_.material = materials_.named(name, where, materials_.serial()); });
   }
   void medium(PbrtLexer& lexer, const Location& where) {
     object(lexer, where, "Medium");
@@ -449,7 +483,12 @@ class PbrtReader {
         fail(where, s.what() +
                         " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
                         "disk, cylinder, cone, paraboloid, hyperboloid, curve");
-      area = mesh_area(*raw, state_.ctm);
+      // Of one triangle or patch: in pbrt each is a light of its own.
+      const auto parts = static_cast<double>(raw->triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
+      const bool meshes = type == "trianglemesh" || type == "bilinearmesh" || type == "loopsubdiv";
+      area = mesh_area(*raw, state_.ctm) / (meshes ? parts : 1.0);
+      if (raw->uvs.empty() && type == "trianglemesh" && state_.material && state_.material->has_textures())
+        *raw = with_own_uvs(*raw);
       // Lights have one side: one on both is two, a little apart.
       if (state_.light && !in_group && state_.light->flag("twosided", false)) {
         back = keep(moved_along_normals(*raw, -1e-4));
@@ -463,6 +502,8 @@ class PbrtReader {
     if (!back.empty()) add_surface(s, back, "", bsdf, faces, !flip, area);
     add_surface(s, mesh, file, bsdf, faces, flip, area);
     if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
+    if (state_.light && s.has("alpha") && materials_.alpha(s) <= 0.0)
+      report_.assume(where, "a light whose alpha is 0 is seen; in pbrt it shines without being seen");
     s.note_unused(report_);
   }
 
@@ -482,7 +523,9 @@ class PbrtReader {
     if (flip) add_pbrt_value(e, where, "boolean", "flip_normals", "true");
     add_element(e, where, "ref", {{"id", bsdf}});
     const bool in_group = group_ != description_.root.get();
-    if (state_.light && !in_group) materials_.add_emitter(e, *state_.light, area, !is_round(s) && file.empty());
+    const bool none = !old_ && state_.material && state_.material->type() == "interface";
+    if (state_.light && none) report_.assume(where, "lights on an interface material are left out, as in pbrt");
+    else if (state_.light && !in_group) materials_.add_emitter(e, *state_.light, area, !is_round(s) && file.empty());
   }
 
   std::string keep(RawMesh mesh) {
@@ -516,11 +559,11 @@ class PbrtReader {
   Object camera_, film_, filter_, integrator_;
   std::optional<Transform> camera_to_world_;
   Element* group_ = nullptr;  // to which shapes are added: the root or a group
-  std::map<std::string, Group> groups_;
+  std::map<std::string, Element*> groups_;
   std::map<std::string, Curves> curves_;           // by the id of their bsdf
   std::map<std::string, std::string> compressed_;  // meshes of files
   std::vector<std::string> names_;                 // of the files that are open
-  std::size_t includes_ = 0, shapes_ = 0;
+  std::size_t includes_ = 0, shapes_ = 0, objects_ = 0;
   std::uint64_t included_bytes_ = 0;
 };
 

@@ -1,9 +1,13 @@
 #include "octrad/scene/pbrt_file.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
+#include "octrad/base/lower_case.h"
 #include "octrad/base/read_decimal.h"
 
 namespace octrad {
@@ -23,7 +27,47 @@ std::string shown(const PbrtToken& token) {
   }
 }
 
+std::string inflated(const std::string& bytes, const std::string& file) {
+  z_stream stream{};
+  if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw MemoryError(file + ": no memory to decompress");
+  struct End {
+    z_stream& s;
+    ~End() { inflateEnd(&s); }
+  } const end{stream};
+  std::string out;
+  constexpr std::size_t kStep = 1 << 20;
+  std::size_t given = 0;
+  int status = Z_OK;
+  while (status == Z_OK) {
+    if (stream.avail_in == 0) {
+      const std::size_t next = std::min(bytes.size() - given, std::size_t{1} << 30);
+      if (next == 0) break;
+      stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + given));
+      stream.avail_in = static_cast<unsigned>(next);
+      given += next;
+    }
+    const std::size_t before = out.size();
+    if (out.capacity() < before + kStep) {
+      const std::size_t larger = std::max(2 * out.capacity(), before + kStep);
+      ask_memory(larger, file);
+      out.reserve(larger);
+    }
+    out.resize(before + kStep);
+    stream.next_out = reinterpret_cast<Bytef*>(out.data() + before);
+    stream.avail_out = kStep;
+    status = inflate(&stream, Z_NO_FLUSH);
+    out.resize(before + kStep - stream.avail_out);
+  }
+  if (status != Z_STREAM_END) throw InputError(file + ": the gzip data is broken or cut off");
+  return out;
+}
+
 }  // namespace
+
+std::string read_pbrt_file(const std::string& file) {
+  std::string bytes = read_file(file);
+  return ending_of(file) == ".gz" ? inflated(bytes, file) : bytes;
+}
 
 PbrtLexer::PbrtLexer(std::shared_ptr<const SourceFile> source) : source_(std::move(source)) { advance(); }
 
@@ -144,19 +188,21 @@ PbrtParameters read_pbrt_parameters(PbrtLexer& lexer, MemoryMeter& meter) {
   return result;
 }
 
+// The last of own ones counts, as in pbrt, then the last of the defaults.
 template <typename Visit>
 void PbrtObject::each(Visit&& visit) const {
-  for (const PbrtParameter& p : own_) visit(p);
+  for (auto p = own_.rbegin(); p != own_.rend(); ++p) visit(*p);
   for (auto at = defaults_.rbegin(); at != defaults_.rend(); ++at) {
-    for (const PbrtParameter& p : **at) visit(p);
+    for (auto p = (*at)->rbegin(); p != (*at)->rend(); ++p) visit(*p);
   }
 }
 
 const PbrtParameter* PbrtObject::find(std::string_view name) const {
   const PbrtParameter* found = nullptr;
   each([&](const PbrtParameter& p) {
-    if (p.name == name && !found) found = &p;
-    if (p.name == name) p.used = true;
+    if (p.name != name) return;
+    if (!found) found = &p;
+    p.used = true;
   });
   return found;
 }
@@ -221,6 +267,12 @@ void PbrtObject::ignore(std::initializer_list<const char*> names) const {
 
 PbrtObject PbrtObject::with_type(std::string kind, std::string type) const {
   return {std::move(kind), std::move(type), where_, own_, defaults_};
+}
+
+bool PbrtObject::has_textures() const {
+  bool found = false;
+  each([&](const PbrtParameter& p) { found |= p.type == "texture"; });
+  return found;
 }
 
 void PbrtObject::note_unused(SceneReport& report) const {

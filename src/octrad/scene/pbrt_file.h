@@ -47,9 +47,13 @@ struct PbrtParameter {
   Location where;
   std::vector<double> numbers;
   std::vector<std::string> texts;
+  std::size_t serial = 0;  // textures and named materials that were defined before it
   mutable bool used = false;
 };
 using PbrtParameters = std::vector<PbrtParameter>;
+
+// The content of a file, decompressed where its name ends in .gz. Throws IoError, InputError, MemoryError.
+std::string read_pbrt_file(const std::string& file);
 
 // The parameters that follow in the file, up to the next word. `meter` counts their memory.
 PbrtParameters read_pbrt_parameters(PbrtLexer& lexer, MemoryMeter& meter);
@@ -70,7 +74,7 @@ class PbrtObject {
   const Location& location() const { return where_; }
   std::string what() const { return kind_ + " \"" + type_ + "\""; }
 
-  // The parameter of that name, or null; reading it counts as using it. Colours: any of kColors.
+  // The last parameter of that name, or null; reading it counts as using it. Colours: any of kColors.
   const PbrtParameter* find(std::string_view name) const;
   const PbrtParameter* find(std::string_view name, std::initializer_list<const char*> types) const;
   bool has(std::string_view name) const;  // does not count as using it
@@ -81,6 +85,7 @@ class PbrtObject {
   std::string text(std::string_view name, const std::string& fallback) const;
   Vec3d point(std::string_view name, Vec3d fallback) const;
   void ignore(std::initializer_list<const char*> names) const;
+  bool has_textures() const;
 
   // The same with another type: of a named material it is a parameter.
   PbrtObject with_type(std::string kind, std::string type) const;

@@ -74,7 +74,8 @@ Vec3d strength(const PbrtObject& light, const char* name, const PbrtMaterials& m
   if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
     factor = materials.color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
   else factor = Vec3d(light.number("scale", 1.0, 0.0));
-  const Vec3d v = materials.color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0)) * factor;
+  const Vec3d v =
+      materials.color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0)) * factor * materials.exposure;
   return {std::max(v.x, 0.0), std::max(v.y, 0.0), std::max(v.z, 0.0)};
 }
 
@@ -147,7 +148,7 @@ void add_pbrt_light(const PbrtObject& l, const Transform& ctm, bool old, PbrtMat
     Element& e = add_element(root, where, "emitter", {{"type", type}});
     add_pbrt_value(e, where, "rgb", "intensity", three_numbers(strength(l, "I", materials) * factor));
     if (type == "point") {
-      add_matrix(e, where, "to_world", Transform::translate(ctm.point(from)));
+      add_matrix(e, where, "to_world", Transform::translate(old ? ctm.column(3) + from : ctm.point(from)));
     } else {
       const Vec3d p = ctm.point(from), q = ctm.point(to), axis = q - p;
       const Vec3d up = std::fabs(axis.x) > 0.9 * length(axis) ? Vec3d(0, 1, 0) : Vec3d(1, 0, 0);

@@ -26,11 +26,21 @@ bool is_none(const std::string& type) { return type.empty() || type == "none" ||
 
 }  // namespace
 
-PbrtMaterials::Object PbrtMaterials::named(const std::string& name, const Location& where) const {
+PbrtMaterials::Object PbrtMaterials::named(const std::string& name, const Location& where, std::size_t serial) const {
   const auto found = named_.find(name);
-  if (found == named_.end())
+  const Object* definition = found == named_.end() ? nullptr : defined(found->second, serial);
+  if (!definition)
     fail(where, "there is no material with the name \"" + name + "\"" + did_you_mean(name, keys_near(named_, name)));
-  return found->second;
+  return *definition;
+}
+
+double PbrtMaterials::alpha(const PbrtObject& shape) {
+  double value = 1.0;
+  report_.attempt(shape.where("alpha"), [&] {
+    const PbrtTexture t = texture(shape, "alpha", true, Vec3d(1.0));
+    if (t.is_constant()) value = t.value.x;
+  });
+  return value;
 }
 
 std::string PbrtMaterials::bsdf(const Object& material, const PbrtObject& shape) {
@@ -115,12 +125,12 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
 std::pair<PbrtMaterials::Object, PbrtMaterials::Object> PbrtMaterials::parts(const PbrtObject& mix) const {
   if (const PbrtParameter* p = mix.find("materials", {"string"})) {
     if (p->texts.size() != 2) fail(p->where, "a mix needs the names of two materials");
-    return {named(p->texts[0], p->where), named(p->texts[1], p->where)};
+    return {named(p->texts[0], p->where, p->serial), named(p->texts[1], p->where, p->serial)};
   }
-  if (!mix.has("namedmaterial1") || !mix.has("namedmaterial2"))
+  const PbrtParameter *a = mix.find("namedmaterial1", {"string"}), *b = mix.find("namedmaterial2", {"string"});
+  if (!a || !b || a->texts.size() != 1 || b->texts.size() != 1)
     fail(mix.location(), "a mix needs the names of two materials");
-  return {named(mix.text("namedmaterial1", ""), mix.where("namedmaterial1")),
-          named(mix.text("namedmaterial2", ""), mix.where("namedmaterial2"))};
+  return {named(a->texts[0], a->where, a->serial), named(b->texts[0], b->where, b->serial)};
 }
 
 bool PbrtMaterials::is_opaque(const PbrtObject& m, int depth) const {
@@ -210,12 +220,15 @@ double PbrtMaterials::eta(const PbrtObject& m, double fallback) const {
 
 PbrtMaterials::Roughness PbrtMaterials::roughness(const PbrtObject& m, const std::string& prefix, double fallback) {
   Roughness r;
-  const PbrtTexture both = texture(m, prefix + "roughness", true, Vec3d(fallback));
+  PbrtTexture both;
+  both.value = Vec3d(fallback);
+  if (m.type() != "glass") both = texture(m, prefix + "roughness", true, Vec3d(fallback));  // glass has two alone
   r.u = m.has(prefix + "uroughness") ? texture(m, prefix + "uroughness", true, Vec3d(fallback)) : both;
   r.v = m.has(prefix + "vroughness") ? texture(m, prefix + "vroughness", true, Vec3d(fallback)) : both;
   r.remap = m.flag("remaproughness", true);
   const auto smooth = [&](const PbrtTexture& t) {
-    return t.is_constant() && (old_ ? t.value.x <= 0.0 : pbrt_map(alpha_map(r), t.value.x) < 1e-3);
+    return t.is_constant() && (old_ ? t.value.x <= 0.0 && (m.type() == "glass" || m.type() == "mirror")
+                                    : pbrt_map(alpha_map(r), t.value.x) < 1e-3);
   };
   r.smooth = smooth(r.u) && smooth(r.v);
   return r;
@@ -241,12 +254,19 @@ void PbrtMaterials::add_coat(Element& parent, const PbrtObject& m, const Attribu
   const double index = eta(m, 1.5);
   if (!v4) {
     report_.assume(m.location(), m.what() + " read as coateddiffuse, as pbrt's own upgrade does");
-    m.ignore({"Ks", "Kr", "Kt"});
+    for (const char* name : {"Kr", "Kt"}) {
+      const PbrtParameter* p = m.find(name);
+      if (p &&
+          !(p->type != "texture" && channel_mean(color(m, name, SpectrumUse::reflectance).value_or(Vec3d(0.0))) <= 0.0))
+        report_.assume(p->where, "what " + m.what() + " reflects and transmits like glass (Kr, Kt) is left out");
+    }
   }
+  const PbrtTexture coat = v4 ? PbrtTexture() : texture(m, "Ks", false, Vec3d(m.type() == "substrate" ? 0.5 : 0.25));
+  const bool bare = !v4 && coat.is_constant() && channel_mean(coat.value) <= 0.0;
   m.ignore({"thickness", "g", "maxdepth", "nsamples"});
   if (const auto albedo = color(m, "albedo", SpectrumUse::reflectance); albedo && channel_mean(*albedo) > 0.0)
     report_.assume(m.where("albedo"), "the coat of a coateddiffuse is clear (albedo)");
-  if (!(index > 1.0)) {
+  if (!(index > 1.0) || bare) {
     Element& e = nest(parent, m.location(), "diffuse", labels);
     return add_color(e, "reflectance", m, base, base_default);
   }
@@ -263,6 +283,7 @@ void PbrtMaterials::add_coat(Element& parent, const PbrtObject& m, const Attribu
   add_color(e, "diffuse_reflectance", m, base, base_default);
   add_number(e, m.location(), "int_ior", index);
   add_number(e, m.location(), "ext_ior", 1.0);
+  if (m.type() == "plastic" || m.type() == "uber") add(e, m.where("Ks"), "specular_reflectance", coat, Role::color);
   add_element(e, m.location(), "boolean", {{"name", "nonlinear"}, {"value", "true"}});
   if (r.smooth) return;
   const double alpha = 0.5 * (pbrt_map(alpha_map(r), r.u.value.x) + pbrt_map(alpha_map(r), r.v.value.x));
@@ -457,18 +478,19 @@ void PbrtMaterials::add_emitter(Element& shape, const PbrtObject& light, double 
     // Of a radiance whose luminance is 1.
     scale *= light.number("power", 0.0, 0.0) / (std::numbers::pi * area * (two_sided ? 2.0 : 1.0));
   }
-  Element& emitter = add_element(shape, where, "emitter", {{"type", "area"}});
+  factor = factor * (scale * exposure);
+  const auto add_light = [&]() -> Element& { return add_element(shape, where, "emitter", {{"type", "area"}}); };
   if (light.has("filename")) {
     PbrtTexture t;
     t.kind = PbrtTexture::Kind::picture;
     t.file = description_.resolve(light.text("filename", ""), light.where("filename"));
-    t.value = factor * scale;
+    t.value = factor;
     t.wrap = "clamp";
-    add(emitter, where, "radiance", t, Role::radiance);
+    add(add_light(), where, "radiance", t, Role::radiance);
   } else {
-    const Vec3d l = color(light, "L", SpectrumUse::emission).value_or(Vec3d(1.0)) * factor * scale;
+    const Vec3d l = color(light, "L", SpectrumUse::emission).value_or(Vec3d(1.0)) * factor;
     add_element(
-        emitter, light.where("L"), "rgb",
+        add_light(), light.where("L"), "rgb",
         {{"name", "radiance"}, {"value", three_numbers({std::max(l.x, 0.0), std::max(l.y, 0.0), std::max(l.z, 0.0)})}});
   }
   light.note_unused(report_);

@@ -35,6 +35,7 @@ struct PbrtTexture {
   Vec3d other{1, 1, 1};  // the second
   std::string file;      // of a picture
   double gamma = 0.0;    // by which its values are encoded; 0: as the file's format says
+  double gain = 1.0;     // of its values before they are inverted
   bool invert = false, nearest = false;
   std::string wrap = "repeat";
   double scale[2] = {1, 1}, offset[2] = {0, 0};  // of the texture coordinates
@@ -62,10 +63,18 @@ class PbrtMaterials {
   using Object = std::shared_ptr<const PbrtObject>;
   // `number`: a float texture, otherwise one of colours.
   void add_texture(bool number, const std::string& name, Object texture) {
-    objects_[{number, name}] = std::move(texture);
+    objects_[{number, name}].emplace_back(serial_++, std::move(texture));
   }
-  void add_named(const std::string& name, Object material) { named_[name] = std::move(material); }
-  Object named(const std::string& name, const Location& where) const;
+  void add_named(const std::string& name, Object material) {
+    named_[name].emplace_back(serial_++, std::move(material));
+  }
+  // How many of both there are. Names of version 3 stand for what was defined before they were used.
+  std::size_t serial() const { return serial_; }
+  Object named(const std::string& name, const Location& where, std::size_t serial) const;
+
+  double alpha(const PbrtObject& shape);  // its constant, or that of a texture
+  // What the film makes of radiance: all lights are multiplied by it.
+  double exposure = 1.0;
 
   // The id of a bsdf for a shape of that material, which may have an alpha; null: what pbrt takes where a file says
   // nothing.
@@ -82,7 +91,7 @@ class PbrtMaterials {
 
  private:
   PbrtTexture texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback);
-  PbrtTexture named_texture(const std::string& name, bool number, const Location& where);
+  PbrtTexture named_texture(const std::string& name, bool number, const PbrtParameter& user);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
   PbrtTexture mixed(const PbrtObject& object, const PbrtMix& mix) const;
@@ -124,10 +133,13 @@ class PbrtMaterials {
   bool old_;
   Description& description_;
   SceneReport& report_;
-  std::map<std::pair<bool, std::string>, Object> objects_;  // textures, by whether they are numbers, and name
-  std::map<const PbrtObject*, PbrtTexture> values_;         // of textures
-  int open_ = 0;                                            // textures that are being looked into
-  std::map<std::string, Object> named_;                     // materials
+  using Definitions = std::vector<std::pair<std::size_t, Object>>;
+  const Object* defined(const Definitions& all, std::size_t serial) const;
+  std::map<std::pair<bool, std::string>, Definitions> objects_;  // textures, by whether they are numbers, and name
+  std::map<const PbrtObject*, PbrtTexture> values_;              // of textures
+  int open_ = 0;                                                 // textures that are being looked into
+  std::map<std::string, Definitions> named_;                     // materials
+  std::size_t serial_ = 0;
   std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
   std::vector<Object> kept_;                                // whose address is a key of bsdfs_
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names

@@ -17,9 +17,9 @@ inline void add_pbrt_value(Element& parent, const Location& where, const char* t
   add_element(parent, where, tag, {{"name", name}, {"value", value}});
 }
 
-// At the end of `root`; without a film or a filter pbrt's own.
+// At the end of `root`; without a film or a filter pbrt's own; `old`: of pbrt-v3.
 void add_pbrt_sensor(const PbrtObject& camera, const Transform& camera_to_world, const PbrtObject* film,
-                     const PbrtObject* filter, Element& root, SceneReport& report);
+                     const PbrtObject* filter, bool old, Element& root, SceneReport& report);
 
 // `to_world`: the transform at the light; `old`: of pbrt-v3.
 void add_pbrt_light(const PbrtObject& light, const Transform& to_world, bool old, PbrtMaterials& materials,

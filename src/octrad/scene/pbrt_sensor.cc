@@ -10,8 +10,8 @@
 namespace octrad {
 namespace {
 
-void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, const Location& where, double width,
-              double height, SceneReport& report) {
+void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bool old, const Location& where,
+              double width, double height, SceneReport& report) {
   Element& e = add_element(sensor, where, "film", {{"type", "hdrfilm"}});
   const auto whole = [&](const char* name, double value) {
     add_pbrt_value(e, where, "integer", name, std::to_string(static_cast<long>(value)));
@@ -33,34 +33,46 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, co
     whole("crop_height", crop[3] - crop[2]);
   }
   if (f.has("sensor") && f.text("sensor", "cie1931") != "cie1931")
-    report.assume(f.location(), "the film shows linear sRGB: the response and exposure of its sensor are left out");
-  else if (f.number("iso", 100.0) != 100.0 || f.number("exposuretime", 1.0) != 1.0)
-    report.assume(f.location(), "the exposure of the film (iso, exposuretime) is left out");
-  if (!filter) return;
-  const std::string& type = filter->type();
+    report.assume(f.location(), "the film shows linear sRGB: the response of its sensor is left out");
+  f.ignore({"filename", "diagonal", "savefp16", "maxcomponentvalue", "maxsampleluminance", "iso", "scale"});
+  f.note_unused(report);
+  // Without a filter that of version 3 is a box; version 4 has octrad's own gaussian.
+  const std::string type = filter ? filter->type() : old ? "box" : "gaussian";
   const char* name = type == "box"        ? "box"
                      : type == "triangle" ? "tent"
                      : type == "mitchell" ? "mitchell"
                      : type == "sinc"     ? "lanczos"
                                           : "gaussian";
-  Element& r = add_element(e, filter->location(), "rfilter", {{"type", name}});
-  if (type == "triangle")
-    add_pbrt_value(r, where, "float", "radius",
-                   number_text(filter->number("radius", filter->number("xwidth", 2.0, 0.1, 8.0), 0.1, 8.0)));
+  Element& r = add_element(e, filter ? filter->location() : where, "rfilter", {{"type", name}});
+  if (!filter) return;
+  const auto value = [&](const char* key, double number) {
+    add_pbrt_value(r, where, "float", key, number_text(number));
+  };
+  const auto radius = [&](double fallback) {
+    return filter->number(filter->has("xradius") ? "xradius" : "xwidth", fallback, 0.05, 8.0);
+  };
+  if (type == "triangle") value("radius", radius(2.0));
   if (type == "mitchell") {
-    add_pbrt_value(r, where, "float", "B", number_text(filter->number("B", 1.0 / 3.0)));
-    add_pbrt_value(r, where, "float", "C", number_text(filter->number("C", 1.0 / 3.0)));
+    value("B", filter->number("B", 1.0 / 3.0, 0.0, 1.0));
+    value("C", filter->number("C", 1.0 / 3.0, 0.0, 1.0));
   }
   if (type == "sinc")
     add_pbrt_value(r, where, "integer", "lobes", number_text(std::lround(filter->number("tau", 3.0, 1.0, 8.0))));
-  if (type == "gaussian")
-    add_pbrt_value(r, where, "float", "stddev", number_text(filter->number("sigma", 0.5, 0.05, 2.0)));
+  if (type == "gaussian") {
+    // exp(-alpha x^2) in version 3.
+    const double alpha = filter->number("alpha", 2.0, 0.05, 1000.0);
+    value("stddev", old ? std::clamp(std::sqrt(0.5 / alpha), 0.02, 2.0) : filter->number("sigma", 0.5, 0.02, 2.0));
+  }
+  if (type != "triangle" && (filter->has("xradius") || filter->has("xwidth")))
+    report.assume(filter->location(), "filters but the triangle reach as far as they do in Mitsuba");
+  filter->ignore({"xradius", "yradius", "xwidth", "ywidth"});
+  filter->note_unused(report);
 }
 
 }  // namespace
 
 void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, const PbrtObject* film,
-                     const PbrtObject* filter, Element& root, SceneReport& report) {
+                     const PbrtObject* filter, bool old, Element& root, SceneReport& report) {
   const Location where = c.location();
   const std::string& type = c.type();
   const bool orthographic = type == "orthographic";
@@ -68,9 +80,8 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
     fail(where, c.what() + " is not supported; supported: perspective, orthographic");
   static const PbrtObject no_film("Film", "", Location());
   const PbrtObject& f = film ? *film : no_film;
-  const bool image = f.type() == "image";  // of version 3
-  const double width = f.number("xresolution", image ? 640 : 1280, 1, kMostFilmPixels),
-               height = f.number("yresolution", image ? 480 : 720, 1, kMostFilmPixels);
+  const double width = f.number("xresolution", 1280, 1, kMostFilmPixels),
+               height = f.number("yresolution", 720, 1, kMostFilmPixels);
   const double aspect = c.number("frameaspectratio", width / height, 1e-3, 1e3);
   // Of the plane at distance 1 times the tangent of half the field of view, or in units of the camera.
   double window[4] = {-std::max(aspect, 1.0), std::max(aspect, 1.0), -std::max(1.0 / aspect, 1.0),
@@ -85,6 +96,9 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
                focus = c.number("focaldistance", radius > 0.0 ? 1e6 : 1e30, 0.0);
   c.ignore({"shutteropen", "shutterclose"});
   const bool lens = radius > 0.0 && !orthographic;
+  if (orthographic && radius > 0.0) report.assume(where, "an orthographic camera has no lens");
+  if (std::fabs(size_x * height - size_y * width) > 1e-3 * size_y * width)
+    report.assume(where, "pixels are square: the screenwindow has the height that is given");
 
   // pbrt's x runs to the right of the picture, Mitsuba's to the left. Scales of the camera change no direction.
   Transform t = camera_to_world;
@@ -109,6 +123,8 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
   if (lens) {
     add_pbrt_value(e, where, "float", "aperture_radius", number_text(radius * unit));
     add_pbrt_value(e, where, "float", "focus_distance", number_text(focus * unit));
+    if (window[0] + window[1] != 0.0 || window[2] + window[3] != 0.0)
+      report.assume(where, "a camera with a lens looks straight on: the offset of its screenwindow is left out");
   } else if (!orthographic) {
     const double x = 0.5 * (window[0] + window[1]) / size_x, y = 0.5 * (window[2] + window[3]) / size_y;
     if (x != 0.0) add_pbrt_value(e, where, "float", "principal_point_offset_x", number_text(x));
@@ -117,7 +133,7 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
   add_pbrt_value(e, where, "float", "near_clip", "0.0001");
   add_pbrt_value(e, where, "float", "far_clip", "1e10");
   add_matrix(e, where, "to_world", t);
-  add_film(e, f, filter, where, width, height, report);
+  add_film(e, f, filter, old, where, width, height, report);
   c.note_unused(report);
 }
 

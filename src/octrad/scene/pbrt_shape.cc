@@ -1,7 +1,5 @@
 #include "octrad/scene/pbrt_shape.h"
 
-#include <zlib.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -182,41 +180,6 @@ RawMesh quadric(const PbrtObject& shape) {
   return mesh;
 }
 
-std::string inflated(const std::string& bytes, const std::string& file) {
-  z_stream stream{};
-  if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw MemoryError(file + ": no memory to decompress");
-  struct End {
-    z_stream& s;
-    ~End() { inflateEnd(&s); }
-  } const end{stream};
-  std::string out;
-  constexpr std::size_t kStep = 1 << 20;
-  std::size_t given = 0;
-  int status = Z_OK;
-  while (status == Z_OK) {
-    if (stream.avail_in == 0) {
-      const std::size_t next = std::min(bytes.size() - given, std::size_t{1} << 30);
-      if (next == 0) break;
-      stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + given));
-      stream.avail_in = static_cast<unsigned>(next);
-      given += next;
-    }
-    const std::size_t before = out.size();
-    if (out.capacity() < before + kStep) {
-      const std::size_t larger = std::max(2 * out.capacity(), before + kStep);
-      ask_memory(larger, file);
-      out.reserve(larger);
-    }
-    out.resize(before + kStep);
-    stream.next_out = reinterpret_cast<Bytef*>(out.data() + before);
-    stream.avail_out = kStep;
-    status = inflate(&stream, Z_NO_FLUSH);
-    out.resize(before + kStep - stream.avail_out);
-  }
-  if (status != Z_STREAM_END) throw InputError(file + ": the gzip data is broken or cut off");
-  return out;
-}
-
 }  // namespace
 
 std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape) {
@@ -276,7 +239,7 @@ Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneRepo
 }
 
 RawMesh read_pbrt_ply(const std::string& file) {
-  RawMesh mesh = parse_ply(file, inflated(read_file(file), file));
+  RawMesh mesh = parse_ply(file, read_pbrt_file(file));
   for (Vec2f& uv : mesh.uvs) uv.y = 1.0f - uv.y;
   return mesh;
 }
@@ -287,6 +250,21 @@ bool ply_has_normals(const std::string& file) {
   input.read(head.data(), head.size(), 0);
   head.resize(std::min(head.find("end_header"), head.size()));
   return head.find(" nx") != std::string::npos;
+}
+
+RawMesh with_own_uvs(const RawMesh& mesh) {
+  RawMesh apart;
+  ask_memory(mesh.triangles.size() * 3 * (2 * sizeof(Vec3f) + sizeof(Vec2f) + 4), "a mesh");
+  for (const Vec3i& t : mesh.triangles) {
+    const auto first = static_cast<int>(apart.positions.size());
+    for (int k = 0; k < 3; ++k) {
+      apart.positions.push_back(mesh.positions[static_cast<std::size_t>(t[k])]);
+      if (!mesh.normals.empty()) apart.normals.push_back(mesh.normals[static_cast<std::size_t>(t[k])]);
+      apart.uvs.push_back({k > 0 ? 1.0f : 0.0f, k > 1 ? 0.0f : 1.0f});  // v runs down
+    }
+    apart.triangles.push_back({first, first + 1, first + 2});
+  }
+  return apart;
 }
 
 RawMesh moved_along_normals(RawMesh mesh, double share) {
@@ -309,49 +287,70 @@ double mesh_area(const RawMesh& mesh, const Transform& to_world) {
   return sum;
 }
 
+namespace {
+
+struct Edge {
+  int opposite[2] = {-1, -1}, faces = 0, point = -1;
+};
+using Edges = std::map<std::pair<int, int>, Edge>;
+
+Edge& edge_of(Edges& edges, int a, int b) { return edges[{std::min(a, b), std::max(a, b)}]; }
+
+Edges edges_of(const RawMesh& mesh) {
+  // An edge and what is summed about its ends: about 300 bytes.
+  ask_memory(mesh.triangles.size() * 1000, "a subdivision surface");
+  Edges edges;
+  for (const Vec3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) {
+      Edge& e = edge_of(edges, t[k], t[(k + 1) % 3]);
+      if (e.faces < 2) e.opposite[e.faces] = t[(k + 2) % 3];
+      ++e.faces;
+    }
+  }
+  return edges;
+}
+
+double loop_beta(int valence) { return valence == 3 ? 3.0 / 16.0 : valence > 0 ? 3.0 / (8.0 * valence) : 0.0; }
+
+// Each vertex moved towards its neighbours: by beta, or on the boundary by `border`, each; `to_limit`: by 1 / (n + 3 /
+// (8 beta)) instead of beta.
+std::vector<Vec3f> moved_vertices(const RawMesh& mesh, const Edges& edges, double border, bool to_limit) {
+  const std::size_t count = mesh.positions.size();
+  const auto position = [&](int i) { return Vec3d(mesh.positions[static_cast<std::size_t>(i)]); };
+  std::vector<Vec3d> around(count, Vec3d(0.0)), along(count, Vec3d(0.0));  // sums of neighbours, on the boundary too
+  std::vector<int> valence(count, 0), borders(count, 0);
+  for (const auto& [ends, e] : edges) {
+    for (const auto& [a, b] : {ends, std::pair(ends.second, ends.first)}) {
+      const auto i = static_cast<std::size_t>(a);
+      around[i] += position(b);
+      ++valence[i];
+      if (e.faces == 2) continue;
+      along[i] += position(b);
+      ++borders[i];
+    }
+  }
+  std::vector<Vec3f> moved(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3d p = position(static_cast<int>(i));
+    const int n = valence[i];
+    const double beta = n == 0 ? 0.0 : to_limit ? 1.0 / (n + 3.0 / (8.0 * loop_beta(n))) : loop_beta(n);
+    moved[i] = Vec3f(borders[i] == 2  ? p * (1.0 - 2.0 * border) + along[i] * border
+                     : borders[i] > 0 ? p
+                                      : p * (1.0 - n * beta) + around[i] * beta);
+  }
+  return moved;
+}
+
+}  // namespace
+
 RawMesh subdivide_loop(RawMesh mesh, int levels) {
   mesh.normals.clear();
   mesh.uvs.clear();
   for (int level = 0; level < levels; ++level) {
-    const std::size_t count = mesh.positions.size();
     if (mesh.triangles.size() > kMostMeshElements / 4) throw InputError("the subdivided mesh is too large");
-    // Of an edge and of each of its ends, a set in a map and a list: about 300 bytes.
-    ask_memory(mesh.triangles.size() * 1000, "a subdivision surface");
-    struct Edge {
-      int opposite[2] = {-1, -1}, faces = 0, point = -1;
-    };
-    std::map<std::pair<int, int>, Edge> edges;
-    const auto edge = [&](int a, int b) -> Edge& { return edges[{std::min(a, b), std::max(a, b)}]; };
-    for (const Vec3i& t : mesh.triangles) {
-      for (int k = 0; k < 3; ++k) {
-        Edge& e = edge(t[k], t[(k + 1) % 3]);
-        if (e.faces < 2) e.opposite[e.faces] = t[(k + 2) % 3];
-        ++e.faces;
-      }
-    }
+    Edges edges = edges_of(mesh);
+    std::vector<Vec3f> positions = moved_vertices(mesh, edges, 0.125, false);
     const auto position = [&](int i) { return Vec3d(mesh.positions[static_cast<std::size_t>(i)]); };
-    std::vector<Vec3d> around(count, Vec3d(0.0)), along(count, Vec3d(0.0));  // sums of neighbours, on the boundary too
-    std::vector<int> valence(count, 0), borders(count, 0);
-    for (const auto& [ends, e] : edges) {
-      for (const auto& [a, b] : {ends, std::pair(ends.second, ends.first)}) {
-        const auto i = static_cast<std::size_t>(a);
-        around[i] += position(b);
-        ++valence[i];
-        if (e.faces == 2) continue;
-        along[i] += position(b);
-        ++borders[i];
-      }
-    }
-    std::vector<Vec3f> positions(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const Vec3d p = position(static_cast<int>(i));
-      const int n = valence[i];
-      const double beta = n == 3 ? 3.0 / 16.0 : n > 0 ? 3.0 / (8.0 * n) : 0.0;
-      Vec3d moved = borders[i] == 2  ? p * 0.75 + along[i] * 0.125
-                    : borders[i] > 0 ? p
-                                     : p * (1.0 - n * beta) + around[i] * beta;
-      positions[i] = Vec3f(moved);
-    }
     for (auto& [ends, e] : edges) {
       const Vec3d middle = position(ends.first) + position(ends.second);
       e.point = static_cast<int>(positions.size());
@@ -361,7 +360,8 @@ RawMesh subdivide_loop(RawMesh mesh, int levels) {
     std::vector<Vec3i> finer;
     finer.reserve(4 * mesh.triangles.size());
     for (const Vec3i& t : mesh.triangles) {
-      const int a = edge(t[0], t[1]).point, b = edge(t[1], t[2]).point, c = edge(t[2], t[0]).point;
+      const int a = edge_of(edges, t[0], t[1]).point, b = edge_of(edges, t[1], t[2]).point,
+                c = edge_of(edges, t[2], t[0]).point;
       finer.push_back({t[0], a, c});
       finer.push_back({a, t[1], b});
       finer.push_back({c, b, t[2]});
@@ -370,6 +370,8 @@ RawMesh subdivide_loop(RawMesh mesh, int levels) {
     mesh.positions = std::move(positions);
     mesh.triangles = std::move(finer);
   }
+  mesh.positions = moved_vertices(mesh, edges_of(mesh), 0.2, true);
+  for (Vec3i& t : mesh.triangles) std::swap(t.y, t.z);
   mesh.normals = smooth_normals(mesh.positions, mesh.triangles);
   return mesh;
 }

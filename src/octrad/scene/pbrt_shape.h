@@ -24,12 +24,16 @@ RawMesh read_pbrt_ply(const std::string& file);
 // Whether a plain PLY file says that its vertices have normals.
 bool ply_has_normals(const std::string& file);
 
+// Each triangle with vertices of its own, at (0, 0), (1, 0) and (1, 1) of the texture, where pbrt has no others.
+RawMesh with_own_uvs(const RawMesh& mesh);
+
 // Vertices moved along their normals, outwards where `share` of the diagonal of the mesh's box is above 0.
 RawMesh moved_along_normals(RawMesh mesh, double share);
 
 double mesh_area(const RawMesh& mesh, const Transform& to_world);
 
-// Loop, C. 1987, "Smooth Subdivision Surfaces Based on Triangles": `levels` steps, without the way to the limit.
+// Loop, C. 1987, "Smooth Subdivision Surfaces Based on Triangles": `levels` steps, then to the limit. The front is
+// where pbrt has it: against the order of the corners.
 RawMesh subdivide_loop(RawMesh mesh, int levels);
 
 }  // namespace octrad

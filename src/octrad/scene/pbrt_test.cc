@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,6 +14,7 @@
 #include "octrad/image/io.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/spectrum.h"
 #include "octrad/scene/texture_math.h"
 
 namespace octrad {
@@ -387,10 +389,10 @@ TEST_F(PbrtTest, Fronts) {
 }
 
 TEST_F(PbrtTest, Power) {
-  // Of luminance 1, 10 W over pi times the area, which the transform makes four times as large.
+  // Of luminance 1, 10 W over pi times the area of each triangle, which the transform makes 2.
   const Scene scene = load("Scale 2 2 2\nAreaLightSource \"diffuse\" \"float power\" 10\n" + kPbrtSquare);
   EXPECT_NEAR(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)].color0.x,
-              10.0 / (4.0 * std::numbers::pi), 1e-5);
+              10.0 / (2.0 * std::numbers::pi), 1e-5);
   const Scene point = load("LightSource \"point\" \"float power\" 10 \"point3 from\" [1 2 3]\n" + kPbrtSphere);
   EXPECT_NEAR(point.delta_lights[0].intensity.x, 10.0 / (4.0 * std::numbers::pi), 1e-5);
   expect_near(Vec3d(point.delta_lights[0].position), {1, 2, 3});
@@ -572,13 +574,16 @@ TEST_F(PbrtTest, LoopSubdivision) {
   const RawMesh once = subdivide_loop(mesh, 1);
   EXPECT_EQ(once.triangles.size(), 32u);
   EXPECT_EQ(once.positions.size(), 18u);
-  // beta = 3 / 32: 1 - 4 beta; of an edge 3/8 of its ends and 1/8 of the two others, which cancel.
-  EXPECT_NEAR(length(Vec3d(once.positions[0])), 1.0 - 12.0 / 32.0, 1e-6);
-  EXPECT_NEAR(length(Vec3d(once.positions[6])), 0.375 * std::numbers::sqrt2, 1e-6);
+  // Points on the limit stay where they are: 1 / (4 + 3 / (8 beta)) with beta = 3 / 32 leaves half of a corner.
+  EXPECT_NEAR(length(Vec3d(once.positions[0])), 0.5, 1e-6);
   const RawMesh fine = subdivide_loop(mesh, 4);
-  for (std::size_t i = 0; i < fine.positions.size(); ++i) {
-    EXPECT_GT(dot(Vec3d(fine.positions[i]), Vec3d(fine.normals[i])), 0.0);
-  }
+  for (std::size_t i = 0; i < once.positions.size(); ++i)
+    expect_near(Vec3d(fine.positions[i]), Vec3d(once.positions[i]), 1e-6);
+  // The front is against the order of the corners, as in pbrt.
+  int inwards = 0;
+  for (std::size_t i = 0; i < fine.positions.size(); ++i)
+    inwards += dot(Vec3d(fine.positions[i]), Vec3d(fine.normals[i])) < 0.0 ? 1 : 0;
+  EXPECT_EQ(inwards, static_cast<int>(fine.positions.size()));
   // The boundary of a flat mesh stays straight where it is.
   RawMesh flat;
   flat.positions = {{0, 0, 0}, {2, 0, 0}, {4, 0, 0}, {1, 2, 0}, {3, 2, 0}};
@@ -594,9 +599,68 @@ TEST_F(PbrtTest, LoopSubdivision) {
   EXPECT_EQ(scene.meshes[0].triangles.size(), 64u);
 }
 
+// In version 3 a name stands for what had it when it was used; in version 4 for the last.
+TEST_F(PbrtTest, NamesOfTwoThings) {
+  const std::string text =
+      "Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.5 .1 .1]\nMakeNamedMaterial \"a\" \"string type\" \"matte\" "
+      "\"texture Kd\" \"t\"\nTexture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .5 .1]\nNamedMaterial \"a\"\n" +
+      kPbrtSphere;
+  const auto red = [](const Scene& scene) {
+    return scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)].color0.x;
+  };
+  EXPECT_EQ(red(load_old(text)), 0.5f);
+  EXPECT_EQ(red(load(text)), 0.1f);
+  const std::string object = "ObjectBegin \"o\"\n" + kPbrtSquare + "ObjectEnd\n";
+  EXPECT_EQ(load_old(object + object + "ObjectInstance \"o\"\n").shapes.size(), 1u);
+  fails("WorldBegin\n" + object + object, "5:1", "already");
+  // A comment is no directive, and of a parameter that is given twice the last counts.
+  EXPECT_EQ(red(load("# no WorldEnd here\n" + text)), 0.1f);
+  EXPECT_NEAR(load("Shape \"sphere\" \"float radius\" 2 \"float radius\" 3\n").spheres[0].radius, 3.0f, 1e-6f);
+}
+
+TEST_F(PbrtTest, Exposure) {
+  const std::string light = "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1]\n" + kPbrtSquare + "LightSource \"point\"\n";
+  const auto radiance = [](const Scene& scene) {
+    return std::pair(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)].color0.x,
+                     scene.delta_lights[0].intensity.x);
+  };
+  const Scene now = load(light, "Camera \"perspective\" \"float shutterclose\" .5\nFilm \"rgb\" \"float iso\" 400\n");
+  EXPECT_EQ(radiance(now), std::pair(2.0f, 2.0f));
+  assumes(now, "iso and the shutter time");
+  EXPECT_EQ(radiance(load(light + "WorldEnd\n", "Film \"image\" \"float scale\" 3\n")), std::pair(3.0f, 3.0f));
+}
+
+// Of a black body version 3 has 1 at its peak: against Planck's law with its peak found by search.
+TEST_F(PbrtTest, OldBlackBodies) {
+  const auto light = [](const Scene& scene) {
+    return Vec3d(scene.textures[static_cast<std::size_t>(scene.area_lights[0].radiance)].color0);
+  };
+  const std::string text = "AreaLightSource \"diffuse\" \"blackbody L\" [5000 2]\n" + kPbrtSquare;
+  const Spectrum s = blackbody_spectrum(5000.0);  // whose peak, at 580 nm, can be seen
+  const double peak = *std::max_element(s.values.begin(), s.values.end());
+  const Vec3d expected = Vec3d(spectrum_rgb(s, SpectrumUse::emission)) * (2.0 / peak);
+  expect_near(light(load_old(text)), expected, 1e-3);
+}
+
+TEST_F(PbrtTest, Filters) {
+  const auto film = [&](const std::string& filter, bool old = false) {
+    return load(kPbrtSphere + (old ? "WorldEnd\n" : ""), "Camera \"perspective\"\n" + filter + "\n").film;
+  };
+  EXPECT_EQ(film("").filter, Film::Filter::gaussian);
+  EXPECT_EQ(film("", true).filter, Film::Filter::box);
+  EXPECT_EQ(film("PixelFilter \"triangle\" \"float xradius\" 1.5").filter_radius, 1.5f);
+  EXPECT_EQ(film("PixelFilter \"gaussian\" \"float sigma\" .7").filter_stddev, 0.7f);
+  EXPECT_NEAR(film("PixelFilter \"gaussian\" \"float alpha\" 8", true).filter_stddev, 0.25f, 1e-6f);
+  EXPECT_EQ(film("PixelFilter \"sinc\" \"float tau\" 4").filter_radius, 4.0f);
+}
+
 TEST_F(PbrtTest, Includes) {
   folder_.write("part.pbrt", kPbrtSphere);
   EXPECT_EQ(load("Include \"part.pbrt\"\nTranslate 3 0 0\nInclude \"part.pbrt\"\n").spheres.size(), 2u);
+  // An import keeps to itself what it changes.
+  folder_.write("moved.pbrt", "Translate 5 0 0\n" + kPbrtSphere);
+  EXPECT_EQ(load("Import \"moved.pbrt\"\n" + kPbrtSphere).spheres[1].center.x, 0.0f);
+  EXPECT_EQ(load("Include \"moved.pbrt\"\n" + kPbrtSphere).spheres[1].center.x, 5.0f);
   folder_.write("self.pbrt", "Include \"self.pbrt\"\n");
   EXPECT_NE(error("Include \"self.pbrt\"\n").find("nested more than 16 deep"), std::string::npos);
 }

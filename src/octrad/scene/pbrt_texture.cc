@@ -32,6 +32,13 @@ Vec3d normalized_light(const Spectrum& spectrum, const Location& where) {
   return Vec3d(rgb) / y;
 }
 
+// Radiance of a black body in W m^-2 sr^-1 nm^-1, at a wavelength in nm.
+double planck(double wavelength, double kelvin) {
+  constexpr double h = 6.62607015e-34, c = 299792458.0, k = 1.380649e-23;
+  const double l = wavelength * 1e-9;
+  return 2e-9 * h * c * c / (l * l * l * l * l * (std::exp(h * c / (l * k * kelvin)) - 1.0));
+}
+
 // Of brass; refractiveindex.info, at 650, 550 and 450 nm.
 constexpr Vec3d kBrassEta{0.444, 0.527, 1.094}, kBrassK{3.695, 2.765, 1.829};
 
@@ -50,7 +57,7 @@ Image linear_picture(const PbrtTexture& t) {
           const float stored = in.at(x, y, from[static_cast<std::size_t>(c)]);
           v[c] =
               t.gamma == 0.0 ? linear_value(in, stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
-          if (t.invert) v[c] = std::max(0.0, 1.0 - v[c]);
+          v[c] = std::max(0.0, t.invert ? 1.0 - t.gain * v[c] : t.gain * v[c]);
         }
         out.set_rgb(x, y, Vec3f(v * t.value));
       }
@@ -100,7 +107,7 @@ Image linear_picture(const PbrtTexture& t) {
 // What the picture is made of.
 std::string text_of(const PbrtTexture& t) {
   std::string text = std::to_string(static_cast<int>(t.kind)) + (t.invert ? " inverted " : " ") +
-                     (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma);
+                     (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma) + " " + number_text(t.gain);
   for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z})
     text += " " + number_text(v);
   text += " " + t.file;
@@ -137,7 +144,7 @@ std::optional<Vec3d> PbrtMaterials::named_spectrum(const std::string& name, Spec
   // Schott's glasses at 587.6 nm.
   static const std::pair<const char*, double> glasses[] = {
       {"glass-BK7", 1.5168}, {"glass-BAF10", 1.6700}, {"glass-FK51A", 1.4866}, {"glass-LASF9", 1.8503},
-      {"glass-F5", 1.6034},  {"glass-SF5", 1.6727},   {"glass-F10", 1.7283},   {"glass-SF10", 1.7283},
+      {"glass-F5", 1.6727},  {"glass-SF5", 1.6727},   {"glass-F10", 1.7283},   {"glass-SF10", 1.7283},
       {"glass-F11", 1.7847}, {"glass-SF11", 1.7847}};
   for (const auto& [glass, index] : glasses) {
     if (name == glass) return Vec3d(index);
@@ -165,8 +172,11 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (p->numbers.size() != 2) count(1, "a temperature in kelvin");
     if (!(p->numbers[0] >= 200.0 && p->numbers[0] <= 1e6))
       fail(p->where, "a temperature must be from 200 to 1e6 kelvin");
-    return normalized_light(blackbody_spectrum(p->numbers[0]), p->where) *
-           (p->numbers.size() == 2 ? p->numbers[1] : 1.0);
+    const double kelvin = p->numbers[0], factor = p->numbers.size() == 2 ? p->numbers[1] : 1.0;
+    if (!old_) return normalized_light(blackbody_spectrum(kelvin), p->where) * factor;
+    // Version 3: of 1 where it is highest, which is at 2.8977720e-3 m K.
+    return Vec3d(spectrum_rgb(blackbody_spectrum(kelvin), SpectrumUse::emission)) *
+           (factor / planck(2.8977720e6 / kelvin, kelvin));
   }
   if (p->type == "rgb" || p->type == "color" || p->type == "xyz") {
     count(3, "three numbers");
@@ -181,6 +191,8 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
   if (!p->texts.empty()) {
     if (p->texts.size() != 1) fail(p->where, "the spectrum \"" + p->name + "\" must be one name or file");
     if (const auto named = named_spectrum(p->texts[0], use)) return named;
+    if (p->texts[0].starts_with("stdillum-") || p->texts[0].starts_with("illum-"))
+      fail(p->where, "the illuminant \"" + p->texts[0] + "\" is not known; give the light as rgb or blackbody");
     spectrum = read_spectrum(description_.resolve(p->texts[0], p->where));
   } else {
     if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
@@ -201,24 +213,35 @@ PbrtTexture PbrtMaterials::texture(const PbrtObject& object, std::string_view na
   t.value = fallback;
   if (const PbrtParameter* p = object.find(name); p && p->type == "texture") {
     if (p->texts.size() != 1) fail(p->where, "the parameter \"" + p->name + "\" must name one texture");
-    return named_texture(p->texts[0], number, p->where);
+    return named_texture(p->texts[0], number, *p);
   }
   if (number) t.value = Vec3d(object.number(name, fallback.x));
   else t.value = color(object, name, SpectrumUse::reflectance).value_or(fallback);
   return t;
 }
 
-PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, const Location& where) {
+const PbrtMaterials::Object* PbrtMaterials::defined(const Definitions& all, std::size_t serial) const {
+  if (!old_) return &all.back().second;
+  const Object* last = nullptr;
+  for (const auto& [when, object] : all) {
+    if (when < serial) last = &object;
+  }
+  return last;
+}
+
+PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, const PbrtParameter& user) {
   const auto found = objects_.find({number, name});
-  if (found == objects_.end()) {
+  const Object* definition = found == objects_.end() ? nullptr : defined(found->second, user.serial);
+  if (!definition) {
     std::vector<std::string> known;
     for (const auto& [key, object] : objects_) {
       if (key.first == number && known.size() < 1000) known.push_back(key.second);
     }
-    fail(where, std::string("there is no texture of ") + (number ? "numbers" : "colours") + " with the name \"" + name +
-                    "\"" + did_you_mean(name, known));
+    fail(user.where, std::string("there is no texture of ") + (number ? "numbers" : "colours") + " with the name \"" +
+                         name + "\"" + did_you_mean(name, known));
   }
-  const Object object = found->second;
+  const Object object = *definition;
+  const Location& where = user.where;
   if (const auto known = values_.find(object.get()); known != values_.end()) return known->second;
   if (open_ >= kMostNested) fail(where, "textures are nested too deep, or one uses itself");
   ++open_;
@@ -296,6 +319,7 @@ PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, const PbrtMix& mix) c
   t.value = Vec3d(1.0);
   t.invert = t.nearest = false;
   t.gamma = 0.0;
+  t.gain = 1.0;
   t.file.clear();
   t.mix = std::make_shared<const PbrtMix>(mix);
   return t;
@@ -316,7 +340,7 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   t.kind = PbrtTexture::Kind::picture;
   const std::string file = object.text("filename", "");
   t.file = std::filesystem::absolute(description_.resolve(file, object.where("filename"))).string();
-  t.value = Vec3d(object.number("scale", 1.0));
+  t.gain = object.number("scale", 1.0);
   t.invert = object.flag("invert", false);
   const std::string filter = object.text("filter", "bilinear"), wrap = object.text("wrap", "repeat");
   t.nearest = filter == "point";
@@ -372,8 +396,8 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
       constant(e, "color0", number ? t.other : t.value);
       constant(e, "color1", number ? t.value : t.other);
     } else {
-      const bool plain =
-          !t.mix && t.value == Vec3d(1.0) && !t.invert && map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
+      const bool plain = !t.mix && t.value == Vec3d(1.0) && t.gain == 1.0 && !t.invert && map == PbrtMap::none &&
+                         (t.gamma == 0.0 || t.gamma == 1.0);
       std::string file = t.file;
       if (!plain) {
         BuiltPicture built;
