@@ -111,7 +111,6 @@ class GltfScenes(Case):
         self.assertIn("alphaMode must be", refused[1]["what"])
         self.assertEqual(self.ok("info", file, "--permissive", "--json").json()["shapes"], 4)
         self.fails(2, "it has none at all", "info", self.write("t.gltf", scene().text()), "-D", "a=1")
-        self.fails(2, "scenes of pbrt are not read", "info", self.write("s.pbrt", "Camera"))
 
     def test_trains(self):
         file = self.write_bytes("s.glb", scene().container())

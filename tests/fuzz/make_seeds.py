@@ -20,7 +20,7 @@ from measured_file import measured_file  # noqa: E402
 from support import ROOM  # noqa: E402
 from test_gltf import scene as gltf_scene  # noqa: E402
 
-FORMATS = {"obj": "obj", "ply": "ply", "serialized": "serialized", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene", "gltf": "gltf", "glb": "gltf"}
+FORMATS = {"obj": "obj", "ply": "ply", "serialized": "serialized", "png": "png", "jpg": "jpeg", "exr": "exr", "hdr": "hdr", "pfm": "pfm", "octrad": "model", "xml": "scene", "gltf": "gltf", "glb": "gltf", "pbrt": "pbrt"}
 
 
 def put(target, name, data):
@@ -110,6 +110,35 @@ put("curves", "two", "0 0 0 .1\n1 0 0 .2\n1 1 0 .1 7\n\t2 1 0 0\r\n3 1 1 +.5\n \
 put("curves", "back", "0 0 0 .1\n0 0 1 .1\n0 0 0 .1\n0 0 .5 1e3\n0 0 1e9 0")
 for part in (0, 4):
     put("measured", "part%d" % part, measured_file(part))
+put("pbrt", "new", """LookAt 0 1 5 0 0 0 0 1 0
+Camera "perspective" "float fov" 40 "float screenwindow" [ -1 1 -.5 .5 ] Film "rgb" "integer xresolution" 8 "integer yresolution" 4 "float cropwindow" [ 0 .5 0 1 ] "float iso" 200
+PixelFilter "triangle" "float xradius" 1 Sampler "halton" Integrator "path" "integer maxdepth" 3 Option "seed" 4 ColorSpace "srgb"
+WorldBegin # a comment
+Attribute "shape" "float radius" .5
+LightSource "infinite" "string filename" "t.png" "float scale" 2 LightSource "spot" "point3 from" [ 0 4 0 ] "blackbody I" 3000 "float power" 9
+Texture "a" "spectrum" "imagemap" "string filename" "t.png" "float uscale" 2 "bool invert" true "string encoding" "gamma 2.2" Texture "b" "float" "imagemap" "string filename" "t.png"
+Texture "c" "spectrum" "checkerboard" "rgb tex1" [ .1 .2 .3 ] "rgb tex2" [ 1 1 1 ] Texture "d" "spectrum" "mix" "texture tex1" "a" "rgb tex2" [ 0 0 1 ] "texture amount" "b"
+Texture "e" "spectrum" "scale" "texture tex" "a" "texture scale" "b"
+MakeNamedMaterial "m" "string type" "coateddiffuse" "texture reflectance" "d" "texture roughness" "b" MakeNamedMaterial "n" "string type" "diffuse" "texture reflectance" "c" "texture displacement" "b"
+MakeNamedMaterial "o" "string type" "conductor" "spectrum eta" "metal-Au-eta" "spectrum k" [ 400 1 700 3 ] "float uroughness" .1 "float vroughness" .2 "string normalmap" "t.png"
+MakeNamedMaterial "p" "string type" "mix" "string materials" [ "n" "o" ] "float amount" .3
+AttributeBegin NamedMaterial "m" AreaLightSource "diffuse" "rgb L" [ 3 2 1 ] "bool twosided" true Translate 0 2 0 Rotate 90 1 0 0 Shape "disk" "float innerradius" .1 AttributeEnd
+NamedMaterial "p" Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 1 1 0 0 1 0 ] "integer indices" [ 0 1 2 0 2 3 ] "point2 uv" [ 0 0 1 0 1 1 0 1 ] "texture alpha" "b"
+Material "dielectric" "spectrum eta" "glass-BK7" "float roughness" .1 Shape "sphere" Scale 1 2 1 Shape "sphere" ReverseOrientation Shape "cylinder" "float phimax" 90
+ObjectBegin "g" Shape "bilinearmesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 1 1 0 ] Shape "loopsubdiv" "integer levels" 1 "point3 P" [ 0 0 0 1 0 0 0 1 0 0 0 1 ] "integer indices" [ 0 2 1 0 1 3 1 2 3 2 0 3 ] ObjectEnd
+ObjectInstance "g" ConcatTransform [ 0 1 0 0 1 0 0 0 0 0 1 0 2 0 0 1 ] ObjectInstance "g" Import "t.pbrt" Shape "plymesh" "string filename" "t.ply"
+Material "hair" "rgb reflectance" [ .5 .4 .3 ] Shape "curve" "string type" "cylinder" "point3 P" [ 0 0 0 1 0 0 1 1 0 2 1 1 ] "float width0" .2 "float width1" .1
+""")
+put("pbrt", "old", """Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 5 1 ] Camera "orthographic" "float screenwindow" [ -2 2 -2 2 ] Film "image" "float scale" 2 PixelFilter "gaussian" "float alpha" 2
+SurfaceIntegrator "directlighting" WorldBegin
+TransformBegin CoordinateSystem "c" LightSource "point" "color I" [ 1 2 3 ] "point from" [ 0 2 0 ] TransformEnd LightSource "distant" "rgb scale" [ 1 1 1 ] "spectrum L" "t.spd"
+Texture "t" "color" "constant" "color value" [ .5 .5 .5 ] Material "matte" "texture Kd" "t" "float sigma" 20 Shape "cone" Shape "paraboloid" Shape "hyperboloid" "point p1" [ 1 0 0 ] "point p2" [ 0 1 1 ]
+MakeNamedMaterial "a" "string type" "plastic" "rgb Ks" [ 0 0 0 ] MakeNamedMaterial "b" "string type" "uber" "rgb opacity" [ .5 .5 .5 ] "xyz Kd" [ .2 .2 .2 ]
+Material "mix" "string namedmaterial1" "a" "string namedmaterial2" "b" "rgb amount" [ .2 .2 .2 ] Shape "sphere" "float zmin" -.5 "float phimax" 180 ActiveTransform EndTime Translate 1 0 0 ActiveTransform All
+Material "glass" "float index" 1.4 "float uroughness" .1 Shape "sphere" Material "metal" Shape "disk" Material "mirror" Shape "disk" Material "disney" "float metallic" .5 Shape "disk" Material "translucent" Shape "disk" Material "substrate" "float uroughness" .2 Shape "disk"
+AttributeBegin CoordSysTransform "c" AreaLightSource "area" "blackbody L" [ 4000 2 ] Shape "sphere" AttributeEnd Include "t.pbrt"
+WorldEnd
+""")
 put("serialized", "old", serialized(version=3))
 put("serialized", "two", serialized(count=2))
 put("serialized", "all", serialized(flags=0x100b, positions=TRIANGLE + struct.pack("<24f", *[0, 0, 1] * 3, 0, 0, 1, 0, 1, 1, *[0.5] * 9)))
@@ -313,6 +342,9 @@ WORDS = {
              "constant envmap point spot directional projector bitmap checkerboard to_world reflectance radius filename t.obj t.png radiance $ /> </scene>".split(),
     "ply": "ply format ascii binary_little_endian binary_big_endian element vertex face property list uchar int float double char uint vertex_indices tristrips end_header 4294967295 -1 nan inf".split(),
     "obj": "v vt vn f / // \\x5c\\x0a 1e39 nan inf -1 2147483647".split(),
+    "pbrt": "[ ] \\x22float \\x22rgb \\x22spectrum \\x22point3 \\x22integer \\x22string \\x22texture \\x22bool \\x22blackbody roughness\\x22 radius\\x22 P\\x22 indices\\x22 L\\x22 scale\\x22 alpha\\x22 type\\x22 "
+            "filename\\x22 t.png t.ply Shape Material Texture NamedMaterial MakeNamedMaterial AreaLightSource LightSource AttributeBegin AttributeEnd ObjectBegin ObjectEnd ObjectInstance Include Import "
+            "Translate Rotate Scale LookAt Transform ConcatTransform Camera Film Integrator PixelFilter WorldBegin WorldEnd Attribute 1e30 1e-30 -1 0 true false".split(),
     "curves": "0 1 -1 .5 1e9 1e-9 \\x0a\\x0a nan inf".split(),
     "measured": "tensor_file rgb vndf luminance ndf sigma phi_i theta_i jacobian wavelengths".split(),
     "serialized": ["\\x1c\\x04\\x03\\x00", "\\x1c\\x04\\x04\\x00", "\\x78\\x9c"],

@@ -65,6 +65,12 @@ void read_gltf_scene(const std::string& bytes) {
   use_scene(load_scene(write_input(bytes, bytes.starts_with("glTF") ? "in.glb" : "in.gltf"), options));
 }
 
+void read_pbrt_scene(const std::string& bytes) {
+  LoadOptions options;
+  options.permissive = true;
+  use_scene(load_scene(write_input(bytes, "in.pbrt"), options));
+}
+
 void read_mesh(RawMesh mesh) { place_mesh(std::move(mesh), Transform(), {}); }
 
 void read_picture(const std::string& bytes) { parse_image("in", bytes); }
@@ -162,6 +168,7 @@ constexpr Target kTargets[] = {
     {"bmp", guarded<read_picture>},
     {"tga", guarded<[](const std::string& bytes) { parse_image("in.tga", bytes); }>},
     {"gltf", guarded<read_gltf_scene>},
+    {"pbrt", guarded<read_pbrt_scene>},
     {"old_scene", guarded<[](const std::string& bytes) { check_scene_file(write_input(bytes, "in.xml")); }>},
     {"model", guarded<read_model>},
     {"config", guarded<read_config>},
@@ -205,6 +212,7 @@ void prepare() {
          "property float r\nproperty float g\nproperty float b\nelement face 1\n"
          "property list uchar int vertex_indices\nproperty float r\nproperty float g\nproperty float b\n"
          "end_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0 1\n3 0 1 2 0.1 0.2 0.3\n";
+  std::ofstream("t.pbrt") << "Translate 0 0 1\nShape \"sphere\"\n";
   std::ofstream("t.spd") << "400 0.5\n700 0.25\n";
   std::ofstream("t.xml") << "<scene version=\"2.0.0\"><bsdf type=\"plastic\" id=\"included\"/></scene>\n";
   Image8 picture(2, 2, 3);

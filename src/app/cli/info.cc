@@ -450,7 +450,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (options.keys) return info_keys(common, options.config.resolve());
   const std::string extension = ending_of(options.file);
   const bool scene = extension == ".xml" || extension == ".gltf" || extension == ".glb" || extension == ".pbrt";
-  if (options.check && !scene) throw UsageError("--check belongs to a scene (.xml, .gltf, .glb)");
+  if (options.check && !scene) throw UsageError("--check belongs to a scene (.xml, .gltf, .glb, .pbrt)");
   if (options.check && common.permissive)
     throw UsageError("--check lists what --permissive would replace; give one of them");
   if (options.check) return info_check(common, options);
@@ -462,7 +462,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (extension == ".octrad") return info_model(common, options.file);
   if (is_picture_name(options.file)) return info_image(common, options.file);
   throw UsageError(fmt::format(
-      "cannot tell what {} is: expected a scene (.xml, .gltf, .glb), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
+      "cannot tell what {} is: expected a scene (.xml, .gltf, .glb, .pbrt), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
       options.file));
 }
 
@@ -473,7 +473,7 @@ void add_info(Program& program) {
   CLI::App* verb = add_verb(program, "info", "Describe the program, a scene, a model or a picture.",
                             "octrad info scene.xml --preset default -D octree.levels=6", Devices::cuda);
   verb->add_option("file", options->file,
-                   "scene (.xml, .gltf, .glb), model (.octrad) or picture; none: the program itself")
+                   "scene (.xml, .gltf, .glb, .pbrt), model (.octrad) or picture; none: the program itself")
       ->type_name("FILE");
   verb->add_flag("--keys", options->keys, "list every configuration key with its value and what it accepts");
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
