@@ -116,7 +116,7 @@ PixelFilter "triangle" "float xradius" 1 Sampler "halton" Integrator "path" "int
 WorldBegin # a comment
 Attribute "shape" "float radius" .5
 LightSource "infinite" "string filename" "t.png" "float scale" 2 LightSource "spot" "point3 from" [ 0 4 0 ] "blackbody I" 3000 "float power" 9
-Texture "a" "spectrum" "imagemap" "string filename" "t.png" "float uscale" 2 "bool invert" true "string encoding" "gamma 2.2" Texture "b" "float" "imagemap" "string filename" "t.png"
+Texture "a" "spectrum" "imagemap" "string filename" "t.png" "float uscale" 2 "bool invert" true "string encoding" "gamma 2.2" Texture "b" "float" "imagemap" "string filename" "t.png" "float uscale" 2
 Texture "c" "spectrum" "checkerboard" "rgb tex1" [ .1 .2 .3 ] "rgb tex2" [ 1 1 1 ] Texture "d" "spectrum" "mix" "texture tex1" "a" "rgb tex2" [ 0 0 1 ] "texture amount" "b"
 Texture "e" "spectrum" "scale" "texture tex" "a" "texture scale" "b"
 MakeNamedMaterial "m" "string type" "coateddiffuse" "texture reflectance" "d" "texture roughness" "b" MakeNamedMaterial "n" "string type" "diffuse" "texture reflectance" "c" "texture displacement" "b"

@@ -15,6 +15,9 @@ constexpr float kLargestCoordinate = 1e9f;
 // Of cameras and of where their rays begin. They may stand outside of what they look at.
 constexpr float kLargestCameraCoordinate = 1e12f;
 
+// Of rays in the space of an instance.
+constexpr double kLargestRayOrigin = 1e18, kLeastRayDirection = 1e-15;
+
 // Vertices, and triangles, of a mesh: four times their number is an int.
 constexpr std::uint64_t kMostMeshElements = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
 // Pixels along a side of a film.

@@ -86,6 +86,8 @@ void SceneBuilder::add_sensor(const Element& element) {
     camera.aperture_radius = params.get_float("aperture_radius", 0.0f);
     if (!params.given("aperture_radius") || !(camera.aperture_radius >= 0.0f))
       fail(params.where("aperture_radius"), "a thinlens sensor needs an aperture_radius, not below 0");
+    if (camera.aperture_radius > kLargestCoordinate)
+      fail(params.where("aperture_radius"), "aperture_radius may be up to 1e9");
     camera.aperture_radius = std::max(camera.aperture_radius, 1e-7f);  // 0 is a pinhole, as in Mitsuba
     camera.focus_distance = params.get_float("focus_distance", camera.far_clip);
     if (!(camera.focus_distance > 0.0f)) fail(params.where("focus_distance"), "focus_distance must be above 0");

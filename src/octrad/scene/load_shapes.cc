@@ -249,6 +249,27 @@ void SceneBuilder::find_bounds() {
       scene_.bounds.extend(p);
     }
   }
+  // Rays are carried into instances, where their coordinates must stay in what the ray tracer takes.
+  double reach = 0.0;
+  const auto extend = [&](Vec3f p) {
+    for (int c = 0; c < 3; ++c) reach = std::max(reach, std::fabs(static_cast<double>(p[c])));
+  };
+  if (!scene_.shapes.empty()) extend(scene_.bounds.lower), extend(scene_.bounds.upper);
+  for (const Camera& camera : scene_.cameras) extend(camera.origin);
+  for (std::size_t i = 0; i < scene_.placements.size(); ++i) {
+    Transform t;
+    for (std::size_t k = 0; k < 12; ++k) t.m[k] = static_cast<double>(scene_.placements[i].to_world[k]);
+    double largest = 0.0, steepest = 0.0;
+    const Transform inverse = t.inverse();
+    for (int row = 0; row < 3; ++row) {
+      double sum = std::fabs(inverse(row, 3));
+      for (int column = 0; column < 3; ++column) steepest = std::max(steepest, std::fabs(inverse(row, column)));
+      for (int column = 0; column < 3; ++column) sum += std::fabs(inverse(row, column)) * reach;
+      largest = std::max(largest, sum);
+    }
+    if (!(largest <= kLargestRayOrigin) || !(steepest >= kLeastRayDirection))
+      fail(placed_at_[i], "to_world of the instance scales by too much or too little for the ray tracer");
+  }
 }
 
 int SceneBuilder::shape_material(Params& params, bool emits) {

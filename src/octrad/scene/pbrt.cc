@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -24,7 +25,7 @@ namespace octrad {
 namespace {
 
 constexpr std::size_t kMostIncludes = 1000, kMostIncludeDepth = 16, kMostStates = 10000, kMostShapes = 4'000'000;
-constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000;
+constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000, kMostIncludedAgain = 100'000'000;
 constexpr std::uint64_t kObjectBytes = 3000;  // of the elements of one, about
 constexpr double kLeastDeterminant = 1e-18;
 
@@ -38,7 +39,7 @@ class PbrtReader {
         old_(has_world_end(text)),  // which version 4 has no more
         materials_(old_, description, report),
         meter_(file + ": the tree of the scene") {
-    ask_memory(2 * text.size(), file);
+    ask_memory(lexing_bytes(text), file);
     main_ = std::make_shared<const SourceFile>(file, std::move(text));
     description.root->location = {main_, 0};
     names_.push_back(file);
@@ -58,6 +59,11 @@ class PbrtReader {
   }
 
  private:
+  // Of a text and the beginnings of its lines.
+  static std::uint64_t lexing_bytes(const std::string& text) {
+    return text.size() + 16 * static_cast<std::uint64_t>(std::count(text.begin(), text.end(), '\n'));
+  }
+
   // Outside of comments.
   static bool has_world_end(const std::string& text) {
     for (std::size_t at = text.find("WorldEnd"); at != std::string::npos; at = text.find("WorldEnd", at + 1)) {
@@ -73,7 +79,8 @@ class PbrtReader {
     Transform ctm;
     bool reverse = false, at_start = true;  // transforms count for the beginning of the shutter time
     Object material, light;
-    std::map<std::string, PbrtObject::Defaults> defaults;  // by the target of Attribute
+    // By the target of Attribute; shared by the blocks that do not change them.
+    std::shared_ptr<const std::map<std::string, PbrtObject::Defaults>> defaults;
   };
   struct Kept {
     State state;
@@ -149,15 +156,16 @@ class PbrtReader {
                    const std::string& target) {
     PbrtParameters parameters = read_pbrt_parameters(lexer, meter_);
     for (PbrtParameter& p : parameters) p.serial = materials_.serial();
-    const auto found = state_.defaults.find(target);
     meter_.add(sizeof(PbrtObject) + 100);
-    return std::make_shared<const PbrtObject>(kind, type, where, std::move(parameters),
-                                              found == state_.defaults.end() ? PbrtObject::Defaults() : found->second);
+    PbrtObject::Defaults defaults;
+    if (state_.defaults && state_.defaults->count(target)) defaults = state_.defaults->at(target);
+    return std::make_shared<const PbrtObject>(kind, type, where, std::move(parameters), std::move(defaults));
   }
 
   // Blocks.
   void push(char kind, const Location& where) {
     if (stack_.size() == kMostStates) fail(where, "blocks are nested too deep");
+    meter_.add(2 * sizeof(Kept));
     stack_.push_back({state_, kind, where});
   }
   void pop(char kind, const Location& where, const char* name) {
@@ -260,7 +268,11 @@ class PbrtReader {
     if (state_.at_start) state_.ctm = t;
   }
   void concat_transform(PbrtLexer& lexer, const Location& where) { apply(matrix(lexer, where), where); }
-  void name_system(PbrtLexer& lexer, const Location&) { systems_[lexer.text("a name")] = state_.ctm; }
+  void name_system(PbrtLexer& lexer, const Location&) {
+    const std::string name = lexer.text("a name");
+    meter_.add(sizeof(Transform) + name.size() + 100);
+    systems_[name] = state_.ctm;
+  }
   void take_system(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     const auto found = systems_.find(name);
@@ -290,10 +302,14 @@ class PbrtReader {
     const std::string file = description_.resolve(lexer.text("a file"), where);
     if (names_.size() >= kMostIncludeDepth) fail(where, "Include: nested more than 16 deep");
     if (++includes_ > kMostIncludes) fail(where, "Include: more than 1000 files");
-    std::string text = read_pbrt_file(file);
+    std::string text = read_pbrt_file(file, kMostIncludedBytes);
     included_bytes_ += text.size();
+    std::error_code code;
+    if (!included_.insert(std::filesystem::weakly_canonical(file, code).string()).second) again_bytes_ += text.size();
     if (included_bytes_ > kMostIncludedBytes) fail(where, "Include: more than a gigabyte in all");
-    ask_memory(2 * text.size(), file);
+    if (again_bytes_ > kMostIncludedAgain)
+      fail(where, "Include: more than 100 megabytes of files that were included before");
+    ask_memory(lexing_bytes(text), file);
     names_.push_back(file);
     read_file_of(std::make_shared<const SourceFile>(file, std::move(text)));
     names_.pop_back();
@@ -312,9 +328,19 @@ class PbrtReader {
     const std::string target = lexer.text("a target");
     if (target != "shape" && target != "light" && target != "material" && target != "texture" && target != "medium")
       fail(where, "Attribute sets parameters of shape, light, material, medium or texture, not of \"" + target + "\"");
-    PbrtObject::Defaults& all = state_.defaults[target];
-    if (all.size() == 1000) fail(where, "more than 1000 Attribute directives in one block");
-    all.push_back(std::make_shared<const PbrtParameters>(read_pbrt_parameters(lexer, meter_)));
+    PbrtParameters parameters = read_pbrt_parameters(lexer, meter_);
+    for (PbrtParameter& p : parameters) p.serial = materials_.serial();
+    auto changed = state_.defaults ? *state_.defaults : std::map<std::string, PbrtObject::Defaults>();
+    PbrtObject::Defaults& all = changed[target];
+    all.push_back(std::make_shared<const PbrtParameters>(std::move(parameters)));
+    std::size_t count = 0, numbers = 0;
+    for (const auto& list : all) {
+      ++count;  // also where it is empty
+      for (const PbrtParameter& p : *list) ++count, numbers += p.numbers.size();
+    }
+    if (count > 100 || numbers > 1000)
+      fail(where, "Attribute: more than 100 parameters or 1000 numbers of the target \"" + target + "\"");
+    state_.defaults = std::make_shared<const std::map<std::string, PbrtObject::Defaults>>(std::move(changed));
   }
 
   // Options of the scene.
@@ -419,6 +445,7 @@ class PbrtReader {
     meter_.add(kObjectBytes);
   }
   bool flat(const Location& where) {
+    if (!std::isfinite(state_.ctm.determinant())) fail(where, "the shape is too large: coordinates may be up to 1e9");
     if (!state_.ctm.is_singular(kLeastDeterminant)) return false;
     report_.assume(where, "a shape that is scaled to nothing shows nothing");
     return true;
@@ -427,8 +454,9 @@ class PbrtReader {
   void shape(PbrtLexer& lexer, const Location& where) {
     const Object o = object(lexer, where, "Shape", "shape");
     count_shape(where);
-    if (flat(where)) return;
-    report_.attempt(where, [&] { add_shape(*o); });
+    report_.attempt(where, [&] {
+      if (!flat(where)) add_shape(*o);
+    });
   }
 
   // A sphere of pbrt whose transform keeps it one.
@@ -452,7 +480,7 @@ class PbrtReader {
       const std::string bsdf = materials_.bsdf(state_.material, s);
       if (state_.light) report_.assume(where, "curves do not shine");
       Curves curves = pbrt_curves(s, state_.ctm, report_);
-      Curves& all = curves_[bsdf];
+      auto& [first, all] = curves_.try_emplace(bsdf, where, Curves()).first->second;
       for (auto& curve : curves) {
         meter_.add(8 * sizeof(CurvePoint));
         all.push_back(std::move(curve));
@@ -468,33 +496,51 @@ class PbrtReader {
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
       flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
     } else if (type == "plymesh") {
-      file = description_.resolve(s.text("filename", ""), s.where("filename"));
+      file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
       s.ignore({"displacement.edgelength"});
-      if (ending_of(file) == ".gz") {
-        const auto [at, inserted] = compressed_.try_emplace(file, "");
-        if (inserted) at->second = keep(read_pbrt_ply(file));
-        mesh = at->second;
-      } else {
-        faces = !ply_has_normals(file);
+      try {
+        if (ending_of(file) == ".gz") {
+          std::error_code code;
+          std::string& known = made_[std::filesystem::weakly_canonical(file, code).string()];
+          if (known.empty()) known = keep(read_pbrt_ply(file));
+          mesh = known;
+        } else {
+          faces = !ply_has_normals(file);
+        }
+      } catch (const InputError& error) {
+        fail(s.where("filename"), error.what());
+      } catch (const IoError& error) {
+        throw IoError(s.where("filename").text() + ": " + error.what());
       }
     } else {
-      std::optional<RawMesh> raw = pbrt_mesh(s);
-      if (!raw)
-        fail(where, s.what() +
-                        " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
-                        "disk, cylinder, cone, paraboloid, hyperboloid, curve");
-      // Of one triangle or patch: in pbrt each is a light of its own.
-      const auto parts = static_cast<double>(raw->triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
-      const bool meshes = type == "trianglemesh" || type == "bilinearmesh" || type == "loopsubdiv";
-      area = mesh_area(*raw, state_.ctm) / (meshes ? parts : 1.0);
-      if (raw->uvs.empty() && type == "trianglemesh" && state_.material && state_.material->has_textures())
-        *raw = with_own_uvs(*raw);
-      // Lights have one side: one on both is two, a little apart.
-      if (state_.light && !in_group && state_.light->flag("twosided", false)) {
-        back = keep(moved_along_normals(*raw, -1e-4));
-        *raw = moved_along_normals(*raw, 1e-4);
+      // Shapes that numbers describe are made once for the same ones.
+      const bool numbers = is_quadric(type), both = state_.light && !in_group && state_.light->flag("twosided", false);
+      std::string& known = made_[numbers && !both ? numbers_of(s) : ""];
+      if (known.empty()) {
+        std::optional<RawMesh> raw = pbrt_mesh(s, subdivided_);
+        if (!raw)
+          fail(where, s.what() +
+                          " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
+                          "disk, cylinder, cone, paraboloid, hyperboloid, curve");
+        if (raw->uvs.empty() && type == "trianglemesh" && state_.material && state_.material->has_textures())
+          *raw = with_own_uvs(*raw);
+        // Lights have one side: one on both is two, a little apart.
+        if (both) {
+          back = keep(moved_along_normals(*raw, -1e-4));
+          *raw = moved_along_normals(*raw, 1e-4);
+        }
+        mesh = keep(std::move(*raw));
+        if (numbers && !both) known = mesh;
+      } else {
+        mesh = known;
+        numbers_of(s);  // they were read
       }
-      mesh = keep(std::move(*raw));
+      if (state_.light && state_.light->has("power")) {
+        // Of one triangle or patch: in pbrt each is a light of its own.
+        const RawMesh& made = *description_.built_mesh(mesh);
+        const auto parts = static_cast<double>(made.triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
+        area = mesh_area(made, state_.ctm) / (numbers ? 1.0 : parts);
+      }
     }
     if (!mesh.empty()) faces = description_.built_mesh(mesh)->normals.empty();
     if (faces && mirrored) flip = !flip;  // what mirrors turns the front with it; normals do so by themselves
@@ -525,10 +571,22 @@ class PbrtReader {
     const bool in_group = group_ != description_.root.get();
     const bool none = !old_ && state_.material && state_.material->type() == "interface";
     if (state_.light && none) report_.assume(where, "lights on an interface material are left out, as in pbrt");
-    else if (state_.light && !in_group) materials_.add_emitter(e, *state_.light, area, !is_round(s) && file.empty());
+    else if (state_.light && !in_group) materials_.add_emitter(e, state_.light, area, !is_round(s) && file.empty());
+  }
+
+  static std::string numbers_of(const PbrtObject& s) {
+    std::string text = "shape ";
+    text += s.type();
+    for (const char* name : {"radius", "zmin", "zmax", "phimax", "height", "innerradius", "p1", "p2"}) {
+      const PbrtParameter* p = s.find(name);
+      text.append(" ").append(name);
+      for (std::size_t i = 0; p && i < p->numbers.size(); ++i) text.append(" ").append(number_text(p->numbers[i]));
+    }
+    return text;
   }
 
   std::string keep(RawMesh mesh) {
+    meter_.add(mesh.bytes());
     const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
     description_.built->meshes.emplace(name, std::move(mesh));
     return name;
@@ -536,10 +594,10 @@ class PbrtReader {
 
   // The curves so far, those of a material together.
   void flush_curves() {
-    for (auto& [bsdf, curves] : curves_) {
+    for (auto& [bsdf, found] : curves_) {
+      auto& [where, curves] = found;
       const std::string name = "curves" + std::to_string(description_.built->curves.size());
       description_.built->curves.emplace(name, std::move(curves));
-      const Location where = description_.root->location;
       Element& e = add_element(*group_, where, "shape", {{"type", "bsplinecurve"}});
       add_pbrt_value(e, where, "string", "filename", name);
       add_element(e, where, "ref", {{"id", bsdf}});
@@ -560,11 +618,13 @@ class PbrtReader {
   std::optional<Transform> camera_to_world_;
   Element* group_ = nullptr;  // to which shapes are added: the root or a group
   std::map<std::string, Element*> groups_;
-  std::map<std::string, Curves> curves_;           // by the id of their bsdf
-  std::map<std::string, std::string> compressed_;  // meshes of files
-  std::vector<std::string> names_;                 // of the files that are open
+  std::map<std::string, std::pair<Location, Curves>> curves_;  // by the id of their bsdf
+  std::map<std::string, std::string> made_;                    // meshes, by the file or the numbers of which they are
+  std::set<std::string> included_;
+  double subdivided_ = 0.0;
+  std::vector<std::string> names_;  // of the files that are open
   std::size_t includes_ = 0, shapes_ = 0, objects_ = 0;
-  std::uint64_t included_bytes_ = 0;
+  std::uint64_t included_bytes_ = 0, again_bytes_ = 0;
 };
 
 }  // namespace

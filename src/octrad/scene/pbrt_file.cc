@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
@@ -12,6 +13,8 @@
 
 namespace octrad {
 namespace {
+
+constexpr std::size_t kLongestText = 4096, kLongestName = 200;  // messages repeat them
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\f' || c == '\v'; }
 
@@ -27,7 +30,8 @@ std::string shown(const PbrtToken& token) {
   }
 }
 
-std::string inflated(const std::string& bytes, const std::string& file) {
+// Of all members of the file; `begin`: what the content must begin with.
+std::string inflated(const std::string& bytes, const std::string& file, std::uint64_t most, std::string_view begin) {
   z_stream stream{};
   if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw MemoryError(file + ": no memory to decompress");
   struct End {
@@ -35,18 +39,19 @@ std::string inflated(const std::string& bytes, const std::string& file) {
     ~End() { inflateEnd(&s); }
   } const end{stream};
   std::string out;
-  constexpr std::size_t kStep = 1 << 20;
+  constexpr std::size_t kStep = 1 << 20, kMostGiven = 1 << 30;
   std::size_t given = 0;
   int status = Z_OK;
   while (status == Z_OK) {
     if (stream.avail_in == 0) {
-      const std::size_t next = std::min(bytes.size() - given, std::size_t{1} << 30);
+      const std::size_t next = std::min(bytes.size() - given, kMostGiven);
       if (next == 0) break;
       stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + given));
       stream.avail_in = static_cast<unsigned>(next);
       given += next;
     }
     const std::size_t before = out.size();
+    if (before > most) throw InputError(file + ": more than " + std::to_string(most) + " bytes when decompressed");
     if (out.capacity() < before + kStep) {
       const std::size_t larger = std::max(2 * out.capacity(), before + kStep);
       ask_memory(larger, file);
@@ -57,6 +62,9 @@ std::string inflated(const std::string& bytes, const std::string& file) {
     stream.avail_out = kStep;
     status = inflate(&stream, Z_NO_FLUSH);
     out.resize(before + kStep - stream.avail_out);
+    if (out.size() >= begin.size() && !out.starts_with(begin))
+      throw InputError(file + ": what is compressed does not begin with \"" + std::string(begin) + "\"");
+    if (status == Z_STREAM_END && (stream.avail_in > 0 || given < bytes.size())) status = inflateReset(&stream);
   }
   if (status != Z_STREAM_END) throw InputError(file + ": the gzip data is broken or cut off");
   return out;
@@ -64,12 +72,22 @@ std::string inflated(const std::string& bytes, const std::string& file) {
 
 }  // namespace
 
-std::string read_pbrt_file(const std::string& file) {
+std::string read_pbrt_file(const std::string& file, std::uint64_t most, std::string_view begin) {
   std::string bytes = read_file(file);
-  return ending_of(file) == ".gz" ? inflated(bytes, file) : bytes;
+  return ending_of(file) == ".gz" ? inflated(bytes, file, most, begin) : bytes;
 }
 
-PbrtLexer::PbrtLexer(std::shared_ptr<const SourceFile> source) : source_(std::move(source)) { advance(); }
+std::string absolute_path(const std::string& file) {
+  std::error_code code;
+  const std::filesystem::path path = std::filesystem::absolute(file, code);
+  return code ? file : path.string();
+}
+
+PbrtLexer::PbrtLexer(std::shared_ptr<const SourceFile> source) : source_(std::move(source)) {
+  if (const std::size_t zero = source_->text().find('\0'); zero != std::string::npos)
+    fail({source_, zero}, "the file is no text: it holds a byte 0");
+  advance();
+}
 
 PbrtToken PbrtLexer::take() {
   const PbrtToken token = next_;
@@ -97,6 +115,7 @@ void PbrtLexer::advance() {
     if (end == std::string::npos || text[end] != '"') fail({source_, at_}, "the quote is not closed on its line");
     next_.kind = PbrtToken::Kind::text;
     next_.text = std::string_view(text).substr(at_ + 1, end - at_ - 1);
+    if (next_.text.size() > kLongestText) fail({source_, at_}, "a text of more than 4096 bytes");
     at_ = end + 1;
     return;
   }
@@ -154,6 +173,7 @@ PbrtParameters read_pbrt_parameters(PbrtLexer& lexer, MemoryMeter& meter) {
                       name = std::min(words.find_first_not_of(" \t", end), words.size());
     p.type = words.substr(begin, end - begin);
     p.name = words.substr(name, words.find_last_not_of(" \t") + 1 - name);
+    if (p.type.size() + p.name.size() > kLongestName) fail(p.where, "the name of a parameter is longer than 200 bytes");
     if (p.type.empty() || p.name.empty())
       fail(p.where,
            "expected the type and the name of a parameter, such as \"float radius\", not " + shown(declaration));
@@ -163,6 +183,7 @@ PbrtParameters read_pbrt_parameters(PbrtLexer& lexer, MemoryMeter& meter) {
       if (word && flag) {
         if (token.text != "true" && token.text != "false")
           fail(lexer.location(token), shown(token) + " is neither true nor false");
+        ask_to_grow(p.numbers, p.where.file->name());
         p.numbers.push_back(token.text == "true" ? 1.0 : 0.0);
       } else if (token.kind == Kind::number && !flag) {
         ask_to_grow(p.numbers, p.where.file->name());

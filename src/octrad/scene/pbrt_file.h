@@ -2,6 +2,7 @@
 // "pbrt-v4 Input File Format" and "pbrt-v3 Input File Format" (pbrt.org). Internal to pbrt*.cc.
 #pragma once
 
+#include <cstdint>
 #include <initializer_list>
 #include <memory>
 #include <optional>
@@ -52,8 +53,11 @@ struct PbrtParameter {
 };
 using PbrtParameters = std::vector<PbrtParameter>;
 
-// The content of a file, decompressed where its name ends in .gz. Throws IoError, InputError, MemoryError.
-std::string read_pbrt_file(const std::string& file);
+// The content of a file, decompressed where its name ends in .gz: then at most about `most` bytes that begin with
+// `begin`. Throws IoError, InputError, MemoryError.
+std::string read_pbrt_file(const std::string& file, std::uint64_t most, std::string_view begin = "");
+// So that it is none of the names of what is built (built_files.h).
+std::string absolute_path(const std::string& file);
 
 // The parameters that follow in the file, up to the next word. `meter` counts their memory.
 PbrtParameters read_pbrt_parameters(PbrtLexer& lexer, MemoryMeter& meter);

@@ -1,7 +1,6 @@
 // Lights of pbrt that are no surfaces.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numbers>
 
 #include "octrad/base/memory_limit.h"
@@ -94,7 +93,7 @@ void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMater
   }
   if (l.has("illuminance"))
     fail(l.where("illuminance"), "the illuminance of a picture of the sky is not supported; give its scale");
-  const std::string file = std::filesystem::absolute(description.resolve(l.text(name, ""), l.where(name))).string();
+  const std::string file = absolute_path(description.resolve(l.text(name, ""), l.where(name)));
   Element& e = add_element(*description.root, where, "emitter", {{"type", "envmap"}});
   if (factor.x != factor.y || factor.x != factor.z) {
     report.assume(where, "the colour L of a light with a picture is read as its mean");

@@ -51,7 +51,11 @@ std::string PbrtMaterials::bsdf(const Object& material, const PbrtObject& shape)
   std::string key;
   if (!alpha.is_constant() || alpha.value.x < 1.0) {
     const PbrtParameter* p = shape.find("alpha");
-    key = !p ? "" : p->texts.empty() ? number_text(alpha.value.x) : "texture " + p->texts[0];
+    // Textures are kept: their address names them.
+    const auto found = p && !p->texts.empty() ? objects_.find({true, p->texts[0]}) : objects_.end();
+    key = found == objects_.end()
+              ? number_text(alpha.value.x)
+              : "texture " + std::to_string(reinterpret_cast<std::uintptr_t>(defined(found->second, p->serial)->get()));
   }
   const auto [at, inserted] = bsdfs_.try_emplace({m.get(), key}, "");
   if (!inserted) return at->second;
@@ -60,9 +64,11 @@ std::string PbrtMaterials::bsdf(const Object& material, const PbrtObject& shape)
   at->second = id;
   const Location where = m->location().file ? m->location() : shape.location();
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
+  const auto before = static_cast<std::ptrdiff_t>(all.size());
   if (report_.attempt(where, [&] { add_bsdf(id, m, alpha, where); })) return id;
   // What is there of it goes; what looks like nothing else takes its place.
-  std::erase_if(all, [&](const auto& e) { return e->get("id") == id; });
+  all.erase(std::remove_if(all.begin() + before, all.end(), [&](const auto& e) { return e->get("id") == id; }),
+            all.end());
   Element& stand_in = add_element(*description_.root, where, "bsdf", {{"type", "diffuse"}, {"id", id}});
   add_element(stand_in, where, "rgb", {{"name", "reflectance"}, {"value", "1, 0, 1"}});
   description_.ids[id] = &stand_in;
@@ -76,10 +82,19 @@ Element& PbrtMaterials::nest(Element& parent, const Location& where, const std::
   return e;
 }
 
+int PbrtMaterials::leaves(const PbrtObject& m, int depth) const {
+  if (m.type() != "mix") return 1;
+  if (depth >= kMostMixed) fail(m.location(), "materials are mixed too deep, or one with itself");
+  const auto [a, b] = parts(m);
+  return leaves(*a, depth + 1) + leaves(*b, depth + 1);
+}
+
 // Opaque surfaces have two sides in pbrt.
 void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, const PbrtTexture& alpha,
                              const Location& where) {
   const PbrtObject& m = *material;
+  if (leaves(m, 0) > kMostBlended)
+    fail(where, "a mix of more than " + std::to_string(kMostBlended) + " materials is not supported");
   Element* parent = description_.root.get();
   Attributes labels = {{"id", id}};
   const auto wrap = [&](const char* type) {
@@ -101,7 +116,7 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     PbrtTexture map;
     map.kind = PbrtTexture::Kind::picture;
     map.gamma = 1.0;
-    map.file = description_.resolve(file, m.where("normalmap"));
+    map.file = absolute_path(description_.resolve(file, m.where("normalmap")));
     add(*parent, m.where("normalmap"), "normalmap", map, Role::color);
   }
   for (const char* name : {"displacement", "bumpmap"}) {
@@ -118,7 +133,7 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     add(*parent, m.where(name), "arbitrary", height, Role::number);
     add_number(*parent, m.where(name), "scale", scale);
   }
-  add_model(*parent, m, labels, 0);
+  add_model(*parent, m, labels);
   m.note_unused(report_);
 }
 
@@ -133,19 +148,18 @@ std::pair<PbrtMaterials::Object, PbrtMaterials::Object> PbrtMaterials::parts(con
   return {named(a->texts[0], a->where, a->serial), named(b->texts[0], b->where, b->serial)};
 }
 
-bool PbrtMaterials::is_opaque(const PbrtObject& m, int depth) const {
+bool PbrtMaterials::is_opaque(const PbrtObject& m) const {
   const std::string& type = m.type();
   if (type == "mix") {
-    if (depth >= kMostMixed) fail(m.location(), "materials are mixed too deep, or one with itself");
     const auto [a, b] = parts(m);
-    return is_opaque(*a, depth + 1) && is_opaque(*b, depth + 1);
+    return is_opaque(*a) && is_opaque(*b);
   }
   return !(is_none(type) || type == "dielectric" || type == "glass" || type == "thindielectric" || type == "hair" ||
            type == "diffusetransmission" || type == "translucent" ||
            (type == "disney" && (m.has("spectrans") || m.has("difftrans"))));
 }
 
-void PbrtMaterials::add_model(Element& parent, const PbrtObject& m, const Attributes& labels, int depth) {
+void PbrtMaterials::add_model(Element& parent, const PbrtObject& m, const Attributes& labels) {
   const std::string& type = m.type();
   if (is_none(type)) {
     nest(parent, m.location(), "null", labels);
@@ -179,9 +193,9 @@ void PbrtMaterials::add_model(Element& parent, const PbrtObject& m, const Attrib
     Element& e = nest(parent, m.location(), "measured", labels);
     const std::string file = m.text("filename", "");
     add_element(e, m.where("filename"), "string",
-                {{"name", "filename"}, {"value", description_.resolve(file, m.where("filename"))}});
+                {{"name", "filename"}, {"value", absolute_path(description_.resolve(file, m.where("filename")))}});
   } else if (type == "mix") {
-    add_mix(parent, m, labels, depth);
+    add_mix(parent, m, labels);
   } else if (type == "disney") {
     add_disney(parent, m, labels);
   } else {
@@ -435,8 +449,7 @@ void PbrtMaterials::add_disney(Element& parent, const PbrtObject& m, const Attri
   add_value(e, "clearcoat_gloss", m, "clearcoatgloss", 1.0);
 }
 
-void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attributes& labels, int depth) {
-  if (depth >= kMostMixed) fail(m.location(), "materials are mixed too deep, or one with itself");
+void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attributes& labels) {
   const bool v4 = m.has("materials");
   const auto [a, b] = parts(m);
   Element& e = nest(parent, m.location(), "blendbsdf", labels);
@@ -447,53 +460,57 @@ void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attribut
   amount = texture(m, "amount", number && v4, Vec3d(0.5));
   if (v4) {
     add(e, m.where("amount"), "weight", amount, Role::number);
-    add_model(e, *a, {}, depth + 1);
-    add_model(e, *b, {}, depth + 1);
+    add_model(e, *a, {});
+    add_model(e, *b, {});
   } else {
     add(e, m.where("amount"), "weight", amount, Role::number);
-    add_model(e, *b, {}, depth + 1);
-    add_model(e, *a, {}, depth + 1);
+    add_model(e, *b, {});
+    add_model(e, *a, {});
   }
   a->note_unused(report_);
   b->note_unused(report_);
 }
 
-void PbrtMaterials::add_emitter(Element& shape, const PbrtObject& light, double area, bool both) {
-  const Location where = light.location();
+Vec3d PbrtMaterials::light_color(const Object& object) {
+  if (const auto known = lights_.find(object); known != lights_.end()) return known->second;
+  const PbrtObject& light = *object;
   if (light.type() != "diffuse" && light.type() != "area")
-    fail(where, light.what() + " is not supported; supported: diffuse");
-  double scale = 1.0;
-  Vec3d factor(1.0);
-  if (const PbrtParameter* p = light.find("scale"); p && p->type != "float") {
-    factor = color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
-  } else {
-    scale = light.number("scale", 1.0, 0.0);
-  }
+    fail(light.location(), light.what() + " is not supported; supported: diffuse");
+  Vec3d factor(exposure);
+  if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
+    factor = factor * color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
+  else factor = factor * light.number("scale", 1.0, 0.0);
+  light.ignore({"samples", "nsamples", "filename", "power", "twosided"});
+  Vec3d l = light.has("filename") ? Vec3d(1.0) : color(light, "L", SpectrumUse::emission).value_or(Vec3d(1.0));
+  for (int c = 0; c < 3; ++c) l[c] = std::max(l[c], 0.0);
+  light.note_unused(report_);
+  return lights_[object] = l * factor;
+}
+
+void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area, bool both) {
+  const PbrtObject& light = *object;
+  const Location where = light.location();
+  Vec3d l = light_color(object);
   const bool two_sided = light.flag("twosided", false);
   if (two_sided && !both) report_.assume(where, "a light on both sides shines from its front only");
-  light.ignore({"samples", "nsamples"});
   if (light.has("power")) {
-    if (!(area > 0.0))
+    if (area < 0.0)
       fail(light.where("power"), "the power of a light on a mesh of a file is not supported; give its radiance L");
+    if (!(area > 0.0)) fail(light.where("power"), "the power of a light without an area");
     // Of a radiance whose luminance is 1.
-    scale *= light.number("power", 0.0, 0.0) / (std::numbers::pi * area * (two_sided ? 2.0 : 1.0));
+    l = l * (light.number("power", 0.0, 0.0) / (std::numbers::pi * area * (two_sided ? 2.0 : 1.0)));
   }
-  factor = factor * (scale * exposure);
   const auto add_light = [&]() -> Element& { return add_element(shape, where, "emitter", {{"type", "area"}}); };
-  if (light.has("filename")) {
-    PbrtTexture t;
-    t.kind = PbrtTexture::Kind::picture;
-    t.file = description_.resolve(light.text("filename", ""), light.where("filename"));
-    t.value = factor;
-    t.wrap = "clamp";
-    add(add_light(), where, "radiance", t, Role::radiance);
-  } else {
-    const Vec3d l = color(light, "L", SpectrumUse::emission).value_or(Vec3d(1.0)) * factor;
-    add_element(
-        add_light(), light.where("L"), "rgb",
-        {{"name", "radiance"}, {"value", three_numbers({std::max(l.x, 0.0), std::max(l.y, 0.0), std::max(l.z, 0.0)})}});
+  if (!light.has("filename")) {
+    add_element(add_light(), light.where("L"), "rgb", {{"name", "radiance"}, {"value", three_numbers(l)}});
+    return;
   }
-  light.note_unused(report_);
+  PbrtTexture t;
+  t.kind = PbrtTexture::Kind::picture;
+  t.file = absolute_path(description_.resolve(light.text("filename", ""), light.where("filename")));
+  t.value = l;
+  t.wrap = "clamp";
+  add(add_light(), where, "radiance", t, Role::radiance);
 }
 
 }  // namespace octrad

@@ -85,7 +85,7 @@ class PbrtMaterials {
   std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
   // An area light on a shape; `area`: of the shape in the scene, < 0 where it is not known; `both`: a light on both
   // sides has another shape for the other side.
-  void add_emitter(Element& shape, const PbrtObject& light, double area, bool both);
+  void add_emitter(Element& shape, const Object& light, double area, bool both);
   // A picture that is made, under a name of its own for each `key`.
   std::string build_picture(const std::string& key, BuiltPicture picture);
 
@@ -118,15 +118,17 @@ class PbrtMaterials {
 
   void add_bsdf(const std::string& id, const Object& material, const PbrtTexture& alpha, const Location& where);
   Element& nest(Element& parent, const Location& where, const std::string& type, Attributes labels);
-  void add_model(Element& parent, const PbrtObject& m, const Attributes& labels, int depth);
+  void add_model(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_coat(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_conductor(Element& parent, const PbrtObject& m, const Attributes& labels, const std::string& prefix);
   void add_dielectric(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_translucent(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_hair(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_disney(Element& parent, const PbrtObject& m, const Attributes& labels);
-  void add_mix(Element& parent, const PbrtObject& m, const Attributes& labels, int depth);
-  bool is_opaque(const PbrtObject& m, int depth = 0) const;
+  void add_mix(Element& parent, const PbrtObject& m, const Attributes& labels);
+  int leaves(const PbrtObject& m, int depth) const;  // of mixes in mixes
+  bool is_opaque(const PbrtObject& m) const;
+  Vec3d light_color(const Object& light);
   std::pair<Object, Object> parts(const PbrtObject& mix) const;
   double eta(const PbrtObject& m, double fallback) const;
 
@@ -140,6 +142,8 @@ class PbrtMaterials {
   int open_ = 0;                                                 // textures that are being looked into
   std::map<std::string, Definitions> named_;                     // materials
   std::size_t serial_ = 0;
+  std::map<Object, Vec3d> lights_;                                        // what area lights shine
+  mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;  // of files
   std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
   std::vector<Object> kept_;                                // whose address is a key of bsdfs_
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names

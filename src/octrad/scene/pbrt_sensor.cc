@@ -80,8 +80,8 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
     fail(where, c.what() + " is not supported; supported: perspective, orthographic");
   static const PbrtObject no_film("Film", "", Location());
   const PbrtObject& f = film ? *film : no_film;
-  const double width = f.number("xresolution", 1280, 1, kMostFilmPixels),
-               height = f.number("yresolution", 720, 1, kMostFilmPixels);
+  const double width = std::floor(f.number("xresolution", 1280, 1, kMostFilmPixels)),
+               height = std::floor(f.number("yresolution", 720, 1, kMostFilmPixels));
   const double aspect = c.number("frameaspectratio", width / height, 1e-3, 1e3);
   // Of the plane at distance 1 times the tangent of half the field of view, or in units of the camera.
   double window[4] = {-std::max(aspect, 1.0), std::max(aspect, 1.0), -std::max(1.0 / aspect, 1.0),

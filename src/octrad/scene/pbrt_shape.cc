@@ -24,8 +24,11 @@ std::size_t elements(const PbrtParameter& p, std::size_t count) {
 std::vector<Vec3f> vectors(const PbrtParameter& p) {
   std::vector<Vec3f> result(elements(p, 3));
   ask_memory(result.size() * sizeof(Vec3f), p.where.file->name());
-  for (std::size_t i = 0; i < result.size(); ++i)
-    result[i] = Vec3f(Vec3d(p.numbers[3 * i], p.numbers[3 * i + 1], p.numbers[3 * i + 2]));
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    const Vec3d v(p.numbers[3 * i], p.numbers[3 * i + 1], p.numbers[3 * i + 2]);
+    if (!within(v, 1e30f)) fail(p.where, "a number of \"" + p.name + "\" is too large");
+    result[i] = Vec3f(v);
+  }
   return result;
 }
 
@@ -49,6 +52,9 @@ RawMesh vertices(const PbrtObject& shape) {
     if (!uv) continue;
     if (elements(*uv, 2) != mesh.positions.size())
       fail(uv->where, "there must be as many texture coordinates as points");
+    for (const double v : uv->numbers) {
+      if (!(std::fabs(v) <= 1e30)) fail(uv->where, "a texture coordinate is too large");
+    }
     for (std::size_t i = 0; i < uv->numbers.size(); i += 2)
       mesh.uvs.push_back({static_cast<float>(uv->numbers[i]), static_cast<float>(1.0 - uv->numbers[i + 1])});
   }
@@ -89,6 +95,7 @@ RawMesh patches(const PbrtObject& shape) {
   const std::vector<int> corners = corner_indices(shape, 4, mesh.positions.size());
   if (mesh.uvs.empty()) {  // each patch has its own
     RawMesh apart;
+    ask_memory(corners.size() * (2 * sizeof(Vec3f) + sizeof(Vec2f) + 2 * sizeof(Vec3i)), "a bilinearmesh");
     for (const int corner : corners) {
       const auto from = static_cast<std::size_t>(corner), k = apart.positions.size() % 4;
       apart.positions.push_back(mesh.positions[from]);
@@ -182,7 +189,12 @@ RawMesh quadric(const PbrtObject& shape) {
 
 }  // namespace
 
-std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape) {
+bool is_quadric(const std::string& type) {
+  return type == "sphere" || type == "disk" || type == "cylinder" || type == "cone" || type == "paraboloid" ||
+         type == "hyperboloid";
+}
+
+std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape, double& subdivided) {
   const std::string& type = shape.type();
   if (type == "trianglemesh") return triangles(shape);
   if (type == "bilinearmesh") return patches(shape);
@@ -190,11 +202,15 @@ std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape) {
     RawMesh mesh = triangles(shape);
     shape.ignore({"scheme"});
     const char* name = shape.has("nlevels") ? "nlevels" : "levels";
-    return subdivide_loop(std::move(mesh), static_cast<int>(shape.number(name, 3.0, 0.0, 10.0)));
+    const double levels = std::floor(shape.number(name, 3.0, 0.0, 10.0));
+    subdivided += static_cast<double>(mesh.triangles.size()) * std::exp2(2.0 * levels);
+    constexpr double kMostSubdivided = 2e6;
+    if (subdivided > kMostSubdivided)
+      fail(shape.location(),
+           "the subdivision surfaces of the scene have more than 2 million triangles; give fewer levels");
+    return subdivide_loop(std::move(mesh), static_cast<int>(levels));
   }
-  if (type == "sphere" || type == "disk" || type == "cylinder" || type == "cone" || type == "paraboloid" ||
-      type == "hyperboloid")
-    return quadric(shape);
+  if (is_quadric(type)) return quadric(shape);
   return std::nullopt;
 }
 
@@ -214,6 +230,7 @@ Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneRepo
   const double width = shape.number("width", 1.0, 0.0), width0 = shape.number("width0", width, 0.0),
                width1 = shape.number("width1", width, 0.0), scale = std::cbrt(std::fabs(to_world.determinant()));
   const std::size_t segments = (points.size() - extra) / step;
+  ask_memory(segments * (8 * sizeof(CurvePoint)), "curves");
   Curves curves;
   for (std::size_t s = 0; s < segments; ++s) {
     std::array<Vec3d, 4> p;
@@ -232,6 +249,8 @@ Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneRepo
       // A B-spline of a linear function has its values, at -1, 0, 1 and 2 of the segment, as control points.
       const double u = (static_cast<double>(s) + static_cast<double>(k) - 1.0) / static_cast<double>(segments);
       curve[k] = {p[k], std::max(0.5 * scale * (width0 + (width1 - width0) * u), 0.0)};
+      if (!within(p[k], kLargestCoordinate) || !(curve[k].radius <= static_cast<double>(kLargestCoordinate)))
+        fail(shape.location(), "the curve is too large or too far away: coordinates may be up to 1e9");
     }
     curves.push_back(std::move(curve));
   }
@@ -239,7 +258,8 @@ Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneRepo
 }
 
 RawMesh read_pbrt_ply(const std::string& file) {
-  RawMesh mesh = parse_ply(file, read_pbrt_file(file));
+  constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 30;
+  RawMesh mesh = parse_ply(file, read_pbrt_file(file, kMostBytes, "ply"));
   for (Vec2f& uv : mesh.uvs) uv.y = 1.0f - uv.y;
   return mesh;
 }

@@ -13,8 +13,12 @@ namespace octrad {
 
 // The shape in object space, its front where pbrt has it, with Mitsuba's v, which runs down: triangles, bilinear
 // patches (two triangles each), subdivision surfaces, spheres, disks, cylinders, cones, paraboloids and hyperboloids
-// (256 segments around). nullopt for types that are no such mesh. Throws SceneError, MemoryError.
-std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape);
+// (256 segments around). nullopt for types that are no such mesh. `subdivided`: the triangles that
+// subdivision made so far, in the scene. Throws SceneError, MemoryError.
+std::optional<RawMesh> pbrt_mesh(const PbrtObject& shape, double& subdivided);
+
+// Shapes that a few numbers describe.
+bool is_quadric(const std::string& type);
 
 // The cubic B-splines of a shape "curve", in world space; radii grow with the transform.
 Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneReport& report);

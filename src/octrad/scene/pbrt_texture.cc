@@ -2,7 +2,6 @@
 // becomes a bitmap or a picture that is made; textures that are computed from the place are refused.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "octrad/base/join.h"
 #include "octrad/base/number_text.h"
@@ -193,7 +192,14 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (const auto named = named_spectrum(p->texts[0], use)) return named;
     if (p->texts[0].starts_with("stdillum-") || p->texts[0].starts_with("illum-"))
       fail(p->where, "the illuminant \"" + p->texts[0] + "\" is not known; give the light as rgb or blackbody");
-    spectrum = read_spectrum(description_.resolve(p->texts[0], p->where));
+    const std::string file = description_.resolve(p->texts[0], p->where);
+    const auto [known, added] = spectra_.try_emplace({file, use}, Vec3d(-1.0));
+    if (added || known->second.x < 0.0) {
+      const Spectrum of_file = read_spectrum(file);
+      known->second = use == SpectrumUse::emission && !old_ ? normalized_light(of_file, p->where)
+                                                            : Vec3d(spectrum_rgb(of_file, use));
+    }
+    return known->second;
   } else {
     if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
     if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
@@ -339,7 +345,7 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   if (object.type() != "imagemap") return t;
   t.kind = PbrtTexture::Kind::picture;
   const std::string file = object.text("filename", "");
-  t.file = std::filesystem::absolute(description_.resolve(file, object.where("filename"))).string();
+  t.file = absolute_path(description_.resolve(file, object.where("filename")));
   t.gain = object.number("scale", 1.0);
   t.invert = object.flag("invert", false);
   const std::string filter = object.text("filter", "bilinear"), wrap = object.text("wrap", "repeat");
@@ -348,7 +354,9 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   if (wrap == "black") report_.assume(object.where("wrap"), "textures that are black outside are clamped");
   const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "" : "linear");
   if (encoding == "linear") t.gamma = 1.0;
-  else if (encoding.starts_with("gamma")) t.gamma = std::clamp(std::atof(encoding.c_str() + 5), 0.1, 10.0);
+  else if (encoding.starts_with("gamma")) t.gamma = std::atof(encoding.c_str() + 5);
+  if (t.gamma != 0.0 && !(t.gamma >= 0.1 && t.gamma <= 10.0))
+    fail(object.where("encoding"), "the gamma of an encoding must be from 0.1 to 10");
   object.ignore({"maxanisotropy", "trilinear"});
   return t;
 }
