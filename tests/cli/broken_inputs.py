@@ -4,6 +4,7 @@ A case is (name, files {name: str or bytes}, arguments, exit code, text that the
 none of it the output). Files are made in a folder of the case's own, in which the program runs.
 """
 import base64
+import gzip
 import json
 import os
 import random
@@ -385,6 +386,55 @@ GLB = triangle().container()
 for name, data, message in (("cut-off", GLB[:-40], "announces"), ("header", GLB[:18], "ends early"), ("version", glb(b"{}  ", b"", version=1), "glTF 1"), ("no-json", GLB[:16] + b"BIN\0" + GLB[20:], "must be JSON"),
                             ("chunk-huge", GLB[:12] + b"\xff\xff\xff\x7f" + GLB[16:], "longer than the file"), ("no-data", glb(GLB[20:20 + struct.unpack("<I", GLB[12:16])[0]], b""), "no binary chunk")):
     case("glb-" + name, {"s.glb": data}, ["info", "s.glb"], 2, message)
+
+
+# pbrt
+PBRT = 'Camera "perspective" Film "rgb" "integer xresolution" 8 "integer yresolution" 8\nWorldBegin\nLightSource "infinite"\n'
+
+
+def pbrt(name, world, text, code=2, arguments=(), **files):
+    case("pbrt-" + name, {"s.pbrt": PBRT + world, **{key.replace("_", "."): value for key, value in files.items()}}, ["info", "s.pbrt", *arguments], code, text)
+
+
+pbrt("word", "Sphere", "no directive of pbrt")
+pbrt("zero-byte", 'Shape "sph\0ere"', "holds a byte 0")
+pbrt("cut-off", 'Shape "sphere" "float radius" [ 1', "expected a value")
+pbrt("quote-open", 'Shape "sphere', "not closed on its line")
+pbrt("quote-long", f'Shape "{"s" * 5000}"', "more than 4096 bytes")
+pbrt("name-long", f'Shape "sphere" "float {"r" * 300}" 1', "longer than 200 bytes")
+pbrt("number-nan", 'Translate nan 0 0', "expected a number")
+pbrt("number-infinite", 'Translate 1e999 0 0', "not a finite number")
+pbrt("end-alone", "AttributeEnd", "without its beginning")
+pbrt("shape-far-away", 'Translate 1e12 0 0 Shape "sphere"', "up to 1e9")
+pbrt("shape-too-large", 'Scale 1e300 1e300 1e300 Shape "sphere"', "too large")
+pbrt("index-beyond", 'Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 3 ]', "out of range")
+pbrt("index-fraction", 'Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 .5 ]', "out of range")
+pbrt("normals-two", 'Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "normal N" [ 0 0 1 0 0 1 ] "integer indices" [ 0 1 2 ]', "as many normals")
+pbrt("curve-far-away", 'Shape "curve" "point3 P" [ 0 0 0 1 0 0 2 0 0 1e20 0 0 ]', "too large or too far")
+pbrt("curve-of-three", 'Shape "curve" "point3 P" [ 0 0 0 1 0 0 2 0 0 ]', "do not make curves")
+pbrt("levels-many", 'Shape "loopsubdiv" "integer levels" 10 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 0 2 1 ]', "more than 2 million triangles")
+pbrt("mix-of-itself", 'MakeNamedMaterial "a" "string type" "mix" "string materials" [ "a" "a" ] NamedMaterial "a" Shape "sphere"', "mixed too deep")
+pbrt("mix-of-many", 'MakeNamedMaterial "m0" "string type" "diffuse" ' + "".join(f'MakeNamedMaterial "m{i + 1}" "string type" "mix" "string materials" [ "m{i}" "m{i}" ] ' for i in range(4))
+     + 'NamedMaterial "m4" Shape "sphere"', "a mix of more than 8 materials")
+pbrt("texture-of-itself", 'Texture "t" "spectrum" "scale" "texture tex" "t" "float scale" .5 Material "diffuse" "texture reflectance" "t" Shape "sphere"', "nested too deep")
+pbrt("include-itself", 'Include "s.pbrt"', "16 deep")
+pbrt("include-a-device", 'Include "/dev/zero"', "a device, not a file", 3)
+pbrt("instance-of-nothing", 'ObjectInstance "o"', "no object with the name")
+pbrt("instance-too-small", 'ObjectBegin "o" Shape "disk" ObjectEnd Scale 1e-20 1e-20 1e-20 ObjectInstance "o"', "too much or too little")
+pbrt("object-in-object", 'ObjectBegin "o" ObjectBegin "p"', "cannot stand in another one")
+pbrt("ply-of-text", 'Shape "plymesh" "string filename" "m.ply.gz"', "broken or cut off", m_ply_gz=b"\x1f\x8bnothing")
+pbrt("ply-another-content", 'Shape "plymesh" "string filename" "m.ply.gz"', 'does not begin with "ply"', m_ply_gz=gzip.compress(bytes(10 ** 7), mtime=0))
+pbrt("blackbody-cold", 'AreaLightSource "diffuse" "blackbody L" 2 Shape "sphere"', "from 200 to 1e6 kelvin")
+pbrt("light-without-area", 'AreaLightSource "diffuse" "float power" 2 Shape "trianglemesh" "point3 P" [ 0 0 0 0 0 0 0 0 0 ]', "without an area")
+pbrt("medium", 'MakeNamedMedium "m" "string type" "homogeneous"', "a medium is not supported")
+bad("lens-wide", scene('<sensor type="thinlens"><float name="aperture_radius" value="1e19"/></sensor>' + CUBE), "up to 1e9")
+# Which took minutes or gigabytes.
+pbrt("cost-attributes", 'Attribute "shape" ' + "".join(f'"float p{i}" 1 ' for i in range(30000)) + 'Shape "sphere" ' * 10000, "more than 100 parameters")
+pbrt("cost-names", f'Attribute "shape" "float {"X" * 10 ** 6} alpha" 1 ' + 'Shape "sphere" ' * 1200, "1 things cannot be used", 2, ["--check", "--json"])
+pbrt("cost-unused", 'AreaLightSource "diffuse" ' + "".join(f'"float p{i}" 1 ' for i in range(30000)) + 'Shape "sphere" ' * 3000, "", 0, ["--check"])
+pbrt("cost-spectra", 'AreaLightSource "diffuse" "spectrum L" [ ' + "".join(f"{360 + i / 100} 1 " for i in range(40000)) + '] ' + 'Shape "sphere" ' * 4000, "", 0, ["--check"])
+pbrt("cost-materials", 'Material "foo" Shape "sphere" ' * 30000, "1000 things cannot be used", 2, ["--check"])
+pbrt("cost-includes", 'Include "a.pbrt" ' * 1000, "1 things cannot be used", 2, ["--check"], a_pbrt="# " + "x" * 10 ** 6)
 
 
 def pfm(*values, side=2):

@@ -10,7 +10,7 @@ from support import ROOM, SMALL, Case, measured, read_safetensors, write_safeten
 BUDGET_MB = 200
 SECONDS = 10  # of a processor: other work on the machine does not count
 # Cases whose message names another file than those that they are made of.
-NAMED = {"include-outside": "etc/hostname", "include-a-device": "/dev/zero", "model-a-device": "/dev/zero", "points-none": "none.octrad", "cost-merge": "o.exr"}
+NAMED = {"include-outside": "etc/hostname", "include-a-device": "/dev/zero", "pbrt-include-a-device": "/dev/zero", "model-a-device": "/dev/zero", "points-none": "none.octrad", "cost-merge": "o.exr"}
 
 
 def shown(text):

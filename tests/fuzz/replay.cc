@@ -1,5 +1,6 @@
 // Without libFuzzer, in the ordinary tests: every file of tests/fuzz/found once through the reader that it broke, and
-// what a few thousand blind changes make of it. Where OCTRAD_FUZZ_SEEDS names what make_seeds.py made, each of those too.
+// what a few thousand blind changes make of it. Where OCTRAD_FUZZ_SEEDS names what make_seeds.py made, each of those
+// too.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

@@ -267,7 +267,7 @@ void SceneBuilder::find_bounds() {
       for (int column = 0; column < 3; ++column) sum += std::fabs(inverse(row, column)) * reach;
       largest = std::max(largest, sum);
     }
-    if (!(largest <= kLargestRayOrigin) || !(steepest >= kLeastRayDirection))
+    if (!(largest <= kLargestRayOrigin && steepest >= kLeastRayDirection && steepest <= 1.0 / kLeastRayDirection))
       fail(placed_at_[i], "to_world of the instance scales by too much or too little for the ray tracer");
   }
 }

@@ -84,7 +84,7 @@ void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMater
   Vec3d factor = strength(l, "L", materials);
   l.ignore({"portal"});
   const char* name = l.has("mapname") ? "mapname" : "filename";
-  if (!l.has(name)) {
+  if (l.text(name, "").empty()) {  // also as exporters write it where there is none
     // Of radiance 1 everywhere a surface receives pi.
     if (l.has("illuminance")) factor = factor * (l.number("illuminance", 1.0, 0.0) / std::numbers::pi);
     Element& e = add_element(*description.root, where, "emitter", {{"type", "constant"}});

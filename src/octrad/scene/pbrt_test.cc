@@ -415,10 +415,12 @@ TEST_F(PbrtTest, OtherLights) {
   expect_near(Vec3d(spot.delta_lights[0].axis), {0, -1, 0});
   EXPECT_NEAR(spot.delta_lights[0].cutoff, 40.0 * std::numbers::pi / 180.0, 1e-6);
   EXPECT_NEAR(spot.delta_lights[0].cos_beam, std::cos(30.0 * std::numbers::pi / 180.0), 1e-6);
-  EXPECT_EQ(load("LightSource \"infinite\" \"rgb L\" [1 2 3] \"float scale\" 2\n" + kPbrtSphere).fingerprint,
-            load_xml("<emitter type=\"constant\"><rgb name=\"radiance\" value=\"2 4 6\"/></emitter>" +
-                     on_sphere(two_sided("<bsdf type=\"diffuse\"/>")))
-                .fingerprint);
+  EXPECT_EQ(
+      load("LightSource \"infinite\" \"rgb L\" [1 2 3] \"float scale\" 2 \"string filename\" \"\"\n" + kPbrtSphere)
+          .fingerprint,
+      load_xml("<emitter type=\"constant\"><rgb name=\"radiance\" value=\"2 4 6\"/></emitter>" +
+               on_sphere(two_sided("<bsdf type=\"diffuse\"/>")))
+          .fingerprint);
 }
 
 // The radiance that an environment shows in a direction of the world, by Mitsuba's rule.
