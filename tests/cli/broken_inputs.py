@@ -426,7 +426,7 @@ pbrt("ply-of-text", 'Shape "plymesh" "string filename" "m.ply.gz"', "broken or c
 pbrt("ply-another-content", 'Shape "plymesh" "string filename" "m.ply.gz"', 'does not begin with "ply"', m_ply_gz=gzip.compress(bytes(10 ** 7), mtime=0))
 pbrt("blackbody-cold", 'AreaLightSource "diffuse" "blackbody L" 2 Shape "sphere"', "from 200 to 1e6 kelvin")
 pbrt("light-without-area", 'AreaLightSource "diffuse" "float power" 2 Shape "trianglemesh" "point3 P" [ 0 0 0 0 0 0 0 0 0 ]', "without an area")
-pbrt("medium", 'MakeNamedMedium "m" "string type" "homogeneous"', "a medium is not supported")
+pbrt("medium", 'MakeNamedMedium "m" "string type" "homogeneous" MediumInterface "m" ""', "a medium is not supported")
 bad("lens-wide", scene('<sensor type="thinlens"><float name="aperture_radius" value="1e19"/></sensor>' + CUBE), "up to 1e9")
 # Which took minutes or gigabytes.
 pbrt("cost-attributes", 'Attribute "shape" ' + "".join(f'"float p{i}" 1 ' for i in range(30000)) + 'Shape "sphere" ' * 10000, "more than 100 parameters")
@@ -434,6 +434,7 @@ pbrt("cost-names", f'Attribute "shape" "float {"X" * 10 ** 6} alpha" 1 ' + 'Shap
 pbrt("cost-unused", 'AreaLightSource "diffuse" ' + "".join(f'"float p{i}" 1 ' for i in range(30000)) + 'Shape "sphere" ' * 3000, "", 0, ["--check"])
 pbrt("cost-spectra", 'AreaLightSource "diffuse" "spectrum L" [ ' + "".join(f"{360 + i / 100} 1 " for i in range(40000)) + '] ' + 'Shape "sphere" ' * 4000, "", 0, ["--check"])
 pbrt("cost-materials", 'Material "foo" Shape "sphere" ' * 30000, "1000 things cannot be used", 2, ["--check"])
+pbrt("cost-comment", "#" + "WorldEnd" * 100000 + '\\nShape "sphere"', "", 0, ["--check"])
 pbrt("cost-includes", 'Include "a.pbrt" ' * 1000, "1 things cannot be used", 2, ["--check"], a_pbrt="# " + "x" * 10 ** 6)
 
 

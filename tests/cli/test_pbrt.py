@@ -95,7 +95,7 @@ class Pbrt(Case):
 
     def test_check_and_permissive(self):
         self.files()
-        file = self.write("b.pbrt", PBRT + 'MakeNamedMedium "fog" "string type" "homogeneous"\nMaterial "velvet"\nShape "sphere"\nShape "nurbs"\n')
+        file = self.write("b.pbrt", PBRT + 'MediumInterface "fog" ""\nMaterial "velvet"\nShape "sphere"\nShape "nurbs"\n')
         self.fails(2, "b.pbrt:30:1: a medium is not supported", "info", file)
         result = run("info", file, "--check", "--json")
         self.assertEqual(result.code, 2)

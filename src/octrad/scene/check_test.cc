@@ -367,5 +367,28 @@ TEST_F(CheckTest, MediaThatNothingUses) {
       {"2:57 <medium> inside shape"});
 }
 
+TEST_F(CheckTest, WaysOutOfMore) {
+  const auto says = [&](const std::string& body, const std::string& text) {
+    const std::vector<std::string> found = mistakes(body);
+    ASSERT_FALSE(found.empty()) << body;
+    EXPECT_NE(found[0].find(text), std::string::npos) << found[0];
+  };
+  says(R"(<shape type="sphere"><bsdf type="itu-radio-material"/></shape>)", "a material of radio waves");
+  says(
+      R"(<shape type="sphere"><bsdf type="normalmap"><string name="filename" value="n.png"/><bsdf type="diffuse"/></bsdf></shape>)",
+      "belongs into a bitmap");
+  says(R"(<shape type="sphere"><sensor type="irradiancemeter"/></shape>)", "octrad query gives values");
+  says(R"(<emitter type="avg_sunsky"/><shape type="sphere"/>)", "bake it to a picture");
+  says(R"(<luminaire type="point"/><shape type="sphere"/>)", "now called <emitter>");
+  says(R"(<sensor type="thinlens"><float name="aperture_radius" value="1e19"/></sensor><shape type="sphere"/>)",
+       "up to 1e9");
+  // What two objects meet is listed once.
+  EXPECT_EQ(
+      mistakes(
+          R"(<bsdf type="velvet" id="v"/><shape type="sphere"><ref id="v"/></shape><shape type="sphere"><ref id="v"/></shape>)")
+          .size(),
+      1u);
+}
+
 }  // namespace
 }  // namespace octrad

@@ -218,10 +218,11 @@ class XmlReader {
       read_children(source, node, *element, depth + 1);
       element->old = old_;
       // To Mitsuba 3 the two tags are one; spectra that vary over a surface are textures here.
-      const std::vector<std::string> textures = texture_types();
-      if (element->tag == "spectrum" &&
-          std::find(textures.begin(), textures.end(), element->get("type")) != textures.end())
-        element->tag = "texture";
+      if (element->tag == "spectrum") {
+        const std::vector<std::string> textures = texture_types();
+        if (std::find(textures.begin(), textures.end(), element->get("type")) != textures.end())
+          element->tag = "texture";
+      }
       if (old_) upgrade_element(*element, report_);
       else downgrade_element(*element, report_);
       parent.children.push_back(std::move(element));

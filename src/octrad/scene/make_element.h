@@ -1,4 +1,4 @@
-// Elements that no XML file has: of a glTF file, or added where something is missing. Internal to the module.
+// Elements that no XML file has: of a glTF or pbrt file, or added where something is missing. Internal to the module.
 #pragma once
 
 #include <string>

@@ -13,7 +13,6 @@
 #include "octrad/base/join.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
-#include "octrad/scene/limits.h"
 #include "octrad/scene/make_element.h"
 #include "octrad/scene/params.h"
 #include "octrad/scene/pbrt_file.h"
@@ -42,7 +41,6 @@ class PbrtReader {
     ask_memory(lexing_bytes(text), file);
     main_ = std::make_shared<const SourceFile>(file, std::move(text));
     description.root->location = {main_, 0};
-    names_.push_back(file);
   }
 
   void read() {
@@ -50,7 +48,7 @@ class PbrtReader {
     read_file_of(main_);
     if (!stack_.empty()) report_.assume(stack_.back().where, "the block that begins here ends with the file");
     flush_curves();
-    add_integrator();
+    report_.attempt(integrator_ ? integrator_->location() : Location(), [&] { add_integrator(); });
     if (camera_) {
       report_.attempt(camera_->location(), [&] {
         add_pbrt_sensor(*camera_, *camera_to_world_, film_.get(), filter_.get(), old_, *description_.root, report_);
@@ -64,12 +62,13 @@ class PbrtReader {
     return text.size() + 16 * static_cast<std::uint64_t>(std::count(text.begin(), text.end(), '\n'));
   }
 
-  // Outside of comments.
+  // Outside of comments and texts, at the beginning of a line.
   static bool has_world_end(const std::string& text) {
     for (std::size_t at = text.find("WorldEnd"); at != std::string::npos; at = text.find("WorldEnd", at + 1)) {
-      const std::size_t line = at == 0 ? std::string::npos : text.rfind('\n', at - 1),
-                        begin = line == std::string::npos ? 0 : line + 1;
-      if (text.find_first_of("#\"", begin) >= at) return true;
+      std::size_t begin = at;
+      while (begin > 0 && (text[begin - 1] == ' ' || text[begin - 1] == '\t')) --begin;
+      if (begin == 0 || text[begin - 1] == '\n' || text[begin - 1] == '\r') return true;
+      at = std::min(text.find('\n', at), text.size() - 1);
     }
     return false;
   }
@@ -172,8 +171,12 @@ class PbrtReader {
     if (stack_.empty() || stack_.back().kind != kind)
       fail(where, std::string(name) + " without its beginning" +
                       (stack_.empty() ? "" : "; another block begins at " + stack_.back().where.text()));
-    if (kind == 't' && old_) state_.ctm = stack_.back().state.ctm;
-    else state_ = std::move(stack_.back().state);
+    if (kind == 't' && old_) {
+      state_.ctm = stack_.back().state.ctm;
+      state_.at_start = stack_.back().state.at_start;
+    } else {
+      state_ = std::move(stack_.back().state);
+    }
     stack_.pop_back();
   }
   void attribute_begin(PbrtLexer&, const Location& w) { push('a', w); }
@@ -300,7 +303,7 @@ class PbrtReader {
 
   void include(PbrtLexer& lexer, const Location& where) {
     const std::string file = description_.resolve(lexer.text("a file"), where);
-    if (names_.size() >= kMostIncludeDepth) fail(where, "Include: nested more than 16 deep");
+    if (open_files_ >= kMostIncludeDepth) fail(where, "Include: nested more than 16 deep");
     if (++includes_ > kMostIncludes) fail(where, "Include: more than 1000 files");
     std::string text = read_pbrt_file(file, kMostIncludedBytes);
     included_bytes_ += text.size();
@@ -310,9 +313,9 @@ class PbrtReader {
     if (again_bytes_ > kMostIncludedAgain)
       fail(where, "Include: more than 100 megabytes of files that were included before");
     ask_memory(lexing_bytes(text), file);
-    names_.push_back(file);
+    ++open_files_;
     read_file_of(std::make_shared<const SourceFile>(file, std::move(text)));
-    names_.pop_back();
+    --open_files_;
   }
 
   // What the file leaves open and changes is its own.
@@ -374,7 +377,10 @@ class PbrtReader {
     const double open = camera_ ? camera_->number("shutteropen", 0.0) : 0.0,
                  close = camera_ ? camera_->number("shutterclose", 1.0) : 1.0;
     const double factor = (close - open) * film_->number("iso", 100.0, 0.0, 1e12) / 100.0;
-    if (!(factor > 0.0)) return 1.0;
+    if (!(factor > 0.0)) {
+      report_.assume(film_->location(), "a shutter that is not open, or an iso of 0, counts as 1: all would be black");
+      return 1.0;
+    }
     if (std::fabs(factor - 1.0) > 1e-6)
       report_.assume(film_->location(),
                      "lights are multiplied by what the film's iso and the shutter time make of them");
@@ -418,11 +424,12 @@ class PbrtReader {
     report_.attempt(where, [&] { state_.material = materials_.named(name, where, materials_.serial()); });
   }
   void medium(PbrtLexer& lexer, const Location& where) {
-    object(lexer, where, "Medium");
-    report_.attempt(where, [&] { fail(where, std::string("a medium") + kNoMedia); });
+    object(lexer, where, "Medium");  // refused where something uses it
   }
-  void medium_interface(PbrtLexer& lexer, const Location&) {
-    for (int i = 0; i < 2 && lexer.peek().kind == PbrtToken::Kind::text; ++i) lexer.take();
+  void medium_interface(PbrtLexer& lexer, const Location& where) {
+    bool any = false;
+    for (int i = 0; i < 2 && lexer.peek().kind == PbrtToken::Kind::text; ++i) any |= !lexer.take().text.empty();
+    if (any) report_.attempt(where, [&] { fail(where, std::string("a medium") + kNoMedia); });
   }
 
   void light(PbrtLexer& lexer, const Location& where) {
@@ -513,27 +520,29 @@ class PbrtReader {
         throw IoError(s.where("filename").text() + ": " + error.what());
       }
     } else {
-      // Shapes that numbers describe are made once for the same ones.
       const bool numbers = is_quadric(type), both = state_.light && !in_group && state_.light->flag("twosided", false);
-      std::string& known = made_[numbers && !both ? numbers_of(s) : ""];
-      if (known.empty()) {
+      // Shapes that numbers describe are made once for the same ones.
+      const std::string key = numbers && !both ? numbers_of(s) : "";
+      if (const auto known = key.empty() ? made_.end() : made_.find(key); known != made_.end()) {
+        mesh = known->second;
+      } else {
         std::optional<RawMesh> raw = pbrt_mesh(s, subdivided_);
         if (!raw)
           fail(where, s.what() +
                           " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
                           "disk, cylinder, cone, paraboloid, hyperboloid, curve");
-        if (raw->uvs.empty() && type == "trianglemesh" && state_.material && state_.material->has_textures())
+        const PbrtObject* m = state_.material.get();
+        if (raw->uvs.empty() && type == "trianglemesh" &&
+            (s.has_textures() || (m && (m->has_textures() || m->type() == "mix"))))
           *raw = with_own_uvs(*raw);
-        // Lights have one side: one on both is two, a little apart.
+        // Lights have one side: one on both is two, a little apart, each towards where its front is.
         if (both) {
-          back = keep(moved_along_normals(*raw, -1e-4));
-          *raw = moved_along_normals(*raw, 1e-4);
+          const double front = state_.reverse != normals_are_turned(*raw) ? -1e-4 : 1e-4;
+          back = keep(moved_along_normals(*raw, -front));
+          *raw = moved_along_normals(*raw, front);
         }
         mesh = keep(std::move(*raw));
-        if (numbers && !both) known = mesh;
-      } else {
-        mesh = known;
-        numbers_of(s);  // they were read
+        if (!key.empty()) made_.emplace(key, mesh);
       }
       if (state_.light && state_.light->has("power")) {
         // Of one triangle or patch: in pbrt each is a light of its own.
@@ -548,7 +557,8 @@ class PbrtReader {
     if (!back.empty()) add_surface(s, back, "", bsdf, faces, !flip, area);
     add_surface(s, mesh, file, bsdf, faces, flip, area);
     if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
-    if (state_.light && s.has("alpha") && materials_.alpha(s) <= 0.0)
+    const PbrtParameter* alpha = state_.light ? s.find("alpha") : nullptr;
+    if (alpha && alpha->numbers.size() == 1 && alpha->numbers[0] <= 0.0)
       report_.assume(where, "a light whose alpha is 0 is seen; in pbrt it shines without being seen");
     s.note_unused(report_);
   }
@@ -578,7 +588,7 @@ class PbrtReader {
     std::string text = "shape ";
     text += s.type();
     for (const char* name : {"radius", "zmin", "zmax", "phimax", "height", "innerradius", "p1", "p2"}) {
-      const PbrtParameter* p = s.find(name);
+      const PbrtParameter* p = s.find(name, {"float", "integer", "point", "point3"});
       text.append(" ").append(name);
       for (std::size_t i = 0; p && i < p->numbers.size(); ++i) text.append(" ").append(number_text(p->numbers[i]));
     }
@@ -622,8 +632,7 @@ class PbrtReader {
   std::map<std::string, std::string> made_;                    // meshes, by the file or the numbers of which they are
   std::set<std::string> included_;
   double subdivided_ = 0.0;
-  std::vector<std::string> names_;  // of the files that are open
-  std::size_t includes_ = 0, shapes_ = 0, objects_ = 0;
+  std::size_t includes_ = 0, shapes_ = 0, objects_ = 0, open_files_ = 1;
   std::uint64_t included_bytes_ = 0, again_bytes_ = 0;
 };
 

@@ -268,7 +268,7 @@ bool PbrtObject::flag(std::string_view name, bool fallback) const {
 }
 
 std::string PbrtObject::text(std::string_view name, const std::string& fallback) const {
-  const PbrtParameter* p = find(name, {"string", "texture"});
+  const PbrtParameter* p = find(name, {"string"});
   if (!p) return fallback;
   if (p->texts.size() != 1) fail(p->where, "the parameter \"" + p->name + "\" of " + what() + " must be one text");
   return p->texts[0];

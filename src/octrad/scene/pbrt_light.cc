@@ -67,21 +67,10 @@ Image unfold(const Image& in, const std::string& file) {
   return out;
 }
 
-// L, I ... with the factor `scale`.
-Vec3d strength(const PbrtObject& light, const char* name, const PbrtMaterials& materials) {
-  Vec3d factor(1.0);
-  if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
-    factor = materials.color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
-  else factor = Vec3d(light.number("scale", 1.0, 0.0));
-  const Vec3d v =
-      materials.color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0)) * factor * materials.exposure;
-  return {std::max(v.x, 0.0), std::max(v.y, 0.0), std::max(v.z, 0.0)};
-}
-
 void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMaterials& materials,
                   Description& description, SceneReport& report) {
   const Location where = l.location();
-  Vec3d factor = strength(l, "L", materials);
+  Vec3d factor = materials.strength(l, "L");
   l.ignore({"portal"});
   const char* name = l.has("mapname") ? "mapname" : "filename";
   if (l.text(name, "").empty()) {  // also as exporters write it where there is none
@@ -97,7 +86,7 @@ void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMater
   Element& e = add_element(*description.root, where, "emitter", {{"type", "envmap"}});
   if (factor.x != factor.y || factor.x != factor.z) {
     report.assume(where, "the colour L of a light with a picture is read as its mean");
-    factor = Vec3d((factor.x + factor.y + factor.z) / 3.0);
+    factor = Vec3d(channel_mean(factor));
   }
   // Version 4 maps a square by equal areas; version 3 has latitude and longitude.
   BuiltPicture built;
@@ -132,7 +121,7 @@ void add_pbrt_light(const PbrtObject& l, const Transform& ctm, bool old, PbrtMat
     const Vec3d direction = ctm.vector(to - from);
     if (!(length(direction) > 0.0)) fail(where, "the light has no direction");
     Element& e = add_element(root, where, "emitter", {{"type", "directional"}});
-    add_pbrt_value(e, where, "rgb", "irradiance", three_numbers(strength(l, "L", materials) * factor));
+    add_pbrt_value(e, where, "rgb", "irradiance", three_numbers(materials.strength(l, "L") * factor));
     add_pbrt_value(e, where, "vector", "direction", three_numbers(normalize(direction)));
   } else if (type == "point" || type == "spot") {
     const double outer = l.number("coneangle", 30.0, 0.01, 179.9),
@@ -145,7 +134,7 @@ void add_pbrt_light(const PbrtObject& l, const Transform& ctm, bool old, PbrtMat
                (type == "point" ? 4.0 * std::numbers::pi : 2.0 * std::numbers::pi * ((1.0 - in) + 0.5 * (in - out)));
     }
     Element& e = add_element(root, where, "emitter", {{"type", type}});
-    add_pbrt_value(e, where, "rgb", "intensity", three_numbers(strength(l, "I", materials) * factor));
+    add_pbrt_value(e, where, "rgb", "intensity", three_numbers(materials.strength(l, "I") * factor));
     if (type == "point") {
       add_matrix(e, where, "to_world", Transform::translate(old ? ctm.column(3) + from : ctm.point(from)));
     } else {

@@ -34,15 +34,6 @@ PbrtMaterials::Object PbrtMaterials::named(const std::string& name, const Locati
   return *definition;
 }
 
-double PbrtMaterials::alpha(const PbrtObject& shape) {
-  double value = 1.0;
-  report_.attempt(shape.where("alpha"), [&] {
-    const PbrtTexture t = texture(shape, "alpha", true, Vec3d(1.0));
-    if (t.is_constant()) value = t.value.x;
-  });
-  return value;
-}
-
 std::string PbrtMaterials::bsdf(const Object& material, const PbrtObject& shape) {
   static const Object plain = std::make_shared<const PbrtObject>("Material", "diffuse", Location());
   const Object& m = material ? material : plain;
@@ -103,14 +94,22 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
   };
   PbrtTexture opacity = alpha;
   if (m.type() == "uber" && m.has("opacity")) {
-    const Vec3d own = texture(m, "opacity", false, Vec3d(1.0)).value;
-    opacity.value = opacity.value * channel_mean(own);
+    const PbrtTexture own = texture(m, "opacity", false, Vec3d(1.0));
+    if (own.is_constant()) {
+      opacity.value = opacity.value * channel_mean(own.value);
+    } else if (alpha.is_constant()) {
+      opacity = own;
+      opacity.value = opacity.value * alpha.value.x;
+    } else {
+      report_.assume(m.where("opacity"), "of two textures that cut holes, alpha and opacity, the second is left out");
+    }
   }
   if (!opacity.is_constant() || opacity.value.x < 1.0) {
     wrap("mask");
     add(*parent, where, "opacity", opacity, Role::number);
   }
   if (is_opaque(m)) wrap("twosided");
+  parts_turn_ = !is_opaque(m);
   if (const std::string file = m.text("normalmap", ""); !file.empty()) {
     wrap("normalmap");
     PbrtTexture map;
@@ -148,6 +147,13 @@ std::pair<PbrtMaterials::Object, PbrtMaterials::Object> PbrtMaterials::parts(con
   return {named(a->texts[0], a->where, a->serial), named(b->texts[0], b->where, b->serial)};
 }
 
+// Of disney.
+bool PbrtMaterials::transmits(const PbrtObject& m) {
+  if (m.flag("thin", false)) return true;
+  const PbrtParameter* p = m.find("spectrans");
+  return p && (p->type == "texture" || m.number("spectrans", 0.0) > 0.0);
+}
+
 bool PbrtMaterials::is_opaque(const PbrtObject& m) const {
   const std::string& type = m.type();
   if (type == "mix") {
@@ -155,8 +161,7 @@ bool PbrtMaterials::is_opaque(const PbrtObject& m) const {
     return is_opaque(*a) && is_opaque(*b);
   }
   return !(is_none(type) || type == "dielectric" || type == "glass" || type == "thindielectric" || type == "hair" ||
-           type == "diffusetransmission" || type == "translucent" ||
-           (type == "disney" && (m.has("spectrans") || m.has("difftrans"))));
+           type == "diffusetransmission" || type == "translucent" || (type == "disney" && transmits(m)));
 }
 
 void PbrtMaterials::add_model(Element& parent, const PbrtObject& m, const Attributes& labels) {
@@ -164,7 +169,7 @@ void PbrtMaterials::add_model(Element& parent, const PbrtObject& m, const Attrib
   if (is_none(type)) {
     nest(parent, m.location(), "null", labels);
   } else if (type == "diffuse" || type == "matte") {
-    const double sigma = type == "matte" ? texture(m, "sigma", true, Vec3d(0.0)).value.x : 0.0;
+    const double sigma = type == "matte" ? constant_number(m, "sigma", 0.0) : 0.0;
     Element& e = nest(parent, m.location(), sigma > 0.0 ? "roughdiffuse" : "diffuse", labels);
     add_color(e, "reflectance", m, type == "matte" ? "Kd" : "reflectance", 0.5);
     // The roughness of Mitsuba's model is the root of 2 times the deviation of slopes, that of pbrt their angle.
@@ -312,7 +317,7 @@ void PbrtMaterials::add_conductor(Element& parent, const PbrtObject& m, const At
   const Roughness r = roughness(m, prefix, m.type() == "metal" ? 0.01 : 0.0);
   Element& e = nest(parent, m.location(), r.smooth ? "conductor" : "roughconductor", labels);
   if (!r.smooth) add_alpha(e, m, r);
-  const std::string reflectance = mirror ? "Kr" : prefix.empty() ? "reflectance" : "reflectance";
+  const std::string reflectance = mirror ? "Kr" : "reflectance";
   if (mirror || m.has(reflectance)) {
     const PbrtTexture t = texture(m, reflectance, false, Vec3d(0.9));
     if (mirror || !t.is_constant()) {
@@ -328,7 +333,8 @@ void PbrtMaterials::add_conductor(Element& parent, const PbrtObject& m, const At
       k[c] = 2.0 * std::sqrt(f / (1.0 - f));
     }
     add_element(e, m.location(), "rgb", {{"name", "eta"}, {"value", "1, 1, 1"}});
-    return add_element(e, m.location(), "rgb", {{"name", "k"}, {"value", three_numbers(k)}}), void();
+    add_element(e, m.location(), "rgb", {{"name", "k"}, {"value", three_numbers(k)}});
+    return;
   }
   const ConductorIor copper = *named_conductor("Cu");
   const std::string name = prefix + "eta", k_name = prefix + "k";
@@ -369,61 +375,62 @@ void PbrtMaterials::add_dielectric(Element& parent, const PbrtObject& m, const A
 // What principledthin reflects and transmits diffusely is one colour in two shares.
 void PbrtMaterials::add_translucent(Element& parent, const PbrtObject& m, const Attributes& labels) {
   const bool v4 = m.type() == "diffusetransmission";
-  PbrtTexture r = texture(m, v4 ? "reflectance" : "Kd", false, Vec3d(0.25)),
-              t = texture(m, v4 ? "transmittance" : "transmit", false, Vec3d(v4 ? 0.25 : 0.5));
-  if (!v4) {  // Kd is spread over both
+  const PbrtTexture r = texture(m, v4 ? "reflectance" : "Kd", false, Vec3d(0.25)),
+                    t = texture(m, v4 ? "transmittance" : "transmit", false, Vec3d(v4 ? 0.25 : 0.5));
+  PbrtTexture base = r;
+  Vec3d reflected(1.0), transmitted(1.0);  // what is done with the base colour
+  if (!v4) {
+    // Kd is spread over both by two colours.
     const PbrtTexture share = texture(m, "reflect", false, Vec3d(0.5));
-    t.value = (t.is_constant() ? t.value : Vec3d(0.5)) * (r.is_constant() ? r.value : Vec3d(1.0));
-    t.kind = PbrtTexture::Kind::constant;
-    if (r.is_constant()) r.value = r.value * (share.is_constant() ? share.value : Vec3d(0.5));
+    reflected = share.is_constant() ? share.value : Vec3d(0.5);
+    transmitted = t.is_constant() ? t.value : Vec3d(0.5);
     m.ignore({"Ks", "roughness", "remaproughness"});
+  } else if (r.is_constant() && t.is_constant()) {
+    reflected = r.value;
+    transmitted = t.value;
+    base.value = Vec3d(1.0);
+  } else if (r.is_constant()) {
+    base = t;
   }
-  const double scale = m.number("scale", 1.0, 0.0);
+  base.value = base.value * (reflected + transmitted) * m.number("scale", 1.0, 0.0);
   report_.assume(m.location(),
                  m.what() + " read as principledthin, which reflects and transmits one colour in two shares");
   Element& e = nest(parent, m.location(), "principledthin", labels);
-  double share = 1.0;
-  PbrtTexture base = r;
-  if (r.is_constant() && t.is_constant()) {
-    base.value = r.value + t.value;
-    share = channel_mean(base.value) > 0.0 ? 2.0 * channel_mean(t.value) / channel_mean(base.value) : 1.0;
-  } else {
-    if (r.is_constant()) base = t;
-    base.value = base.value * 2.0;
-  }
-  base.value = base.value * scale;
+  const double sum = channel_mean(reflected + transmitted);
   add(e, m.location(), "base_color", base, Role::color);
-  add_number(e, m.location(), "diff_trans", std::clamp(share, 0.0, 2.0));
+  add_number(e, m.location(), "diff_trans",
+             std::clamp(sum > 0.0 ? 2.0 * channel_mean(transmitted) / sum : 1.0, 0.0, 2.0));
   add_number(e, m.location(), "roughness", 1.0);
 }
 
 void PbrtMaterials::add_hair(Element& parent, const PbrtObject& m, const Attributes& labels) {
   Element& e = nest(parent, m.location(), "hair", labels);
-  const double beta_n = texture(m, "beta_n", true, Vec3d(0.3)).value.x;
-  // Of the concentrations of pigments (d'Eon et al. 2011), or of a colour (Chiang et al. 2016, equation 9).
-  const Vec3d eumelanin{0.419, 0.697, 1.37}, pheomelanin{0.187, 0.4, 1.05};
-  Vec3d sigma;
+  const double beta_n = constant_number(m, "beta_n", 0.3);
   const char* name = m.has("reflectance") ? "reflectance" : "color";
+  const auto absorption = [&](Vec3d sigma) {
+    add_element(e, m.location(), "rgb", {{"name", "sigma_a"}, {"value", three_numbers(sigma)}});
+  };
   if (const auto given = color(m, "sigma_a", SpectrumUse::index)) {
-    sigma = *given;
+    absorption(*given);
   } else if (m.has(name)) {
     const PbrtTexture t = texture(m, name, false, Vec3d(0.5));
     if (!t.is_constant()) report_.assume(m.where(name), "the colour of hair is one: 0.5 instead of a texture");
+    // Chiang et al. 2016, equation 9.
     const double n = beta_n, power = 5.969 + n * (-0.215 + n * (2.532 + n * (-10.73 + n * (5.574 + n * 0.245))));
+    Vec3d sigma;
     for (int c = 0; c < 3; ++c) {
       const double l = std::log(std::clamp(t.is_constant() ? t.value[c] : 0.5, 1e-4, 1.0)) / power;
       sigma[c] = l * l;
     }
+    absorption(sigma);
   } else {
     const bool any = m.has("eumelanin") || m.has("pheomelanin");
-    sigma = eumelanin * texture(m, "eumelanin", true, Vec3d(any ? 0.0 : 1.3)).value.x +
-            pheomelanin * texture(m, "pheomelanin", true, Vec3d(0.0)).value.x;
+    add_number(e, m.location(), "eumelanin", constant_number(m, "eumelanin", any ? 0.0 : 1.3));
+    add_number(e, m.location(), "pheomelanin", constant_number(m, "pheomelanin", 0.0));
   }
-  add_element(e, m.location(), "rgb", {{"name", "sigma_a"}, {"value", three_numbers(sigma)}});
-  add_number(e, m.location(), "longitudinal_roughness",
-             std::clamp(texture(m, "beta_m", true, Vec3d(0.3)).value.x, 0.0, 1.0));
+  add_number(e, m.location(), "longitudinal_roughness", std::clamp(constant_number(m, "beta_m", 0.3), 0.0, 1.0));
   add_number(e, m.location(), "azimuthal_roughness", std::clamp(beta_n, 0.0, 1.0));
-  add_number(e, m.location(), "scale_tilt", texture(m, "alpha", true, Vec3d(2.0)).value.x);
+  add_number(e, m.location(), "scale_tilt", constant_number(m, "alpha", 2.0));
   add_number(e, m.location(), "int_ior", eta(m, 1.55));
   add_number(e, m.location(), "ext_ior", 1.0);
 }
@@ -454,21 +461,19 @@ void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attribut
   const auto [a, b] = parts(m);
   Element& e = nest(parent, m.location(), "blendbsdf", labels);
   // The share of the second; in version 3 the amount is that of the first.
-  PbrtTexture amount;
-  const PbrtParameter* p = m.find("amount");
-  const bool number = v4 || !p || p->type == "float";
-  amount = texture(m, "amount", number && v4, Vec3d(0.5));
-  if (v4) {
-    add(e, m.where("amount"), "weight", amount, Role::number);
-    add_model(e, *a, {});
-    add_model(e, *b, {});
-  } else {
-    add(e, m.where("amount"), "weight", amount, Role::number);
-    add_model(e, *b, {});
-    add_model(e, *a, {});
+  add(e, m.where("amount"), "weight", texture(m, "amount", v4, Vec3d(0.5)), Role::number);
+  add_part(e, v4 ? *a : *b);
+  add_part(e, v4 ? *b : *a);
+}
+
+void PbrtMaterials::add_part(Element& mix, const PbrtObject& m) {
+  for (const char* name : {"displacement", "bumpmap", "normalmap", "opacity"}) {
+    if (m.has(name))
+      report_.assume(m.where(name), "the parameter \"" + std::string(name) + "\" of a material in a mix is left out");
   }
-  a->note_unused(report_);
-  b->note_unused(report_);
+  const bool turns = parts_turn_ && m.type() != "mix" && is_opaque(m);
+  add_model(turns ? nest(mix, m.location(), "twosided", {}) : mix, m, {});
+  m.note_unused(report_);
 }
 
 Vec3d PbrtMaterials::light_color(const Object& object) {
@@ -476,15 +481,10 @@ Vec3d PbrtMaterials::light_color(const Object& object) {
   const PbrtObject& light = *object;
   if (light.type() != "diffuse" && light.type() != "area")
     fail(light.location(), light.what() + " is not supported; supported: diffuse");
-  Vec3d factor(exposure);
-  if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
-    factor = factor * color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
-  else factor = factor * light.number("scale", 1.0, 0.0);
   light.ignore({"samples", "nsamples", "filename", "power", "twosided"});
-  Vec3d l = light.has("filename") ? Vec3d(1.0) : color(light, "L", SpectrumUse::emission).value_or(Vec3d(1.0));
-  for (int c = 0; c < 3; ++c) l[c] = std::max(l[c], 0.0);
+  const Vec3d l = strength(light, "L");
   light.note_unused(report_);
-  return lights_[object] = l * factor;
+  return lights_[object] = l;
 }
 
 void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area, bool both) {
@@ -494,6 +494,8 @@ void PbrtMaterials::add_emitter(Element& shape, const Object& object, double are
   const bool two_sided = light.flag("twosided", false);
   if (two_sided && !both) report_.assume(where, "a light on both sides shines from its front only");
   if (light.has("power")) {
+    if (light.has("filename"))
+      fail(light.where("power"), "the power of a light with a picture is not supported; give its scale");
     if (area < 0.0)
       fail(light.where("power"), "the power of a light on a mesh of a file is not supported; give its radiance L");
     if (!(area > 0.0)) fail(light.where("power"), "the power of a light without an area");

@@ -72,7 +72,6 @@ class PbrtMaterials {
   std::size_t serial() const { return serial_; }
   Object named(const std::string& name, const Location& where, std::size_t serial) const;
 
-  double alpha(const PbrtObject& shape);  // its constant, or that of a texture
   // What the film makes of radiance: all lights are multiplied by it.
   double exposure = 1.0;
 
@@ -83,6 +82,8 @@ class PbrtMaterials {
   // A constant colour; nullopt where the object has no such parameter. Emission: spectra have a luminance of 1, as in
   // pbrt-v4.
   std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
+  // L, I ... of a light with its scale and the exposure.
+  Vec3d strength(const PbrtObject& light, const char* name) const;
   // An area light on a shape; `area`: of the shape in the scene, < 0 where it is not known; `both`: a light on both
   // sides has another shape for the other side.
   void add_emitter(Element& shape, const Object& light, double area, bool both);
@@ -91,6 +92,8 @@ class PbrtMaterials {
 
  private:
   PbrtTexture texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback);
+  // Where the file has a texture, the fallback with a note.
+  double constant_number(const PbrtObject& object, std::string_view name, double fallback);
   PbrtTexture named_texture(const std::string& name, bool number, const PbrtParameter& user);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
@@ -126,8 +129,10 @@ class PbrtMaterials {
   void add_hair(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_disney(Element& parent, const PbrtObject& m, const Attributes& labels);
   void add_mix(Element& parent, const PbrtObject& m, const Attributes& labels);
+  void add_part(Element& mix, const PbrtObject& m);
   int leaves(const PbrtObject& m, int depth) const;  // of mixes in mixes
   bool is_opaque(const PbrtObject& m) const;
+  static bool transmits(const PbrtObject& disney);
   Vec3d light_color(const Object& light);
   std::pair<Object, Object> parts(const PbrtObject& mix) const;
   double eta(const PbrtObject& m, double fallback) const;
@@ -145,7 +150,8 @@ class PbrtMaterials {
   std::map<Object, Vec3d> lights_;                                        // what area lights shine
   mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;  // of files
   std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
-  std::vector<Object> kept_;                                // whose address is a key of bsdfs_
+  bool parts_turn_ = false;   // the opaque parts of the mix that is added have two sides each
+  std::vector<Object> kept_;  // whose address is a key of bsdfs_
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names
 };
 

@@ -1,7 +1,6 @@
 // Cameras and films of pbrt.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "octrad/base/number_text.h"
 #include "octrad/scene/limits.h"
@@ -19,10 +18,15 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
   whole("width", width);
   whole("height", height);
   double crop[4] = {0.0, width, 0.0, height};
-  if (const PbrtParameter* p = f.find("cropwindow", {"float"}); p && p->numbers.size() == 4) {
+  const auto four = [](const PbrtParameter& p) {
+    if (p.numbers.size() != 4) fail(p.where, "the parameter \"" + p.name + "\" of a film must be four numbers");
+  };
+  if (const PbrtParameter* p = f.find("cropwindow", {"float"})) {
+    four(*p);
     for (int i = 0; i < 4; ++i)
       crop[i] = std::ceil(std::clamp(p->numbers[static_cast<std::size_t>(i)], 0.0, 1.0) * (i < 2 ? width : height));
-  } else if (const PbrtParameter* q = f.find("pixelbounds", {"integer"}); q && q->numbers.size() == 4) {
+  } else if (const PbrtParameter* q = f.find("pixelbounds", {"integer"})) {
+    four(*q);
     for (int i = 0; i < 4; ++i)
       crop[i] = std::clamp(q->numbers[static_cast<std::size_t>(i)], 0.0, i < 2 ? width : height);
   }
@@ -34,7 +38,7 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
   }
   if (f.has("sensor") && f.text("sensor", "cie1931") != "cie1931")
     report.assume(f.location(), "the film shows linear sRGB: the response of its sensor is left out");
-  f.ignore({"filename", "diagonal", "savefp16", "maxcomponentvalue", "maxsampleluminance", "iso", "scale"});
+  f.ignore({"filename", "diagonal", "savefp16", "maxcomponentvalue", "maxsampleluminance", old ? "scale" : "iso"});
   f.note_unused(report);
   // Without a filter that of version 3 is a box; version 4 has octrad's own gaussian.
   const std::string type = filter ? filter->type() : old ? "box" : "gaussian";
@@ -43,6 +47,8 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
                      : type == "mitchell" ? "mitchell"
                      : type == "sinc"     ? "lanczos"
                                           : "gaussian";
+  if (std::string(name) == "gaussian" && type != "gaussian")
+    report.assume(filter->location(), "PixelFilter \"" + type + "\" read as gaussian");
   Element& r = add_element(e, filter ? filter->location() : where, "rfilter", {{"type", name}});
   if (!filter) return;
   const auto value = [&](const char* key, double number) {
@@ -60,8 +66,8 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
     add_pbrt_value(r, where, "integer", "lobes", number_text(std::lround(filter->number("tau", 3.0, 1.0, 8.0))));
   if (type == "gaussian") {
     // exp(-alpha x^2) in version 3.
-    const double alpha = filter->number("alpha", 2.0, 0.05, 1000.0);
-    value("stddev", old ? std::clamp(std::sqrt(0.5 / alpha), 0.02, 2.0) : filter->number("sigma", 0.5, 0.02, 2.0));
+    value("stddev", old ? std::clamp(std::sqrt(0.5 / filter->number("alpha", 2.0, 0.05, 1000.0)), 0.02, 2.0)
+                        : filter->number("sigma", 0.5, 0.02, 2.0));
   }
   if (type != "triangle" && (filter->has("xradius") || filter->has("xwidth")))
     report.assume(filter->location(), "filters but the triangle reach as far as they do in Mitsuba");
@@ -92,8 +98,7 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
     std::copy(p->numbers.begin(), p->numbers.end(), window);
   }
   const double size_x = window[1] - window[0], size_y = window[3] - window[2];
-  const double radius = c.number("lensradius", 0.0, 0.0),
-               focus = c.number("focaldistance", radius > 0.0 ? 1e6 : 1e30, 0.0);
+  const double radius = c.number("lensradius", 0.0, 0.0), focus = c.number("focaldistance", 1e6, 0.0);
   c.ignore({"shutteropen", "shutterclose"});
   const bool lens = radius > 0.0 && !orthographic;
   if (orthographic && radius > 0.0) report.assume(where, "an orthographic camera has no lens");
@@ -109,24 +114,29 @@ void add_pbrt_sensor(const PbrtObject& c, const Transform& camera_to_world, cons
     for (int row = 0; row < 3; ++row) t(row, i) /= l;
   }
   t = t * Transform::scale({-1.0, 1.0, 1.0});
-  if (orthographic) t = t * Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit * width / height, 1.0});
+  const double middle_x = 0.5 * (window[0] + window[1]), middle_y = 0.5 * (window[2] + window[3]);
+  if (orthographic)
+    t = t * Transform::translate({-middle_x * unit, middle_y * unit, 0.0}) *
+        Transform::scale({0.5 * size_x * unit, 0.5 * size_y * unit * width / height, 1.0});
 
   Element& e = add_element(root, where, "sensor",
                            {{"type", orthographic ? "orthographic"
                                      : lens       ? "thinlens"
                                                   : "perspective"}});
   if (!orthographic) {
-    const double half = std::tan(0.5 * c.number("fov", 90.0, 1e-3, 179.9) / kPbrtDegrees);
+    const double half = std::tan(
+        0.5 * (c.has("halffov") ? 2.0 * c.number("halffov", 45.0, 1e-3, 89.9) : c.number("fov", 90.0, 1e-3, 179.9)) /
+        kPbrtDegrees);
     add_pbrt_value(e, where, "float", "fov", number_text(2.0 * std::atan(half * 0.5 * size_y) * kPbrtDegrees));
     add_pbrt_value(e, where, "string", "fov_axis", "y");
   }
   if (lens) {
     add_pbrt_value(e, where, "float", "aperture_radius", number_text(radius * unit));
     add_pbrt_value(e, where, "float", "focus_distance", number_text(focus * unit));
-    if (window[0] + window[1] != 0.0 || window[2] + window[3] != 0.0)
+    if (middle_x != 0.0 || middle_y != 0.0)
       report.assume(where, "a camera with a lens looks straight on: the offset of its screenwindow is left out");
   } else if (!orthographic) {
-    const double x = 0.5 * (window[0] + window[1]) / size_x, y = 0.5 * (window[2] + window[3]) / size_y;
+    const double x = middle_x / size_x, y = middle_y / size_y;
     if (x != 0.0) add_pbrt_value(e, where, "float", "principal_point_offset_x", number_text(x));
     if (y != 0.0) add_pbrt_value(e, where, "float", "principal_point_offset_y", number_text(-y));
   }

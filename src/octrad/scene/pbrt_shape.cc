@@ -153,7 +153,8 @@ RawMesh quadric(const PbrtObject& shape) {
     const double inner = shape.number("innerradius", 0.0, 0.0, radius), z = shape.number("height", 0.0);
     line = {{radius, z, 0.0}, {inner, z, 0.0}};
   } else if (type == "cylinder") {
-    line = {{radius, shape.number("zmin", -1.0), 0.0}, {radius, shape.number("zmax", 1.0), 0.0}};
+    const double a = shape.number("zmin", -1.0), b = shape.number("zmax", 1.0);
+    line = {{radius, std::min(a, b), 0.0}, {radius, std::max(a, b), 0.0}};
   } else if (type == "cone") {
     line = {{radius, 0.0, 0.0}, {0.0, shape.number("height", 1.0), 0.0}};
   } else if (type == "hyperboloid") {
@@ -161,7 +162,7 @@ RawMesh quadric(const PbrtObject& shape) {
     constexpr int kRows = 64;
     for (int j = 0; j <= kRows; ++j) {
       const Vec3d p = from + (to - from) * (static_cast<double>(j) / kRows);
-      line.push_back({std::hypot(p.x, p.y), p.z, std::atan2(p.y, p.x)});
+      line.push_back({std::sqrt(p.x * p.x + p.y * p.y), p.z, std::atan2(p.y, p.x)});
     }
   } else if (type == "paraboloid") {
     const double low = std::max(shape.number("zmin", 0.0), 0.0), high = shape.number("zmax", 1.0, 1e-9, 1e9);
@@ -269,7 +270,11 @@ bool ply_has_normals(const std::string& file) {
   std::string head(static_cast<std::size_t>(std::min<std::uint64_t>(input.size(), 1 << 16)), '\0');
   input.read(head.data(), head.size(), 0);
   head.resize(std::min(head.find("end_header"), head.size()));
-  return head.find(" nx") != std::string::npos;
+  for (std::size_t at = head.find("\nproperty"); at != std::string::npos; at = head.find("\nproperty", at + 1)) {
+    const std::string line = head.substr(at + 1, head.find_first_of("\r\n", at + 1) - at - 1);
+    if (line.ends_with(" nx")) return true;
+  }
+  return false;
 }
 
 RawMesh with_own_uvs(const RawMesh& mesh) {
@@ -285,6 +290,20 @@ RawMesh with_own_uvs(const RawMesh& mesh) {
     apart.triangles.push_back({first, first + 1, first + 2});
   }
   return apart;
+}
+
+bool normals_are_turned(const RawMesh& mesh) {
+  if (mesh.normals.empty()) return false;
+  double sum = 0.0;
+  for (const Vec3i& t : mesh.triangles) {
+    Vec3d p[3], normal(0.0);
+    for (int k = 0; k < 3; ++k) {
+      p[k] = Vec3d(mesh.positions[static_cast<std::size_t>(t[k])]);
+      normal += Vec3d(mesh.normals[static_cast<std::size_t>(t[k])]);
+    }
+    sum += dot(cross(p[1] - p[0], p[2] - p[0]), normal);
+  }
+  return sum < 0.0;
 }
 
 RawMesh moved_along_normals(RawMesh mesh, double share) {

@@ -1,64 +1,19 @@
-// pbrt files, beside Mitsuba files that say the same.
+// pbrt files: cameras, transforms, lights, shapes.
 #include "octrad/scene/pbrt.h"
 
-#include <gtest/gtest.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "octrad/base/error.h"
-#include "octrad/base/folder_test_helper.h"
-#include "octrad/base/join.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/load.h"
 #include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/pbrt_test_helper.h"
 #include "octrad/scene/spectrum.h"
-#include "octrad/scene/texture_math.h"
 
 namespace octrad {
 namespace {
-
-const std::string kPbrtSphere = "Shape \"sphere\"\n";
-const std::string kPbrtSquare =
-    "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3] "
-    "\"point2 uv\" [0 0 1 0 1 1 0 1]\n";
-
-class PbrtTest : public ::testing::Test {
- protected:
-  Scene load(const std::string& world, const std::string& before = "") const {
-    return load_scene(folder_.write("s.pbrt", before + "WorldBegin\n" + world));
-  }
-  Scene load_old(const std::string& world) const { return load(world + "\nWorldEnd\n"); }
-  Scene load_xml(const std::string& body) const {
-    return load_scene(folder_.write("s.xml", "<scene version=\"3.0.0\">\n" + body + "</scene>\n"));
-  }
-  static std::string on_sphere(const std::string& bsdf) { return "<shape type=\"sphere\">" + bsdf + "</shape>\n"; }
-  // A sphere of that material, and one of that bsdf.
-  void same_material(const std::string& pbrt, const std::string& bsdf, bool old = false) const {
-    const Scene scene = old ? load_old(pbrt + kPbrtSphere) : load(pbrt + kPbrtSphere);
-    EXPECT_EQ(scene.fingerprint, load_xml(on_sphere(bsdf)).fingerprint) << pbrt;
-  }
-  static std::string two_sided(const std::string& bsdf) { return "<bsdf type=\"twosided\">" + bsdf + "</bsdf>"; }
-  std::string error(const std::string& text) const {
-    try {
-      load_scene(folder_.write("s.pbrt", text));
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "no error";
-  }
-  void fails(const std::string& text, const std::string& where, const std::string& what) const {
-    const std::string message = error(text);
-    EXPECT_NE(message.find("s.pbrt:" + where + ":"), std::string::npos) << message;
-    EXPECT_NE(message.find(what), std::string::npos) << message;
-  }
-  void assumes(const Scene& scene, const std::string& what) const {
-    EXPECT_NE(join(scene.assumed, "\n").find(what), std::string::npos) << join(scene.assumed, "\n");
-  }
-  TestFolder folder_;
-};
 
 // Towards which side a triangle of a mesh shines.
 Vec3d front(const Scene& scene, std::size_t mesh = 0, std::size_t triangle = 0) {
@@ -66,227 +21,6 @@ Vec3d front(const Scene& scene, std::size_t mesh = 0, std::size_t triangle = 0) 
   const Vec3i t = m.triangles[triangle];
   const auto p = [&](int i) { return Vec3d(m.positions[static_cast<std::size_t>(i)]); };
   return normalize(cross(p(t.y) - p(t.x), p(t.z) - p(t.x))) * (m.flip_normals ? -1.0 : 1.0);
-}
-
-void expect_near(Vec3d a, Vec3d b, double tolerance = 1e-5) {
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], tolerance);
-}
-
-TEST_F(PbrtTest, DiffuseMaterials) {
-  same_material("", two_sided("<bsdf type=\"diffuse\"/>"));
-  same_material("Material \"diffuse\" \"rgb reflectance\" [.1 .2 .3]\n",
-                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"));
-  same_material(
-      "MakeNamedMaterial \"m\" \"string type\" \"diffuse\" \"spectrum reflectance\" [400 .3 800 .3]\nNamedMaterial "
-      "\"m\"\n",
-      two_sided("<bsdf type=\"diffuse\"><spectrum name=\"reflectance\" value=\"400:.3, 800:.3\"/></bsdf>"));
-  same_material("Attribute \"material\" \"rgb reflectance\" [.1 .2 .3]\nMaterial \"diffuse\"\n",
-                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"));
-  same_material("Material \"interface\"\n", "<bsdf type=\"null\"/>");
-  same_material("Material \"matte\" \"color Kd\" [.1 .2 .3]\n",
-                two_sided("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .2 .3\"/></bsdf>"), true);
-  same_material(
-      "Material \"diffusetransmission\" \"rgb reflectance\" [.1 .1 .1] \"rgb transmittance\" [.3 .3 .3]\n",
-      "<bsdf type=\"principledthin\"><rgb name=\"base_color\" value=\".4\"/><float name=\"diff_trans\" value=\"1.5\"/>"
-      "<float name=\"roughness\" value=\"1\"/></bsdf>");
-}
-
-TEST_F(PbrtTest, Coats) {
-  const std::string tail =
-      "<float name=\"int_ior\" value=\"1.5\"/><float name=\"ext_ior\" value=\"1\"/><boolean name=\"nonlinear\" "
-      "value=\"true\"/>";
-  same_material(
-      "Material \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]\n",
-      two_sided("<bsdf type=\"plastic\"><rgb name=\"diffuse_reflectance\" value=\".1 .2 .3\"/>" + tail + "</bsdf>"));
-  // Version 4: alpha is the root of the roughness.
-  same_material("Material \"coateddiffuse\" \"float roughness\" .04\n",
-                two_sided("<bsdf type=\"roughplastic\">" + tail +
-                          "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".2\"/></bsdf>"));
-  same_material("Material \"coateddiffuse\" \"float roughness\" .04 \"bool remaproughness\" false\n",
-                two_sided("<bsdf type=\"roughplastic\">" + tail +
-                          "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".04\"/></bsdf>"));
-  // Version 3: a polynomial in its logarithm; 1.62142 at 1.
-  const Scene old = load_old("Material \"plastic\" \"float roughness\" 1\n" + kPbrtSphere);
-  EXPECT_NEAR(old.textures[static_cast<std::size_t>(old.materials[1].alpha_u)].color0.x, 1.62142f, 1e-5f);
-  assumes(old, "read as coateddiffuse");
-}
-
-TEST_F(PbrtTest, Metals) {
-  const std::string smooth = "<bsdf type=\"conductor\">";
-  same_material("Material \"conductor\"\n", two_sided(smooth + "<string name=\"material\" value=\"Cu\"/></bsdf>"));
-  same_material("Material \"conductor\" \"spectrum eta\" \"metal-Au-eta\" \"spectrum k\" \"metal-Au-k\"\n",
-                two_sided(smooth + "<string name=\"material\" value=\"Au\"/></bsdf>"));
-  // ((1 - 1)^2 + k^2) / ((1 + 1)^2 + k^2) = .5 for k = 2.
-  same_material("Material \"conductor\" \"rgb reflectance\" [.5 .5 .5]\n",
-                two_sided(smooth + "<rgb name=\"eta\" value=\"1\"/><rgb name=\"k\" value=\"2\"/></bsdf>"));
-  same_material(
-      "Material \"conductor\" \"rgb eta\" [1 2 3] \"rgb k\" [3 2 1] \"float uroughness\" .04 \"float vroughness\" .09\n",
-      two_sided(
-          "<bsdf type=\"roughconductor\"><string name=\"distribution\" value=\"ggx\"/><float name=\"alpha_u\" "
-          "value=\".2\"/><float name=\"alpha_v\" value=\".3\"/><rgb name=\"eta\" value=\"1 2 3\"/><rgb name=\"k\" "
-          "value=\"3 2 1\"/></bsdf>"));
-  same_material("Material \"mirror\" \"rgb Kr\" [.9 .8 .7]\n",
-                two_sided(smooth + "<string name=\"material\" value=\"none\"/><rgb name=\"specular_reflectance\" "
-                                   "value=\".9 .8 .7\"/></bsdf>"),
-                true);
-  const Scene brass = load(
-      "Material \"conductor\" \"spectrum eta\" \"metal-CuZn-eta\" \"spectrum k\" \"metal-CuZn-k\"\n" + kPbrtSphere);
-  expect_near(Vec3d(brass.materials[1].eta), {.444, .527, 1.094});
-  assumes(load("Material \"coatedconductor\"\n" + kPbrtSphere), "has no coat");
-}
-
-TEST_F(PbrtTest, Glass) {
-  const auto glass = [](const char* type, const char* index, const char* more = "") {
-    return std::string("<bsdf type=\"") + type + "\"><float name=\"int_ior\" value=\"" + index +
-           "\"/><float name=\"ext_ior\" value=\"1\"/>" + more + "</bsdf>";
-  };
-  same_material("Material \"dielectric\"\n", glass("dielectric", "1.5"));
-  same_material("Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"\n", glass("dielectric", "1.5168"));
-  same_material("Material \"thindielectric\" \"float eta\" 1.3\n", glass("thindielectric", "1.3"));
-  same_material("Material \"dielectric\" \"float roughness\" .01\n",
-                glass("roughdielectric", "1.5",
-                      "<string name=\"distribution\" value=\"ggx\"/><float name=\"alpha\" value=\".1\"/>"));
-  same_material("Material \"dielectric\" \"float eta\" 1\n", "<bsdf type=\"null\"/>");
-  same_material(
-      "Material \"glass\" \"rgb Kr\" [.1 .1 .1] \"rgb Kt\" [.2 .3 .4]\n",
-      glass("dielectric", "1.5",
-            "<rgb name=\"specular_reflectance\" value=\".1\"/><rgb name=\"specular_transmittance\" value=\".2 .3 "
-            ".4\"/>"),
-      true);
-}
-
-TEST_F(PbrtTest, MixesAndMasks) {
-  const std::string red = "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".5 .1 .1\"/></bsdf>",
-                    blue = "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\".1 .1 .5\"/></bsdf>";
-  const std::string both =
-      "MakeNamedMaterial \"red\" \"string type\" \"diffuse\" \"rgb reflectance\" [.5 .1 .1]\n"
-      "MakeNamedMaterial \"blue\" \"string type\" \"diffuse\" \"rgb reflectance\" [.1 .1 .5]\n";
-  same_material(both + "Material \"mix\" \"string materials\" [\"red\" \"blue\"] \"float amount\" .3\n",
-                two_sided("<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\".3\"/>" + red + blue + "</bsdf>"));
-  // In version 3 the amount is that of the first.
-  same_material(
-      both +
-          "Material \"mix\" \"string namedmaterial1\" \"red\" \"string namedmaterial2\" \"blue\" \"rgb amount\" [.3 .3 .3]\n",
-      two_sided("<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\".3\"/>" + blue + red + "</bsdf>"), true);
-  EXPECT_EQ(load("Material \"diffuse\"\nShape \"sphere\" \"float alpha\" .25\n").fingerprint,
-            load_xml(on_sphere("<bsdf type=\"mask\"><float name=\"opacity\" value=\".25\"/>" +
-                               two_sided("<bsdf type=\"diffuse\"/>") + "</bsdf>"))
-                .fingerprint);
-  fails(
-      "WorldBegin\n" + both.substr(0, both.find('\n') + 1) +
-          "MakeNamedMaterial \"b\" \"string type\" \"mix\" \"string materials\" [\"red\" \"b\"]\nNamedMaterial \"b\"\n" +
-          kPbrtSphere,
-      "3:1", "mixed too deep");
-}
-
-TEST_F(PbrtTest, Hair) {
-  // d'Eon's concentrations, and the colour by Chiang's polynomial, whose value at a roughness of 0.3 is 5.87...
-  const Scene plain = load("Material \"hair\"\n" + kPbrtSphere),
-              grey = load("Material \"hair\" \"rgb reflectance\" [.5 .5 .5]\n" + kPbrtSphere);
-  const auto absorption = [](const Scene& scene) {
-    const Vec3f t = scene.textures[static_cast<std::size_t>(scene.materials[1].specular_transmittance)].color0;
-    return Vec3d(-std::log(t.x), -std::log(t.y), -std::log(t.z));
-  };
-  expect_near(absorption(plain), Vec3d(.419, .697, 1.37) * 1.3, 1e-4);
-  const double n = 0.3, power = 5.969 - 0.215 * n + 2.532 * n * n - 10.73 * n * n * n + 5.574 * n * n * n * n +
-                                0.245 * n * n * n * n * n;
-  expect_near(absorption(grey), Vec3d(std::pow(std::log(0.5) / power, 2.0)), 1e-4);
-  EXPECT_NEAR(plain.materials[1].int_ior, 1.55f, 1e-6f);
-}
-
-TEST_F(PbrtTest, Textures) {
-  Image picture(2, 1, {"R", "G", "B"});
-  picture.set_rgb(0, 0, {0.2f, 0.4f, 0.6f});
-  picture.set_rgb(1, 0, {0.5f, 0.5f, 0.5f});
-  write_exr((folder_.path() / "p.exr").string(), picture);
-  const std::string image =
-      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"float uscale\" 2 "
-      "\"float vscale\" 3 \"float udelta\" .5 \"float vdelta\" .25\n";
-  const Scene plain = load(image + "Material \"diffuse\" \"texture reflectance\" \"p\"\n" + kPbrtSquare);
-  const auto texture = [](const Scene& scene) -> const Texture& {
-    return scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)];
-  };
-  EXPECT_EQ(texture(plain).pixels[0].y, 0.4f);
-  // A corner at (s, t) = (1, 0) of pbrt, whose v runs up: (2.5, .25) of the picture from below.
-  const TriangleMesh& mesh = plain.meshes[0];
-  EXPECT_EQ(mesh.uvs[1].x, 1.0f);
-  EXPECT_EQ(mesh.uvs[1].y, 1.0f);
-  const float* m = texture(plain).to_uv;
-  EXPECT_NEAR(m[0] * mesh.uvs[1].x + m[1] * mesh.uvs[1].y + m[2], 2.5f, 1e-6f);
-  EXPECT_NEAR(m[3] * mesh.uvs[1].x + m[4] * mesh.uvs[1].y + m[5], 1.0f - 0.25f, 1e-6f);
-  // Factors, inversion, products with constants.
-  const Scene scaled = load(image +
-                            "Texture \"s\" \"spectrum\" \"scale\" \"texture tex\" \"p\" \"float scale\" .5\n"
-                            "Material \"diffuse\" \"texture reflectance\" \"s\"\n" +
-                            kPbrtSquare);
-  EXPECT_NEAR(texture(scaled).pixels[0].z, 0.3f, 1e-6f);
-  const Scene inverted = load(
-      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"bool invert\" true\n"
-      "Material \"diffuse\" \"texture reflectance\" \"p\"\n" +
-      kPbrtSquare);
-  EXPECT_NEAR(texture(inverted).pixels[0].x, 0.8f, 1e-6f);
-  // Of a roughness the fourth root is the roughness of principled; numbers are means of the channels.
-  const Scene rough = load(
-      "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"p.exr\"\n"
-      "Material \"conductor\" \"texture roughness\" \"r\"\n" +
-      kPbrtSquare);
-  EXPECT_NEAR(rough.textures[static_cast<std::size_t>(rough.materials[1].alpha_u)].pixels[0].x, std::sqrt(0.4f), 1e-6f);
-  const Scene coat = load(
-      "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"p.exr\"\n"
-      "Material \"coateddiffuse\" \"texture roughness\" \"r\"\n" +
-      kPbrtSquare);
-  assumes(coat, "read as principled");
-  // Products and mixes of pictures: of the larger size.
-  Image small(1, 1, {"R", "G", "B"});
-  small.set_rgb(0, 0, {0.5f, 0.25f, 1.0f});
-  write_exr((folder_.path() / "q.exr").string(), small);
-  const std::string pair =
-      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\"\nTexture \"q\" \"spectrum\" \"imagemap\" \"string filename\" \"q.exr\"\n";
-  const std::string use = "Material \"diffuse\" \"texture reflectance\" \"r\"\n" + kPbrtSquare;
-  const Scene product =
-      load(pair + "Texture \"r\" \"spectrum\" \"scale\" \"texture tex1\" \"p\" \"texture tex2\" \"q\"\n" + use);
-  EXPECT_EQ(texture(product).width, 2);
-  expect_near(Vec3d(texture(product).pixels[0]), {.1, .1, .6}, 1e-6);
-  const Scene mix = load(
-      pair + "Texture \"r\" \"spectrum\" \"mix\" \"texture tex1\" \"p\" \"texture tex2\" \"q\" \"float amount\" .25\n" +
-      use);
-  expect_near(Vec3d(texture(mix).pixels[1]), {.5, .4375, .625}, 1e-6);
-  fails(std::string("WorldBegin\n") + image + pair.substr(pair.find('\n') + 1) +
-            "Texture \"r\" \"spectrum\" \"mix\" \"texture tex1\" \"p\" \"texture tex2\" \"q\"\n" + use,
-        "4:1", "in two ways");
-  // Constants are folded.
-  const Scene folded = load(
-      "Texture \"a\" \"spectrum\" \"constant\" \"rgb value\" [.2 .4 .6]\n"
-      "Texture \"b\" \"spectrum\" \"mix\" \"texture tex1\" \"a\" \"rgb tex2\" [1 1 1] \"float amount\" .25\n"
-      "Material \"diffuse\" \"texture reflectance\" \"b\"\n" +
-      kPbrtSphere);
-  expect_near(Vec3d(texture(folded).color0), {.4, .55, .7});
-}
-
-// Every field of a checkerboard, colours and numbers, against pbrt's rule: the parity of floor(s) + floor(t).
-TEST_F(PbrtTest, Checkerboards) {
-  const Scene scene = load(
-      "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 3 \"float vscale\" 5 \"float udelta\" .2 \"float "
-      "vdelta\" .7 \"rgb tex1\" [.1 .1 .1] \"rgb tex2\" [.9 .9 .9]\n"
-      "Texture \"d\" \"float\" \"checkerboard\" \"float tex1\" .04 \"float tex2\" .16\n"
-      "Material \"diffuse\" \"texture reflectance\" \"c\"\n" +
-      kPbrtSquare + "Material \"conductor\" \"texture roughness\" \"d\"\n" + kPbrtSquare);
-  const auto value = [&](int texture, double s, double t) {
-    const Texture& x = scene.textures[static_cast<std::size_t>(texture)];
-    const auto u = static_cast<float>(s), v = static_cast<float>(1.0 - t);
-    const float a = x.to_uv[0] * u + x.to_uv[1] * v + x.to_uv[2], b = x.to_uv[3] * u + x.to_uv[4] * v + x.to_uv[5];
-    return (a - std::floor(a) > 0.5f) == (b - std::floor(b) > 0.5f) ? x.color0.x : x.color1.x;
-  };
-  int checked = 0;
-  for (double s = 0.013; s < 2.0; s += 0.11) {
-    for (double t = 0.017; t < 2.0; t += 0.13, ++checked) {
-      const auto odd = [](double x, double y) { return (static_cast<int>(std::floor(x) + std::floor(y)) & 1) != 0; };
-      EXPECT_EQ(value(scene.materials[1].reflectance, s, t), odd(3.0 * s + 0.2, 5.0 * t + 0.7) ? 0.9f : 0.1f)
-          << s << " " << t;
-      EXPECT_NEAR(value(scene.materials[2].alpha_u, s, t), odd(s, t) ? 0.4f : 0.2f, 1e-6f) << s << " " << t;
-    }
-  }
-  EXPECT_GT(checked, 200);
 }
 
 TEST_F(PbrtTest, Camera) {
@@ -343,6 +77,23 @@ TEST_F(PbrtTest, Camera) {
           "Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\nFilm \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 200\n")
           .cameras[0];
   expect_near(Vec3d(flat.generate({300, 0}, 300, 200).origin), {3, 2, 0}, 1e-3);
+  const Camera aside =
+      load(
+          kPbrtSphere,
+          "Camera \"orthographic\" \"float screenwindow\" [0 2 0 2]\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 100\n")
+          .cameras[0];
+  expect_near(Vec3d(aside.generate({50, 50}, 100, 100).origin), {1, 1, 0}, 1e-3);
+  expect_near(Vec3d(aside.generate({100, 0}, 100, 100).origin), {2, 2, 0}, 1e-3);
+  const Camera crop =
+      load(
+          kPbrtSphere,
+          "Camera \"perspective\"\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 50 \"float cropwindow\" [.5 1 0 .2]\n")
+          .cameras[0];
+  EXPECT_EQ(crop.film_width, 50);
+  EXPECT_EQ(crop.film_height, 10);
+  EXPECT_NEAR(crop.crop_offset.x, 0.5f, 1e-6f);
+  EXPECT_EQ(load(kPbrtSphere, "Integrator \"directlighting\"\n").max_depth, 2);
+  EXPECT_EQ(load(kPbrtSphere).max_depth, 6);
 }
 
 TEST_F(PbrtTest, Transforms) {
@@ -383,6 +134,18 @@ TEST_F(PbrtTest, Fronts) {
   EXPECT_EQ(both.area_lights.size(), 2u);
   for (std::size_t i = 0; i < 2; ++i)
     EXPECT_GT(front(both, i).z * static_cast<double>(both.meshes[i].positions[0].z), 0.0);
+  const std::string sides = "AreaLightSource \"diffuse\" \"bool twosided\" true\n";
+  for (const std::string& text :
+       {sides + "ReverseOrientation\n" + kPbrtSquare, sides + normals, sides + "Scale 1 1 -1\n" + kPbrtSquare}) {
+    const Scene turned = load(text);
+    ASSERT_EQ(turned.meshes.size(), 2u);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const TriangleMesh& m = turned.meshes[i];
+      const double shines =
+          m.normals.empty() ? front(turned, i).z : static_cast<double>(m.normals[0].z) * (m.flip_normals ? -1.0 : 1.0);
+      EXPECT_GT(shines * static_cast<double>(m.positions[0].z), 0.0) << text << i;
+    }
+  }
   // Normals of the file decide, as in pbrt.
   const TriangleMesh turned = load(light + normals).meshes[0];
   EXPECT_LT(Vec3d(turned.normals[0]).z * (turned.flip_normals ? -1.0 : 1.0), 0.0);
@@ -554,7 +317,10 @@ TEST_F(PbrtTest, CurvesAreTheSameCubics) {
   EXPECT_NEAR(box.upper.y, 2.1f, 5e-3f);
   PbrtParameters p(1);
   const Location here{std::make_shared<const SourceFile>("s", ""), 0};
-  p[0] = {"point3", "P", here, {0, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0, 2, 2, 0, 3, 2, 0, 3, 3, 0}, {}, false};
+  p[0].type = "point3";
+  p[0].name = "P";
+  p[0].where = here;
+  p[0].numbers = {0, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0, 2, 2, 0, 3, 2, 0, 3, 3, 0};
   SceneReport report(false);
   const Curves two = pbrt_curves(PbrtObject("Shape", "curve", here, p), Transform(), report);
   ASSERT_EQ(two.size(), 2u);
@@ -656,6 +422,16 @@ TEST_F(PbrtTest, Filters) {
   EXPECT_EQ(film("PixelFilter \"sinc\" \"float tau\" 4").filter_radius, 4.0f);
 }
 
+// What the ray tracer cannot take, of any file.
+TEST_F(PbrtTest, InstancesBeyondTheRayTracer) {
+  const auto scaled = [](const std::string& by) {
+    return "WorldBegin\nObjectBegin \"o\"\nShape \"disk\"\nObjectEnd\nScale " + by + " " + by + " " + by +
+           "\nObjectInstance \"o\"\n";
+  };
+  fails(scaled("1e-20"), "6:1", "too much or too little");
+  EXPECT_EQ(error(scaled("1e-12")), "no error");
+}
+
 TEST_F(PbrtTest, Includes) {
   folder_.write("part.pbrt", kPbrtSphere);
   EXPECT_EQ(load("Include \"part.pbrt\"\nTranslate 3 0 0\nInclude \"part.pbrt\"\n").spheres.size(), 2u);
@@ -694,7 +470,9 @@ TEST_F(PbrtTest, Mistakes) {
           kPbrtSphere,
       "2:32", "nested too deep");
   fails("WorldBegin\nObjectInstance \"o\"\n", "2:1", "no object with the name");
-  fails("WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\n", "2:1", "a medium is not supported");
+  fails("WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\nMediumInterface \"m\" \"\"\n", "3:1",
+        "a medium is not supported");
+  load("MakeNamedMedium \"m\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"\"\n" + kPbrtSphere);
   fails("Camera \"realistic\"\nWorldBegin\n" + kPbrtSphere, "1:1", "supported: perspective, orthographic");
   fails("LookAt 0 0 0 0 0 0 0 1 0\n", "1:1", "must differ");
   fails("WorldBegin\nInclude \"none.pbrt\"\n", "2:1", "does not exist");

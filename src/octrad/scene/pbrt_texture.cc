@@ -5,6 +5,7 @@
 
 #include "octrad/base/join.h"
 #include "octrad/base/number_text.h"
+#include "octrad/base/read_decimal.h"
 #include "octrad/image/io.h"
 #include "octrad/scene/named_materials.h"
 #include "octrad/scene/pbrt_material.h"
@@ -29,13 +30,6 @@ Vec3d normalized_light(const Spectrum& spectrum, const Location& where) {
   const double y = static_cast<double>(luminance(rgb));
   if (!(y > 0.0)) fail(where, "the spectrum gives no light that can be seen");
   return Vec3d(rgb) / y;
-}
-
-// Radiance of a black body in W m^-2 sr^-1 nm^-1, at a wavelength in nm.
-double planck(double wavelength, double kelvin) {
-  constexpr double h = 6.62607015e-34, c = 299792458.0, k = 1.380649e-23;
-  const double l = wavelength * 1e-9;
-  return 2e-9 * h * c * c / (l * l * l * l * l * (std::exp(h * c / (l * k * kelvin)) - 1.0));
 }
 
 // Of brass; refractiveindex.info, at 650, 550 and 450 nm.
@@ -138,7 +132,7 @@ std::optional<Vec3d> PbrtMaterials::named_spectrum(const std::string& name, Spec
     if (part != "eta" && part != "k") return std::nullopt;
     if (metal == "CuZn") return part == "eta" ? kBrassEta : kBrassK;
     if (const auto known = named_conductor(metal)) return Vec3d(part == "eta" ? known->eta : known->k);
-    return std::nullopt;
+    return std::nullopt;  // asked for as a file below
   }
   // Schott's glasses at 587.6 nm.
   static const std::pair<const char*, double> glasses[] = {
@@ -149,7 +143,7 @@ std::optional<Vec3d> PbrtMaterials::named_spectrum(const std::string& name, Spec
     if (name == glass) return Vec3d(index);
   }
   if (use != SpectrumUse::emission) return std::nullopt;
-  if (name == "stdillum-D65" || name == "illum-acesD60") return Vec3d(1.0);  // the white of RGB
+  if (name == "stdillum-D65") return Vec3d(1.0);  // the white of RGB
   if (name == "stdillum-A") return normalized_light(blackbody_spectrum(2856.0), {});
   if (name == "stdillum-D50") return normalized_light(blackbody_spectrum(5003.0), {});
   return std::nullopt;
@@ -175,16 +169,13 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (!old_) return normalized_light(blackbody_spectrum(kelvin), p->where) * factor;
     // Version 3: of 1 where it is highest, which is at 2.8977720e-3 m K.
     return Vec3d(spectrum_rgb(blackbody_spectrum(kelvin), SpectrumUse::emission)) *
-           (factor / planck(2.8977720e6 / kelvin, kelvin));
+           (factor / blackbody_radiance(2.8977720e6 / kelvin, kelvin));
   }
   if (p->type == "rgb" || p->type == "color" || p->type == "xyz") {
     count(3, "three numbers");
     const Vec3d v{p->numbers[0], p->numbers[1], p->numbers[2]};
     if (p->type != "xyz") return v;
-    // XYZ to linear Rec. 709 (IEC 61966-2-1).
-    return Vec3d{3.2404542 * v.x - 1.5371385 * v.y - 0.4985314 * v.z,
-                 -0.9692660 * v.x + 1.8760108 * v.y + 0.0415560 * v.z,
-                 0.0556434 * v.x - 0.2040259 * v.y + 1.0572252 * v.z};
+    return rgb_of_xyz(v);
   }
   Spectrum spectrum;
   if (!p->texts.empty()) {
@@ -192,6 +183,8 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (const auto named = named_spectrum(p->texts[0], use)) return named;
     if (p->texts[0].starts_with("stdillum-") || p->texts[0].starts_with("illum-"))
       fail(p->where, "the illuminant \"" + p->texts[0] + "\" is not known; give the light as rgb or blackbody");
+    if (p->texts[0].starts_with("metal-") || p->texts[0].starts_with("glass-"))
+      fail(p->where, "the spectrum \"" + p->texts[0] + "\" is not known; give it as rgb, or glass as a number");
     const std::string file = description_.resolve(p->texts[0], p->where);
     const auto [known, added] = spectra_.try_emplace({file, use}, Vec3d(-1.0));
     if (added || known->second.x < 0.0) {
@@ -233,6 +226,24 @@ const PbrtMaterials::Object* PbrtMaterials::defined(const Definitions& all, std:
     if (when < serial) last = &object;
   }
   return last;
+}
+
+double PbrtMaterials::constant_number(const PbrtObject& object, std::string_view name, double fallback) {
+  const PbrtTexture t = texture(object, name, true, Vec3d(fallback));
+  if (t.is_constant()) return t.value.x;
+  report_.assume(object.where(name), "\"" + std::string(name) + "\" of " + object.what() +
+                                         " is one number: " + number_text(fallback) + " instead of a texture");
+  return fallback;
+}
+
+Vec3d PbrtMaterials::strength(const PbrtObject& light, const char* name) const {
+  Vec3d factor(exposure);
+  if (const PbrtParameter* p = light.find("scale"); p && p->type != "float")
+    factor = factor * color(light, "scale", SpectrumUse::emission).value_or(Vec3d(1.0));
+  else factor = factor * light.number("scale", 1.0, 0.0);
+  Vec3d v = color(light, name, SpectrumUse::emission).value_or(Vec3d(1.0));
+  for (int c = 0; c < 3; ++c) v[c] = std::max(v[c], 0.0);
+  return v * factor;
 }
 
 PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, const PbrtParameter& user) {
@@ -352,11 +363,18 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   t.nearest = filter == "point";
   t.wrap = wrap == "repeat" ? "repeat" : "clamp";
   if (wrap == "black") report_.assume(object.where("wrap"), "textures that are black outside are clamped");
-  const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "" : "linear");
-  if (encoding == "linear") t.gamma = 1.0;
-  else if (encoding.starts_with("gamma")) t.gamma = std::atof(encoding.c_str() + 5);
-  if (t.gamma != 0.0 && !(t.gamma >= 0.1 && t.gamma <= 10.0))
-    fail(object.where("encoding"), "the gamma of an encoding must be from 0.1 to 10");
+  const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "sRGB" : "linear");
+  if (encoding == "linear") {
+    t.gamma = 1.0;
+  } else if (encoding != "sRGB") {
+    const char *begin = encoding.data() + (encoding.starts_with("gamma ") ? 6 : 0),
+               *end = encoding.data() + encoding.size();
+    const auto result = read_decimal(begin, end, t.gamma);
+    if (!encoding.starts_with("gamma ") || result.ec != std::errc() || result.ptr != end ||
+        !(t.gamma >= 0.1 && t.gamma <= 10.0))
+      fail(object.where("encoding"),
+           "the encoding is sRGB, linear or \"gamma X\" with X from 0.1 to 10, not \"" + encoding + "\"");
+  }
   object.ignore({"maxanisotropy", "trilinear"});
   return t;
 }

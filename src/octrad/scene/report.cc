@@ -4,17 +4,18 @@ namespace octrad {
 
 void SceneReport::refuse(const Location& where, const std::string& what) {
   if (!collect_) fail(where, what);
-  if (refused_.size() < kMostIssues) refused_.push_back({where.text(), what});
+  list(where.text(), what);
 }
 
 void SceneReport::collect(const Location& where, const Error& error) {
   if (error.code() != ExitCode::bad_input && error.code() != ExitCode::io) throw;
-  if (refused_.size() >= kMostIssues) return;
-  if (const auto* mistake = dynamic_cast<const SceneError*>(&error)) {
-    refused_.push_back({mistake->where, mistake->message});
-  } else {
-    refused_.push_back({where.text(), error.what()});
-  }
+  if (const auto* mistake = dynamic_cast<const SceneError*>(&error)) list(mistake->where, mistake->message);
+  else list(where.text(), error.what());
+}
+
+// The same mistake at the same place counts once: many objects may meet it.
+void SceneReport::list(const std::string& where, const std::string& what) {
+  if (refused_.size() < kMostIssues && listed_.emplace(where, what).second) refused_.push_back({where, what});
 }
 
 void SceneReport::assume(const Location& where, const std::string& what) {

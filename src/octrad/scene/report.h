@@ -2,7 +2,9 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "octrad/scene/source.h"
@@ -53,6 +55,8 @@ class SceneReport {
   std::vector<std::string> assumed() const;
 
  private:
+  void list(const std::string& where, const std::string& what);
+
   struct Assumption {
     std::string what;
     Location first;
@@ -60,6 +64,7 @@ class SceneReport {
   };
   bool collect_;
   std::vector<SceneIssue> refused_;
+  std::set<std::pair<std::string, std::string>> listed_;
   std::vector<Assumption> assumed_;
   std::map<std::string, std::size_t> index_;  // of assumed_, by text
 };

@@ -42,13 +42,17 @@ Vec3d integrate(const Spectrum& s, bool d65) {
     xyz += Vec3d(table_at(kCieX, wavelength), table_at(kCieY, wavelength), table_at(kCieZ, wavelength)) * y;
   }
   xyz = xyz * ((kLast - kFirst) / kSteps * kCieNormalization);
-  // XYZ to linear Rec. 709 RGB with the digits that Mitsuba has.
+  return rgb_of_xyz(xyz);
+}
+
+}  // namespace
+
+// The digits that Mitsuba has.
+Vec3d rgb_of_xyz(Vec3d xyz) {
   return {3.240479 * xyz.x - 1.537150 * xyz.y - 0.498535 * xyz.z,
           -0.969256 * xyz.x + 1.875991 * xyz.y + 0.041556 * xyz.z,
           0.055648 * xyz.x - 0.204043 * xyz.y + 1.057311 * xyz.z};
 }
-
-}  // namespace
 
 std::vector<std::string> spectrum_types() {
   return {"uniform", "d65", "srgb", "rawconstant", "regular", "irregular", "blackbody"};
@@ -121,14 +125,18 @@ Spectrum read_spectrum(const std::string& file) {
   return make_spectrum(std::move(wavelengths), std::move(values), {source, 0});
 }
 
-Spectrum blackbody_spectrum(double kelvin) {
+double blackbody_radiance(double nm, double kelvin) {
   // CODATA 2014, as Mitsuba: speed of light, Planck's and Boltzmann's constants.
   constexpr double c = 2.99792458e8, h = 6.62607004e-34, k = 1.38064852e-23;
+  const double lambda = nm * 1e-9;
+  return 1e-9 * 2.0 * h * c * c / (std::pow(lambda, 5.0) * std::expm1(h * c / (k * lambda * kelvin)));
+}
+
+Spectrum blackbody_spectrum(double kelvin) {
   Spectrum s;
   for (double nm = kFirst; nm <= kLast; nm += 1.0) {
-    const double lambda = nm * 1e-9;
     s.wavelengths.push_back(nm);
-    s.values.push_back(1e-9 * 2.0 * h * c * c / (std::pow(lambda, 5.0) * std::expm1(h * c / (k * lambda * kelvin))));
+    s.values.push_back(blackbody_radiance(nm, kelvin));
   }
   return s;
 }

@@ -34,7 +34,11 @@ Spectrum parse_spectrum(const std::string& text, const Location& where);
 Spectrum read_spectrum(const std::string& file);
 // Wavelengths must increase; at least two.
 Spectrum make_spectrum(std::vector<double> wavelengths, std::vector<double> values, const Location& where);
-// Radiance of a black body at `kelvin` by Planck's law, in W m^-2 sr^-1 nm^-1.
+// Radiance of a black body at `kelvin` by Planck's law, in W m^-2 sr^-1 nm^-1: at a wavelength in nm, and as a
+// spectrum.
+double blackbody_radiance(double nm, double kelvin);
 Spectrum blackbody_spectrum(double kelvin);
+// Linear Rec. 709 RGB of CIE XYZ.
+Vec3d rgb_of_xyz(Vec3d xyz);
 
 }  // namespace octrad

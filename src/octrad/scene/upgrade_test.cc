@@ -182,6 +182,14 @@ TEST_F(UpgradeTest, OldDefaults) {
   EXPECT_THROW(load(R"(<bsdf type="diffuse"><rgb name="reflectance" value="1.5 .5 .5"/></bsdf>)", "3.0.0"), InputError);
   folder_.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   assumes(R"(<shape type="obj"><string name="filename" value="t.obj"/></shape>)", "materials of .mtl files");
+  try {
+    load(
+        R"(<shape type="obj"><string name="filename" value="t.obj"/><bsdf type="diffuse" name="a"/><bsdf type="diffuse" name="b"/></shape>)",
+        "0.6.0");
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("usemtl groups"), std::string::npos) << error.what();
+  }
 }
 
 // Mip maps of Mitsuba after 3.9.
