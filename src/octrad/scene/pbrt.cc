@@ -35,7 +35,7 @@ class PbrtReader {
   PbrtReader(const std::string& file, std::string text, Description& description, SceneReport& report)
       : description_(description),
         report_(report),
-        old_(has_world_end(text)),  // which version 4 has no more
+        old_(has_world_end(text)),  // which version 4 has no more; the film knows better
         materials_(old_, description, report),
         meter_(file + ": the tree of the scene") {
     ask_memory(lexing_bytes(text), file);
@@ -89,54 +89,58 @@ class PbrtReader {
   using Handler = void (PbrtReader::*)(PbrtLexer&, const Location&);
 
   void read_file_of(const std::shared_ptr<const SourceFile>& source) {
-    static const std::map<std::string_view, Handler> kDirectives = {{"AttributeBegin", &PbrtReader::attribute_begin},
-                                                                    {"AttributeEnd", &PbrtReader::attribute_end},
-                                                                    {"TransformBegin", &PbrtReader::transform_begin},
-                                                                    {"TransformEnd", &PbrtReader::transform_end},
-                                                                    {"ObjectBegin", &PbrtReader::object_begin},
-                                                                    {"ObjectEnd", &PbrtReader::object_end},
-                                                                    {"ObjectInstance", &PbrtReader::object_instance},
-                                                                    {"Identity", &PbrtReader::identity},
-                                                                    {"Translate", &PbrtReader::translate},
-                                                                    {"Scale", &PbrtReader::scale},
-                                                                    {"Rotate", &PbrtReader::rotate},
-                                                                    {"LookAt", &PbrtReader::look_at},
-                                                                    {"Transform", &PbrtReader::set_transform},
-                                                                    {"ConcatTransform", &PbrtReader::concat_transform},
-                                                                    {"CoordinateSystem", &PbrtReader::name_system},
-                                                                    {"CoordSysTransform", &PbrtReader::take_system},
-                                                                    {"ActiveTransform", &PbrtReader::active},
-                                                                    {"TransformTimes", &PbrtReader::times},
-                                                                    {"ReverseOrientation", &PbrtReader::reverse},
-                                                                    {"WorldBegin", &PbrtReader::world_begin},
-                                                                    {"WorldEnd", &PbrtReader::world_end},
-                                                                    {"Include", &PbrtReader::include},
-                                                                    {"Import", &PbrtReader::import},
-                                                                    {"Attribute", &PbrtReader::attribute},
-                                                                    {"Camera", &PbrtReader::camera},
-                                                                    {"Film", &PbrtReader::film},
-                                                                    {"PixelFilter", &PbrtReader::filter},
-                                                                    {"Integrator", &PbrtReader::integrator},
-                                                                    {"SurfaceIntegrator", &PbrtReader::integrator},
-                                                                    {"Sampler", &PbrtReader::skip},
-                                                                    {"Accelerator", &PbrtReader::skip},
-                                                                    {"Option", &PbrtReader::option},
-                                                                    {"ColorSpace", &PbrtReader::color_space},
-                                                                    {"Texture", &PbrtReader::texture},
-                                                                    {"Material", &PbrtReader::material},
-                                                                    {"MakeNamedMaterial", &PbrtReader::make_named},
-                                                                    {"NamedMaterial", &PbrtReader::named},
-                                                                    {"MakeNamedMedium", &PbrtReader::medium},
-                                                                    {"MediumInterface", &PbrtReader::medium_interface},
-                                                                    {"LightSource", &PbrtReader::light},
-                                                                    {"AreaLightSource", &PbrtReader::area_light},
-                                                                    {"Shape", &PbrtReader::shape}};
+    using R = PbrtReader;
+    static const std::pair<std::string_view, Handler> kDirectives[] = {
+        {"AttributeBegin", &R::attribute_begin},
+        {"AttributeEnd", &R::attribute_end},
+        {"TransformBegin", &R::transform_begin},
+        {"TransformEnd", &R::transform_end},
+        {"ObjectBegin", &R::object_begin},
+        {"ObjectEnd", &R::object_end},
+        {"ObjectInstance", &R::object_instance},
+        {"Identity", &R::identity},
+        {"Translate", &R::translate},
+        {"Scale", &R::scale},
+        {"Rotate", &R::rotate},
+        {"LookAt", &R::look_at},
+        {"Transform", &R::set_transform},
+        {"ConcatTransform", &R::concat_transform},
+        {"CoordinateSystem", &R::name_system},
+        {"CoordSysTransform", &R::take_system},
+        {"ActiveTransform", &R::active},
+        {"TransformTimes", &R::times},
+        {"ReverseOrientation", &R::reverse},
+        {"WorldBegin", &R::world_begin},
+        {"WorldEnd", &R::world_end},
+        {"Include", &R::include},
+        {"Import", &R::import},
+        {"Attribute", &R::attribute},
+        {"Camera", &R::camera},
+        {"Film", &R::film},
+        {"PixelFilter", &R::filter},
+        {"Integrator", &R::integrator},
+        {"SurfaceIntegrator", &R::integrator},
+        {"Sampler", &R::skip},
+        {"Accelerator", &R::skip},
+        {"Option", &R::option},
+        {"ColorSpace", &R::color_space},
+        {"Texture", &R::texture},
+        {"Material", &R::material},
+        {"MakeNamedMaterial", &R::make_named},
+        {"NamedMaterial", &R::named},
+        {"MakeNamedMedium", &R::medium},
+        {"MediumInterface", &R::medium_interface},
+        {"LightSource", &R::light},
+        {"AreaLightSource", &R::area_light},
+        {"Shape", &R::shape},
+    };
     PbrtLexer lexer(source);
     while (lexer.peek().kind != PbrtToken::Kind::end) {
       const PbrtToken token = lexer.take();
       const Location where = lexer.location(token);
-      const auto found = kDirectives.find(token.text);
-      if (token.kind != PbrtToken::Kind::word || found == kDirectives.end()) {
+      const auto found = std::find_if(std::begin(kDirectives), std::end(kDirectives),
+                                      [&](const auto& directive) { return directive.first == token.text; });
+      if (token.kind != PbrtToken::Kind::word || found == std::end(kDirectives)) {
         std::vector<std::string> known;
         for (const auto& [name, handler] : kDirectives) known.emplace_back(name);
         const std::string word(token.text.substr(0, 60));
@@ -353,7 +357,14 @@ class PbrtReader {
     camera_to_world_ = state_.ctm.inverse();
     systems_["camera"] = *camera_to_world_;
   }
-  void film(PbrtLexer& lexer, const Location& where) { film_ = object(lexer, where, "Film"); }
+  void film(PbrtLexer& lexer, const Location& where) {
+    film_ = object(lexer, where, "Film");
+    // Each version has types of its own.
+    const std::string& type = film_->type();
+    if (type == "image") old_ = true;
+    if (type == "rgb" || type == "gbuffer" || type == "spectral") old_ = false;
+    materials_.set_version(old_);
+  }
   void filter(PbrtLexer& lexer, const Location& where) { filter_ = object(lexer, where, "PixelFilter"); }
   void integrator(PbrtLexer& lexer, const Location& where) { integrator_ = object(lexer, where, "Integrator"); }
   void skip(PbrtLexer& lexer, const Location& where) { object(lexer, where, "(skipped)"); }

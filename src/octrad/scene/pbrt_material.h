@@ -60,6 +60,8 @@ class PbrtMaterials {
         description_(description),
         report_(report) {}
 
+  void set_version(bool old) { old_ = old; }
+
   using Object = std::shared_ptr<const PbrtObject>;
   // `number`: a float texture, otherwise one of colours.
   void add_texture(bool number, const std::string& name, Object texture) {

@@ -381,6 +381,9 @@ TEST_F(PbrtTest, NamesOfTwoThings) {
   const std::string object = "ObjectBegin \"o\"\n" + kPbrtSquare + "ObjectEnd\n";
   EXPECT_EQ(load_old(object + object + "ObjectInstance \"o\"\n").shapes.size(), 1u);
   fails("WorldBegin\n" + object + object, "5:1", "already");
+  // The film says which version it is where WorldEnd does not.
+  EXPECT_EQ(red(load(text, "Film \"image\"\n")), 0.5f);
+  EXPECT_EQ(red(load(text + "WorldEnd\n", "Film \"rgb\"\n")), 0.1f);
   // A comment is no directive, and of a parameter that is given twice the last counts.
   EXPECT_EQ(red(load("# no WorldEnd here\n" + text)), 0.1f);
   EXPECT_NEAR(load("Shape \"sphere\" \"float radius\" 2 \"float radius\" 3\n").spheres[0].radius, 3.0f, 1e-6f);
