@@ -77,7 +77,7 @@ class PbrtObject {
   const Location& location() const { return where_; }
   std::string what() const { return kind_ + " \"" + type_ + "\""; }
 
-  // The last parameter of that name, or null; reading it counts as using it. Colours: any of kColors.
+  // The last parameter of that name, or null; reading it counts as using it. The second: of one of these types.
   const PbrtParameter* find(std::string_view name) const;
   const PbrtParameter* find(std::string_view name, std::initializer_list<const char*> types) const;
   bool has(std::string_view name) const;  // does not count as using it

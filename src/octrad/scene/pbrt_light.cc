@@ -50,17 +50,13 @@ Image unfold(const Image& in, const std::string& file) {
       // Mitsuba: u = atan2(x, -z) / 2 pi, v = acos(y) / pi.
       const Vec3d d{std::sin(phi) * std::sin(theta), std::cos(theta), -std::cos(phi) * std::sin(theta)};
       const Vec2<double> uv = equal_area_square(turn.vector(d));
-      // Between four pixels; those beyond the edge are the edge's: the square is folded there.
-      const double px = uv.x * in.width - 0.5, py = uv.y * in.height - 0.5, fx = px - std::floor(px),
-                   fy = py - std::floor(py);
       for (int c = 0; c < 3; ++c) {
-        const auto at = [&](int dx, int dy) {
-          const int ix = std::clamp(static_cast<int>(std::floor(px)) + dx, 0, in.width - 1),
-                    iy = std::clamp(static_cast<int>(std::floor(py)) + dy, 0, in.height - 1);
-          return linear_value(in, in.at(ix, iy, from[static_cast<std::size_t>(c)]));
+        // Pixels beyond the edge are the edge's: the square is folded there.
+        const auto at = [&](int px, int py) {
+          return linear_value(in, in.at(std::clamp(px, 0, in.width - 1), std::clamp(py, 0, in.height - 1),
+                                        from[static_cast<std::size_t>(c)]));
         };
-        out.at(x, y, c) = static_cast<float>((at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) +
-                                             (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy);
+        out.at(x, y, c) = static_cast<float>(between_pixels(uv.x * in.width, uv.y * in.height, at));
       }
     }
   }

@@ -89,6 +89,14 @@ RawMesh triangles(const PbrtObject& shape) {
   return mesh;
 }
 
+// At the end of `to`, at `uv`, whose v runs down.
+void copy_vertex(RawMesh& to, const RawMesh& from, int vertex, Vec2f uv) {
+  const auto i = static_cast<std::size_t>(vertex);
+  to.positions.push_back(from.positions[i]);
+  if (!from.normals.empty()) to.normals.push_back(from.normals[i]);
+  to.uvs.push_back(uv);
+}
+
 // Two triangles a patch, whose corners are at (0,0), (1,0), (0,1) and (1,1).
 RawMesh patches(const PbrtObject& shape) {
   RawMesh mesh = vertices(shape);
@@ -97,10 +105,8 @@ RawMesh patches(const PbrtObject& shape) {
     RawMesh apart;
     ask_memory(corners.size() * (2 * sizeof(Vec3f) + sizeof(Vec2f) + 2 * sizeof(Vec3i)), "a bilinearmesh");
     for (const int corner : corners) {
-      const auto from = static_cast<std::size_t>(corner), k = apart.positions.size() % 4;
-      apart.positions.push_back(mesh.positions[from]);
-      if (!mesh.normals.empty()) apart.normals.push_back(mesh.normals[from]);
-      apart.uvs.push_back({k % 2 ? 1.0f : 0.0f, k / 2 ? 0.0f : 1.0f});
+      const std::size_t k = apart.positions.size() % 4;
+      copy_vertex(apart, mesh, corner, {k % 2 ? 1.0f : 0.0f, k / 2 ? 0.0f : 1.0f});
     }
     for (int i = 0; i + 3 < static_cast<int>(apart.positions.size()); i += 4) {
       apart.triangles.push_back({i, i + 1, i + 3});
@@ -282,11 +288,7 @@ RawMesh with_own_uvs(const RawMesh& mesh) {
   ask_memory(mesh.triangles.size() * 3 * (2 * sizeof(Vec3f) + sizeof(Vec2f) + 4), "a mesh");
   for (const Vec3i& t : mesh.triangles) {
     const auto first = static_cast<int>(apart.positions.size());
-    for (int k = 0; k < 3; ++k) {
-      apart.positions.push_back(mesh.positions[static_cast<std::size_t>(t[k])]);
-      if (!mesh.normals.empty()) apart.normals.push_back(mesh.normals[static_cast<std::size_t>(t[k])]);
-      apart.uvs.push_back({k > 0 ? 1.0f : 0.0f, k > 1 ? 0.0f : 1.0f});  // v runs down
-    }
+    for (int k = 0; k < 3; ++k) copy_vertex(apart, mesh, t[k], {k > 0 ? 1.0f : 0.0f, k > 1 ? 0.0f : 1.0f});
     apart.triangles.push_back({first, first + 1, first + 2});
   }
   return apart;

@@ -24,6 +24,14 @@ Vec3d front(const Scene& scene, std::size_t mesh = 0, std::size_t triangle = 0) 
 }
 
 TEST_F(PbrtTest, Camera) {
+  // Without a width there is no film.
+  const auto camera_of = [&](std::string before, int width = 0, int height = 0, const std::string& film = "") {
+    if (width > 0) {
+      before += "Film \"rgb\" \"integer xresolution\" " + std::to_string(width) + " \"integer yresolution\" " +
+                std::to_string(height) + film + "\n";
+    }
+    return load(kPbrtSphere, before).cameras[0];
+  };
   // x to the right of the picture: pbrt's camera is left-handed.
   const Scene scene =
       load(kPbrtSphere,
@@ -41,54 +49,30 @@ TEST_F(PbrtTest, Camera) {
   expect_near(direction(400, 100), normalize(Vec3d(2.0 * up, 0, 1)));
   // A mirroring scale, as exporters write, turns it over; other scales change nothing.
   const Camera mirrored =
-      load(kPbrtSphere, "Scale -2 2 2\nLookAt 0 0 -5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 60\n")
-          .cameras[0];
+      camera_of("Scale -2 2 2\nLookAt 0 0 -5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 60\n");
   expect_near(Vec3d(mirrored.generate({1280, 360}, 1280, 720).direction), normalize(Vec3d(-up * 16.0 / 9.0, 0, 1)));
   expect_near(Vec3d(mirrored.generate({640, 360}, 1280, 720).origin), {0, 0, -5}, 1e-3);
   // Tall pictures.
-  const Camera tall =
-      load(
-          kPbrtSphere,
-          "Camera \"perspective\" \"float fov\" 60\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 300\n")
-          .cameras[0];
+  const Camera tall = camera_of("Camera \"perspective\" \"float fov\" 60\n", 100, 300);
   expect_near(Vec3d(tall.generate({100, 150}, 100, 300).direction), normalize(Vec3d(up, 0, 1)));
   // A window of the screen: its right half.
   const Camera window =
-      load(
-          kPbrtSphere,
-          "Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [0 1 -1 1]\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200\n")
-          .cameras[0];
+      camera_of("Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [0 1 -1 1]\n", 100, 200);
   expect_near(Vec3d(window.generate({0, 100}, 100, 200).direction), {0, 0, 1}, 1e-4);
   expect_near(Vec3d(window.generate({100, 0}, 100, 200).direction), normalize(Vec3d(up, up, 1)), 1e-4);
   const Camera upper =
-      load(
-          kPbrtSphere,
-          "Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [-1 1 0 1]\nFilm \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n")
-          .cameras[0];
+      camera_of("Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [-1 1 0 1]\n", 200, 100);
   expect_near(Vec3d(upper.generate({100, 100}, 200, 100).direction), {0, 0, 1}, 1e-4);
   expect_near(Vec3d(upper.generate({200, 0}, 200, 100).direction), normalize(Vec3d(up, up, 1)), 1e-4);
-  const Camera lens =
-      load(kPbrtSphere, "Camera \"perspective\" \"float lensradius\" .1 \"float focaldistance\" 7\n").cameras[0];
+  const Camera lens = camera_of("Camera \"perspective\" \"float lensradius\" .1 \"float focaldistance\" 7\n");
   EXPECT_EQ(lens.kind, CameraKind::thinlens);
   EXPECT_NEAR(lens.focus_distance, 7.0f, 1e-6f);
-  const Camera flat =
-      load(
-          kPbrtSphere,
-          "Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\nFilm \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 200\n")
-          .cameras[0];
+  const Camera flat = camera_of("Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\n", 300, 200);
   expect_near(Vec3d(flat.generate({300, 0}, 300, 200).origin), {3, 2, 0}, 1e-3);
-  const Camera aside =
-      load(
-          kPbrtSphere,
-          "Camera \"orthographic\" \"float screenwindow\" [0 2 0 2]\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 100\n")
-          .cameras[0];
+  const Camera aside = camera_of("Camera \"orthographic\" \"float screenwindow\" [0 2 0 2]\n", 100, 100);
   expect_near(Vec3d(aside.generate({50, 50}, 100, 100).origin), {1, 1, 0}, 1e-3);
   expect_near(Vec3d(aside.generate({100, 0}, 100, 100).origin), {2, 2, 0}, 1e-3);
-  const Camera crop =
-      load(
-          kPbrtSphere,
-          "Camera \"perspective\"\nFilm \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 50 \"float cropwindow\" [.5 1 0 .2]\n")
-          .cameras[0];
+  const Camera crop = camera_of("Camera \"perspective\"\n", 100, 50, " \"float cropwindow\" [.5 1 0 .2]");
   EXPECT_EQ(crop.film_width, 50);
   EXPECT_EQ(crop.film_height, 10);
   EXPECT_NEAR(crop.crop_offset.x, 0.5f, 1e-6f);

@@ -78,16 +78,10 @@ Image linear_picture(const PbrtTexture& t) {
     for (int x = 0; x < width; ++x) {
       Vec3d v[3];
       for (int i = 0; i < 3; ++i) {
-        // Between four pixels, at the middle of this one.
-        const Image& p = pictures[i];
-        const double px = (x + 0.5) / width * p.width - 0.5, py = (y + 0.5) / height * p.height - 0.5;
-        const int x0 = static_cast<int>(std::floor(px)), y0 = static_cast<int>(std::floor(py));
-        const auto at = [&](int dx, int dy) {
-          const auto inside = [&](int k, int n) { return repeat ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
-          return Vec3d(p.rgb(inside(x0 + dx, p.width), inside(y0 + dy, p.height)));
-        };
-        const double fx = px - x0, fy = py - y0;
-        v[i] = (at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) + (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy;
+        const Image& p = pictures[i];  // at the middle of this pixel
+        const auto inside = [&](int k, int n) { return repeat ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
+        v[i] = between_pixels((x + 0.5) / width * p.width, (y + 0.5) / height * p.height,
+                              [&](int px, int py) { return Vec3d(p.rgb(inside(px, p.width), inside(py, p.height))); });
       }
       const Vec3d share(channel_mean(v[2]));
       const Vec3d result = t.mix->product ? v[0] * v[1] : v[0] * (Vec3d(1.0) - share) + v[1] * share;
@@ -132,7 +126,7 @@ std::optional<Vec3d> PbrtMaterials::named_spectrum(const std::string& name, Spec
     if (part != "eta" && part != "k") return std::nullopt;
     if (metal == "CuZn") return part == "eta" ? kBrassEta : kBrassK;
     if (const auto known = named_conductor(metal)) return Vec3d(part == "eta" ? known->eta : known->k);
-    return std::nullopt;  // asked for as a file below
+    return std::nullopt;
   }
   // Schott's glasses at 587.6 nm.
   static const std::pair<const char*, double> glasses[] = {
@@ -177,7 +171,10 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (p->type != "xyz") return v;
     return rgb_of_xyz(v);
   }
-  Spectrum spectrum;
+  const auto rgb = [&](const Spectrum& spectrum) {
+    return use == SpectrumUse::emission && !old_ ? normalized_light(spectrum, p->where)
+                                                 : Vec3d(spectrum_rgb(spectrum, use));
+  };
   if (!p->texts.empty()) {
     if (p->texts.size() != 1) fail(p->where, "the spectrum \"" + p->name + "\" must be one name or file");
     if (const auto named = named_spectrum(p->texts[0], use)) return named;
@@ -186,25 +183,18 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (p->texts[0].starts_with("metal-") || p->texts[0].starts_with("glass-"))
       fail(p->where, "the spectrum \"" + p->texts[0] + "\" is not known; give it as rgb, or glass as a number");
     const std::string file = description_.resolve(p->texts[0], p->where);
-    const auto [known, added] = spectra_.try_emplace({file, use}, Vec3d(-1.0));
-    if (added || known->second.x < 0.0) {
-      const Spectrum of_file = read_spectrum(file);
-      known->second = use == SpectrumUse::emission && !old_ ? normalized_light(of_file, p->where)
-                                                            : Vec3d(spectrum_rgb(of_file, use));
-    }
-    return known->second;
-  } else {
-    if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
-    if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
-    std::vector<double> wavelengths, values;
-    for (std::size_t i = 0; i < p->numbers.size(); i += 2) {
-      wavelengths.push_back(p->numbers[i]);
-      values.push_back(p->numbers[i + 1]);
-    }
-    spectrum = make_spectrum(std::move(wavelengths), std::move(values), p->where);
+    const std::pair key{file, use};
+    const auto known = spectra_.find(key);
+    return known != spectra_.end() ? known->second : spectra_[key] = rgb(read_spectrum(file));
   }
-  if (use == SpectrumUse::emission && !old_) return normalized_light(spectrum, p->where);
-  return Vec3d(spectrum_rgb(spectrum, use));
+  if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
+  if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
+  std::vector<double> wavelengths, values;
+  for (std::size_t i = 0; i < p->numbers.size(); i += 2) {
+    wavelengths.push_back(p->numbers[i]);
+    values.push_back(p->numbers[i + 1]);
+  }
+  return rgb(make_spectrum(std::move(wavelengths), std::move(values), p->where));
 }
 
 PbrtTexture PbrtMaterials::texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback) {
@@ -258,9 +248,8 @@ PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, c
                          name + "\"" + did_you_mean(name, known));
   }
   const Object object = *definition;
-  const Location& where = user.where;
   if (const auto known = values_.find(object.get()); known != values_.end()) return known->second;
-  if (open_ >= kMostNested) fail(where, "textures are nested too deep, or one uses itself");
+  if (open_ >= kMostNested) fail(user.where, "textures are nested too deep, or one uses itself");
   ++open_;
   struct Close {
     int& open;

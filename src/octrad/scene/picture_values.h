@@ -1,6 +1,7 @@
 // What the values of a picture mean, for pictures that are made of others. Internal to the module.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "octrad/image/image.h"
@@ -22,6 +23,16 @@ inline std::vector<int> color_channels(const Image& image) {
   for (const char* name : {"R", "G", "B"}) result.push_back(image.channel(name) >= 0 ? image.channel(name) : grey);
   result.push_back(image.channel("A"));
   return result;
+}
+
+// Bilinear between the middles of four pixels; (x, y) in pixels from the corner of the picture, `at(x, y)` the value of
+// a pixel, also beyond the edges.
+template <typename At>
+auto between_pixels(double x, double y, At&& at) {
+  const double left = std::floor(x - 0.5), top = std::floor(y - 0.5), fx = x - 0.5 - left, fy = y - 0.5 - top;
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  return (at(x0, y0) * (1.0 - fx) + at(x0 + 1, y0) * fx) * (1.0 - fy) +
+         (at(x0, y0 + 1) * (1.0 - fx) + at(x0 + 1, y0 + 1) * fx) * fy;
 }
 
 }  // namespace octrad
