@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """bench/sparse_reference.py: its pixels are those of a whole picture; bench/quality.py measures at them."""
 import array
+import csv
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "cli"))
@@ -118,6 +121,56 @@ class SparseReference(unittest.TestCase):
         measure()
         (pictures / "octaoctree.octrad").unlink()
         self.assertEqual(measure()["mape"], row["mape"])
+
+    def test_a_plan_makes_every_row_and_goes_on(self):
+        plan, work = self.folder / "plan.json", self.folder / "work"
+        plan.write_text(json.dumps({
+            "seeds": [0], "spp": 1, "sparse_spp": 4, "watch": 2, "watch_every": "0.2s", "keys": {"*": ["checkpoint.every=0.2", "octree.levels=4"], "nr": ["nr.log2_table=12"]},
+            "scenes": [{"name": "cornell-box", "width": 48, "height": 32, "steps": {"octaoctree": 150, "nr": 3},
+                        "views": {"own": {"spp": 4}, "side": {"spp": 4, "camera": list(VIEW)}}}]}))
+        command = [sys.executable, str(ROOT / "bench" / "quality.py"), str(plan), "--octrad", PROGRAM, "--scenes", str(ROOT / "scenes"), "--folder", str(work)]
+        model, done, log = (work / f"cornell-box-octaoctree-0.{end}" for end in ("octrad", "json", "log"))
+        killed = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+        while killed.poll() is None and not (log.exists() and all(f'"{event}"' in log.read_text() for event in ("saved", "validation"))):
+            time.sleep(0.02)
+        if killed.poll() is None:
+            os.killpg(killed.pid, signal.SIGKILL)
+        killed.communicate()
+        self.assertIsNone(json.loads(done.read_text())["result"])
+        first = next(json.loads(line)["step"] for line in log.read_text().splitlines() if '"validation"' in line)
+
+        def table(name):
+            with (work / name).open() as file:
+                return list(csv.DictReader(file))
+
+        def finish():
+            ended = subprocess.run(command, capture_output=True, text=True)
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+            rows = table("rows.csv")
+            self.assertEqual([(r["view"], r["field"], r["steps"]) for r in rows],
+                             [("own", "octaoctree", "150"), ("own", "nr", "3"), ("side", "octaoctree", "150"), ("side", "nr", "3")])
+            self.assertIn("| cornell-box, side |", ended.stdout)
+            return rows
+
+        rows = finish()
+        starts = [line["step"] for line in map(json.loads, log.read_text().splitlines()) if line["event"] == "start"]
+        self.assertEqual(len(starts), 2)
+        self.assertGreater(starts[1], 0)  # went on
+        curves = table("curves.csv")
+        steps = [int(c["step"]) for c in curves if c["field"] == "octaoctree"]
+        self.assertIn(first, steps)  # what was measured before the kill is there too
+        self.assertGreater(steps[-1], 100)
+        self.assertEqual(steps, sorted(set(steps)))
+        files = {p: p.stat().st_mtime_ns for p in work.glob("*.octrad")} | {p: p.stat().st_mtime_ns for p in work.glob("*.row.json")}
+        self.assertEqual(len(files), 2 + 4)
+        self.assertEqual(finish(), rows)
+        self.assertEqual({p: p.stat().st_mtime_ns for p in files}, files)  # nothing again
+        for part in (model, done, work / "cornell-box-octaoctree-0-own.row.json"):
+            part.unlink()
+        self.assertEqual(finish(), rows)  # the same when it was never interrupted
+
+        missing = subprocess.run([*command, "--scenes", str(self.folder)], capture_output=True, text=True)
+        self.assertIn("no cornell-box/scene.xml", missing.stderr)
 
     def test_what_octrad_refuses(self):
         done = bench("sparse_reference.py", SCENE, "--octrad", PROGRAM, "--pixels", 1, "--spp", 1, "-o", self.folder / "bad", "--camera", "nowhere.json")

@@ -116,6 +116,34 @@ TEST(LhsSampler, WalksStartFromEveryKindOfSensor) {
   }
 }
 
+TEST(LhsSampler, WalksStartFromAllSensors) {
+  // Two closed rooms with a sensor in each: no walk from one of them reaches the other.
+  testing::SceneMaker maker;
+  const auto room = [&](float x) {
+    const int grey = maker.diffuse(Vec3f(0.5f), true);
+    for (const float side : {-1.0f, 1.0f}) {
+      maker.quad({x + side, -1, -1}, {0, 2, 0}, {0, 0, 2}, grey);
+      maker.quad({x - 1, side, -1}, {2, 0, 0}, {0, 0, 2}, grey);
+      maker.quad({x - 1, -1, side}, {2, 0, 0}, {0, 2, 0}, grey);
+    }
+    maker.camera({x, 0, 0}, {x, 0, 1}, 60.0f, 8, 8);
+  };
+  room(0.0f);
+  room(10.0f);
+  const PreparedScene prepared(std::move(maker.scene));
+  for (const int poses : {0, 64}) {
+    LhsOptions options;
+    options.walks = 1.0;
+    options.poses = poses;
+    std::vector<ShadingPoint> points(2000);
+    LhsSampler(prepared, options).sample(3, points);
+    const auto second =
+        std::count_if(points.begin(), points.end(), [](const ShadingPoint& p) { return p.surface.position.x > 5.0f; });
+    SCOPED_TRACE(poses);
+    EXPECT_NEAR(static_cast<double>(second) / 2000.0, 0.5, 0.15);
+  }
+}
+
 TEST(LhsSampler, GlossyPointsCanBeFavouredAndSeenUniformly) {
   const FurnaceScene setup(furnace(
       kGrey, "",
