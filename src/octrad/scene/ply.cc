@@ -330,7 +330,10 @@ class PlyReader {
   std::vector<Channel> attribute_channels(const PlyElement& element, const std::string& kind) {
     std::vector<Channel> channels(element.properties.size(), Channel{0, -1});
     for (const std::string& name : wanted_) {
-      if (name.compare(0, kind.size(), kind) != 0) continue;
+      const auto same = [&](const MeshAttribute& other) { return other.name == name; };
+      if (name.compare(0, kind.size(), kind) != 0 ||
+          std::any_of(mesh_.attributes.begin(), mesh_.attributes.end(), same))  // wanted twice
+        continue;
       MeshAttribute attribute{name, 0, {}};
       for (std::size_t j = 0; j < channels.size(); ++j) {
         const Property& property = element.properties[j];
