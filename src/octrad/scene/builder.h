@@ -169,6 +169,8 @@ class SceneBuilder {
     float scale = 1.0f;
     std::size_t negative = 0;  // values of radiance that were read as 0
     std::size_t beyond = 0;    // values a little outside of [0, 1] that were read as its nearer end
+    std::size_t bright = 0;    // texels of a reflectance that are far above 1, read as 1
+    float brightest = 0.0f;    // and the largest value of these
     Location where;
   };
   struct Projector {
@@ -182,7 +184,7 @@ class SceneBuilder {
   // By element, and the mesh for which it was made where it shows attributes of that (else -1).
   std::map<std::pair<const Element*, int>, int> materials_;
   std::vector<const Element*> open_materials_;
-  // By element and role; bitmaps are one for all colours, and one for all scalars.
+  // By element and role; bitmaps are one for all that shines, one for other colours, and one for all scalars.
   std::map<std::pair<const Element*, TextureRole>, int> textures_;
   std::map<int, std::size_t> bitmap_of_;  // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;

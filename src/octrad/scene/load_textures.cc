@@ -84,9 +84,12 @@ int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRol
 
 int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   if (element.get("type") == "mesh_attribute") return attribute_texture(element, role);
-  // Colours of a checkerboard are checked and converted by their role, pixels of a picture when they are read.
+  // Colours of a checkerboard are checked and converted by their role, pixels of a picture when they are read. What
+  // shines may be brighter than 1, and keeps that where the same picture is a reflectance as well.
   const bool bitmap = element.get("type") == "bitmap";
-  const TextureRole kind = is_scalar(role) ? TextureRole::fraction : TextureRole::reflectance;
+  const TextureRole kind = is_scalar(role)                 ? TextureRole::fraction
+                           : role == TextureRole::radiance ? TextureRole::radiance
+                                                           : TextureRole::reflectance;
   const auto key = std::make_pair(&element, bitmap ? kind : role);
   if (const auto found = textures_.find(key); found != textures_.end()) {
     if (bitmap) {
@@ -198,6 +201,14 @@ void SceneBuilder::load_bitmap(std::size_t number) {
     constexpr float kTolerance = 1e-3f,  // of half precision
         kOvershoot = 0.05f;              // of filters and of lossy compression
     for (Vec3f& v : result) {
+      if (role == TextureRole::reflectance) {
+        const float largest = std::max({v.x, v.y, v.z});
+        if (largest > range.high + kOvershoot) {  // of an HDR picture
+          v = min(v, Vec3f(range.high));
+          ++job.bright;
+          job.brightest = std::max(job.brightest, largest);
+        }
+      }
       for (int c = 0; c < 3; ++c) {
         if (range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f)) continue;
         if (range.high > 1.0f || !range.holds(v[c], kOvershoot))
