@@ -287,7 +287,7 @@ for name, inside, message in (
         ("ior-inside-out", '<bsdf type="plastic"><float name="int_ior" value="1"/><float name="ext_ior" value="2"/></bsdf>', "greater than ext_ior"),
         ("metal-unknown", '<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>', "unknown conductor"),
         ("bsdf-unknown", '<bsdf type="difuse"/>', 'did you mean "diffuse"'), ("twosided-of-glass", '<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>', "cannot hold"),
-        ("mask-of-mask", '<bsdf type="mask"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>', "mask inside a mask"),
+        ("mask-of-mask", '<bsdf type="mask"><texture name="opacity" type="checkerboard"/><bsdf type="mask"><texture name="opacity" type="checkerboard"/><bsdf type="diffuse"/></bsdf></bsdf>', "mask inside a mask"),
         ("bump-of-nothing", '<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>', "exactly one <texture>"),
         ("radiance-negative", '<emitter type="constant"><rgb name="radiance" value="-1"/></emitter>', "not negative"),
         ("radiance-1e39", '<emitter type="constant"><rgb name="radiance" value="1e39"/></emitter>', "finite"),
