@@ -48,6 +48,8 @@ class PbrtReader {
     read_file_of(main_);
     if (!stack_.empty()) report_.assume(stack_.back().where, "the block that begins here ends with the file");
     flush_curves();
+    materials_.add_bsdfs();
+    remove_lights_of_nothing();
     report_.attempt(integrator_ ? integrator_->location() : Location(), [&] { add_integrator(); });
     if (camera_) {
       report_.attempt(camera_->location(), [&] {
@@ -432,7 +434,7 @@ class PbrtReader {
   void named(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     state_.material = nullptr;
-    report_.attempt(where, [&] { state_.material = materials_.named(name, where, materials_.serial()); });
+    report_.attempt(where, [&] { state_.material = materials_.named_for_shapes(name, where); });
   }
   void medium(PbrtLexer& lexer, const Location& where) {
     object(lexer, where, "Medium");  // refused where something uses it
@@ -544,7 +546,8 @@ class PbrtReader {
                           "disk, cylinder, cone, paraboloid, hyperboloid, curve");
         const PbrtObject* m = state_.material.get();
         if (raw->uvs.empty() && type == "trianglemesh" &&
-            (s.has_textures() || (m && (m->has_textures() || m->type() == "mix"))))
+            (s.has_textures() ||
+             (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)))))
           *raw = with_own_uvs(*raw);
         // Lights have one side: one on both is two, a little apart, each towards where its front is.
         if (both) {
@@ -590,9 +593,25 @@ class PbrtReader {
     if (flip) add_pbrt_value(e, where, "boolean", "flip_normals", "true");
     add_element(e, where, "ref", {{"id", bsdf}});
     const bool in_group = group_ != description_.root.get();
-    const bool none = !old_ && state_.material && state_.material->type() == "interface";
-    if (state_.light && none) report_.assume(where, "lights on an interface material are left out, as in pbrt");
-    else if (state_.light && !in_group) materials_.add_emitter(e, state_.light, area, !is_round(s) && file.empty());
+    if (!state_.light || in_group) return;
+    if (materials_.is_promise(state_.material)) lit_.emplace_back(&e, state_.material);
+    else if (shows_nothing(state_.material)) return note_no_light(where);
+    materials_.add_emitter(e, state_.light, area, !is_round(s) && file.empty());
+  }
+
+  // In version 4 such a surface does not shine either.
+  bool shows_nothing(const Object& material) const { return !old_ && material && material->type() == "interface"; }
+  void note_no_light(const Location& where) {
+    report_.assume(where, "lights on an interface material are left out, as in pbrt");
+  }
+  void remove_lights_of_nothing() {
+    for (const auto& [shape, material] : lit_) {
+      Object m;
+      report_.attempt(material->location(), [&, promise = material] { m = materials_.resolved(promise); });
+      if (!shows_nothing(m)) continue;
+      std::erase_if(shape->children, [](const auto& child) { return child->tag == "emitter"; });
+      note_no_light(shape->location);
+    }
   }
 
   static std::string numbers_of(const PbrtObject& s) {
@@ -639,6 +658,7 @@ class PbrtReader {
   std::optional<Transform> camera_to_world_;
   Element* group_ = nullptr;  // to which shapes are added: the root or a group
   std::map<std::string, Element*> groups_;
+  std::vector<std::pair<Element*, Object>> lit_;               // shapes that shine, of a material that is not known yet
   std::map<std::string, std::pair<Location, Curves>> curves_;  // by the id of their bsdf
   std::map<std::string, std::string> made_;                    // meshes, by the file or the numbers of which they are
   std::set<std::string> included_;

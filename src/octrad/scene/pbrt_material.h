@@ -73,13 +73,19 @@ class PbrtMaterials {
   // How many of both there are. Names of version 3 stand for what was defined before they were used.
   std::size_t serial() const { return serial_; }
   Object named(const std::string& name, const Location& where, std::size_t serial) const;
+  // The same for shapes: a name of version 4 may be defined later, and then this stands for it.
+  Object named_for_shapes(const std::string& name, const Location& where);
+  // What stands for a name that was not defined yet: what has it now.
+  bool is_promise(const Object& material) const { return promised_.count(material.get()) > 0; }
+  Object resolved(const Object& material) const;
 
   // What the film makes of radiance: all lights are multiplied by it.
   double exposure = 1.0;
 
   // The id of a bsdf for a shape of that material, which may have an alpha; null: what pbrt takes where a file says
-  // nothing.
+  // nothing. It is added by add_bsdfs(), when all names are known.
   std::string bsdf(const Object& material, const PbrtObject& shape);
+  void add_bsdfs();
 
   // A constant colour; nullopt where the object has no such parameter. Emission: spectra have a luminance of 1, as in
   // pbrt-v4.
@@ -149,11 +155,21 @@ class PbrtMaterials {
   int open_ = 0;                                                 // textures that are being looked into
   std::map<std::string, Definitions> named_;                     // materials
   std::size_t serial_ = 0;
-  std::map<Object, Vec3d> lights_;                                        // what area lights shine
-  mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;  // of files
-  std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
-  bool parts_turn_ = false;   // the opaque parts of the mix that is added have two sides each
-  std::vector<Object> kept_;  // whose address is a key of bsdfs_
+  std::map<Object, Vec3d> lights_;                                          // what area lights shine
+  mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;    // of files
+  std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;  // by material and alpha
+  struct Wanted {
+    std::string id;
+    Object material;
+    std::string alpha_key;
+    double alpha = 1.0;
+    std::optional<PbrtParameter> alpha_texture;
+    Location where;
+  };
+  std::vector<Wanted> wanted_;                         // bsdfs, in the order of the shapes
+  std::map<std::string, Object> promises_;             // by name
+  std::map<const PbrtObject*, std::string> promised_;  // the names of these
+  bool parts_turn_ = false;                            // the opaque parts of the mix that is added have two sides each
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names
 };
 

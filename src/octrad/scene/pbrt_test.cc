@@ -373,6 +373,58 @@ TEST_F(PbrtTest, NamesOfTwoThings) {
   EXPECT_NEAR(load("Shape \"sphere\" \"float radius\" 2 \"float radius\" 3\n").spheres[0].radius, 3.0f, 1e-6f);
 }
 
+// Version 4 looks up the materials of shapes, and their textures, at the end.
+TEST_F(PbrtTest, NamesBeforeTheirDefinition) {
+  const std::string texture = "Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .5 .1]\n",
+                    material = "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"texture reflectance\" \"t\"\n",
+                    hole = "Texture \"h\" \"float\" \"constant\" \"float value\" .25\n",
+                    use = "NamedMaterial \"a\"\nShape \"sphere\" \"texture alpha\" \"h\"\n";
+  const Scene before = load(texture + material + hole + use), after = load(use + material + hole + texture);
+  EXPECT_EQ(before.fingerprint, after.fingerprint);
+  EXPECT_GE(after.materials.at(1).opacity, 0);
+  // Parts of a mix; a name that is used on both sides of its definition is one material.
+  const std::string mix = "MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"a\" \"b\"]\n",
+                    other = "MakeNamedMaterial \"b\" \"string type\" \"conductor\"\n",
+                    mixed = "NamedMaterial \"m\"\n" + kPbrtSquare;
+  const Scene one = load(mixed + mix + texture + material + other + mixed);
+  EXPECT_EQ(one.shapes.at(0).material, one.shapes.at(1).material);
+  EXPECT_EQ(one.materials.at(static_cast<std::size_t>(one.shapes.at(0).material)).type, BsdfType::blendbsdf);
+  // In an object, and as the material of curves.
+  const std::string curve = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 1 0 3 1 0]\n";
+  const Scene group = load("ObjectBegin \"o\"\nNamedMaterial \"b\"\n" + kPbrtSquare + curve +
+                           "ObjectEnd\nObjectInstance \"o\"\n" + other);
+  ASSERT_EQ(group.shapes.size(), 2u);
+  for (const Shape& shape : group.shapes)
+    EXPECT_EQ(group.materials.at(static_cast<std::size_t>(shape.material)).type, BsdfType::conductor);
+  // Textures lie on triangles without coordinates of their own all the same.
+  Image picture(2, 2, {"R", "G", "B"});
+  write_exr((folder_.path() / "p.exr").string(), picture);
+  EXPECT_EQ(
+      load("NamedMaterial \"a\"\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0]\nTexture \"t\" \"spectrum\" "
+           "\"imagemap\" \"string filename\" \"p.exr\"\n" +
+           material)
+          .meshes.at(0)
+          .uvs.size(),
+      3u);
+  // What turns out to show nothing does not shine.
+  const std::string lamp = "AttributeBegin\nNamedMaterial \"i\"\nAreaLightSource \"diffuse\"\n" + kPbrtSquare +
+                           "AttributeEnd\nMakeNamedMaterial \"i\" \"string type\" ";
+  const Scene dark = load(lamp + "\"interface\"\n");
+  EXPECT_TRUE(dark.area_lights.empty());
+  assumes(dark, "lights on an interface material");
+  EXPECT_EQ(load(lamp + "\"diffuse\"\n").area_lights.size(), 1u);
+  // Names that are never defined, at their first use; version 3 wants the definition first.
+  fails("WorldBegin\nNamedMaterial \"aa\"\n" + kPbrtSphere + texture + material, "2:1", "did you mean \"a\"");
+  fails("WorldBegin\n" + kPbrtSphere + "NamedMaterial \"m\"\n" + kPbrtSphere + mix + texture + material, "5:43",
+        "no material with the name \"b\"");
+  load(kPbrtSphere + "NamedMaterial \"a\"\n");
+  fails("WorldBegin\nNamedMaterial \"a\"\n" + kPbrtSphere + texture + material + "WorldEnd\n", "2:1",
+        "no material with the name");
+  EXPECT_EQ(check_scene_file(folder_.write("s.pbrt", "WorldBegin\nNamedMaterial \"a\"\n" + kPbrtSphere + kPbrtSphere))
+                .refused.size(),
+            1u);
+}
+
 TEST_F(PbrtTest, Exposure) {
   const std::string light = "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1]\n" + kPbrtSquare + "LightSource \"point\"\n";
   const auto radiance = [](const Scene& scene) {
