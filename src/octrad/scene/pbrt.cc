@@ -50,6 +50,12 @@ class PbrtReader {
     flush_curves();
     materials_.add_bsdfs();
     remove_lights_of_nothing();
+    for (const auto& [target, parameters] : attributes_) {
+      for (const PbrtParameter& p : *parameters) {
+        if (!p.used)
+          report_.assume(p.where, "the parameter \"" + p.name + "\" of Attribute \"" + target + "\" is left out");
+      }
+    }
     report_.attempt(integrator_ ? integrator_->location() : Location(), [&] { add_integrator(); });
     if (camera_) {
       report_.attempt(camera_->location(), [&] {
@@ -342,6 +348,7 @@ class PbrtReader {
     auto changed = state_.defaults ? *state_.defaults : std::map<std::string, PbrtObject::Defaults>();
     PbrtObject::Defaults& all = changed[target];
     all.push_back(std::make_shared<const PbrtParameters>(std::move(parameters)));
+    if (target != "medium") attributes_.emplace_back(target, all.back());
     std::size_t count = 0, numbers = 0;
     for (const auto& list : all) {
       ++count;  // also where it is empty
@@ -517,7 +524,6 @@ class PbrtReader {
       flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
     } else if (type == "plymesh") {
       file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
-      s.ignore({"displacement.edgelength"});
       try {
         if (ending_of(file) == ".gz") {
           std::error_code code;
@@ -653,6 +659,7 @@ class PbrtReader {
   std::shared_ptr<const SourceFile> main_;
   State state_;
   std::vector<Kept> stack_;
+  std::vector<std::pair<std::string, std::shared_ptr<const PbrtParameters>>> attributes_;  // by their targets
   std::map<std::string, Transform> systems_;
   Object camera_, film_, filter_, integrator_;
   std::optional<Transform> camera_to_world_;

@@ -324,7 +324,7 @@ void PbrtMaterials::add_coat(Element& parent, const PbrtObject& m, const Attribu
   }
   const PbrtTexture coat = v4 ? PbrtTexture() : texture(m, "Ks", false, Vec3d(m.type() == "substrate" ? 0.5 : 0.25));
   const bool bare = !v4 && coat.is_constant() && channel_mean(coat.value) <= 0.0;
-  m.ignore({"thickness", "g", "maxdepth", "nsamples"});
+  m.ignore({"g", "nsamples"});  // of a coat that scatters
   if (const auto albedo = color(m, "albedo", SpectrumUse::reflectance); albedo && channel_mean(*albedo) > 0.0)
     report_.assume(m.where("albedo"), "the coat of a coateddiffuse is clear (albedo)");
   if (!(index > 1.0) || bare) {
@@ -426,7 +426,6 @@ void PbrtMaterials::add_translucent(Element& parent, const PbrtObject& m, const 
     const PbrtTexture share = texture(m, "reflect", false, Vec3d(0.5));
     reflected = share.is_constant() ? share.value : Vec3d(0.5);
     transmitted = t.is_constant() ? t.value : Vec3d(0.5);
-    m.ignore({"Ks", "roughness", "remaproughness"});
   } else if (r.is_constant() && t.is_constant()) {
     reflected = r.value;
     transmitted = t.value;

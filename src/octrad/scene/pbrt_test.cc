@@ -521,5 +521,34 @@ TEST_F(PbrtTest, Mistakes) {
   assumes(load("AttributeBegin\n" + kPbrtSphere), "ends with the file");
 }
 
+// Each parameter that nobody asks for is noted.
+TEST_F(PbrtTest, ParametersThatAreLeftOut) {
+  const auto left_out = [&](const std::string& text, const std::string& name) {
+    assumes(load(text + kPbrtSphere), "the parameter \"" + name + "\" of ");
+  };
+  left_out("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n", "portal");
+  left_out("LightSource \"infinite\" \"float power\" 3\n", "power");
+  left_out("Material \"coateddiffuse\" \"float thickness\" 1\n", "thickness");
+  left_out("Material \"coateddiffuse\" \"integer maxdepth\" 1\n", "maxdepth");
+  left_out("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0] \"vector3 S\" [1 0 0 1 0 0 1 0 0]\n", "S");
+  left_out("Attribute \"shape\" \"float rdius\" 2\n", "rdius");
+  left_out("Attribute \"light\" \"float scale\" 2\n", "scale");
+  const std::string camera = "Camera \"perspective\" \"float lens\" 1\n",
+                    film = "Film \"rgb\" \"float maxcomponentvalue\" 10 \"float diagonal\" 40\n",
+                    filter = "PixelFilter \"triangle\" \"float xradius\" 1 \"float yradius\" 2 \"float b\" 1\n";
+  const Scene scene = load(kPbrtSphere, camera + film + filter);
+  for (const char* name : {"lens", "maxcomponentvalue", "diagonal", "b"})
+    assumes(scene, "the parameter \"" + std::string(name) + "\" of ");
+  assumes(scene, "filters are as high as they are wide");
+  assumes(load_old("Material \"translucent\" \"rgb Ks\" [.5 .5 .5]\n" + kPbrtSphere), "the parameter \"Ks\" of ");
+  // What steers sampling alone is not, nor what Attribute gives and one of the objects reads.
+  const Scene quiet = load(
+      "Attribute \"shape\" \"float radius\" 2\nShape \"disk\"\nShape \"trianglemesh\" \"point3 P\" "
+      "[0 0 0 1 0 0 1 1 0]\nLightSource \"infinite\" \"integer samples\" 4\n",
+      "Camera \"perspective\"\nSampler \"halton\" \"integer pixelsamples\" 4\nFilm \"rgb\" \"string filename\" "
+      "\"a.exr\"\n");
+  EXPECT_TRUE(quiet.assumed.empty()) << join(quiet.assumed, "\n");
+}
+
 }  // namespace
 }  // namespace octrad

@@ -350,6 +350,8 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   t.invert = object.flag("invert", false);
   const std::string filter = object.text("filter", "bilinear"), wrap = object.text("wrap", "repeat");
   t.nearest = filter == "point";
+  if (filter != "point" && filter != "bilinear")
+    report_.assume(object.where("filter"), "filter " + filter + " read as bilinear: samples of a pixel blur instead");
   t.wrap = wrap == "repeat" ? "repeat" : "clamp";
   if (wrap == "black") report_.assume(object.where("wrap"), "textures that are black outside are clamped");
   const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "sRGB" : "linear");
