@@ -515,21 +515,31 @@ class PbrtReader {
       s.note_unused(report_);
       return;
     }
-    double area = -1.0;
+    // Lights have one side: one on both is two, a little apart, each towards where its front is.
+    const bool shines = state_.light && !in_group, both = shines && state_.light->flag("twosided", false),
+               measured = shines && state_.light->has("power");
+    constexpr double kApart = 1e-4;  // of the diagonal of the shape's box
+    double area = -1.0, grow = 0.0;
     std::string mesh, file, back;
     bool faces = false;  // without normals of its own
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
+      if (both) grow = (state_.reverse ? -1.0 : 1.0) * kApart * 2.0 * std::numbers::sqrt3;
       flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
     } else if (type == "plymesh") {
       file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
       try {
-        if (ending_of(file) == ".gz") {
+        if (ending_of(file) == ".gz" || both || measured) {
           std::error_code code;
           std::string& known = made_[std::filesystem::weakly_canonical(file, code).string()];
           if (known.empty()) known = keep(read_pbrt_ply(file));
           mesh = known;
+          if (both) {
+            const double apart = towards_front(*description_.built_mesh(known)) * kApart;
+            back = moved(known, -apart);
+            mesh = moved(known, apart);
+          }
         } else {
           faces = !ply_has_normals(file);
         }
@@ -539,9 +549,8 @@ class PbrtReader {
         throw IoError(s.where("filename").text() + ": " + error.what());
       }
     } else {
-      const bool numbers = is_quadric(type), both = state_.light && !in_group && state_.light->flag("twosided", false);
       // Shapes that numbers describe are made once for the same ones.
-      const std::string key = numbers && !both ? numbers_of(s) : "";
+      const std::string key = is_quadric(type) && !both ? numbers_of(s) : "";
       if (const auto known = key.empty() ? made_.end() : made_.find(key); known != made_.end()) {
         mesh = known->second;
       } else {
@@ -555,27 +564,26 @@ class PbrtReader {
             (s.has_textures() ||
              (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)))))
           *raw = with_own_uvs(*raw);
-        // Lights have one side: one on both is two, a little apart, each towards where its front is.
         if (both) {
-          const double front = state_.reverse != normals_are_turned(*raw) ? -1e-4 : 1e-4;
-          back = keep(moved_along_normals(*raw, -front));
-          *raw = moved_along_normals(*raw, front);
+          const double apart = towards_front(*raw) * kApart;
+          back = keep(moved_along_normals(*raw, -apart));
+          *raw = moved_along_normals(*raw, apart);
         }
         mesh = keep(std::move(*raw));
         if (!key.empty()) made_.emplace(key, mesh);
       }
-      if (state_.light && state_.light->has("power")) {
-        // Of one triangle or patch: in pbrt each is a light of its own.
-        const RawMesh& made = *description_.built_mesh(mesh);
-        const auto parts = static_cast<double>(made.triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
-        area = mesh_area(made, state_.ctm) / (numbers ? 1.0 : parts);
-      }
+    }
+    if (measured && !mesh.empty()) {
+      // Of one triangle or patch: in pbrt each is a light of its own.
+      const RawMesh& made = *description_.built_mesh(mesh);
+      const auto parts = static_cast<double>(made.triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
+      area = mesh_area(made, state_.ctm) / (is_quadric(type) ? 1.0 : parts);
     }
     if (!mesh.empty()) faces = description_.built_mesh(mesh)->normals.empty();
     if (faces && mirrored) flip = !flip;  // what mirrors turns the front with it; normals do so by themselves
     const std::string bsdf = materials_.bsdf(state_.material, s);
-    if (!back.empty()) add_surface(s, back, "", bsdf, faces, !flip, area);
-    add_surface(s, mesh, file, bsdf, faces, flip, area);
+    if (both) add_surface(s, back, "", bsdf, faces, !flip, area, -grow);
+    add_surface(s, mesh, file, bsdf, faces, flip, area, grow);
     if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
     const PbrtParameter* alpha = state_.light ? s.find("alpha") : nullptr;
     if (alpha && alpha->numbers.size() == 1 && alpha->numbers[0] <= 0.0)
@@ -583,13 +591,22 @@ class PbrtReader {
     s.note_unused(report_);
   }
 
-  // A mesh that is kept, one of a file, or a sphere.
+  // Along the normals of a mesh, or against them.
+  double towards_front(const RawMesh& mesh) const { return state_.reverse != normals_are_turned(mesh) ? -1.0 : 1.0; }
+  // One that is kept with its vertices moved, once for each distance.
+  std::string moved(const std::string& mesh, double share) {
+    std::string& known = made_["moved by " + number_text(share) + " " + mesh];
+    if (known.empty()) known = keep(moved_along_normals(*description_.built_mesh(mesh), share));
+    return known;
+  }
+
+  // A mesh that is kept, one of a file, or a sphere, which may `grow` by a share of its radius.
   void add_surface(const PbrtObject& s, const std::string& mesh, const std::string& file, const std::string& bsdf,
-                   bool faces, bool flip, double area) {
+                   bool faces, bool flip, double area, double grow) {
     const Location where = s.location();
     Element& e = add_element(*group_, where, "shape", {{"type", is_round(s) ? "sphere" : "ply"}});
     if (is_round(s)) {
-      add_pbrt_value(e, where, "float", "radius", number_text(s.number("radius", 1.0)));
+      add_pbrt_value(e, where, "float", "radius", number_text(s.number("radius", 1.0) * (1.0 + grow)));
     } else {
       add_pbrt_value(e, where, "string", "filename", mesh.empty() ? file : mesh);
       if (mesh.empty()) add_pbrt_value(e, where, "boolean", "flip_tex_coords", "true");
@@ -602,7 +619,7 @@ class PbrtReader {
     if (!state_.light || in_group) return;
     if (materials_.is_promise(state_.material)) lit_.emplace_back(&e, state_.material);
     else if (shows_nothing(state_.material)) return note_no_light(where);
-    materials_.add_emitter(e, state_.light, area, !is_round(s) && file.empty());
+    materials_.add_emitter(e, state_.light, area);
   }
 
   // In version 4 such a surface does not shine either.

@@ -528,17 +528,14 @@ Vec3d PbrtMaterials::light_color(const Object& object) {
   return lights_[object] = l;
 }
 
-void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area, bool both) {
+void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area) {
   const PbrtObject& light = *object;
   const Location where = light.location();
   Vec3d l = light_color(object);
   const bool two_sided = light.flag("twosided", false);
-  if (two_sided && !both) report_.assume(where, "a light on both sides shines from its front only");
   if (light.has("power")) {
     if (light.has("filename"))
       fail(light.where("power"), "the power of a light with a picture is not supported; give its scale");
-    if (area < 0.0)
-      fail(light.where("power"), "the power of a light on a mesh of a file is not supported; give its radiance L");
     if (!(area > 0.0)) fail(light.where("power"), "the power of a light without an area");
     // Of a radiance whose luminance is 1.
     l = l * (light.number("power", 0.0, 0.0) / (std::numbers::pi * area * (two_sided ? 2.0 : 1.0)));

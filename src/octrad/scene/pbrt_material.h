@@ -92,9 +92,9 @@ class PbrtMaterials {
   std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
   // L, I ... of a light with its scale and the exposure.
   Vec3d strength(const PbrtObject& light, const char* name) const;
-  // An area light on a shape; `area`: of the shape in the scene, < 0 where it is not known; `both`: a light on both
-  // sides has another shape for the other side.
-  void add_emitter(Element& shape, const Object& light, double area, bool both);
+  // An area light on a shape; `area`: of the shape in the scene, for a light that has a power. A light on both sides
+  // has another shape for the other side.
+  void add_emitter(Element& shape, const Object& light, double area);
   // A picture that is made, under a name of its own for each `key`.
   std::string build_picture(const std::string& key, BuiltPicture picture);
 

@@ -135,6 +135,47 @@ TEST_F(PbrtTest, Fronts) {
   EXPECT_LT(Vec3d(turned.normals[0]).z * (turned.flip_normals ? -1.0 : 1.0), 0.0);
 }
 
+// A mesh in a file, and a whole sphere: as those that stand in the scene.
+TEST_F(PbrtTest, LightsOnBothSides) {
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
+  folder_.write("m.ply", ply);
+  const std::string
+      mesh = "Shape \"plymesh\" \"string filename\" \"m.ply\"\n",
+      same = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]\n";
+  for (const char* before : {"", "ReverseOrientation\n", "Scale 1 1 -1\n"}) {
+    for (const char* light :
+         {"AreaLightSource \"diffuse\" \"bool twosided\" true\n", "AreaLightSource \"diffuse\" \"float power\" 10\n",
+          "AreaLightSource \"diffuse\" \"bool twosided\" true \"float power\" 10\n"}) {
+      const std::string text = std::string(before) + light;
+      const Scene file = load(text + mesh + mesh);
+      EXPECT_EQ(file.fingerprint, load(text + same + same).fingerprint) << text;
+      EXPECT_TRUE(file.assumed.empty() || join(file.assumed).find("front") == std::string::npos) << join(file.assumed);
+    }
+    const Scene spheres =
+        load(std::string(before) + "AreaLightSource \"diffuse\" \"bool twosided\" true\n" + kPbrtSphere);
+    ASSERT_EQ(spheres.spheres.size(), 2u);
+    EXPECT_EQ(spheres.area_lights.size(), 2u);
+    // The larger one shines outwards.
+    const Sphere &a = spheres.spheres[0], &b = spheres.spheres[1];
+    EXPECT_NE(a.radius > b.radius, a.flip_normals) << before;
+    EXPECT_NE(a.flip_normals, b.flip_normals) << before;
+    EXPECT_NEAR(a.radius, 1.0f, 1e-3f);
+  }
+  // In an object nothing shines, and one surface is enough.
+  EXPECT_EQ(load("ObjectBegin \"o\"\nAreaLightSource \"diffuse\" \"bool twosided\" true\n" + mesh +
+                 "ObjectEnd\nObjectInstance \"o\"\n")
+                .shapes.size(),
+            1u);
+  folder_.write("empty.ply",
+                ply.substr(0, ply.find("element face 1")) +
+                    "element face 0\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n");
+  fails(
+      "WorldBegin\nAreaLightSource \"diffuse\" \"float power\" 10\nShape \"plymesh\" \"string filename\" \"empty.ply\"\n",
+      "2:27", "without an area");
+}
+
 TEST_F(PbrtTest, Power) {
   // Of luminance 1, 10 W over pi times the area of each triangle, which the transform makes 2.
   const Scene scene = load("Scale 2 2 2\nAreaLightSource \"diffuse\" \"float power\" 10\n" + kPbrtSquare);
