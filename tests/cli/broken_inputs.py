@@ -217,7 +217,7 @@ for name, data, message in (
         ("vertices-beyond-64-bits", ply(vertices=10 ** 30), "is not a number of elements"), ("vertices-negative", ply(vertices=-1), "is not a number of elements"),
         ("faces-huge", ply(faces=500000000), "the header announces"), ("no-vertices", ply(vertices=0, rows="3 0 1 2\n"), "refers to vertex"),
         ("no-z", ply(properties="xy", rows="0 0\n1 0\n0 1\n3 0 1 2\n"), "lacks x, y or z"),
-        ("two-corners", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), "fewer than three corners"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
+        ("two-corners-index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 -1\n"), "refers to vertex -1"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
         ("index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "refers to vertex -1"), ("cut-off", ply(rows="0 0 0\n1 0 0\n"), "ends early"),
         ("nan", ply(rows="0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"), "not finite"), ("word", ply(rows="0 0 z\n1 0 0\n0 1 0\n3 0 1 2\n"), "expected a number"),
         ("float-length", ply(face="list float int vertex_indices"), "integer type"), ("no-indices", ply(face="list uchar int things"), "lacks the list"),
@@ -772,6 +772,8 @@ odd("light-of-radiance-0", scene(SENSOR + '<shape type="cube"><emitter type="are
 odd("degenerate-mesh", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n")
 odd("light-without-area", scene(SENSOR + CUBE + '<shape type="obj"><string name="filename" value="m.obj"/><emitter type="area"/></shape>'), m_obj="v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
 odd("light-of-a-point", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/><emitter type="area"/></shape>'), m_ply=ply(rows="1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n"))
+odd("faces-of-two-corners", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>' + LIGHT),
+    m_ply=ply(faces=4, rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n0\n3 0 1 2\n1 0\n"))
 odd("faces-before-vertices", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>' + LIGHT),
     m_ply="ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n")
 odd("obj-of-windows", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="# \r\nv 0 0 0\r\nv 1 0 0 1\r\nv 0 1 0 0.5 0.5 0.5\r\nusemtl x\r\nf -3 \\\r\n -2 -1\r\n")
