@@ -46,10 +46,12 @@ struct PbrtTexture {
   bool is_constant() const { return kind == Kind::constant; }
 };
 
-// The product of two textures, or the second in the share `amount` and the first in the rest.
+// The product of two textures, or the second in the share `amount` and the first in the rest. A picture that is made of
+// it shows its pictures so often in both directions; the fields of its checkerboards are so many of it.
 struct PbrtMix {
   PbrtTexture a, b, amount;
   bool product = false;
+  int repeats[2] = {1, 1}, fields[2] = {1, 1};
 };
 
 class PbrtMaterials {
@@ -105,7 +107,7 @@ class PbrtMaterials {
   PbrtTexture named_texture(const std::string& name, bool number, const PbrtParameter& user);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
-  PbrtTexture mixed(const PbrtObject& object, const PbrtMix& mix) const;
+  PbrtTexture mixed(const PbrtObject& object, PbrtMix mix) const;
   std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
 
   enum class Role { color, number, radiance };
