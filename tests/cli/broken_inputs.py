@@ -67,8 +67,13 @@ for name, inside, message in (
         ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),
         ("gamma", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="gamma" value="nan"/></texture></bsdf>', "filename"),
         ("phong-nan", '<bsdf type="phong"><float name="exponent" value="nan"/><rgb name="diffuseReflectance" value="nan"/></bsdf>', "s.xml"),
-        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf")):
+        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf"),
+        ("scale-of-itself", '<texture type="scale" id="a"><ref id="a"/></texture><bsdf type="diffuse"><ref id="a" name="reflectance"/></bsdf>', 'texture "scale" is not supported'),
+        ("scale-of-nothing", '<bsdf type="diffuse"><texture type="scale" name="reflectance"><ref id="none"/></texture></bsdf>', 'texture "scale" is not supported')):
     bad("old-" + name, scene(inside, "0.6.0"), message)
+# Each has the parameters of the texture that it refers to.
+bad("cost-scales", scene('<texture type="bitmap" id="a"><string name="filename" value="s.xml"/>' + '<float name="b" value="1"/>' * 900 + "</texture>" + '<texture type="scale"><ref id="a"/></texture>' * 20000, "0.6.0"),
+    "the textures that are scaled", 4)
 bad("deep-elements", scene("<a>" * 100000 + "</a>" * 100000), "nested more than 64 deep")
 bad("attribute-twice", scene('<shape type="cube" type="cube"/>'), "given twice")
 bad("many-attributes", scene("<shape " + " ".join(f'a{i}="1"' for i in range(50000)) + "/>"), "more than 64 attributes")
@@ -416,6 +421,9 @@ pbrt("levels-many", 'Shape "loopsubdiv" "integer levels" 10 "point3 P" [ 0 0 0 1
 pbrt("mix-of-itself", 'MakeNamedMaterial "a" "string type" "mix" "string materials" [ "a" "a" ] NamedMaterial "a" Shape "sphere"', "mixed too deep")
 pbrt("mix-of-many", 'MakeNamedMaterial "m0" "string type" "diffuse" ' + "".join(f'MakeNamedMaterial "m{i + 1}" "string type" "mix" "string materials" [ "m{i}" "m{i}" ] ' for i in range(4))
      + 'NamedMaterial "m4" Shape "sphere"', "a mix of more than 8 materials")
+pbrt("name-never-defined", 'NamedMaterial "a" Shape "sphere" MakeNamedMaterial "b" "string type" "diffuse"', 'no material with the name "a"')
+pbrt("mix-of-the-undefined", 'NamedMaterial "a" Shape "sphere" MakeNamedMaterial "a" "string type" "mix" "string materials" [ "b" "a" ]', 'no material with the name "b"')
+pbrt("checkerboard-out-of-step", 'Texture "p" "spectrum" "imagemap" "string filename" "s.pbrt" Texture "c" "spectrum" "checkerboard" "texture tex1" "p" "float uscale" 1e9 Material "diffuse" "texture reflectance" "c" Shape "sphere"', "not in step")
 pbrt("texture-of-itself", 'Texture "t" "spectrum" "scale" "texture tex" "t" "float scale" .5 Material "diffuse" "texture reflectance" "t" Shape "sphere"', "nested too deep")
 pbrt("include-itself", 'Include "s.pbrt"', "16 deep")
 pbrt("include-a-device", 'Include "/dev/zero"', "a device, not a file", 3)

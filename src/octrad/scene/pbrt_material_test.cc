@@ -317,7 +317,7 @@ TEST_F(PbrtTest, CheckerboardsOfTextures) {
                             {static_cast<float>(s), static_cast<float>(1.0 - t)});
   };
   const Scene plain = load(image + use("p"));
-  // In two pictures of uscale 2 there are 6 fields of uscale 6, in two of vscale 1 five of 2.5, in one 0 of them.
+  // Fields for each picture: 3 and 3, 2.5 and 2.5, 4 and none.
   for (const auto& [fields_u, fields_v] : {std::pair(6.0, 3.0), std::pair(5.0, 2.5), std::pair(8.0, 0.0)}) {
     const std::string numbers = "\"float uscale\" " + std::to_string(fields_u) + " \"float vscale\" " +
                                 std::to_string(fields_v) + " \"float udelta\" .4 \"float vdelta\" .3";
@@ -330,7 +330,7 @@ TEST_F(PbrtTest, CheckerboardsOfTextures) {
         if (!inside(x) || !inside(y)) continue;  // the edge of a field is as wide as a pixel
         ++checked;
         const bool odd = (static_cast<int>(std::floor(x) + std::floor(y)) & 1) != 0;
-        expect_near(Vec3d(value(scene, s, t)), odd ? Vec3d(.9, .8, .7) : Vec3d(value(plain, s, t)), 0.02);
+        expect_near(Vec3d(value(scene, s, t)), odd ? Vec3d(.9, .8, .7) : Vec3d(value(plain, s, t)), 0.05);
       }
     }
     EXPECT_GT(checked, 200);
