@@ -67,8 +67,13 @@ for name, inside, message in (
         ("coat-of-nothing", '<bsdf type="coating"/>', "is not supported"), ("blackbody", '<emitter type="constant"><blackbody name="radiance" temperature="hot"/></emitter>', "not a finite number"),
         ("gamma", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><float name="gamma" value="nan"/></texture></bsdf>', "filename"),
         ("phong-nan", '<bsdf type="phong"><float name="exponent" value="nan"/><rgb name="diffuseReflectance" value="nan"/></bsdf>', "s.xml"),
-        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf")):
+        ("scaled-texture", '<bsdf type="bumpmap"><texture type="scale"/></bsdf>', "bsdf"),
+        ("scale-of-itself", '<texture type="scale" id="a"><ref id="a"/></texture><bsdf type="diffuse"><ref id="a" name="reflectance"/></bsdf>', 'texture "scale" is not supported'),
+        ("scale-of-nothing", '<bsdf type="diffuse"><texture type="scale" name="reflectance"><ref id="none"/></texture></bsdf>', 'texture "scale" is not supported')):
     bad("old-" + name, scene(inside, "0.6.0"), message)
+# Each has the parameters of the texture that it refers to.
+bad("cost-scales", scene('<texture type="bitmap" id="a"><string name="filename" value="s.xml"/>' + '<float name="b" value="1"/>' * 900 + "</texture>" + '<texture type="scale"><ref id="a"/></texture>' * 20000, "0.6.0"),
+    "the textures that are scaled", 4)
 bad("deep-elements", scene("<a>" * 100000 + "</a>" * 100000), "nested more than 64 deep")
 bad("attribute-twice", scene('<shape type="cube" type="cube"/>'), "given twice")
 bad("many-attributes", scene("<shape " + " ".join(f'a{i}="1"' for i in range(50000)) + "/>"), "more than 64 attributes")
@@ -217,7 +222,7 @@ for name, data, message in (
         ("vertices-beyond-64-bits", ply(vertices=10 ** 30), "is not a number of elements"), ("vertices-negative", ply(vertices=-1), "is not a number of elements"),
         ("faces-huge", ply(faces=500000000), "the header announces"), ("no-vertices", ply(vertices=0, rows="3 0 1 2\n"), "refers to vertex"),
         ("no-z", ply(properties="xy", rows="0 0\n1 0\n0 1\n3 0 1 2\n"), "lacks x, y or z"),
-        ("two-corners", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), "fewer than three corners"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
+        ("two-corners-index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n2 0 -1\n"), "refers to vertex -1"), ("index-9", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"), "refers to vertex 9"),
         ("index-negative", ply(rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "refers to vertex -1"), ("cut-off", ply(rows="0 0 0\n1 0 0\n"), "ends early"),
         ("nan", ply(rows="0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"), "not finite"), ("word", ply(rows="0 0 z\n1 0 0\n0 1 0\n3 0 1 2\n"), "expected a number"),
         ("float-length", ply(face="list float int vertex_indices"), "integer type"), ("no-indices", ply(face="list uchar int things"), "lacks the list"),
@@ -287,7 +292,7 @@ for name, inside, message in (
         ("ior-inside-out", '<bsdf type="plastic"><float name="int_ior" value="1"/><float name="ext_ior" value="2"/></bsdf>', "greater than ext_ior"),
         ("metal-unknown", '<bsdf type="conductor"><string name="material" value="Xx"/></bsdf>', "unknown conductor"),
         ("bsdf-unknown", '<bsdf type="difuse"/>', 'did you mean "diffuse"'), ("twosided-of-glass", '<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>', "cannot hold"),
-        ("mask-of-mask", '<bsdf type="mask"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>', "mask inside a mask"),
+        ("mask-of-mask", '<bsdf type="mask"><texture name="opacity" type="checkerboard"/><bsdf type="mask"><texture name="opacity" type="checkerboard"/><bsdf type="diffuse"/></bsdf></bsdf>', "mask inside a mask"),
         ("bump-of-nothing", '<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>', "exactly one <texture>"),
         ("radiance-negative", '<emitter type="constant"><rgb name="radiance" value="-1"/></emitter>', "not negative"),
         ("radiance-1e39", '<emitter type="constant"><rgb name="radiance" value="1e39"/></emitter>', "finite"),
@@ -416,6 +421,9 @@ pbrt("levels-many", 'Shape "loopsubdiv" "integer levels" 10 "point3 P" [ 0 0 0 1
 pbrt("mix-of-itself", 'MakeNamedMaterial "a" "string type" "mix" "string materials" [ "a" "a" ] NamedMaterial "a" Shape "sphere"', "mixed too deep")
 pbrt("mix-of-many", 'MakeNamedMaterial "m0" "string type" "diffuse" ' + "".join(f'MakeNamedMaterial "m{i + 1}" "string type" "mix" "string materials" [ "m{i}" "m{i}" ] ' for i in range(4))
      + 'NamedMaterial "m4" Shape "sphere"', "a mix of more than 8 materials")
+pbrt("name-never-defined", 'NamedMaterial "a" Shape "sphere" MakeNamedMaterial "b" "string type" "diffuse"', 'no material with the name "a"')
+pbrt("mix-of-the-undefined", 'NamedMaterial "a" Shape "sphere" MakeNamedMaterial "a" "string type" "mix" "string materials" [ "b" "a" ]', 'no material with the name "b"')
+pbrt("checkerboard-out-of-step", 'Texture "p" "spectrum" "imagemap" "string filename" "s.pbrt" Texture "c" "spectrum" "checkerboard" "texture tex1" "p" "float uscale" 1e9 Material "diffuse" "texture reflectance" "c" Shape "sphere"', "not in step")
 pbrt("texture-of-itself", 'Texture "t" "spectrum" "scale" "texture tex" "t" "float scale" .5 Material "diffuse" "texture reflectance" "t" Shape "sphere"', "nested too deep")
 pbrt("include-itself", 'Include "s.pbrt"', "16 deep")
 pbrt("include-a-device", 'Include "/dev/zero"', "a device, not a file", 3)
@@ -483,7 +491,6 @@ for name, data, message, code in (
         ("attribute.exr", b"\x76\x2f\x31\x01\2\0\0\0channels\0chlist\0\xff\xff\xff\x7f", "broken EXR header", 2)):
     pictured(name, data, message, code)
 for name, where, value, message in (
-        ("reflectance-5", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', 5, "has the value 5"),
         ("reflectance-negative", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "has the value -1"),
         ("reflectance-nan", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', float("nan"), "not finite"),
         ("opacity-2", '<bsdf type="mask"><texture name="opacity" type="bitmap"><string name="filename" value="t.pfm"/></texture><bsdf type="diffuse"/></bsdf>', 2, "an opacity must"),
@@ -491,6 +498,8 @@ for name, where, value, message in (
         ("light-nan", '<shape type="cube"><emitter type="area"><texture name="radiance" type="bitmap"><string name="filename" value="t.pfm"/></texture></emitter></shape>', float("nan"), "not finite"),
         ("sky-inf", '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>', float("inf"), "not finite")):
     body(f"bitmap-{name}", where, message, t_pfm=pfm(value))
+odd("bitmap-reflectance-5", scene(SENSOR + CUBE + '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>'),
+    "texels of reflectance above 1 (up to 5), read as 1", t_pfm=pfm(5))
 
 BIG = png(2600, 2600, bytes(2600 * (2600 * 3 + 1)), 2)
 case("compared", {"a.png": BIG}, ["compare", "a.png", "a.png"], 4, "a.png: comparing")
@@ -771,6 +780,8 @@ odd("light-of-radiance-0", scene(SENSOR + '<shape type="cube"><emitter type="are
 odd("degenerate-mesh", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n")
 odd("light-without-area", scene(SENSOR + CUBE + '<shape type="obj"><string name="filename" value="m.obj"/><emitter type="area"/></shape>'), m_obj="v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
 odd("light-of-a-point", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/><emitter type="area"/></shape>'), m_ply=ply(rows="1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n"))
+odd("faces-of-two-corners", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>' + LIGHT),
+    m_ply=ply(faces=4, rows="0 0 0\n1 0 0\n0 1 0\n2 0 1\n0\n3 0 1 2\n1 0\n"))
 odd("faces-before-vertices", scene(SENSOR + '<shape type="ply"><string name="filename" value="m.ply"/></shape>' + LIGHT),
     m_ply="ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n")
 odd("obj-of-windows", scene(SENSOR + '<shape type="obj"><string name="filename" value="m.obj"/></shape>' + LIGHT), m_obj="# \r\nv 0 0 0\r\nv 1 0 0 1\r\nv 0 1 0 0.5 0.5 0.5\r\nusemtl x\r\nf -3 \\\r\n -2 -1\r\n")

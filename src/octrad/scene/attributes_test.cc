@@ -122,6 +122,13 @@ TEST_F(AttributesTest, AreInterpolatedOverTriangles) {
   expect_near(
       at(scene, scene.materials.at(static_cast<std::size_t>(scene.shapes[1].material)).opacity, 1, 2, 0.0f, 1.0f),
       Vec3f(0.4f));
+  // One attribute for two parameters.
+  scene = load(
+      R"(<shape type="ply"><string name="filename" value="m.ply"/><bsdf type="principled"><texture type="mesh_attribute" name="metallic"><string name="name" value="vertex_weight"/></texture>
+<texture type="mesh_attribute" name="roughness"><string name="name" value="vertex_weight"/><float name="scale" value="2"/></texture></bsdf></shape>)");
+  using P = ExtraParameter;
+  for (const auto& [parameter, factor] : {std::pair(P::metallic, 1.0f), std::pair(P::roughness, 2.0f)})
+    expect_near(at(scene, scene.materials.at(1).extra[parameter], 0, 2, 0.0f, 1.0f), Vec3f(0.4f * factor));
   // The positions are those of the file.
   const TriangleMesh& mesh = scene.meshes[0];
   EXPECT_EQ(mesh.positions.at(static_cast<std::size_t>(mesh.triangles[2].z)), Vec3f(0, 1, 0));

@@ -142,6 +142,8 @@ class SceneBuilder {
   int texture_or(Params& params, const std::string& name, TextureRole role, float fallback);
   int texture_object(const Element& element, TextureRole role);
   int constant_texture(Vec3f value);
+  // Of two textures of numbers; -1 where neither is constant.
+  int product_texture(int a, int b);
   // Value of <float>, <integer>, <rgb> or <spectrum>; nullopt for other elements.
   std::optional<Vec3f> constant_value(const Element& element, TextureRole role);
   void load_bitmap(std::size_t job);
@@ -167,8 +169,11 @@ class SceneBuilder {
     bool raw = false, scalar = false;
     std::vector<TextureRole> roles;  // what its values must do for
     float scale = 1.0f;
+    float factor = 1.0f;       // of numbers, at most 1: of what their role permits
     std::size_t negative = 0;  // values of radiance that were read as 0
     std::size_t beyond = 0;    // values a little outside of [0, 1] that were read as its nearer end
+    std::size_t bright = 0;    // texels of a reflectance that are far above 1, read as 1
+    float brightest = 0.0f;    // and the largest value of these
     Location where;
   };
   struct Projector {
@@ -182,10 +187,11 @@ class SceneBuilder {
   // By element, and the mesh for which it was made where it shows attributes of that (else -1).
   std::map<std::pair<const Element*, int>, int> materials_;
   std::vector<const Element*> open_materials_;
-  // By element and role; bitmaps are one for all colours, and one for all scalars.
+  // By element and role; bitmaps are one for all that shines, one for other colours, and one for all scalars.
   std::map<std::pair<const Element*, TextureRole>, int> textures_;
   std::map<int, std::size_t> bitmap_of_;  // texture -> bitmaps_
   std::map<std::tuple<float, float, float>, int> constants_;
+  std::map<std::pair<int, float>, int> products_;  // of a texture and a constant
   // Colours of spectra, which may be long and be referred to often: by element, and by file.
   std::map<std::pair<const Element*, SpectrumUse>, Vec3f> spectra_;
   std::map<std::pair<std::string, SpectrumUse>, Vec3f> spectrum_files_;

@@ -16,6 +16,7 @@
 #include "octrad/scene/gltf.h"
 #include "octrad/scene/pbrt.h"
 #include "octrad/scene/plugins.h"
+#include "octrad/scene/scale_textures.h"
 #include "octrad/scene/scene.h"
 #include "octrad/scene/upgrade.h"
 
@@ -84,6 +85,7 @@ class XmlReader {
     check_definitions();
     collect_ids(*description_.root);
     resolve_aliases();
+    fold_scale_textures(description_);
   }
 
  private:

@@ -7,6 +7,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/number_text.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/builder.h"
 #include "octrad/scene/fingerprint.h"
@@ -308,6 +309,11 @@ void SceneBuilder::load_files() {
     if (job.beyond > 0)
       report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.beyond) +
                                      " values a little below 0 or above 1, read as 0 and 1");
+    if (job.bright > 0)
+      report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.bright) +
+                                     " texels of reflectance above 1 (up to " + number_text(job.brightest) +
+                                     "), read as 1: the cache needs surfaces that do not make energy. Mitsuba keeps "
+                                     "such values");
   }
   for (const MeshJob& job : mesh_jobs_) {
     if (job.empty) report().assume(job.where, "the mesh " + job.path + " has no triangle: its shape is left out");

@@ -125,11 +125,19 @@ Material SceneBuilder::read_bsdf(const Element& element) {
     const int opacity = texture_or(params, "opacity", TextureRole::opacity, 0.5f);
     const auto parts = nested_bsdfs(params, 1);
     m = flatten(*parts[0]);
-    if (m.opacity >= 0)
-      fail(element.location, "a mask inside a mask is not supported; multiply the opacities into one");
-    // An opaque mask is none: upgrade.cc makes such.
-    const Texture& t = scene_.textures[static_cast<std::size_t>(opacity)];
-    m.opacity = t.kind == Texture::Kind::constant && t.color0.x >= 1.0f ? -1 : opacity;
+    if (m.opacity >= 0) {
+      // What a mask in a mask keeps is the product.
+      const int product = product_texture(opacity, m.opacity);
+      if (product < 0)
+        fail(element.location,
+             "a mask inside a mask, both of textures, is not supported; multiply the two pictures into one, and give "
+             "that to a single mask");
+      m.opacity = product;
+    } else {
+      // An opaque mask is none: upgrade.cc makes such.
+      const Texture& t = scene_.textures[static_cast<std::size_t>(opacity)];
+      m.opacity = t.kind == Texture::Kind::constant && t.color0.x >= 1.0f ? -1 : opacity;
+    }
     if (m.back >= 0) {  // other materials may refer to the same one
       Material back = scene_.materials[static_cast<std::size_t>(m.back)];
       back.opacity = m.opacity;

@@ -482,7 +482,6 @@ TEST_F(LoadTest, Wrappers) {
           {"lets light through"});
   refuses(R"(<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>)", "2:67",
           {"at most 2"});
-  refuses(R"(<bsdf type="mask"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>)", "2:1", {"mask inside a mask"});
   refuses(R"(<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>)", "2:1", {"exactly one <texture>"});
   refuses(R"(<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>)", "2:22",
           {"a texture with a gradient"});

@@ -57,6 +57,41 @@ int SceneBuilder::constant_texture(Vec3f value) {
   return at->second;
 }
 
+int SceneBuilder::product_texture(int a, int b) {
+  const auto constant = [this](int texture) {
+    return scene_.textures[static_cast<std::size_t>(texture)].kind == Texture::Kind::constant;
+  };
+  if (constant(a)) std::swap(a, b);
+  if (!constant(b)) return -1;
+  const float factor = scene_.textures[static_cast<std::size_t>(b)].color0.x;
+  Texture t = scene_.textures[static_cast<std::size_t>(a)];
+  if (constant(a)) return constant_texture(t.color0 * factor);
+  if (factor == 1.0f) return a;
+  const int index = static_cast<int>(scene_.textures.size());
+  const auto [at, inserted] = products_.emplace(std::pair(a, factor), index);
+  if (!inserted) return at->second;
+  t.color0 = t.color0 * factor;
+  t.color1 = t.color1 * factor;
+  scene_.textures.push_back(std::move(t));
+  // Its pixels are made when files and meshes are read.
+  if (const auto bitmap = bitmap_of_.find(a); bitmap != bitmap_of_.end()) {
+    BitmapJob job = bitmaps_[bitmap->second];
+    job.texture = index;
+    job.factor *= factor;
+    bitmap_of_[index] = bitmaps_.size();
+    bitmaps_.push_back(std::move(job));
+  }
+  const auto attribute = std::find_if(attribute_uses_.begin(), attribute_uses_.end(),
+                                      [a](const AttributeUse& use) { return use.texture == a; });
+  if (attribute != attribute_uses_.end()) {
+    AttributeUse use = *attribute;
+    use.texture = index;
+    use.scale *= factor;
+    attribute_uses_.push_back(std::move(use));
+  }
+  return index;
+}
+
 int SceneBuilder::texture(Params& params, const std::string& name, TextureRole role) {
   const Element* parameter = params.find(name);
   if (!parameter) return -1;
@@ -84,9 +119,12 @@ int SceneBuilder::texture_or(Params& params, const std::string& name, TextureRol
 
 int SceneBuilder::texture_object(const Element& element, TextureRole role) {
   if (element.get("type") == "mesh_attribute") return attribute_texture(element, role);
-  // Colours of a checkerboard are checked and converted by their role, pixels of a picture when they are read.
+  // Colours of a checkerboard are checked and converted by their role, pixels of a picture when they are read. What
+  // shines may be brighter than 1, and keeps that where the same picture is a reflectance as well.
   const bool bitmap = element.get("type") == "bitmap";
-  const TextureRole kind = is_scalar(role) ? TextureRole::fraction : TextureRole::reflectance;
+  const TextureRole kind = is_scalar(role)                 ? TextureRole::fraction
+                           : role == TextureRole::radiance ? TextureRole::radiance
+                                                           : TextureRole::reflectance;
   const auto key = std::make_pair(&element, bitmap ? kind : role);
   if (const auto found = textures_.find(key); found != textures_.end()) {
     if (bitmap) {
@@ -198,6 +236,14 @@ void SceneBuilder::load_bitmap(std::size_t number) {
     constexpr float kTolerance = 1e-3f,  // of half precision
         kOvershoot = 0.05f;              // of filters and of lossy compression
     for (Vec3f& v : result) {
+      if (role == TextureRole::reflectance) {
+        const float largest = std::max({v.x, v.y, v.z});
+        if (largest > range.high + kOvershoot) {  // of an HDR picture
+          v = min(v, Vec3f(range.high));
+          ++job.bright;
+          job.brightest = std::max(job.brightest, largest);
+        }
+      }
       for (int c = 0; c < 3; ++c) {
         if (range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f)) continue;
         if (range.high > 1.0f || !range.holds(v[c], kOvershoot))
@@ -206,6 +252,9 @@ void SceneBuilder::load_bitmap(std::size_t number) {
         ++job.beyond;
       }
     }
+  }
+  if (job.factor != 1.0f) {
+    for (Vec3f& v : result) v = v * job.factor;
   }
   fill_bitmap(job, image.width, image.height, std::move(result));
 }

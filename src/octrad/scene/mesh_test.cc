@@ -294,12 +294,29 @@ TEST(Ply, ErrorsSayWhatIsWrong) {
   has(xyz + rows + "3 0 1 3\n", "refers to vertex 3, but there are 3");
   has(xyz + rows + "3 0 1 -1\n", "refers to vertex -1");
   has(xyz + rows + "3 0 1 0.5\n", "expected an integer");
-  has(xyz + rows + "2 0 1\n", "fewer than three corners");
   has(xyz + rows + "3 0 1\n", "ends early");
   for (const char* value : {"nan", "1e999", "-1e99"})
     has(xyz + "0 0 " + value + "\n1 0 0\n0 1 0\n3 0 1 2\n", "not finite");
   has(xyz + "0 0 x\n1 0 0\n0 1 0\n3 0 1 2\n", "expected a number");
   has(xyz + rows + "200 0 1 2\n", "does not fit");
+}
+
+// As in OBJ files; so are their attributes.
+TEST(Ply, FacesOfOneOrTwoCornersAreLeftOut) {
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 5\n"
+      "property float level_x\nproperty list uchar int vertex_indices\nproperty float heat_x\nend_header\n"
+      "0 0 0\n1 0 0\n1 1 0\n0 1 0\n1 2 0 1 10\n2 3 0 1 2 20\n3 0 30\n4 4 0 1 2 3 40\n5 1 9 50\n";
+  const RawMesh mesh = parse_ply("a.ply", text, {"face_level", "face_heat"}),
+                same = parse_obj("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2\nf 1 2 3\nf\nf 1 2 3 4\nf 2\n");
+  EXPECT_EQ(mesh.triangles, same.triangles);
+  ASSERT_EQ(mesh.triangles.size(), 3u);
+  ASSERT_EQ(mesh.attributes.size(), 2u);
+  for (const MeshAttribute& a : mesh.attributes) {
+    const float unit = a.name == "face_heat" ? 10.0f : 1.0f;
+    EXPECT_EQ(a.values, (std::vector<float>{2 * unit, 4 * unit, 4 * unit})) << a.name;
+  }
+  EXPECT_TRUE(parse_ply("a.ply", header("ascii", "x y z", 1, 1) + "0 0 0\n1 0\n").triangles.empty());
 }
 
 TEST(Ply, NormalsAndUvsThatAreNotFiniteAreNone) {

@@ -48,6 +48,14 @@ class PbrtReader {
     read_file_of(main_);
     if (!stack_.empty()) report_.assume(stack_.back().where, "the block that begins here ends with the file");
     flush_curves();
+    materials_.add_bsdfs();
+    remove_lights_of_nothing();
+    for (const auto& [target, parameters] : attributes_) {
+      for (const PbrtParameter& p : *parameters) {
+        if (!p.used)
+          report_.assume(p.where, "the parameter \"" + p.name + "\" of Attribute \"" + target + "\" is left out");
+      }
+    }
     report_.attempt(integrator_ ? integrator_->location() : Location(), [&] { add_integrator(); });
     if (camera_) {
       report_.attempt(camera_->location(), [&] {
@@ -340,6 +348,7 @@ class PbrtReader {
     auto changed = state_.defaults ? *state_.defaults : std::map<std::string, PbrtObject::Defaults>();
     PbrtObject::Defaults& all = changed[target];
     all.push_back(std::make_shared<const PbrtParameters>(std::move(parameters)));
+    if (target != "medium") attributes_.emplace_back(target, all.back());
     std::size_t count = 0, numbers = 0;
     for (const auto& list : all) {
       ++count;  // also where it is empty
@@ -432,7 +441,7 @@ class PbrtReader {
   void named(PbrtLexer& lexer, const Location& where) {
     const std::string name = lexer.text("a name");
     state_.material = nullptr;
-    report_.attempt(where, [&] { state_.material = materials_.named(name, where, materials_.serial()); });
+    report_.attempt(where, [&] { state_.material = materials_.named_for_shapes(name, where); });
   }
   void medium(PbrtLexer& lexer, const Location& where) {
     object(lexer, where, "Medium");  // refused where something uses it
@@ -506,22 +515,31 @@ class PbrtReader {
       s.note_unused(report_);
       return;
     }
-    double area = -1.0;
+    // Lights have one side: one on both is two, a little apart, each towards where its front is.
+    const bool shines = state_.light && !in_group, both = shines && state_.light->flag("twosided", false),
+               measured = shines && state_.light->has("power");
+    constexpr double kApart = 1e-4;  // of the diagonal of the shape's box
+    double area = -1.0, grow = 0.0;
     std::string mesh, file, back;
     bool faces = false;  // without normals of its own
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
+      if (both) grow = (state_.reverse ? -1.0 : 1.0) * kApart * 2.0 * std::numbers::sqrt3;
       flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
     } else if (type == "plymesh") {
       file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
-      s.ignore({"displacement.edgelength"});
       try {
-        if (ending_of(file) == ".gz") {
+        if (ending_of(file) == ".gz" || both || measured) {
           std::error_code code;
           std::string& known = made_[std::filesystem::weakly_canonical(file, code).string()];
           if (known.empty()) known = keep(read_pbrt_ply(file));
           mesh = known;
+          if (both) {
+            const double apart = towards_front(*description_.built_mesh(known)) * kApart;
+            back = moved(known, -apart);
+            mesh = moved(known, apart);
+          }
         } else {
           faces = !ply_has_normals(file);
         }
@@ -531,9 +549,8 @@ class PbrtReader {
         throw IoError(s.where("filename").text() + ": " + error.what());
       }
     } else {
-      const bool numbers = is_quadric(type), both = state_.light && !in_group && state_.light->flag("twosided", false);
       // Shapes that numbers describe are made once for the same ones.
-      const std::string key = numbers && !both ? numbers_of(s) : "";
+      const std::string key = is_quadric(type) && !both ? numbers_of(s) : "";
       if (const auto known = key.empty() ? made_.end() : made_.find(key); known != made_.end()) {
         mesh = known->second;
       } else {
@@ -544,29 +561,29 @@ class PbrtReader {
                           "disk, cylinder, cone, paraboloid, hyperboloid, curve");
         const PbrtObject* m = state_.material.get();
         if (raw->uvs.empty() && type == "trianglemesh" &&
-            (s.has_textures() || (m && (m->has_textures() || m->type() == "mix"))))
+            (s.has_textures() ||
+             (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)))))
           *raw = with_own_uvs(*raw);
-        // Lights have one side: one on both is two, a little apart, each towards where its front is.
         if (both) {
-          const double front = state_.reverse != normals_are_turned(*raw) ? -1e-4 : 1e-4;
-          back = keep(moved_along_normals(*raw, -front));
-          *raw = moved_along_normals(*raw, front);
+          const double apart = towards_front(*raw) * kApart;
+          back = keep(moved_along_normals(*raw, -apart));
+          *raw = moved_along_normals(*raw, apart);
         }
         mesh = keep(std::move(*raw));
         if (!key.empty()) made_.emplace(key, mesh);
       }
-      if (state_.light && state_.light->has("power")) {
-        // Of one triangle or patch: in pbrt each is a light of its own.
-        const RawMesh& made = *description_.built_mesh(mesh);
-        const auto parts = static_cast<double>(made.triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
-        area = mesh_area(made, state_.ctm) / (numbers ? 1.0 : parts);
-      }
+    }
+    if (measured && !mesh.empty()) {
+      // Of one triangle or patch: in pbrt each is a light of its own.
+      const RawMesh& made = *description_.built_mesh(mesh);
+      const auto parts = static_cast<double>(made.triangles.size()) / (type == "bilinearmesh" ? 2.0 : 1.0);
+      area = mesh_area(made, state_.ctm) / (is_quadric(type) ? 1.0 : parts);
     }
     if (!mesh.empty()) faces = description_.built_mesh(mesh)->normals.empty();
     if (faces && mirrored) flip = !flip;  // what mirrors turns the front with it; normals do so by themselves
     const std::string bsdf = materials_.bsdf(state_.material, s);
-    if (!back.empty()) add_surface(s, back, "", bsdf, faces, !flip, area);
-    add_surface(s, mesh, file, bsdf, faces, flip, area);
+    if (both) add_surface(s, back, "", bsdf, faces, !flip, area, -grow);
+    add_surface(s, mesh, file, bsdf, faces, flip, area, grow);
     if (state_.light && in_group) report_.assume(where, "lights in objects are left out, as in pbrt");
     const PbrtParameter* alpha = state_.light ? s.find("alpha") : nullptr;
     if (alpha && alpha->numbers.size() == 1 && alpha->numbers[0] <= 0.0)
@@ -574,13 +591,22 @@ class PbrtReader {
     s.note_unused(report_);
   }
 
-  // A mesh that is kept, one of a file, or a sphere.
+  // Along the normals of a mesh, or against them.
+  double towards_front(const RawMesh& mesh) const { return state_.reverse != normals_are_turned(mesh) ? -1.0 : 1.0; }
+  // One that is kept with its vertices moved, once for each distance.
+  std::string moved(const std::string& mesh, double share) {
+    std::string& known = made_["moved by " + number_text(share) + " " + mesh];
+    if (known.empty()) known = keep(moved_along_normals(*description_.built_mesh(mesh), share));
+    return known;
+  }
+
+  // A mesh that is kept, one of a file, or a sphere, which may `grow` by a share of its radius.
   void add_surface(const PbrtObject& s, const std::string& mesh, const std::string& file, const std::string& bsdf,
-                   bool faces, bool flip, double area) {
+                   bool faces, bool flip, double area, double grow) {
     const Location where = s.location();
     Element& e = add_element(*group_, where, "shape", {{"type", is_round(s) ? "sphere" : "ply"}});
     if (is_round(s)) {
-      add_pbrt_value(e, where, "float", "radius", number_text(s.number("radius", 1.0)));
+      add_pbrt_value(e, where, "float", "radius", number_text(s.number("radius", 1.0) * (1.0 + grow)));
     } else {
       add_pbrt_value(e, where, "string", "filename", mesh.empty() ? file : mesh);
       if (mesh.empty()) add_pbrt_value(e, where, "boolean", "flip_tex_coords", "true");
@@ -590,9 +616,25 @@ class PbrtReader {
     if (flip) add_pbrt_value(e, where, "boolean", "flip_normals", "true");
     add_element(e, where, "ref", {{"id", bsdf}});
     const bool in_group = group_ != description_.root.get();
-    const bool none = !old_ && state_.material && state_.material->type() == "interface";
-    if (state_.light && none) report_.assume(where, "lights on an interface material are left out, as in pbrt");
-    else if (state_.light && !in_group) materials_.add_emitter(e, state_.light, area, !is_round(s) && file.empty());
+    if (!state_.light || in_group) return;
+    if (materials_.is_promise(state_.material)) lit_.emplace_back(&e, state_.material);
+    else if (shows_nothing(state_.material)) return note_no_light(where);
+    materials_.add_emitter(e, state_.light, area);
+  }
+
+  // In version 4 such a surface does not shine either.
+  bool shows_nothing(const Object& material) const { return !old_ && material && material->type() == "interface"; }
+  void note_no_light(const Location& where) {
+    report_.assume(where, "lights on an interface material are left out, as in pbrt");
+  }
+  void remove_lights_of_nothing() {
+    for (const auto& [shape, material] : lit_) {
+      Object m;
+      report_.attempt(material->location(), [&, promise = material] { m = materials_.resolved(promise); });
+      if (!shows_nothing(m)) continue;
+      std::erase_if(shape->children, [](const auto& child) { return child->tag == "emitter"; });
+      note_no_light(shape->location);
+    }
   }
 
   static std::string numbers_of(const PbrtObject& s) {
@@ -634,11 +676,13 @@ class PbrtReader {
   std::shared_ptr<const SourceFile> main_;
   State state_;
   std::vector<Kept> stack_;
+  std::vector<std::pair<std::string, std::shared_ptr<const PbrtParameters>>> attributes_;  // by their targets
   std::map<std::string, Transform> systems_;
   Object camera_, film_, filter_, integrator_;
   std::optional<Transform> camera_to_world_;
   Element* group_ = nullptr;  // to which shapes are added: the root or a group
   std::map<std::string, Element*> groups_;
+  std::vector<std::pair<Element*, Object>> lit_;               // shapes that shine, of a material that is not known yet
   std::map<std::string, std::pair<Location, Curves>> curves_;  // by the id of their bsdf
   std::map<std::string, std::string> made_;                    // meshes, by the file or the numbers of which they are
   std::set<std::string> included_;

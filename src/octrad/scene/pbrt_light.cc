@@ -67,7 +67,6 @@ void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMater
                   Description& description, SceneReport& report) {
   const Location where = l.location();
   Vec3d factor = materials.strength(l, "L");
-  l.ignore({"portal"});
   const char* name = l.has("mapname") ? "mapname" : "filename";
   if (l.text(name, "").empty()) {  // also as exporters write it where there is none
     // Of radiance 1 everywhere a surface receives pi.

@@ -34,36 +34,78 @@ PbrtMaterials::Object PbrtMaterials::named(const std::string& name, const Locati
   return *definition;
 }
 
+PbrtMaterials::Object PbrtMaterials::named_for_shapes(const std::string& name, const Location& where) {
+  if (old_ || named_.count(name)) return named(name, where, serial_);
+  Object& promise = promises_[name];
+  if (!promise) {
+    promise = std::make_shared<const PbrtObject>("NamedMaterial", name, where);
+    promised_.emplace(promise.get(), name);
+  }
+  return promise;
+}
+
+PbrtMaterials::Object PbrtMaterials::resolved(const Object& material) const {
+  const auto promised = promised_.find(material.get());
+  return promised == promised_.end() ? material : named(promised->second, material->location(), serial_);
+}
+
 std::string PbrtMaterials::bsdf(const Object& material, const PbrtObject& shape) {
   static const Object plain = std::make_shared<const PbrtObject>("Material", "diffuse", Location());
-  const Object& m = material ? material : plain;
-  PbrtTexture alpha;
-  report_.attempt(shape.where("alpha"), [&] { alpha = texture(shape, "alpha", true, Vec3d(1.0)); });
-  std::string key;
-  if (!alpha.is_constant() || alpha.value.x < 1.0) {
-    const PbrtParameter* p = shape.find("alpha");
-    // Textures are kept: their address names them.
-    const auto found = p && !p->texts.empty() ? objects_.find({true, p->texts[0]}) : objects_.end();
-    key = found == objects_.end()
-              ? number_text(alpha.value.x)
-              : "texture " + std::to_string(reinterpret_cast<std::uintptr_t>(defined(found->second, p->serial)->get()));
+  Wanted wanted;
+  wanted.material = material ? material : plain;
+  if (const PbrtParameter* p = shape.find("alpha"); p && p->type == "texture") {
+    wanted.alpha_texture = *p;
+    // In version 3 a name is the same texture until it is defined again.
+    const std::string name = p->texts.empty() ? "" : p->texts[0];
+    const auto found = objects_.find({true, name});
+    const Object* texture = old_ && found != objects_.end() ? defined(found->second, p->serial) : nullptr;
+    wanted.alpha_key =
+        "texture " + std::to_string(reinterpret_cast<std::uintptr_t>(texture ? texture->get() : nullptr)) + name;
+  } else {
+    report_.attempt(shape.where("alpha"), [&] { wanted.alpha = shape.number("alpha", 1.0); });
+    if (wanted.alpha < 1.0) wanted.alpha_key = number_text(wanted.alpha);
   }
-  const auto [at, inserted] = bsdfs_.try_emplace({m.get(), key}, "");
+  const auto [at, inserted] = bsdfs_.try_emplace({wanted.material.get(), wanted.alpha_key}, "");
   if (!inserted) return at->second;
-  kept_.push_back(m);
-  const std::string id = "material" + std::to_string(bsdfs_.size() - 1);
-  at->second = id;
-  const Location where = m->location().file ? m->location() : shape.location();
+  at->second = wanted.id = "material" + std::to_string(wanted_.size());
+  wanted.where = wanted.material->location().file ? wanted.material->location() : shape.location();
+  wanted_.push_back(wanted);
+  return wanted.id;
+}
+
+void PbrtMaterials::add_bsdfs() {
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
-  const auto before = static_cast<std::ptrdiff_t>(all.size());
-  if (report_.attempt(where, [&] { add_bsdf(id, m, alpha, where); })) return id;
-  // What is there of it goes; what looks like nothing else takes its place.
-  all.erase(std::remove_if(all.begin() + before, all.end(), [&](const auto& e) { return e->get("id") == id; }),
-            all.end());
-  Element& stand_in = add_element(*description_.root, where, "bsdf", {{"type", "diffuse"}, {"id", id}});
-  add_element(stand_in, where, "rgb", {{"name", "reflectance"}, {"value", "1, 0, 1"}});
-  description_.ids[id] = &stand_in;
-  return id;
+  const auto first = static_cast<std::ptrdiff_t>(all.size());
+  std::map<std::pair<const PbrtObject*, std::string>, std::string> added;  // ids of what the promises stand for
+  for (const Wanted& wanted : wanted_) {
+    const auto before = static_cast<std::ptrdiff_t>(all.size());
+    const std::string& id = wanted.id;
+    const bool usable = report_.attempt(wanted.where, [&] {
+      const Object m = resolved(wanted.material);
+      const auto [known, fresh] = added.try_emplace({m.get(), wanted.alpha_key}, id);
+      if (!fresh) {  // by its name before it was defined, and after
+        description_.ids[id] = description_.ids.at(known->second);
+        return;
+      }
+      PbrtTexture alpha;
+      alpha.value = Vec3d(wanted.alpha);
+      if (const auto& p = wanted.alpha_texture) {
+        report_.attempt(p->where, [&] {
+          if (p->texts.size() != 1) fail(p->where, "the parameter \"alpha\" must name one texture");
+          alpha = named_texture(p->texts[0], true, *p);
+        });
+      }
+      add_bsdf(id, m, alpha, m->location().file ? m->location() : wanted.where);
+    });
+    if (usable) continue;
+    // What is there of it goes; what looks like nothing else takes its place.
+    all.erase(std::remove_if(all.begin() + before, all.end(), [&](const auto& e) { return e->get("id") == id; }),
+              all.end());
+    Element& stand_in = add_element(*description_.root, wanted.where, "bsdf", {{"type", "diffuse"}, {"id", id}});
+    add_element(stand_in, wanted.where, "rgb", {{"name", "reflectance"}, {"value", "1, 0, 1"}});
+    description_.ids[id] = &stand_in;
+  }
+  std::rotate(all.begin(), all.begin() + first, all.end());  // before the shapes that refer to them
 }
 
 Element& PbrtMaterials::nest(Element& parent, const Location& where, const std::string& type, Attributes labels) {
@@ -282,7 +324,7 @@ void PbrtMaterials::add_coat(Element& parent, const PbrtObject& m, const Attribu
   }
   const PbrtTexture coat = v4 ? PbrtTexture() : texture(m, "Ks", false, Vec3d(m.type() == "substrate" ? 0.5 : 0.25));
   const bool bare = !v4 && coat.is_constant() && channel_mean(coat.value) <= 0.0;
-  m.ignore({"thickness", "g", "maxdepth", "nsamples"});
+  m.ignore({"g", "nsamples"});  // of a coat that scatters
   if (const auto albedo = color(m, "albedo", SpectrumUse::reflectance); albedo && channel_mean(*albedo) > 0.0)
     report_.assume(m.where("albedo"), "the coat of a coateddiffuse is clear (albedo)");
   if (!(index > 1.0) || bare) {
@@ -384,7 +426,6 @@ void PbrtMaterials::add_translucent(Element& parent, const PbrtObject& m, const 
     const PbrtTexture share = texture(m, "reflect", false, Vec3d(0.5));
     reflected = share.is_constant() ? share.value : Vec3d(0.5);
     transmitted = t.is_constant() ? t.value : Vec3d(0.5);
-    m.ignore({"Ks", "roughness", "remaproughness"});
   } else if (r.is_constant() && t.is_constant()) {
     reflected = r.value;
     transmitted = t.value;
@@ -487,17 +528,14 @@ Vec3d PbrtMaterials::light_color(const Object& object) {
   return lights_[object] = l;
 }
 
-void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area, bool both) {
+void PbrtMaterials::add_emitter(Element& shape, const Object& object, double area) {
   const PbrtObject& light = *object;
   const Location where = light.location();
   Vec3d l = light_color(object);
   const bool two_sided = light.flag("twosided", false);
-  if (two_sided && !both) report_.assume(where, "a light on both sides shines from its front only");
   if (light.has("power")) {
     if (light.has("filename"))
       fail(light.where("power"), "the power of a light with a picture is not supported; give its scale");
-    if (area < 0.0)
-      fail(light.where("power"), "the power of a light on a mesh of a file is not supported; give its radiance L");
     if (!(area > 0.0)) fail(light.where("power"), "the power of a light without an area");
     // Of a radiance whose luminance is 1.
     l = l * (light.number("power", 0.0, 0.0) / (std::numbers::pi * area * (two_sided ? 2.0 : 1.0)));

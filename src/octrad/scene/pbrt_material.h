@@ -46,10 +46,12 @@ struct PbrtTexture {
   bool is_constant() const { return kind == Kind::constant; }
 };
 
-// The product of two textures, or the second in the share `amount` and the first in the rest.
+// The product of two textures, or the second in the share `amount` and the first in the rest. A picture that is made of
+// it shows its pictures so often in both directions; the fields of its checkerboards are so many of it.
 struct PbrtMix {
   PbrtTexture a, b, amount;
   bool product = false;
+  int repeats[2] = {1, 1}, fields[2] = {1, 1};
 };
 
 class PbrtMaterials {
@@ -73,22 +75,28 @@ class PbrtMaterials {
   // How many of both there are. Names of version 3 stand for what was defined before they were used.
   std::size_t serial() const { return serial_; }
   Object named(const std::string& name, const Location& where, std::size_t serial) const;
+  // The same for shapes: a name of version 4 may be defined later, and then this stands for it.
+  Object named_for_shapes(const std::string& name, const Location& where);
+  // What stands for a name that was not defined yet: what has it now.
+  bool is_promise(const Object& material) const { return promised_.count(material.get()) > 0; }
+  Object resolved(const Object& material) const;
 
   // What the film makes of radiance: all lights are multiplied by it.
   double exposure = 1.0;
 
   // The id of a bsdf for a shape of that material, which may have an alpha; null: what pbrt takes where a file says
-  // nothing.
+  // nothing. It is added by add_bsdfs(), when all names are known.
   std::string bsdf(const Object& material, const PbrtObject& shape);
+  void add_bsdfs();
 
   // A constant colour; nullopt where the object has no such parameter. Emission: spectra have a luminance of 1, as in
   // pbrt-v4.
   std::optional<Vec3d> color(const PbrtObject& object, std::string_view name, SpectrumUse use) const;
   // L, I ... of a light with its scale and the exposure.
   Vec3d strength(const PbrtObject& light, const char* name) const;
-  // An area light on a shape; `area`: of the shape in the scene, < 0 where it is not known; `both`: a light on both
-  // sides has another shape for the other side.
-  void add_emitter(Element& shape, const Object& light, double area, bool both);
+  // An area light on a shape; `area`: of the shape in the scene, for a light that has a power. A light on both sides
+  // has another shape for the other side.
+  void add_emitter(Element& shape, const Object& light, double area);
   // A picture that is made, under a name of its own for each `key`.
   std::string build_picture(const std::string& key, BuiltPicture picture);
 
@@ -99,7 +107,7 @@ class PbrtMaterials {
   PbrtTexture named_texture(const std::string& name, bool number, const PbrtParameter& user);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
-  PbrtTexture mixed(const PbrtObject& object, const PbrtMix& mix) const;
+  PbrtTexture mixed(const PbrtObject& object, PbrtMix mix) const;
   std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
 
   enum class Role { color, number, radiance };
@@ -149,11 +157,21 @@ class PbrtMaterials {
   int open_ = 0;                                                 // textures that are being looked into
   std::map<std::string, Definitions> named_;                     // materials
   std::size_t serial_ = 0;
-  std::map<Object, Vec3d> lights_;                                        // what area lights shine
-  mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;  // of files
-  std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;
-  bool parts_turn_ = false;   // the opaque parts of the mix that is added have two sides each
-  std::vector<Object> kept_;  // whose address is a key of bsdfs_
+  std::map<Object, Vec3d> lights_;                                          // what area lights shine
+  mutable std::map<std::pair<std::string, SpectrumUse>, Vec3d> spectra_;    // of files
+  std::map<std::pair<const PbrtObject*, std::string>, std::string> bsdfs_;  // by material and alpha
+  struct Wanted {
+    std::string id;
+    Object material;
+    std::string alpha_key;
+    double alpha = 1.0;
+    std::optional<PbrtParameter> alpha_texture;
+    Location where;
+  };
+  std::vector<Wanted> wanted_;                         // bsdfs, in the order of the shapes
+  std::map<std::string, Object> promises_;             // by name
+  std::map<const PbrtObject*, std::string> promised_;  // the names of these
+  bool parts_turn_ = false;                            // the opaque parts of the mix that is added have two sides each
   std::map<std::string, std::string> textures_, pictures_;  // by what they are made of: ids, names
 };
 

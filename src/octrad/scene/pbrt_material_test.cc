@@ -5,6 +5,7 @@
 
 #include "octrad/image/io.h"
 #include "octrad/scene/pbrt_test_helper.h"
+#include "octrad/scene/texture.h"
 
 namespace octrad {
 namespace {
@@ -296,6 +297,72 @@ TEST_F(PbrtTest, Checkerboards) {
     }
   }
   EXPECT_GT(checked, 200);
+}
+
+// Of pictures and of checkerboards, where the fields and the pictures are in step.
+TEST_F(PbrtTest, CheckerboardsOfTextures) {
+  Image picture(4, 4, {"R", "G", "B"});
+  for (int i = 0; i < 16; ++i) picture.set_rgb(i % 4, i / 4, {0.05f * static_cast<float>(i), 0.3f, 0.4f});
+  write_exr((folder_.path() / "p.exr").string(), picture);
+  const std::string image =
+      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"float uscale\" 2 \"float udelta\" .125\n";
+  const auto checks = [](const std::string& numbers, const std::string& parts, const std::string& name = "c") {
+    return "Texture \"" + name + "\" \"spectrum\" \"checkerboard\" " + numbers + " " + parts + "\n";
+  };
+  const auto use = [](const std::string& name) {
+    return "Material \"diffuse\" \"texture reflectance\" \"" + name + "\"\n" + kPbrtSquare;
+  };
+  const auto value = [](const Scene& scene, double s, double t) {
+    return evaluate_texture(texture_view(scene.textures[static_cast<std::size_t>(scene.materials[1].reflectance)]),
+                            {static_cast<float>(s), static_cast<float>(1.0 - t)});
+  };
+  const Scene plain = load(image + use("p"));
+  // Fields for each picture: 3 and 3, 2.5 and 2.5, 4 and none.
+  for (const auto& [fields_u, fields_v] : {std::pair(6.0, 3.0), std::pair(5.0, 2.5), std::pair(8.0, 0.0)}) {
+    const std::string numbers = "\"float uscale\" " + std::to_string(fields_u) + " \"float vscale\" " +
+                                std::to_string(fields_v) + " \"float udelta\" .4 \"float vdelta\" .3";
+    const Scene scene = load(image + checks(numbers, "\"texture tex1\" \"p\" \"rgb tex2\" [.9 .8 .7]") + use("c"));
+    int checked = 0;
+    for (double s = 0.013; s < 2.0; s += 0.071) {
+      for (double t = 0.017; t < 2.0; t += 0.083) {
+        const double x = fields_u * s + 0.4, y = fields_v * t + 0.3;
+        const auto inside = [](double f) { return f - std::floor(f) > 0.1 && f - std::floor(f) < 0.9; };
+        if (!inside(x) || !inside(y)) continue;  // the edge of a field is as wide as a pixel
+        ++checked;
+        const bool odd = (static_cast<int>(std::floor(x) + std::floor(y)) & 1) != 0;
+        expect_near(Vec3d(value(scene, s, t)), odd ? Vec3d(.9, .8, .7) : Vec3d(value(plain, s, t)), 0.05);
+      }
+    }
+    EXPECT_GT(checked, 200);
+  }
+  // Of checkerboards, exactly; as the amount of a mix too.
+  const std::string numbers = "\"float uscale\" 4 \"float vscale\" 4",
+                    two = "\"rgb tex1\" [.1 .2 .3] \"rgb tex2\" [.5 .6 .7]";
+  const Scene nested = load(checks(numbers, two, "d") + checks(numbers, "\"rgb tex1\" [1 1 1] \"texture tex2\" \"d\"") +
+                            use("c")),
+              flat = load(checks(numbers, "\"rgb tex1\" [1 1 1] \"rgb tex2\" [.5 .6 .7]") + use("c")),
+              amount = load(
+                  "Texture \"a\" \"float\" \"checkerboard\" " + numbers +
+                  " \"float tex1\" 0 \"float tex2\" 1\nTexture \"c\" \"spectrum\" \"mix\" \"rgb tex1\" [1 1 1] \"rgb "
+                  "tex2\" [.5 .6 .7] \"texture amount\" \"a\"\n" +
+                  use("c"));
+  EXPECT_EQ(nested.fingerprint, flat.fingerprint);
+  EXPECT_EQ(amount.fingerprint, flat.fingerprint);
+  const auto refused = [&](const std::string& text, const std::string& what) {
+    const std::string message = error("WorldBegin\n" + text + use("c"));
+    EXPECT_NE(message.find(what), std::string::npos) << message;
+  };
+  const std::string of_picture = "\"texture tex1\" \"p\" \"rgb tex2\" [.9 .8 .7]";
+  refused(image + checks("\"float uscale\" 3.3", of_picture), "not in step");
+  refused(image + checks("\"float uscale\" 1e9", of_picture), "not in step");
+  refused(image + checks("\"float uscale\" 1e29", of_picture), "not in step");
+  refused("Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"string wrap\" \"clamp\"\n" +
+              checks("\"float uscale\" 4", of_picture),
+          "do not repeat");
+  refused("Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"float uscale\" 0\n" +
+              checks("\"float uscale\" 4", of_picture),
+          "not in step");
+  refused(checks(numbers, two, "d") + checks("\"float uscale\" 3", "\"texture tex1\" \"d\""), "in two ways");
 }
 
 }  // namespace

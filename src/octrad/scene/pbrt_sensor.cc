@@ -38,7 +38,7 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
   }
   if (f.has("sensor") && f.text("sensor", "cie1931") != "cie1931")
     report.assume(f.location(), "the film shows linear sRGB: the response of its sensor is left out");
-  f.ignore({"filename", "diagonal", "savefp16", "maxcomponentvalue", "maxsampleluminance", old ? "scale" : "iso"});
+  f.ignore({"filename", "savefp16", old ? "scale" : "iso"});
   f.note_unused(report);
   // Without a filter that of version 3 is a box; version 4 has octrad's own gaussian.
   const std::string type = filter ? filter->type() : old ? "box" : "gaussian";
@@ -57,7 +57,12 @@ void add_film(Element& sensor, const PbrtObject& f, const PbrtObject* filter, bo
   const auto radius = [&](double fallback) {
     return filter->number(filter->has("xradius") ? "xradius" : "xwidth", fallback, 0.05, 8.0);
   };
-  if (type == "triangle") value("radius", radius(2.0));
+  if (type == "triangle") {
+    const double wide = radius(2.0);
+    value("radius", wide);
+    if (filter->number(filter->has("yradius") ? "yradius" : "ywidth", wide) != wide)
+      report.assume(filter->location(), "filters are as high as they are wide");
+  }
   if (type == "mitchell") {
     value("B", filter->number("B", 1.0 / 3.0, 0.0, 1.0));
     value("C", filter->number("C", 1.0 / 3.0, 0.0, 1.0));

@@ -58,7 +58,6 @@ RawMesh vertices(const PbrtObject& shape) {
     for (std::size_t i = 0; i < uv->numbers.size(); i += 2)
       mesh.uvs.push_back({static_cast<float>(uv->numbers[i]), static_cast<float>(1.0 - uv->numbers[i + 1])});
   }
-  shape.ignore({"S", "faceIndices"});
   return mesh;
 }
 

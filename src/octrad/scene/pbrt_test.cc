@@ -135,6 +135,47 @@ TEST_F(PbrtTest, Fronts) {
   EXPECT_LT(Vec3d(turned.normals[0]).z * (turned.flip_normals ? -1.0 : 1.0), 0.0);
 }
 
+// A mesh in a file, and a whole sphere: as those that stand in the scene.
+TEST_F(PbrtTest, LightsOnBothSides) {
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
+  folder_.write("m.ply", ply);
+  const std::string
+      mesh = "Shape \"plymesh\" \"string filename\" \"m.ply\"\n",
+      same = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]\n";
+  for (const char* before : {"", "ReverseOrientation\n", "Scale 1 1 -1\n"}) {
+    for (const char* light :
+         {"AreaLightSource \"diffuse\" \"bool twosided\" true\n", "AreaLightSource \"diffuse\" \"float power\" 10\n",
+          "AreaLightSource \"diffuse\" \"bool twosided\" true \"float power\" 10\n"}) {
+      const std::string text = std::string(before) + light;
+      const Scene file = load(text + mesh + mesh);
+      EXPECT_EQ(file.fingerprint, load(text + same + same).fingerprint) << text;
+      EXPECT_TRUE(file.assumed.empty() || join(file.assumed).find("front") == std::string::npos) << join(file.assumed);
+    }
+    const Scene spheres =
+        load(std::string(before) + "AreaLightSource \"diffuse\" \"bool twosided\" true\n" + kPbrtSphere);
+    ASSERT_EQ(spheres.spheres.size(), 2u);
+    EXPECT_EQ(spheres.area_lights.size(), 2u);
+    // The larger one shines outwards.
+    const Sphere &a = spheres.spheres[0], &b = spheres.spheres[1];
+    EXPECT_NE(a.radius > b.radius, a.flip_normals) << before;
+    EXPECT_NE(a.flip_normals, b.flip_normals) << before;
+    EXPECT_NEAR(a.radius, 1.0f, 1e-3f);
+  }
+  // In an object nothing shines, and one surface is enough.
+  EXPECT_EQ(load("ObjectBegin \"o\"\nAreaLightSource \"diffuse\" \"bool twosided\" true\n" + mesh +
+                 "ObjectEnd\nObjectInstance \"o\"\n")
+                .shapes.size(),
+            1u);
+  folder_.write("empty.ply",
+                ply.substr(0, ply.find("element face 1")) +
+                    "element face 0\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n");
+  fails(
+      "WorldBegin\nAreaLightSource \"diffuse\" \"float power\" 10\nShape \"plymesh\" \"string filename\" \"empty.ply\"\n",
+      "2:27", "without an area");
+}
+
 TEST_F(PbrtTest, Power) {
   // Of luminance 1, 10 W over pi times the area of each triangle, which the transform makes 2.
   const Scene scene = load("Scale 2 2 2\nAreaLightSource \"diffuse\" \"float power\" 10\n" + kPbrtSquare);
@@ -373,6 +414,58 @@ TEST_F(PbrtTest, NamesOfTwoThings) {
   EXPECT_NEAR(load("Shape \"sphere\" \"float radius\" 2 \"float radius\" 3\n").spheres[0].radius, 3.0f, 1e-6f);
 }
 
+// Version 4 looks up the materials of shapes, and their textures, at the end.
+TEST_F(PbrtTest, NamesBeforeTheirDefinition) {
+  const std::string texture = "Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .5 .1]\n",
+                    material = "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"texture reflectance\" \"t\"\n",
+                    hole = "Texture \"h\" \"float\" \"constant\" \"float value\" .25\n",
+                    use = "NamedMaterial \"a\"\nShape \"sphere\" \"texture alpha\" \"h\"\n";
+  const Scene before = load(texture + material + hole + use), after = load(use + material + hole + texture);
+  EXPECT_EQ(before.fingerprint, after.fingerprint);
+  EXPECT_GE(after.materials.at(1).opacity, 0);
+  // Parts of a mix; a name that is used on both sides of its definition is one material.
+  const std::string mix = "MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"a\" \"b\"]\n",
+                    other = "MakeNamedMaterial \"b\" \"string type\" \"conductor\"\n",
+                    mixed = "NamedMaterial \"m\"\n" + kPbrtSquare;
+  const Scene one = load(mixed + mix + texture + material + other + mixed);
+  EXPECT_EQ(one.shapes.at(0).material, one.shapes.at(1).material);
+  EXPECT_EQ(one.materials.at(static_cast<std::size_t>(one.shapes.at(0).material)).type, BsdfType::blendbsdf);
+  // In an object, and as the material of curves.
+  const std::string curve = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 1 0 3 1 0]\n";
+  const Scene group = load("ObjectBegin \"o\"\nNamedMaterial \"b\"\n" + kPbrtSquare + curve +
+                           "ObjectEnd\nObjectInstance \"o\"\n" + other);
+  ASSERT_EQ(group.shapes.size(), 2u);
+  for (const Shape& shape : group.shapes)
+    EXPECT_EQ(group.materials.at(static_cast<std::size_t>(shape.material)).type, BsdfType::conductor);
+  // Textures lie on triangles without coordinates of their own all the same.
+  Image picture(2, 2, {"R", "G", "B"});
+  write_exr((folder_.path() / "p.exr").string(), picture);
+  EXPECT_EQ(
+      load("NamedMaterial \"a\"\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0]\nTexture \"t\" \"spectrum\" "
+           "\"imagemap\" \"string filename\" \"p.exr\"\n" +
+           material)
+          .meshes.at(0)
+          .uvs.size(),
+      3u);
+  // What turns out to show nothing does not shine.
+  const std::string lamp = "AttributeBegin\nNamedMaterial \"i\"\nAreaLightSource \"diffuse\"\n" + kPbrtSquare +
+                           "AttributeEnd\nMakeNamedMaterial \"i\" \"string type\" ";
+  const Scene dark = load(lamp + "\"interface\"\n");
+  EXPECT_TRUE(dark.area_lights.empty());
+  assumes(dark, "lights on an interface material");
+  EXPECT_EQ(load(lamp + "\"diffuse\"\n").area_lights.size(), 1u);
+  // Names that are never defined, at their first use; version 3 wants the definition first.
+  fails("WorldBegin\nNamedMaterial \"aa\"\n" + kPbrtSphere + texture + material, "2:1", "did you mean \"a\"");
+  fails("WorldBegin\n" + kPbrtSphere + "NamedMaterial \"m\"\n" + kPbrtSphere + mix + texture + material, "5:43",
+        "no material with the name \"b\"");
+  load(kPbrtSphere + "NamedMaterial \"a\"\n");
+  fails("WorldBegin\nNamedMaterial \"a\"\n" + kPbrtSphere + texture + material + "WorldEnd\n", "2:1",
+        "no material with the name");
+  EXPECT_EQ(check_scene_file(folder_.write("s.pbrt", "WorldBegin\nNamedMaterial \"a\"\n" + kPbrtSphere + kPbrtSphere))
+                .refused.size(),
+            1u);
+}
+
 TEST_F(PbrtTest, Exposure) {
   const std::string light = "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1]\n" + kPbrtSquare + "LightSource \"point\"\n";
   const auto radiance = [](const Scene& scene) {
@@ -467,6 +560,35 @@ TEST_F(PbrtTest, Mistakes) {
   load("Texture \"t\" \"spectrum\" \"fbm\"\nMakeNamedMaterial \"m\" \"string type\" \"fourier\"\n" + kPbrtSphere);
   assumes(load("Shape \"sphere\" \"float rdius\" 2\n"), "\"rdius\" of Shape \"sphere\" is left out");
   assumes(load("AttributeBegin\n" + kPbrtSphere), "ends with the file");
+}
+
+// Each parameter that nobody asks for is noted.
+TEST_F(PbrtTest, ParametersThatAreLeftOut) {
+  const auto left_out = [&](const std::string& text, const std::string& name) {
+    assumes(load(text + kPbrtSphere), "the parameter \"" + name + "\" of ");
+  };
+  left_out("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n", "portal");
+  left_out("LightSource \"infinite\" \"float power\" 3\n", "power");
+  left_out("Material \"coateddiffuse\" \"float thickness\" 1\n", "thickness");
+  left_out("Material \"coateddiffuse\" \"integer maxdepth\" 1\n", "maxdepth");
+  left_out("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0] \"vector3 S\" [1 0 0 1 0 0 1 0 0]\n", "S");
+  left_out("Attribute \"shape\" \"float rdius\" 2\n", "rdius");
+  left_out("Attribute \"light\" \"float scale\" 2\n", "scale");
+  const std::string camera = "Camera \"perspective\" \"float lens\" 1\n",
+                    film = "Film \"rgb\" \"float maxcomponentvalue\" 10 \"float diagonal\" 40\n",
+                    filter = "PixelFilter \"triangle\" \"float xradius\" 1 \"float yradius\" 2 \"float b\" 1\n";
+  const Scene scene = load(kPbrtSphere, camera + film + filter);
+  for (const char* name : {"lens", "maxcomponentvalue", "diagonal", "b"})
+    assumes(scene, "the parameter \"" + std::string(name) + "\" of ");
+  assumes(scene, "filters are as high as they are wide");
+  assumes(load_old("Material \"translucent\" \"rgb Ks\" [.5 .5 .5]\n" + kPbrtSphere), "the parameter \"Ks\" of ");
+  // What steers sampling alone is not, nor what Attribute gives and one of the objects reads.
+  const Scene quiet = load(
+      "Attribute \"shape\" \"float radius\" 2\nShape \"disk\"\nShape \"trianglemesh\" \"point3 P\" "
+      "[0 0 0 1 0 0 1 1 0]\nLightSource \"infinite\" \"integer samples\" 4\n",
+      "Camera \"perspective\"\nSampler \"halton\" \"integer pixelsamples\" 4\nFilm \"rgb\" \"string filename\" "
+      "\"a.exr\"\n");
+  EXPECT_TRUE(quiet.assumed.empty()) << join(quiet.assumed, "\n");
 }
 
 }  // namespace

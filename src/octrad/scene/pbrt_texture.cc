@@ -35,6 +35,11 @@ Vec3d normalized_light(const Spectrum& spectrum, const Location& where) {
 // Of brass; refractiveindex.info, at 650, 550 and 450 nm.
 constexpr Vec3d kBrassEta{0.444, 0.527, 1.094}, kBrassK{3.695, 2.765, 1.829};
 
+Vec3d mixture(const PbrtMix& mix, Vec3d a, Vec3d b, Vec3d amount) {
+  const Vec3d share(channel_mean(amount));
+  return mix.product ? a * b : a * (Vec3d(1.0) - share) + b * share;
+}
+
 // The colours of a picture, with its factors.
 Image linear_picture(const PbrtTexture& t) {
   const std::vector<std::string> rgb = {"R", "G", "B"};
@@ -57,35 +62,53 @@ Image linear_picture(const PbrtTexture& t) {
     }
     return out;
   }
-  // As large as the largest of them; a constant is one pixel.
-  const PbrtTexture* parts[3] = {&t.mix->a, &t.mix->b, &t.mix->amount};
+  // As large as the largest of them; a constant is one pixel, and a field of a checkerboard a whole number of pixels,
+  // 16 where they are few.
+  const PbrtMix& mix = *t.mix;
+  const PbrtTexture* parts[3] = {&mix.a, &mix.b, &mix.amount};
+  const PbrtTexture* first = nullptr;  // of the pictures
   Image pictures[3];
-  int width = 1, height = 1;
+  int size[2] = {1, 1};
   for (int i = 0; i < 3; ++i) {
-    if (parts[i]->is_constant()) {
+    if (parts[i]->kind != PbrtTexture::Kind::picture) {
       pictures[i] = Image(1, 1, rgb);
       pictures[i].set_rgb(0, 0, Vec3f(parts[i]->value));
     } else {
       pictures[i] = linear_picture(*parts[i]);
+      if (!first) first = parts[i];
     }
-    width = std::max(width, pictures[i].width);
-    height = std::max(height, pictures[i].height);
+    size[0] = std::max(size[0], pictures[i].width * mix.repeats[0]);
+    size[1] = std::max(size[1], pictures[i].height * mix.repeats[1]);
   }
+  for (int i = 0; i < 2; ++i) {
+    const int fields = mix.fields[i], least = fields > 1 ? std::max(fields, std::min(16 * fields, 4096)) : 1;
+    size[i] = (std::max(size[i], least) + fields - 1) / fields * fields;
+  }
+  const int width = size[0], height = size[1];
   ask_memory(static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * 3 * sizeof(float), "a texture");
   Image out(width, height, rgb);
   const bool repeat = t.wrap == "repeat";
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      Vec3d v[3];
+      // At the middle of this pixel, in pictures from the upper left corner.
+      const double u = (x + 0.5) / width * mix.repeats[0], v = (y + 0.5) / height * mix.repeats[1];
+      Vec3d values[3];
       for (int i = 0; i < 3; ++i) {
-        const Image& p = pictures[i];  // at the middle of this pixel
+        if (parts[i]->kind == PbrtTexture::Kind::checkerboard) {
+          const double up[2] = {u, mix.repeats[1] - v};  // v of pbrt
+          double sum = 0.0;
+          for (int k = 0; k < 2; ++k)
+            sum += std::floor((up[k] - first->offset[k]) / first->scale[k] * parts[i]->scale[k] + parts[i]->offset[k]);
+          values[i] = std::fmod(sum, 2.0) == 0.0 ? parts[i]->value : parts[i]->other;
+          continue;
+        }
+        const Image& p = pictures[i];
         const auto inside = [&](int k, int n) { return repeat ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
-        v[i] = between_pixels((x + 0.5) / width * p.width, (y + 0.5) / height * p.height,
-                              [&](int px, int py) { return Vec3d(p.rgb(inside(px, p.width), inside(py, p.height))); });
+        values[i] = between_pixels(u * p.width, v * p.height, [&](int px, int py) {
+          return Vec3d(p.rgb(inside(px, p.width), inside(py, p.height)));
+        });
       }
-      const Vec3d share(channel_mean(v[2]));
-      const Vec3d result = t.mix->product ? v[0] * v[1] : v[0] * (Vec3d(1.0) - share) + v[1] * share;
-      out.set_rgb(x, y, Vec3f(result * t.value));
+      out.set_rgb(x, y, Vec3f(mixture(mix, values[0], values[1], values[2]) * t.value));
     }
   }
   return out;
@@ -100,7 +123,12 @@ std::string text_of(const PbrtTexture& t) {
   text += " " + t.file;
   if (t.mix) {
     text += t.mix->product ? " product" : " mix";
-    for (const PbrtTexture* part : {&t.mix->a, &t.mix->b, &t.mix->amount}) text += " (" + text_of(*part) + ")";
+    for (const PbrtTexture* part : {&t.mix->a, &t.mix->b, &t.mix->amount}) {
+      text += " (" + text_of(*part);
+      for (const double v : {part->scale[0], part->scale[1], part->offset[0], part->offset[1]})
+        text += " " + number_text(v);
+      text += ")";
+    }
   }
   return text;
 }
@@ -289,11 +317,14 @@ PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
     if (object.number("dimension", 2.0) != 2.0)
       fail(object.location(), "a checkerboard of three dimensions is not supported; bake it into a picture");
     const PbrtTexture a = texture(object, "tex1", number, Vec3d(1.0)), b = texture(object, "tex2", number, Vec3d(0.0));
-    if (!a.is_constant() || !b.is_constant())
-      fail(object.location(), "a checkerboard of textures is not supported; bake it into a picture");
     object.ignore({"aamode"});
     PbrtTexture t = picture(object);  // its texture coordinates
     t.kind = PbrtTexture::Kind::checkerboard;
+    if (!a.is_constant() || !b.is_constant()) {
+      t.value = Vec3d(0.0);
+      t.other = Vec3d(1.0);
+      return mixed(object, {a, b, t, false});
+    }
     t.value = a.value;
     t.other = b.value;
     return t;
@@ -303,31 +334,53 @@ PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
                               "Supported: constant, imagemap, scale, mix, checkerboard");
 }
 
-// A picture that is made of others, which must lie on the surface in the same way.
-PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, const PbrtMix& mix) const {
-  constexpr int kMostFiles = 16;
-  PbrtTexture t;
+// A checkerboard of checkerboards, or a picture that is made of others; each must lie on the surface in one way.
+PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, PbrtMix mix) const {
+  constexpr int kMostFiles = 16, kMostRepeats = 8, kMostFields = 1024;
+  const auto refuse = [&](const std::string& text) {
+    fail(object.location(), object.what() + " of " + text + " is not supported; bake it into a picture");
+  };
+  const PbrtTexture *picture = nullptr, *checks = nullptr;
+  int files = 0;
   for (const PbrtTexture* part : {&mix.a, &mix.b, &mix.amount}) {
     if (part->is_constant()) continue;
-    if (part->kind != PbrtTexture::Kind::picture)
-      fail(object.location(), object.what() + " of a checkerboard is not supported; bake it into a picture");
-    if (t.is_constant()) {
-      t = *part;
-      t.files = 0;
-    }
-    if (!std::equal(t.scale, t.scale + 2, part->scale) || !std::equal(t.offset, t.offset + 2, part->offset) ||
-        t.wrap != part->wrap)
-      fail(object.location(),
-           object.what() + " of pictures that lie on the surface in two ways is not supported; bake it into a picture");
-    t.files += std::max(part->files, 1);
+    const bool is_picture = part->kind == PbrtTexture::Kind::picture;
+    const PbrtTexture*& first = is_picture ? picture : checks;
+    if (!first) first = part;
+    if (!std::equal(first->scale, first->scale + 2, part->scale) ||
+        !std::equal(first->offset, first->offset + 2, part->offset) || first->wrap != part->wrap)
+      refuse(std::string(is_picture ? "pictures" : "checkerboards") + " that lie on the surface in two ways");
+    if (is_picture) files += std::max(part->files, 1);
   }
-  if (t.files > kMostFiles) fail(object.location(), object.what() + " is made of more than 16 pictures");
+  if (files > kMostFiles) fail(object.location(), object.what() + " is made of more than 16 pictures");
+  if (!picture) {
+    PbrtTexture t = *checks;
+    const auto other = [](const PbrtTexture& part) { return part.is_constant() ? part.value : part.other; };
+    t.value = mixture(mix, mix.a.value, mix.b.value, mix.amount.value);
+    t.other = mixture(mix, other(mix.a), other(mix.b), other(mix.amount));
+    return t;
+  }
+  PbrtTexture t = *picture;
+  for (int i = 0; checks && i < 2; ++i) {
+    if (t.wrap != "repeat") refuse("a checkerboard and pictures that do not repeat");
+    // After so many of the picture the fields are the same.
+    const double fields = std::fabs(checks->scale[i] / t.scale[i]);
+    const auto fits = [&](int n) { return std::fabs(std::remainder(n * fields, 2.0)) < 1e-6; };
+    int& repeats = mix.repeats[i];
+    while (repeats <= kMostRepeats && !fits(repeats)) ++repeats;
+    if (repeats > kMostRepeats || !(repeats * fields <= kMostFields))
+      refuse("pictures and a checkerboard whose fields are not in step with them");
+    mix.fields[i] = std::max(1, static_cast<int>(std::lround(repeats * fields)));
+    t.scale[i] /= repeats;
+    t.offset[i] /= repeats;
+  }
+  t.files = files;
   t.value = Vec3d(1.0);
   t.invert = t.nearest = false;
   t.gamma = 0.0;
   t.gain = 1.0;
   t.file.clear();
-  t.mix = std::make_shared<const PbrtMix>(mix);
+  t.mix = std::make_shared<const PbrtMix>(std::move(mix));
   return t;
 }
 
@@ -350,6 +403,8 @@ PbrtTexture PbrtMaterials::picture(const PbrtObject& object) {
   t.invert = object.flag("invert", false);
   const std::string filter = object.text("filter", "bilinear"), wrap = object.text("wrap", "repeat");
   t.nearest = filter == "point";
+  if (filter != "point" && filter != "bilinear")
+    report_.assume(object.where("filter"), "filter " + filter + " read as bilinear: samples of a pixel blur instead");
   t.wrap = wrap == "repeat" ? "repeat" : "clamp";
   if (wrap == "black") report_.assume(object.where("wrap"), "textures that are black outside are clamped");
   const std::string encoding = object.text("encoding", object.flag("gamma", true) ? "sRGB" : "linear");

@@ -330,7 +330,10 @@ class PlyReader {
   std::vector<Channel> attribute_channels(const PlyElement& element, const std::string& kind) {
     std::vector<Channel> channels(element.properties.size(), Channel{0, -1});
     for (const std::string& name : wanted_) {
-      if (name.compare(0, kind.size(), kind) != 0) continue;
+      const auto same = [&](const MeshAttribute& other) { return other.name == name; };
+      if (name.compare(0, kind.size(), kind) != 0 ||
+          std::any_of(mesh_.attributes.begin(), mesh_.attributes.end(), same))  // wanted twice
+        continue;
       MeshAttribute attribute{name, 0, {}};
       for (std::size_t j = 0; j < channels.size(); ++j) {
         const Property& property = element.properties[j];
@@ -386,7 +389,6 @@ class PlyReader {
         const Property& property = element.properties[j];
         const char* where = p_;
         const std::int64_t n = read_list_length(property.count_type);
-        if (n < 3) fail_at(where, "face " + std::to_string(i) + " has fewer than three corners");
         int first = -1, last = -1;
         for (std::int64_t k = 0; k < n; ++k) {
           const std::int64_t index = read_integer(property.type);
@@ -436,11 +438,12 @@ class PlyReader {
     }
   }
 
-  // The triangles of a polygon all have its attributes.
+  // The triangles of a polygon all have its attributes; faces of one or two corners are left out, as in OBJ files.
   void repeat_face(std::size_t triangles) {
     for (MeshAttribute& attribute : mesh_.attributes) {
       if (!attribute.name.starts_with("face_")) continue;
       const auto channels = static_cast<std::size_t>(attribute.channels);
+      if (triangles == 0) attribute.values.resize(attribute.values.size() - channels);
       for (std::size_t k = 1; k < triangles; ++k) {
         for (std::size_t c = 0; c < channels; ++c) {
           ask_to_grow(attribute.values, name_);

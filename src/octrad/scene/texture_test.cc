@@ -292,9 +292,39 @@ TEST_F(TextureTest, OvershootOfFiltersIsClamped) {
   EXPECT_EQ(t.pixels[1], Vec3f(1.0f, 0.0f, 0.25f));
   EXPECT_NE(join(scene.assumed).find("2 values a little below 0 or above 1, read as 0 and 1"), std::string::npos)
       << join(scene.assumed);
-  image.data[0] = 1.06f;
+  image.data[2] = -0.06f;
   write_exr(folder_.file("lanczos.exr"), image);
   EXPECT_THROW(load(bitmap("lanczos.exr")), InputError);
+}
+
+// Which conserve energy here; Mitsuba warns and keeps them.
+TEST_F(TextureTest, BrightReflectancesAreClamped) {
+  Image image(3, 1, {"R", "G", "B"});
+  image.data = {3.5f, 0.5f, 0.25f, 1.0f, 0.0f, 0.25f, 1.25f, 1.5f, 1.02f};
+  write_exr(folder_.file("hdr.exr"), image);
+  const auto texture = [&](const std::string& name) {
+    return "<texture type=\"bitmap\" id=\"t\" name=\"" + name +
+           "\"><string name=\"filename\" value=\"hdr.exr\"/></texture>";
+  };
+  const auto load_body = [&](const std::string& body) {
+    return load_scene(
+        folder_.write("scene.xml", "<scene version=\"3.0.0\"><sensor type=\"perspective\"/>" + body + "</scene>"));
+  };
+  // The same picture as a light keeps its values.
+  const Scene scene = load_body("<shape type=\"cube\"><emitter type=\"area\">" + texture("radiance") +
+                                "</emitter><bsdf type=\"diffuse\"><ref id=\"t\" name=\"reflectance\"/></bsdf></shape>");
+  const auto pixels = [&](int t) { return scene.textures.at(static_cast<std::size_t>(t)).pixels; };
+  const std::vector<Vec3f> surface = pixels(scene.materials.at(1).reflectance),
+                           light = pixels(scene.area_lights.at(0).radiance);
+  EXPECT_EQ(surface.at(0), Vec3f(1.0f, 0.5f, 0.25f));
+  EXPECT_EQ(surface.at(1), Vec3f(1.0f, 0.0f, 0.25f));
+  EXPECT_EQ(surface.at(2), Vec3f(1.0f));
+  EXPECT_EQ(light.at(0), Vec3f(3.5f, 0.5f, 0.25f));
+  ASSERT_EQ(scene.assumed.size(), 1u) << join(scene.assumed, "\n");
+  EXPECT_NE(scene.assumed[0].find("2 texels of reflectance above 1 (up to 3.5), read as 1"), std::string::npos)
+      << scene.assumed[0];
+  // What is no reflectance is refused as before.
+  EXPECT_THROW(load_body("<bsdf type=\"mask\">" + texture("opacity") + "<bsdf type=\"diffuse\"/></bsdf>"), InputError);
 }
 
 TEST_F(TextureTest, GreyIsOfTheOnlyChannel) {
