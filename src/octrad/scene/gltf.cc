@@ -102,8 +102,15 @@ class GltfReader {
       for (Element* light : lights_)
         add_element(*light, light->location, "boolean", {{"name", "through_masks"}, {"value", "true"}});
     }
-    if (!has_light_) {
-      report_.assume(here, "the file has no light: one that is the same from all sides is added");
+    if (!has_light_ && lamp_ >= 0) {
+      report_.assume(
+          file_->item("materials", lamp_).location(),
+          "no light from all sides is added, because a lamp lights the scene: an emissive material without a texture, "
+          "or brighter than 1. To have one, convert the file to XML and add <emitter type=\"constant\"/>");
+    } else if (!has_light_) {
+      report_.assume(here,
+                     "the file has no light: one that is the same from all sides is added. Punctual lights and lamps "
+                     "keep it away: emissive materials without a texture, or brighter than 1");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
       add_element(light, here, "float", {{"name", "radiance"}, {"value", "1"}});
     }
@@ -348,7 +355,7 @@ class GltfReader {
     add_element(shape, where, "ref", {{"id", bsdf}});
     if (materials_.emits(surface.material)) {
       materials_.add_emitter(shape, surface);
-      has_light_ = true;
+      if (materials_.is_lamp(surface.material)) lamp_ = surface.material;
     }
     return shape;
   }
@@ -418,7 +425,8 @@ class GltfReader {
   std::map<int, GltfSkin> skins_;                 // that were used
   std::size_t placed_count_ = 0;
   MemoryMeter meter_;
-  bool has_light_ = false;
+  bool has_light_ = false;        // punctual
+  int lamp_ = -1;                 // a material
   std::vector<Element*> lights_;  // punctual
 };
 

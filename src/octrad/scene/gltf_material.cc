@@ -29,6 +29,10 @@ std::vector<double> base_factors(const GltfObject& m) {
 
 std::vector<double> emissive_factors(const GltfObject& m) { return color_factors(m, "emissiveFactor", {0, 0, 0}); }
 
+double emissive_strength(const GltfObject& m) {
+  return m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+}
+
 double highest(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
 
 bool exceeds_one(const std::vector<double>& factors) { return highest(factors) > 1.0 + 1e-4; }  // not by rounding
@@ -84,11 +88,17 @@ Vec3f GltfMaterials::base_color(int index) const {
 
 bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
 
+bool GltfMaterials::is_lamp(int index) const {
+  const GltfObject m = material(index);
+  const std::vector<double> c = emissive_factors(m);
+  const double brightest = highest(c) * emissive_strength(m);
+  return brightest > 0.0 && (brightest > 1.0 + 1e-4 || !m.object("emissiveTexture").exists());
+}
+
 void GltfMaterials::add_emitter(Element& shape, const GltfSurface& s) {
   const GltfObject m = material(s.material);
   const std::vector<double> c = emissive_factors(m);
-  const Vec3d radiance = Vec3d(c[0], c[1], c[2]) *
-                         m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+  const Vec3d radiance = Vec3d(c[0], c[1], c[2]) * emissive_strength(m);
   if (exceeds_one(c)) report_.assume(m.location(), "an emissiveFactor above 1, which glTF does not allow, is kept");
   if (m.flag("doubleSided")) report_.assume(m.location(), "a light on both sides shines from its front only");
   if (m.text("alphaMode", "OPAQUE") != "OPAQUE")

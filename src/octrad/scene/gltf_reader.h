@@ -56,6 +56,9 @@ class GltfMaterials {
   // The id of a bsdf.
   std::string bsdf(const GltfSurface& surface);
   bool emits(int material) const;
+  // Whether its emission is meant to light the scene, and not to be seen in it: it has no texture, or is brighter than
+  // what a picture shows, 1. Emissive textures of that brightness paint displays and glowing parts of models.
+  bool is_lamp(int material) const;
   void add_emitter(Element& shape, const GltfSurface& surface);
   // The set of texture coordinates that the material's textures use.
   int uv_set(int material) const;

@@ -484,6 +484,38 @@ TEST_F(GltfTest, Lights) {
   for (const DeltaLight& l : load().delta_lights) EXPECT_TRUE(l.through_masks);
 }
 
+// Light from all sides is added where nothing in the file is meant to light it.
+TEST_F(GltfTest, LampsAndTexturesThatShine) {
+  add_picture(255, 128, 64);
+  const auto sky = [&](const char* material) {
+    json_["materials"] = Json::array({Json::parse(material)});
+    const Scene scene = load();
+    EXPECT_EQ(scene.area_lights.size(), std::string(material).find("emissiveFactor") != std::string::npos ? 1u : 0u);
+    const std::string notes = join(scene.assumed);
+    EXPECT_EQ(notes.find("keep it away") != std::string::npos, scene.environments.size() == 1) << notes;
+    EXPECT_EQ(notes.find("because a lamp lights the scene") != std::string::npos, scene.environments.empty()) << notes;
+    return scene.environments.size() == 1;
+  };
+  EXPECT_TRUE(sky(R"({})"));
+  EXPECT_TRUE(sky(R"({"emissiveTexture": {"index": 0}})"));  // of black
+  EXPECT_TRUE(sky(R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})"));
+  EXPECT_TRUE(sky(R"({"emissiveFactor": [1.00001, 1, 1], "emissiveTexture": {"index": 0}})"));  // rounded
+  EXPECT_FALSE(sky(R"({"emissiveFactor": [0.1, 0, 0]})"));
+  EXPECT_FALSE(sky(R"({"emissiveFactor": [2, 1, 1], "emissiveTexture": {"index": 0}})"));
+  const char* bright = R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0},
+    "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5}}})";
+  EXPECT_FALSE(sky(bright));
+  // Punctual lights keep it away whatever shines.
+  json_["nodes"][0]["extensions"] = Json::parse(R"({"KHR_lights_punctual": {"light": 0}})");
+  json_["extensions"] = Json::parse(R"({"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 0}]}})");
+  for (const char* material : {R"({})", R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})", bright}) {
+    json_["materials"] = Json::array({Json::parse(material)});
+    const Scene scene = load();
+    EXPECT_TRUE(scene.environments.empty());
+    EXPECT_EQ(join(scene.assumed).find("from all sides"), std::string::npos);
+  }
+}
+
 TEST_F(GltfTest, Extensions) {
   json_["materials"] = Json::parse(R"([{"extensions": {"KHR_materials_specular": {"specularTexture": {"index": 0}},
     "KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_transmission": {"transmissionFactor": 1}}}])");
