@@ -19,17 +19,25 @@ constexpr std::size_t kMaxPlaced = 4'000'000;
 constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
 
 // Extensions that are read. Others are refused where the file requires them, else noted.
-const std::set<std::string> kExtensions = {
-    "EXT_mesh_gpu_instancing", "EXT_meshopt_compression",         "EXT_texture_webp",     "KHR_lights_punctual",
-    "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",    "KHR_materials_sheen",
-    "KHR_materials_specular",  "KHR_materials_transmission",      "KHR_materials_volume", "KHR_mesh_quantization",
-    "KHR_texture_transform"};
+const std::set<std::string> kExtensions = {"EXT_mesh_gpu_instancing",
+                                           "EXT_meshopt_compression",
+                                           "EXT_texture_webp",
+                                           "KHR_lights_punctual",
+                                           "KHR_materials_pbrSpecularGlossiness",
+                                           "KHR_materials_clearcoat",
+                                           "KHR_materials_emissive_strength",
+                                           "KHR_materials_ior",
+                                           "KHR_materials_sheen",
+                                           "KHR_materials_specular",
+                                           "KHR_materials_transmission",
+                                           "KHR_materials_volume",
+                                           "KHR_mesh_quantization",
+                                           "KHR_texture_transform"};
 
 std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"KHR_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
-      {"KHR_materials_pbrSpecularGlossiness", "; convert it, as by \"gltf-transform metalrough\""},
       {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
       {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
       {"EXT_texture_avif", "; save the pictures as PNG or JPEG"},

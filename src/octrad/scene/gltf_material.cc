@@ -3,17 +3,11 @@
 // Disney's (Burley 2012). What differs is noted.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <utility>
 
-#include "octrad/base/input_file.h"
-#include "octrad/base/lower_case.h"
-#include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
-#include "octrad/image/io.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/gltf_reader.h"
-#include "octrad/scene/picture_values.h"
 
 namespace octrad {
 namespace {
@@ -23,15 +17,36 @@ std::vector<double> color_factors(const GltfObject& owner, const std::string& ke
   return owner.numbers(key, std::move(fallback), 0.0, 1e12);
 }
 
+GltfObject specular_glossiness(const GltfObject& m) { return m.extension("KHR_materials_pbrSpecularGlossiness"); }
+
+// By the extension, where a material has it: pbrMetallicRoughness is then for readers without.
 std::vector<double> base_factors(const GltfObject& m) {
-  return color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
+  const GltfObject gloss = specular_glossiness(m);
+  return gloss.exists() ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
+                        : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
 }
+
+GltfObject base_texture(const GltfObject& m) {
+  const GltfObject gloss = specular_glossiness(m);
+  return gloss.exists() ? gloss.object("diffuseTexture") : m.object("pbrMetallicRoughness").object("baseColorTexture");
+}
+
+Vec3d specular_factors(const GltfObject& gloss) {
+  const std::vector<double> c = color_factors(gloss, "specularFactor", {1, 1, 1});
+  return {std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)};
+}
+
+double glossiness_of(const GltfObject& gloss) { return gloss.number("glossinessFactor", 1.0, 0.0, 1.0); }
+
+double largest_of(Vec3d v) { return std::max({v.x, v.y, v.z}); }
 
 std::vector<double> emissive_factors(const GltfObject& m) { return color_factors(m, "emissiveFactor", {0, 0, 0}); }
 
 double emissive_strength(const GltfObject& m) {
   return m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
 }
+
+constexpr double kLeastEta = 1.001;  // of principled
 
 double highest(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
 
@@ -45,10 +60,14 @@ GltfObject GltfMaterials::material(int index) const {
 
 // Without textures whose factor is 0: they change nothing.
 std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const {
-  const GltfObject pbr = m.object("pbrMetallicRoughness");
-  std::vector<GltfObject> all = {pbr.object("baseColorTexture"), m.object("normalTexture")};
-  if (pbr.number("metallicFactor", 1.0) != 0.0 || pbr.number("roughnessFactor", 1.0) != 0.0)
+  const GltfObject pbr = m.object("pbrMetallicRoughness"), gloss = specular_glossiness(m);
+  std::vector<GltfObject> all = {base_texture(m), m.object("normalTexture")};
+  if (gloss.exists()) {
+    if (largest_of(specular_factors(gloss)) > 0.0 || glossiness_of(gloss) > 0.0)
+      all.push_back(gloss.object("specularGlossinessTexture"));
+  } else if (pbr.number("metallicFactor", 1.0) != 0.0 || pbr.number("roughnessFactor", 1.0) != 0.0) {
     all.push_back(pbr.object("metallicRoughnessTexture"));
+  }
   if (highest(emissive_factors(m)) > 0.0) all.push_back(m.object("emissiveTexture"));
   for (const std::string name : {"transmission", "clearcoat"}) {
     const GltfObject extension = m.extension("KHR_materials_" + name);
@@ -79,7 +98,11 @@ bool GltfMaterials::has_normal_map(int index) const { return material(index).obj
 
 bool GltfMaterials::has_textures(int index) const { return !texture_infos(material(index)).empty(); }
 
-bool GltfMaterials::shows_colors(int index, bool uvs) const { return !uvs || !has_textures(index); }
+bool GltfMaterials::shows_colors(int index, bool uvs) const {
+  const GltfObject gloss = specular_glossiness(material(index));
+  if (gloss.exists() && largest_of(specular_factors(gloss)) > kGltfDielectric) return false;  // two colours make one
+  return !uvs || !has_textures(index);
+}
 
 Vec3f GltfMaterials::base_color(int index) const {
   const std::vector<double> c = base_factors(material(index));
@@ -143,7 +166,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     first.clear();
   };
 
-  const GltfObject pbr = m.object("pbrMetallicRoughness"), base = pbr.object("baseColorTexture");
+  const GltfObject base = base_texture(m);
   const std::vector<double> factors = base_factors(m);
   if (exceeds_one(factors)) report_.assume(where, "a baseColorFactor above 1, which glTF does not allow, is read as 1");
   const std::string mode = m.text("alphaMode", "OPAQUE");
@@ -181,24 +204,86 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
   add_model(*parent, m, s);
 }
 
-void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
-  const bool thin = bsdf.get("type") == "principledthin";
-  const GltfObject pbr = m.object("pbrMetallicRoughness");
-  const GltfObject base = pbr.object("baseColorTexture"), mr = pbr.object("metallicRoughnessTexture");
-  const Vec3f color = base_color(s.material);
+void GltfMaterials::add_base_color(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const GltfObject base = base_texture(m);
   Recipe recipe;
-  recipe.factor = Vec3d(color);
+  recipe.factor = Vec3d(base_color(s.material));
   if (s.colors) {
     Element& texture = add_element(bsdf, m.location(), "texture", {{"type", "mesh_attribute"}, {"name", "base_color"}});
     add_element(texture, m.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
   } else if (!textured(base, s) || !add_texture(bsdf, "base_color", base, recipe)) {
-    add_element(bsdf, m.location(), "rgb", {{"name", "base_color"}, {"value", three_numbers(Vec3d(color))}});
+    add_element(bsdf, m.location(), "rgb", {{"name", "base_color"}, {"value", three_numbers(recipe.factor)}});
   }
+}
+
+void GltfMaterials::add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const GltfObject pbr = m.object("pbrMetallicRoughness"), mr = pbr.object("metallicRoughnessTexture");
   const double metallic = pbr.number("metallicFactor", 1.0, 0.0, 1.0);
+  add_base_color(bsdf, m, s);
   add_scalar(bsdf, "roughness", m, s, pbr.number("roughnessFactor", 1.0, 0.0, 1.0), mr, 1);
-  if (!thin) add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
+  if (bsdf.get("type") != "principledthin") add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
   else if (metallic > 0.0) report_.assume(m.location(), "thin glass of glTF is not metallic");
   add_ior(bsdf, m);
+}
+
+void GltfMaterials::add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const Location where = m.location();
+  const bool thin = bsdf.get("type") == "principledthin";
+  const GltfObject gloss = specular_glossiness(m);
+  const GltfObject diffuse_texture = base_texture(m), specular_texture = gloss.object("specularGlossinessTexture");
+  GltfSpecularPictures surface;
+  surface.diffuse = Vec3d(base_color(s.material));
+  surface.specular = specular_factors(gloss);
+  bool diffuse_varies = textured(diffuse_texture, s) && largest_of(surface.diffuse) > 0.0;
+  bool specular_varies = textured(specular_texture, s) && largest_of(surface.specular) > 0.0;
+  report_.assume(
+      where,
+      "KHR_materials_pbrSpecularGlossiness read as metallic-roughness: metallic as far as its specular colour "
+      "is brighter than what a dielectric reflects, 0.04");
+  if (diffuse_varies && specular_varies && !placing(diffuse_texture).lies_like(placing(specular_texture))) {
+    report_.assume(where, "specular colours that lie on the surface otherwise than diffuse ones are read as 0.04");
+    specular_varies = false;
+    surface.specular = Vec3d(kGltfDielectric);
+  }
+
+  const double glossiness = glossiness_of(gloss);
+  Recipe rough;
+  rough.what = Recipe::What::glossiness;
+  rough.factor = Vec3d(glossiness);
+  if (!(glossiness > 0.0) || !textured(specular_texture, s) || !add_texture(bsdf, "roughness", specular_texture, rough))
+    add_value(bsdf, "roughness", m, 1.0 - glossiness);
+
+  const double f0 = largest_of(surface.specular);
+  if (!specular_varies && f0 <= kGltfDielectric) {  // what is reflected is colourless, nearly or at all
+    add_base_color(bsdf, m, s);
+    if (!thin) add_value(bsdf, "metallic", m, 0.0);
+    add_value(bsdf, "eta", m, std::max((1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0)), kLeastEta));
+    return;
+  }
+  add_value(bsdf, "eta", m, 1.5);
+  const GltfMetal constant = metal_of_specular(surface.diffuse, surface.specular);
+  const auto add_picture = [&](const char* name, bool metallic) {
+    const GltfObject& info = diffuse_varies ? diffuse_texture : specular_texture;
+    const int diffuse = diffuse_varies ? image_of(diffuse_texture) : -1,
+              specular = specular_varies ? image_of(specular_texture) : -1;
+    if ((diffuse < 0) == diffuse_varies || (specular < 0) == specular_varies) return false;
+    const Placing place = placing(info);
+    surface.repeats = place.wrap == "repeat";
+    std::string file;
+    const bool done = report_.attempt(where, [&] { file = metal_picture(diffuse, specular, surface, metallic); });
+    if (done) add_bitmap(bsdf, name, info, place, file, true);
+    return done;
+  };
+  const bool varies = diffuse_varies || specular_varies;
+  if (!varies || !add_picture("base_color", false))
+    add_element(bsdf, where, "rgb", {{"name", "base_color"}, {"value", three_numbers(constant.base)}});
+  if (!thin && (!varies || !add_picture("metallic", true))) add_value(bsdf, "metallic", m, constant.metallic);
+}
+
+void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const bool thin = bsdf.get("type") == "principledthin";
+  if (specular_glossiness(m).exists()) add_specular_glossiness(bsdf, m, s);
+  else add_metallic_roughness(bsdf, m, s);
 
   const GltfObject transmission = m.extension("KHR_materials_transmission");
   const double through = transmission.number("transmissionFactor", 0.0, 0.0, 1.0);
@@ -245,14 +330,14 @@ void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
                  f0 = std::min(std::min(root * root * scale, 1.0) * factor, 0.9);
     eta = (1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0));
   }
-  add_value(bsdf, "eta", m, std::max(eta, 1.001));
+  add_value(bsdf, "eta", m, std::max(eta, kLeastEta));
 }
 
 void GltfMaterials::note_extensions(const GltfObject& m) {
   static const std::set<std::string> kRead = {
-      "KHR_materials_ior",      "KHR_materials_transmission",      "KHR_materials_clearcoat",
-      "KHR_materials_specular", "KHR_materials_emissive_strength", "KHR_materials_volume",
-      "KHR_materials_sheen"};
+      "KHR_materials_ior",      "KHR_materials_transmission",         "KHR_materials_clearcoat",
+      "KHR_materials_specular", "KHR_materials_emissive_strength",    "KHR_materials_volume",
+      "KHR_materials_sheen",    "KHR_materials_pbrSpecularGlossiness"};
   for (const std::string& name : m.object("extensions").keys()) {
     if (kRead.count(name) == 0) report_.assume(m.location(), "the material's extension " + name + " is left out");
   }
@@ -280,143 +365,6 @@ void GltfMaterials::add_scalar(Element& parent, const std::string& name, const G
   recipe.factor = Vec3d(factor);
   if (factor > 0.0 && textured(info, s) && add_texture(parent, name, info, recipe)) return;
   add_value(parent, name, owner, factor);
-}
-
-bool GltfMaterials::add_texture(Element& parent, const std::string& name, const GltfObject& info,
-                                const Recipe& recipe) {
-  const int index = info.index("index", "textures");
-  if (index < 0) info.fail("needs the index of a texture");
-  const GltfObject texture = file_->item("textures", index);
-  int source = texture.extension("EXT_texture_webp").index("source", "images");
-  if (source < 0) source = texture.index("source", "images");
-  if (source < 0) {
-    std::string way = "has no source";
-    for (const std::string& extension : texture.object("extensions").keys())
-      if (extension != "EXT_texture_webp") way = extension + " is not supported; save its picture as PNG or JPEG";
-    report_.refuse(texture.location(), way);
-    return false;
-  }
-  std::string file;
-  bool encoded = false;
-  const GltfObject image = file_->item("images", source);
-  if (!report_.attempt(image.location(), [&] { file = picture(image, recipe, encoded); })) return false;
-
-  const int sampler_index = texture.index("sampler", "samplers");
-  const GltfObject sampler = sampler_index >= 0 ? file_->item("samplers", sampler_index) : texture.object("sampler");
-  enum { kNearest = 9728, kClamp = 33071, kMirror = 33648, kRepeat = 10497 };
-  int wrap[2] = {kRepeat, kRepeat};
-  if (sampler_index >= 0) {
-    wrap[0] = sampler.integer("wrapS", kRepeat, kRepeat, kMirror);
-    wrap[1] = sampler.integer("wrapT", kRepeat, kRepeat, kMirror);
-    if (wrap[0] != wrap[1])
-      report_.assume(sampler.location(), "textures that wrap in two ways are wrapped as wrapS says");
-  }
-  const bool nearest = sampler_index >= 0 && sampler.integer("magFilter", 0, 0, 9999) == kNearest;
-  // As KHR_texture_transform: scaled, turned, moved; v runs down, so that a turn is the other way round.
-  const GltfObject t = info.extension("KHR_texture_transform");
-  const std::vector<double> offset = t.numbers("offset", {0, 0}), scale = t.numbers("scale", {1, 1});
-  const double angle = t.number("rotation", 0.0), c = std::cos(angle), s = std::sin(angle);
-  Transform to_uv;
-  to_uv.m = {
-      c * scale[0], s * scale[1], 0, offset[0], -s * scale[0], c * scale[1], 0, offset[1], 0, 0, 1, 0, 0, 0, 0, 1};
-  if (recipe.what == Recipe::What::normal && (angle != 0.0 || scale[0] < 0.0 || scale[1] < 0.0))
-    report_.assume(info.location(), "KHR_texture_transform moves a normal map, but does not turn or mirror its slopes");
-  const std::string wrap_mode = wrap[0] == kClamp ? "clamp" : wrap[0] == kMirror ? "mirror" : "repeat";
-  const bool raw = !(encoded && recipe.what == Recipe::What::color);
-
-  std::string key = file + (nearest ? "n" : "b") + wrap_mode + (raw ? "r" : "s");
-  if (t.exists()) {
-    for (const double v : to_uv.m) key.append(" ").append(number_text(v));
-  }
-  const auto [at, inserted] = textures_.try_emplace(key, "texture" + std::to_string(textures_.size()));
-  if (inserted) {
-    const Location where = texture.location();
-    // Before what refers to it, for readers who go from the top.
-    Element& e = add_element(*description_.root, where, "texture", {{"type", "bitmap"}, {"id", at->second}});
-    description_.ids.emplace(at->second, &e);
-    add_element(e, image.location(), "string", {{"name", "filename"}, {"value", file}});
-    add_element(e, where, "string", {{"name", "filter_type"}, {"value", nearest ? "nearest" : "bilinear"}});
-    add_element(e, where, "string", {{"name", "wrap_mode"}, {"value", wrap_mode}});
-    add_element(e, where, "boolean", {{"name", "raw"}, {"value", raw ? "true" : "false"}});
-    if (t.exists()) add_matrix(e, where, "to_uv", to_uv);
-  }
-  add_element(parent, info.location(), "ref", {{"id", at->second}, {"name", name}});
-  return true;
-}
-
-// The name of a file, or of a picture that is made of one. `encoded`: its values are what the file says, to be decoded.
-std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe, bool& encoded) {
-  using What = Recipe::What;
-  const std::string* uri = &image.long_text("uri");  // of the file that `bytes` below keeps
-  const int view = image.index("bufferView", "bufferViews");
-  if (uri->empty() == (view < 0)) image.fail("needs a uri or a bufferView, and not both");
-  const bool outside = !uri->empty() && !GltfFile::is_data(*uri);
-  const std::string file = outside ? file_->resolve(*uri, image) : "";
-  const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
-  encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
-  // It is looked for once more. Of WebP, which Mitsuba does not read, `convert` makes a PNG.
-  if (encoded && outside && ending_of(file) != ".webp") return std::filesystem::absolute(file).string();
-
-  std::string key = image.path();
-  if (!encoded) {
-    key.append(" ").append(std::to_string(static_cast<int>(recipe.what)));
-    key.append(" ").append(std::to_string(recipe.channel));
-    key.append(" ").append(three_numbers(recipe.factor));
-    key.append(" ").append(number_text(recipe.cutoff)).append(recipe.mirrored ? " mirrored" : "");
-  }
-  const auto [at, inserted] = pictures_.try_emplace(key, "picture" + std::to_string(pictures_.size()));
-  if (!inserted) return at->second;
-  BuiltPicture& built = description_.built->pictures[at->second];
-  // The file is kept as long as something reads from it.
-  const auto bytes = [uri, view, outside, file, image, keep = file_] {
-    return outside ? read_file(file) : uri->empty() ? std::string(keep->view(view)) : GltfFile::decode(*uri, image);
-  };
-  const std::string place = image.location().text();
-  if (encoded) {
-    built.read = [place, bytes] { return parse_image(place, bytes()); };
-    built.encoded = bytes;
-    return at->second;
-  }
-  built.read = [place, bytes, recipe] {
-    const MemoryScope scope;
-    const Image in = parse_image(place, bytes());
-    const std::vector<int> from = color_channels(in);
-    const bool colors = recipe.what == What::color || recipe.what == What::normal;
-    ask_memory(in.pixel_count() * (colors ? 3 : 1) * sizeof(float), place);
-    Image out(in.width, in.height, colors ? std::vector<std::string>{"R", "G", "B"} : std::vector<std::string>{"Y"});
-    const std::size_t stride = in.channels.size();
-    for (std::size_t i = 0; i < in.pixel_count(); ++i) {
-      const float* pixel = in.data.data() + i * stride;
-      const auto value = [&](int c) { return pixel[from[static_cast<std::size_t>(c)]]; };
-      switch (recipe.what) {
-        case What::color:
-          for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] =
-                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
-          break;
-        case What::channel:
-          out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);
-          break;
-        case What::alpha: {
-          const double alpha = (from[3] >= 0 ? static_cast<double>(value(3)) : 1.0) * recipe.factor.x;
-          out.data[i] = recipe.cutoff < 0.0 ? static_cast<float>(alpha) : alpha >= recipe.cutoff ? 1.0f : 0.0f;
-          break;
-        }
-        case What::normal: {
-          Vec3d n;
-          for (int c = 0; c < 3; ++c) n[c] = 2.0 * static_cast<double>(value(c)) - 1.0;
-          n.x *= recipe.factor.x;
-          n.y *= recipe.factor.y * (recipe.mirrored ? -1.0 : 1.0);
-          const double l = length(n);
-          for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(l > 0.0 ? 0.5 + 0.5 * n[c] / l : 0.5);
-          break;
-        }
-      }
-    }
-    return out;
-  };
-  return at->second;
 }
 
 }  // namespace octrad

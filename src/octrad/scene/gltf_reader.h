@@ -3,6 +3,7 @@
 
 #include <array>
 #include <compare>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -14,6 +15,7 @@
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/gltf_file.h"
+#include "octrad/scene/gltf_specular_glossiness.h"
 #include "octrad/scene/make_element.h"
 #include "octrad/scene/transform.h"
 
@@ -73,26 +75,53 @@ class GltfMaterials {
  private:
   // What of a picture counts.
   struct Recipe {
-    enum class What { color, channel, normal, alpha } what = What::color;
+    enum class What { color, channel, normal, alpha, glossiness } what = What::color;
     int channel = 0;
     Vec3d factor{1, 1, 1};  // normal: of x and y
     double cutoff = -1.0;   // alpha: 1 from it on, 0 below; < 0: alpha itself
     bool mirrored = false;  // normal
+  };
+  // How a texture lies on the surface.
+  struct Placing {
+    std::string wrap = "repeat";
+    bool nearest = false, moved = false, turned = false;  // by KHR_texture_transform
+    Transform to_uv;
+    bool lies_like(const Placing& other) const { return wrap == other.wrap && to_uv.m == other.to_uv.m; }
+  };
+  // Where a picture comes from.
+  struct Source {
+    std::string place;  // for errors
+    std::string file;   // outside of the glTF file; else empty
+    std::function<std::string()> bytes;
+    std::function<Image()> read;
   };
   GltfObject material(int index) const;
   std::vector<GltfObject> texture_infos(const GltfObject& m) const;
   bool textured(const GltfObject& info, const GltfSurface& s) const { return info.exists() && s.uvs; }
   // The parameter `name` of `parent` as a picture; false where it cannot be used.
   bool add_texture(Element& parent, const std::string& name, const GltfObject& info, const Recipe& recipe);
+  GltfObject texture_of(const GltfObject& info) const;
+  // The index of a texture's picture; -1 where it cannot be used.
+  int image_of(const GltfObject& info);
+  Placing placing(const GltfObject& info);
+  void add_bitmap(Element& parent, const std::string& name, const GltfObject& info, const Placing& place,
+                  const std::string& file, bool raw);
   void add_value(Element& parent, const std::string& name, const GltfObject& where, double value);
   // A scalar: a factor times one channel of a picture.
   void add_scalar(Element& parent, const std::string& name, const GltfObject& owner, const GltfSurface& s,
                   double factor, const GltfObject& info, int channel);
   void add_bsdf(const std::string& id, const GltfObject& m, const GltfSurface& s);
   void add_model(Element& parent, const GltfObject& m, const GltfSurface& s);
+  void add_base_color(Element& bsdf, const GltfObject& m, const GltfSurface& s);
   void add_ior(Element& bsdf, const GltfObject& m);
+  // base_color, roughness, metallic and eta by pbrMetallicRoughness; by KHR_materials_pbrSpecularGlossiness.
+  void add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
+  void add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
   void note_extensions(const GltfObject& m);
+  Source source_of(const GltfObject& image) const;
   std::string picture(const GltfObject& image, const Recipe& recipe, bool& encoded);
+  // The name of a picture of the base colour, or of the metallic share, made of images; -1: none.
+  std::string metal_picture(int diffuse_image, int specular_image, GltfSpecularPictures pictures, bool metallic);
 
   std::shared_ptr<const GltfFile> file_;
   Description& description_;
