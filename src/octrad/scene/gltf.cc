@@ -325,30 +325,54 @@ class GltfReader {
     surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
     if (!surface.uvs && materials_.has_textures(surface.material))
       report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");
-    const bool colors = attributes.has("COLOR_0");
-    surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
-    if (colors && !surface.colors)
-      report_.assume(primitive.location(), "colours of vertices are left out where there is a texture");
     if (attributes.has("JOINTS_1"))
       report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
-    const Vec3f color = materials_.base_color(surface.material);
-    std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr, pose);
+    std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
     std::vector<std::pair<std::string, GltfSurface>> result;
-    if (!mesh) {
+    if (!read) {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
     }
+    RawMesh& mesh = read->mesh;
+    add_colors(*read, surface, primitive);
     const auto keep = [&](RawMesh&& m) {
       const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
       description_.built->meshes.emplace(name, std::move(m));
       result.emplace_back(name, surface);
     };
     RawMesh mirrored;
-    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(*mesh);
-    if (!mesh->triangles.empty()) keep(std::move(*mesh));
+    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(mesh);
+    if (!mesh.triangles.empty()) keep(std::move(mesh));
     surface.mirrored = true;
     if (!mirrored.triangles.empty()) keep(std::move(mirrored));
     return result;
+  }
+
+  // One colour of all vertices is a factor of the material. Others become a picture with texture coordinates of its own
+  // (load_attributes.cc), of which a mesh has one set.
+  void add_colors(GltfMesh& read, GltfSurface& surface, const GltfObject& primitive) {
+    const auto channels = static_cast<std::size_t>(read.color_channels);
+    if (read.one_color()) {
+      std::copy_n(read.colors.begin(), channels, surface.tint.begin());
+      return;
+    }
+    if (read.colors.empty()) return;
+    surface.colors = materials_.shows_colors(surface.material, surface.uvs);
+    if (!surface.colors) {
+      report_.assume(
+          primitive.location(),
+          "colours of vertices that differ are left out beside textures, and specular colours above 0.04: a mesh has "
+          "one set of texture coordinates. Bake them into the texture of the base colour");
+      return;
+    }
+    const Vec3f factor = materials_.base_color(surface);
+    MeshAttribute attribute{"vertex_color", 3, {}};
+    attribute.values.reserve(read.mesh.positions.size() * 3);
+    for (std::size_t i = 0; i < read.mesh.positions.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        attribute.values.push_back(read.colors[channels * i + c] * factor[static_cast<int>(c)]);
+    }
+    read.mesh.attributes.push_back(std::move(attribute));
   }
 
   Element& add_shape(Element& parent, const GltfObject& primitive, const std::string& mesh,

@@ -104,9 +104,10 @@ bool GltfMaterials::shows_colors(int index, bool uvs) const {
   return !uvs || !has_textures(index);
 }
 
-Vec3f GltfMaterials::base_color(int index) const {
-  const std::vector<double> c = base_factors(material(index));
-  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)));
+Vec3f GltfMaterials::base_color(const GltfSurface& s) const {
+  const std::vector<double> c = base_factors(material(s.material));
+  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0))) *
+         Vec3f(s.tint[0], s.tint[1], s.tint[2]);
 }
 
 bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
@@ -140,6 +141,7 @@ std::string GltfMaterials::bsdf(const GltfSurface& s) {
   const GltfObject m = material(s.material);
   std::string id = s.material >= 0 ? "material" + std::to_string(s.material) : "material";
   id += std::string(s.uvs ? "" : "-plain") + (s.colors ? "-colors" : "") + (s.mirrored ? "-mirrored" : "");
+  if (s.tint != GltfSurface().tint) id += "-tint" + std::to_string(bsdfs_.size());
   at->second = id;
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
   const auto before = static_cast<std::ptrdiff_t>(all.size());
@@ -174,7 +176,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
   if (mode != "OPAQUE") {
     if (s.colors) report_.assume(where, "alphaMode takes no alpha from the colours of vertices");
-    const double factor = std::min(factors[3], 1.0);
+    const double factor = std::min(factors[3], 1.0) * static_cast<double>(s.tint[3]);
     Recipe alpha;
     alpha.what = Recipe::What::alpha;
     alpha.factor = Vec3d(factor);
@@ -207,7 +209,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
 void GltfMaterials::add_base_color(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
   const GltfObject base = base_texture(m);
   Recipe recipe;
-  recipe.factor = Vec3d(base_color(s.material));
+  recipe.factor = Vec3d(base_color(s));
   if (s.colors) {
     Element& texture = add_element(bsdf, m.location(), "texture", {{"type", "mesh_attribute"}, {"name", "base_color"}});
     add_element(texture, m.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
@@ -232,7 +234,7 @@ void GltfMaterials::add_specular_glossiness(Element& bsdf, const GltfObject& m, 
   const GltfObject gloss = specular_glossiness(m);
   const GltfObject diffuse_texture = base_texture(m), specular_texture = gloss.object("specularGlossinessTexture");
   GltfSpecularPictures surface;
-  surface.diffuse = Vec3d(base_color(s.material));
+  surface.diffuse = Vec3d(base_color(s));
   surface.specular = specular_factors(gloss);
   bool diffuse_varies = textured(diffuse_texture, s) && largest_of(surface.diffuse) > 0.0;
   bool specular_varies = textured(specular_texture, s) && largest_of(surface.specular) > 0.0;

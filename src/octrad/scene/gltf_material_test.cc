@@ -172,12 +172,19 @@ TEST_F(GltfTest, TextureTransformSamplerAndMirroredNormalMaps) {
 }
 
 TEST_F(GltfTest, ColoursOfVertices) {
-  primitive()["attributes"]["COLOR_0"] = add(
-      "VEC4", 5121, 3, gltf_bytes<std::uint8_t>({255, 0, 0, 9, 255, 0, 0, 9, 255, 0, 0, 9}), {{"normalized", true}});
+  const auto set = [&](std::initializer_list<std::uint8_t> colors) {
+    primitive()["attributes"]["COLOR_0"] = add("VEC4", 5121, 3, gltf_bytes(colors), {{"normalized", true}});
+  };
+  set({255, 0, 0, 9, 255, 0, 0, 9, 0, 0, 0, 9});
   primitive()["material"] = 0;
   json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}])");
   const Scene scene = load();
-  EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(0.5f, 0, 0));
+  const Texture& t = scene.textures[static_cast<std::size_t>(material(scene).reflectance)];
+  const auto at = [&](std::size_t vertex) {
+    return evaluate_texture(texture_view(t), transform_uv(t, scene.meshes[0].uvs[vertex]));
+  };
+  EXPECT_LT(length(at(0) - Vec3f(0.5f, 0, 0)), 1e-5f);
+  EXPECT_LT(length(at(2) - Vec3f(0, 0, 0)), 1e-5f);
   const auto notes_alpha = [&] {
     return join(load().assumed).find("no alpha from the colours of vertices") != std::string::npos;
   };
@@ -186,6 +193,38 @@ TEST_F(GltfTest, ColoursOfVertices) {
     json_["materials"][0]["alphaMode"] = mode;
     EXPECT_TRUE(notes_alpha()) << mode;
   }
+  // Beside a texture they are left out, with a note; one colour of all vertices is not, nor is its alpha.
+  add_picture(255, 255, 255);
+  json_["materials"][0]["normalTexture"] = {{"index", 0}};
+  const auto left_out = [&] { return join(load().assumed).find("that differ are left out") != std::string::npos; };
+  EXPECT_TRUE(left_out());
+  set({51, 255, 0, 102, 51, 255, 0, 102, 51, 255, 0, 102});
+  for (const bool textured : {false, true}) {
+    if (textured) json_["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+    EXPECT_FALSE(left_out());
+    EXPECT_FALSE(notes_alpha());
+    const Scene one = load();
+    EXPECT_LT(length(value(one, material(one).reflectance) - Vec3f(0.1f, 1, 0)), 1e-6f);
+    EXPECT_FLOAT_EQ(value(one, material(one).opacity).x, 0.4f);
+    EXPECT_TRUE(material(one).normal_map);
+  }
+  // Two meshes of one material, each with its own colour; vertices that no triangle has count for nothing.
+  json_["materials"][0].erase("alphaMode");
+  json_["meshes"][0]["primitives"].push_back(primitive());
+  json_["meshes"][0]["primitives"][1]["attributes"]["COLOR_0"] =
+      add("VEC3", 5126, 3, gltf_bytes<float>({1, 1, 2, 1, 1, 1, 1, 1, 1}));
+  const Scene two = load();
+  ASSERT_EQ(two.shapes.size(), 2u);
+  EXPECT_NE(two.shapes[0].material, two.shapes[1].material);
+  EXPECT_EQ(value(two, two.materials[static_cast<std::size_t>(two.shapes[1].material)].reflectance), Vec3f(0.5f, 1, 1));
+  json_["meshes"][0]["primitives"].erase(1);
+  primitive() = {{"attributes",
+                  {{"POSITION", add("VEC3", 5126, 4, gltf_bytes<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 9, 9, 9}))},
+                   {"COLOR_0", add("VEC3", 5126, 4, gltf_bytes<float>({0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 1, 1}))}}},
+                 {"indices", add("SCALAR", 5121, 3, gltf_bytes<std::uint8_t>({0, 1, 2}))},
+                 {"material", 0}};
+  const Scene unused = load();
+  EXPECT_EQ(value(unused, material(unused).reflectance), Vec3f(0, 1, 0));
 }
 
 // Light from all sides is added where nothing in the file is meant to light it.

@@ -62,8 +62,8 @@ void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfV
   }
 }
 
-// Primitives may share one list of vertices, of which each needs a few.
-void drop_unused_vertices(RawMesh& mesh) {
+// Primitives may share one list of vertices, of which each needs a few. `colors`: with that many channels.
+void drop_unused_vertices(RawMesh& mesh, std::vector<float>* colors = nullptr, std::size_t channels = 0) {
   std::vector<int> place(mesh.positions.size(), -1);
   for (const Vec3i& t : mesh.triangles) {
     for (int i = 0; i < 3; ++i) place[static_cast<std::size_t>(t[i])] = 0;
@@ -80,6 +80,7 @@ void drop_unused_vertices(RawMesh& mesh) {
     keep(mesh.normals, 1, i, count);
     keep(mesh.uvs, 1, i, count);
     for (MeshAttribute& a : mesh.attributes) keep(a.values, static_cast<std::size_t>(a.channels), i, count);
+    if (colors) keep(*colors, channels, i, count);
     place[i] = static_cast<int>(count++);
   }
   const auto cut = [count](auto& values, std::size_t width) {
@@ -91,6 +92,7 @@ void drop_unused_vertices(RawMesh& mesh) {
   cut(mesh.normals, 1);
   cut(mesh.uvs, 1);
   for (MeshAttribute& a : mesh.attributes) cut(a.values, static_cast<std::size_t>(a.channels));
+  if (colors) cut(*colors, channels);
   for (Vec3i& t : mesh.triangles) {
     for (int i = 0; i < 3; ++i) t[i] = place[static_cast<std::size_t>(t[i])];
   }
@@ -98,8 +100,15 @@ void drop_unused_vertices(RawMesh& mesh) {
 
 }  // namespace
 
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
-                                 const GltfPose& pose) {
+bool GltfMesh::one_color() const {
+  const auto n = static_cast<std::size_t>(color_channels);
+  for (std::size_t i = n; i < colors.size(); ++i) {
+    if (colors[i] != colors[i - n]) return false;
+  }
+  return !colors.empty();
+}
+
+std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose) {
   const int mode = primitive.integer("mode", kTriangles, kPoints, kFan);
   if (mode < kTriangles) return std::nullopt;
   const GltfObject attributes = primitive.object("attributes");
@@ -122,13 +131,8 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
   if (pose.skin) set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), *pose.skin, mesh);
   const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
   for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
-  if (color) {
-    MeshAttribute attribute{"vertex_color", 3, {}};
-    for (const Vec3f& c : vectors(read("COLOR_0", {3, 4}, count))) {
-      for (int i = 0; i < 3; ++i) attribute.values.push_back(std::clamp(c[i], 0.0f, 1.0f) * (*color)[i]);
-    }
-    mesh.attributes.push_back(std::move(attribute));
-  }
+  GltfValues colors = read("COLOR_0", {3, 4}, count);
+  for (float& value : colors.values) value = std::clamp(value, 0.0f, 1.0f);
 
   std::vector<std::uint32_t> order;
   if (const int accessor = primitive.index("indices", "accessors"); accessor >= 0) {
@@ -158,8 +162,8 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
     for (int k = 0; k < 3; ++k) triangle[k] = static_cast<int>(order[corners[k]]);
     mesh.triangles.push_back(triangle);
   }
-  drop_unused_vertices(mesh);
-  return mesh;
+  drop_unused_vertices(mesh, &colors.values, static_cast<std::size_t>(colors.components));
+  return GltfMesh{std::move(mesh), colors.components, std::move(colors.values)};
 }
 
 RawMesh take_mirrored(RawMesh& mesh) {

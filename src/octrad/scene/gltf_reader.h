@@ -34,10 +34,16 @@ struct GltfPose {
   const GltfSkin* skin = nullptr;
 };
 
-// A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, as "vertex_color", the colours
-// of its vertices times `color`, where it has them. nullopt for points and lines.
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
-                                 const GltfPose& pose);
+// A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, where it has them, the colours
+// of its vertices, within [0, 1]. nullopt for points and lines.
+struct GltfMesh {
+  RawMesh mesh;
+  int color_channels = 0;     // of `colors`: 3, 4 with alpha, 0 without colours
+  std::vector<float> colors;  // [vertices][channels]
+  // Whether they are the same everywhere.
+  bool one_color() const;
+};
+std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose);
 // Takes out the triangles whose texture is seen mirrored: v, which runs down the picture, up beside u to the right.
 RawMesh take_mirrored(RawMesh& mesh);
 
@@ -45,6 +51,7 @@ RawMesh take_mirrored(RawMesh& mesh);
 struct GltfSurface {
   int material = -1;
   bool uvs = false, colors = false, mirrored = false;
+  std::array<float, 4> tint{1, 1, 1, 1};  // the one colour of its vertices, with alpha
   auto operator<=>(const GltfSurface&) const = default;
 };
 
@@ -66,9 +73,9 @@ class GltfMaterials {
   int uv_set(int material) const;
   bool has_normal_map(int material) const;
   bool has_textures(int material) const;
-  // Whether colours of vertices can be shown, and by what they are multiplied.
+  // Whether colours of vertices that differ can be shown, and by what they are multiplied.
   bool shows_colors(int material, bool uvs) const;
-  Vec3f base_color(int material) const;
+  Vec3f base_color(const GltfSurface& surface) const;
   // Of any bsdf so far.
   bool has_masks() const { return has_masks_; }
 
