@@ -284,7 +284,7 @@ class GltfReader {
     const std::string id = mesh.path();
     for (const GltfObject& primitive : mesh.objects("primitives")) {
       report_.attempt(primitive.location(), [&] {
-        for (const auto& [name, surface] : build(primitive, pose)) {
+        for (const auto& [name, surface] : build(primitive, pose, places.front())) {
           const bool emits = materials_.emits(surface.material);
           if (places.size() == 1 || emits) {
             for (const Transform& to_world : places) {
@@ -313,7 +313,8 @@ class GltfReader {
   }
 
   // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
-  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive, const GltfPose& pose) {
+  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive, const GltfPose& pose,
+                                                         const Transform& first_place) {
     const int positions = primitive.object("attributes").index("POSITION", "accessors");
     if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
         !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
@@ -332,6 +333,10 @@ class GltfReader {
     if (!read) {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
+    }
+    if (materials_.absorbs(surface.material)) {
+      const double scale = std::cbrt(std::fabs(first_place.determinant()));
+      if (std::isfinite(scale)) surface.scale = static_cast<float>(std::min(scale, 1e30));
     }
     RawMesh& mesh = read->mesh;
     add_colors(*read, surface, primitive);

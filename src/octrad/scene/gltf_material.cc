@@ -3,6 +3,7 @@
 // Disney's (Burley 2012). What differs is noted.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "octrad/base/number_text.h"
@@ -44,6 +45,29 @@ std::vector<double> emissive_factors(const GltfObject& m) { return color_factors
 
 double emissive_strength(const GltfObject& m) {
   return m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+}
+
+double transmission_of(const GltfObject& m) {
+  return m.extension("KHR_materials_transmission").number("transmissionFactor", 0.0, 0.0, 1.0);
+}
+
+double thickness_of(const GltfObject& m) {
+  return m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0);
+}
+
+// What is left of light on a straight way through the thickness that a material says there is under its surface, by
+// Beer's law. Thickness is in the mesh's own lengths, and the distance after which a colour is left in those of the
+// scene, where these are `scale` times as long.
+Vec3d left_by_absorption(const GltfObject& m, double scale) {
+  const GltfObject volume = m.extension("KHR_materials_volume");
+  const double thickness = thickness_of(m) * scale;
+  // Without it infinite; some writers say 0 for that.
+  const double distance = volume.number("attenuationDistance", 0.0, 0.0, std::numeric_limits<double>::max());
+  const std::vector<double> color = volume.numbers("attenuationColor", {1, 1, 1}, 0.0, 1.0);
+  if (!(transmission_of(m) > 0.0 && thickness > 0.0 && distance > 0.0)) return Vec3d(1.0);
+  Vec3d left;
+  for (int i = 0; i < 3; ++i) left[i] = std::pow(color[static_cast<std::size_t>(i)], thickness / distance);
+  return left;
 }
 
 constexpr double kLeastEta = 1.001;  // of principled
@@ -106,9 +130,13 @@ bool GltfMaterials::shows_colors(int index, bool uvs) const {
 
 Vec3f GltfMaterials::base_color(const GltfSurface& s) const {
   const std::vector<double> c = base_factors(material(s.material));
-  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0))) *
+  // Both models of glass tint by their base colour what goes in and out again, or through a thin pane.
+  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)) *
+               left_by_absorption(material(s.material), static_cast<double>(s.scale))) *
          Vec3f(s.tint[0], s.tint[1], s.tint[2]);
 }
+
+bool GltfMaterials::absorbs(int index) const { return left_by_absorption(material(index), 1.0) != Vec3d(1.0); }
 
 bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
 
@@ -141,7 +169,7 @@ std::string GltfMaterials::bsdf(const GltfSurface& s) {
   const GltfObject m = material(s.material);
   std::string id = s.material >= 0 ? "material" + std::to_string(s.material) : "material";
   id += std::string(s.uvs ? "" : "-plain") + (s.colors ? "-colors" : "") + (s.mirrored ? "-mirrored" : "");
-  if (s.tint != GltfSurface().tint) id += "-tint" + std::to_string(bsdfs_.size());
+  if (s.tint != GltfSurface().tint || s.scale != 1.0f) id += "-" + std::to_string(bsdfs_.size());
   at->second = id;
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
   const auto before = static_cast<std::ptrdiff_t>(all.size());
@@ -189,7 +217,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       if (!textured(base, s) || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, plain);
     }
   }
-  const bool transmits = m.extension("KHR_materials_transmission").number("transmissionFactor", 0.0, 0.0, 1.0) > 0.0;
+  const bool transmits = transmission_of(m) > 0.0;
   if (m.flag("doubleSided") && !transmits) nest("twosided");
   if (const GltfObject normal = m.object("normalTexture"); textured(normal, s)) {
     Recipe recipe;
@@ -201,7 +229,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       add_element(*parent, where, "rgb", {{"name", "normalmap"}, {"value", "0.5, 0.5, 1"}});
     }
   }
-  const bool thin = transmits && !(m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0) > 0.0);
+  const bool thin = transmits && !(thickness_of(m) > 0.0);
   nest(thin ? "principledthin" : "principled");
   add_model(*parent, m, s);
 }
@@ -288,12 +316,14 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
   else add_metallic_roughness(bsdf, m, s);
 
   const GltfObject transmission = m.extension("KHR_materials_transmission");
-  const double through = transmission.number("transmissionFactor", 0.0, 0.0, 1.0);
+  const double through = transmission_of(m);
   if (through > 0.0) add_scalar(bsdf, "spec_trans", m, s, through, transmission.object("transmissionTexture"), 0);
-  const std::vector<double> attenuation =
-      m.extension("KHR_materials_volume").numbers("attenuationColor", {1, 1, 1}, 0.0, 1.0);
-  if (attenuation != std::vector<double>{1, 1, 1})
-    report_.assume(m.location(), "KHR_materials_volume: glass absorbs nothing on the way (attenuationColor)");
+  if (absorbs(s.material)) {
+    report_.assume(
+        m.location(),
+        "KHR_materials_volume: what glass absorbs over its thicknessFactor is a factor of its colour, and not "
+        "absorbed along the way of light");
+  }
 
   const GltfObject coat = m.extension("KHR_materials_clearcoat");
   const double clearcoat = coat.number("clearcoatFactor", 0.0, 0.0, 1.0);
@@ -348,6 +378,7 @@ void GltfMaterials::note_extensions(const GltfObject& m) {
                                        {"KHR_materials_sheen", "sheenColorTexture"},
                                        {"KHR_materials_sheen", "sheenRoughnessFactor"},
                                        {"KHR_materials_sheen", "sheenRoughnessTexture"},
+                                       {"KHR_materials_volume", "thicknessTexture"},
                                        {"KHR_materials_clearcoat", "clearcoatRoughnessTexture"},
                                        {"KHR_materials_clearcoat", "clearcoatNormalTexture"}}) {
     if (m.extension(extension).has(key))

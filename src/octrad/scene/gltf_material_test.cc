@@ -55,6 +55,43 @@ TEST_F(GltfTest, MaterialFactorsAndTextures) {
   EXPECT_FLOAT_EQ(value(load(), material(load()).opacity).x, 0.0f);
 }
 
+// Once at the surface, by Beer's law over the thickness in the scene.
+TEST_F(GltfTest, AbsorptionInGlass) {
+  primitive()["material"] = 0;
+  Json& extensions = (json_["materials"] = Json::array({Json::object()}))[0]["extensions"];
+  extensions = Json::parse(R"({"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume":
+    {"thicknessFactor": 0.5, "attenuationDistance": 0.25, "attenuationColor": [1, 0.5, 0]}})");
+  Json& volume = extensions["KHR_materials_volume"];
+  const auto color = [&] {
+    const Scene scene = load();
+    const Vec3f c = value(scene, material(scene).reflectance);
+    EXPECT_EQ(join(scene.assumed).find("what glass absorbs") != std::string::npos, c != Vec3f(1.0f));
+    return c;
+  };
+  EXPECT_LT(length(color() - Vec3f(1, 0.25f, 0)), 1e-6f);
+  EXPECT_EQ(material(load()).type, BsdfType::principled);
+  json_["nodes"][0]["scale"] = {2, 2, -2};
+  EXPECT_LT(length(color() - Vec3f(1, 0.0625f, 0)), 1e-6f);
+  json_["nodes"][0].erase("scale");
+  // Distances without end, and what has no thickness.
+  for (const double distance : {0.0, 1e300}) {
+    volume["attenuationDistance"] = distance;
+    volume["attenuationColor"] = {1, 0.5, 0.25};
+    EXPECT_EQ(value(load(), material(load()).reflectance), Vec3f(1.0f)) << distance;
+  }
+  volume["attenuationDistance"] = 1e-300;
+  EXPECT_EQ(color(), Vec3f(1, 0, 0));
+  volume["attenuationDistance"] = 1;
+  volume["thicknessFactor"] = 0;
+  EXPECT_EQ(color(), Vec3f(1.0f));
+  EXPECT_EQ(material(load()).type, BsdfType::principledthin);
+  volume["thicknessFactor"] = 1;
+  extensions.erase("KHR_materials_transmission");
+  EXPECT_EQ(color(), Vec3f(1.0f));
+  volume["attenuationDistance"] = -1;
+  EXPECT_NE(error().find("\"attenuationDistance\" must be a number from 0"), std::string::npos) << error();
+}
+
 TEST_F(GltfTest, IndexOfRefraction) {
   primitive()["material"] = 0;
   const auto eta = [&](double ior, double factor, double color) {

@@ -52,6 +52,7 @@ struct GltfSurface {
   int material = -1;
   bool uvs = false, colors = false, mirrored = false;
   std::array<float, 4> tint{1, 1, 1, 1};  // the one colour of its vertices, with alpha
+  float scale = 1;                        // of the mesh's lengths, where the material absorbs
   auto operator<=>(const GltfSurface&) const = default;
 };
 
@@ -76,6 +77,7 @@ class GltfMaterials {
   // Whether colours of vertices that differ can be shown, and by what they are multiplied.
   bool shows_colors(int material, bool uvs) const;
   Vec3f base_color(const GltfSurface& surface) const;
+  bool absorbs(int material) const;
   // Of any bsdf so far.
   bool has_masks() const { return has_masks_; }
 
