@@ -30,6 +30,7 @@ const std::set<std::string> kExtensions = {"EXT_mesh_gpu_instancing",
                                            "KHR_materials_sheen",
                                            "KHR_materials_specular",
                                            "KHR_materials_transmission",
+                                           "KHR_materials_unlit",
                                            "KHR_materials_volume",
                                            "KHR_mesh_quantization",
                                            "KHR_texture_transform"};
@@ -38,7 +39,6 @@ std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"KHR_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
-      {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
       {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
       {"EXT_texture_avif", "; save the pictures as PNG or JPEG"},
       {"MSFT_texture_dds", "; save the pictures as PNG or JPEG"},
@@ -284,14 +284,15 @@ class GltfReader {
     const std::string id = mesh.path();
     for (const GltfObject& primitive : mesh.objects("primitives")) {
       report_.attempt(primitive.location(), [&] {
-        for (const auto& [name, surface] : build(primitive, pose, places.front())) {
+        for (const auto& [name, surface, back] : build(primitive, pose, places.front())) {
           const bool emits = materials_.emits(surface.material);
           if (places.size() == 1 || emits) {
             for (const Transform& to_world : places) {
               Element& shape = add_shape(root(), primitive, name, surface);
               add_matrix(shape, primitive.location(), "to_world", to_world);
               // What mirrors turns the front with it. Normals of the file do so by themselves.
-              if (to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty())
+              const bool turned = to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty();
+              if (turned != back)
                 add_element(shape, primitive.location(), "boolean", {{"name", "flip_normals"}, {"value", "true"}});
             }
             continue;
@@ -312,9 +313,14 @@ class GltfReader {
     }
   }
 
-  // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
-  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive, const GltfPose& pose,
-                                                         const Transform& first_place) {
+  struct BuiltMesh {
+    std::string name;
+    GltfSurface surface;
+    bool back = false;  // its front is where the triangles' back is
+  };
+  // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles. Lights have one
+  // side: of those that shine from both there are two, a little apart.
+  std::vector<BuiltMesh> build(const GltfObject& primitive, const GltfPose& pose, const Transform& first_place) {
     const int positions = primitive.object("attributes").index("POSITION", "accessors");
     if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
         !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
@@ -329,7 +335,7 @@ class GltfReader {
     if (attributes.has("JOINTS_1"))
       report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
     std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
-    std::vector<std::pair<std::string, GltfSurface>> result;
+    std::vector<BuiltMesh> result;
     if (!read) {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
@@ -340,16 +346,26 @@ class GltfReader {
     }
     RawMesh& mesh = read->mesh;
     add_colors(*read, surface, primitive);
-    const auto keep = [&](RawMesh&& m) {
+    const bool both = materials_.emits_from_both_sides(surface.material) && !is_closed(mesh);
+    const auto keep = [&](RawMesh&& m, bool back) {
       const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
       description_.built->meshes.emplace(name, std::move(m));
-      result.emplace_back(name, surface);
+      result.push_back({name, surface, back});
+    };
+    const auto keep_sides = [&](RawMesh&& m) {
+      if (m.triangles.empty()) return;
+      if (!both) return keep(std::move(m), false);
+      constexpr double kApart = 1e-4;  // of the mesh's size
+      const double front = normals_are_turned(m) ? -kApart : kApart;
+      ask_memory(m.bytes(), primitive.location().text());
+      keep(moved_along_normals(m, -front), true);
+      keep(moved_along_normals(std::move(m), front), false);
     };
     RawMesh mirrored;
     if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(mesh);
-    if (!mesh.triangles.empty()) keep(std::move(mesh));
+    keep_sides(std::move(mesh));
     surface.mirrored = true;
-    if (!mirrored.triangles.empty()) keep(std::move(mirrored));
+    keep_sides(std::move(mirrored));
     return result;
   }
 

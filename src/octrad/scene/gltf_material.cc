@@ -20,6 +20,9 @@ std::vector<double> color_factors(const GltfObject& owner, const std::string& ke
 
 GltfObject specular_glossiness(const GltfObject& m) { return m.extension("KHR_materials_pbrSpecularGlossiness"); }
 
+// Without any light the surface shows its base colour.
+bool is_unlit(const GltfObject& m) { return m.extension("KHR_materials_unlit").exists(); }
+
 // By the extension, where a material has it: pbrMetallicRoughness is then for readers without.
 std::vector<double> base_factors(const GltfObject& m) {
   const GltfObject gloss = specular_glossiness(m);
@@ -85,7 +88,12 @@ GltfObject GltfMaterials::material(int index) const {
 // Without textures whose factor is 0: they change nothing.
 std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const {
   const GltfObject pbr = m.object("pbrMetallicRoughness"), gloss = specular_glossiness(m);
-  std::vector<GltfObject> all = {base_texture(m), m.object("normalTexture")};
+  std::vector<GltfObject> all = {base_texture(m)};
+  if (is_unlit(m)) {
+    if (!all[0].exists()) all.clear();
+    return all;
+  }
+  all.push_back(m.object("normalTexture"));
   if (gloss.exists()) {
     if (largest_of(specular_factors(gloss)) > 0.0 || glossiness_of(gloss) > 0.0)
       all.push_back(gloss.object("specularGlossinessTexture"));
@@ -118,13 +126,16 @@ int GltfMaterials::uv_set(int index) const {
   return std::max(set, 0);
 }
 
-bool GltfMaterials::has_normal_map(int index) const { return material(index).object("normalTexture").exists(); }
+bool GltfMaterials::has_normal_map(int index) const {
+  return material(index).object("normalTexture").exists() && !is_unlit(material(index));
+}
 
 bool GltfMaterials::has_textures(int index) const { return !texture_infos(material(index)).empty(); }
 
 bool GltfMaterials::shows_colors(int index, bool uvs) const {
   const GltfObject gloss = specular_glossiness(material(index));
-  if (gloss.exists() && largest_of(specular_factors(gloss)) > kGltfDielectric) return false;  // two colours make one
+  if (gloss.exists() && !is_unlit(material(index)) && largest_of(specular_factors(gloss)) > kGltfDielectric)
+    return false;  // two colours make one
   return !uvs || !has_textures(index);
 }
 
@@ -138,29 +149,78 @@ Vec3f GltfMaterials::base_color(const GltfSurface& s) const {
 
 bool GltfMaterials::absorbs(int index) const { return left_by_absorption(material(index), 1.0) != Vec3d(1.0); }
 
-bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
+bool GltfMaterials::emits(int index) const {
+  const GltfObject m = material(index);
+  const std::vector<double> c = is_unlit(m) ? base_factors(m) : emissive_factors(m);
+  return std::max({c[0], c[1], c[2]}) > 0.0;
+}
 
 bool GltfMaterials::is_lamp(int index) const {
   const GltfObject m = material(index);
+  if (is_unlit(m)) return false;
   const std::vector<double> c = emissive_factors(m);
   const double brightest = highest(c) * emissive_strength(m);
   return brightest > 0.0 && (brightest > 1.0 + 1e-4 || !m.object("emissiveTexture").exists());
 }
 
+// Each side in a mesh of its own would take the alpha of a half-transparent surface twice; and models with a glowing
+// part have no inside that is seen.
+bool GltfMaterials::emits_from_both_sides(int index) const {
+  const GltfObject m = material(index);
+  return m.flag("doubleSided") && m.text("alphaMode", "OPAQUE") != "BLEND" && !(transmission_of(m) > 0.0) &&
+         emits(index) && (is_unlit(m) || is_lamp(index));
+}
+
+GltfMaterials::Coverage GltfMaterials::coverage(const GltfObject& m, const GltfSurface& s) const {
+  Coverage coverage;
+  const std::string mode = m.text("alphaMode", "OPAQUE");
+  if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
+    m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
+  if (mode == "OPAQUE") return coverage;
+  if (s.colors) report_.assume(m.location(), "alphaMode takes no alpha from the colours of vertices");
+  coverage.factor = std::min(base_factors(m)[3], 1.0) * static_cast<double>(s.tint[3]);
+  coverage.plain = coverage.factor;
+  if (mode == "BLEND") return coverage;
+  coverage.cutoff = m.number("alphaCutoff", 0.5, 0.0);
+  coverage.plain = coverage.factor >= coverage.cutoff ? 1.0 : 0.0;
+  return coverage;
+}
+
 void GltfMaterials::add_emitter(Element& shape, const GltfSurface& s) {
   const GltfObject m = material(s.material);
+  if (m.flag("doubleSided") && !emits_from_both_sides(s.material))
+    report_.assume(m.location(), "a light on both sides shines from its front only");
+  Element& emitter = add_element(shape, m.location(), "emitter", {{"type", "area"}});
+  if (is_unlit(m)) return add_unlit(emitter, m, s);
   const std::vector<double> c = emissive_factors(m);
   const Vec3d radiance = Vec3d(c[0], c[1], c[2]) * emissive_strength(m);
   if (exceeds_one(c)) report_.assume(m.location(), "an emissiveFactor above 1, which glTF does not allow, is kept");
-  if (m.flag("doubleSided")) report_.assume(m.location(), "a light on both sides shines from its front only");
   if (m.text("alphaMode", "OPAQUE") != "OPAQUE")
     report_.assume(m.location(), "a light shines where its surface is cut out or transparent, too");
-  Element& emitter = add_element(shape, m.location(), "emitter", {{"type", "area"}});
   const GltfObject info = m.object("emissiveTexture");
   Recipe recipe;
   recipe.factor = radiance;
   if (textured(info, s) && add_texture(emitter, "radiance", info, recipe)) return;
   add_element(emitter, m.location(), "rgb", {{"name", "radiance"}, {"value", three_numbers(radiance)}});
+}
+
+// Emission is seen where a surface is cut out, too, so that it must be none there.
+void GltfMaterials::add_unlit(Element& emitter, const GltfObject& m, const GltfSurface& s) {
+  report_.assume(
+      m.location(),
+      "KHR_materials_unlit: the surface emits its base colour and reflects nothing, so that it lights others");
+  const Coverage covered = coverage(m, s);
+  const GltfObject info = base_texture(m);
+  Recipe recipe;
+  recipe.factor = Vec3d(base_color(s));
+  if (m.text("alphaMode", "OPAQUE") != "OPAQUE") {
+    recipe.alpha = covered.factor;
+    recipe.cutoff = covered.cutoff;
+  }
+  if (s.colors) return add_attribute(emitter, "radiance", m, covered.plain);
+  if (textured(info, s) && add_texture(emitter, "radiance", info, recipe)) return;
+  add_element(emitter, m.location(), "rgb",
+              {{"name", "radiance"}, {"value", three_numbers(recipe.factor * covered.plain)}});
 }
 
 std::string GltfMaterials::bsdf(const GltfSurface& s) {
@@ -199,23 +259,21 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
   const GltfObject base = base_texture(m);
   const std::vector<double> factors = base_factors(m);
   if (exceeds_one(factors)) report_.assume(where, "a baseColorFactor above 1, which glTF does not allow, is read as 1");
-  const std::string mode = m.text("alphaMode", "OPAQUE");
-  if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
-    m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
-  if (mode != "OPAQUE") {
-    if (s.colors) report_.assume(where, "alphaMode takes no alpha from the colours of vertices");
-    const double factor = std::min(factors[3], 1.0) * static_cast<double>(s.tint[3]);
+  const Coverage covered = coverage(m, s);
+  const bool cut = m.text("alphaMode", "OPAQUE") != "OPAQUE" && textured(base, s);
+  if (cut || covered.plain < 1.0) {
     Recipe alpha;
     alpha.what = Recipe::What::alpha;
-    alpha.factor = Vec3d(factor);
-    const double cutoff = m.number("alphaCutoff", 0.5, 0.0);
-    if (mode == "MASK") alpha.cutoff = cutoff;
-    const double plain = mode == "MASK" ? (factor >= cutoff ? 1.0 : 0.0) : factor;
-    if (textured(base, s) || plain < 1.0) {
-      nest("mask");
-      has_masks_ = true;
-      if (!textured(base, s) || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, plain);
-    }
+    alpha.factor = Vec3d(covered.factor);
+    alpha.cutoff = covered.cutoff;
+    nest("mask");
+    has_masks_ = true;
+    if (!cut || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, covered.plain);
+  }
+  if (is_unlit(m)) {
+    nest("diffuse");
+    add_element(*parent, where, "rgb", {{"name", "reflectance"}, {"value", "0"}});
+    return;
   }
   const bool transmits = transmission_of(m) > 0.0;
   if (m.flag("doubleSided") && !transmits) nest("twosided");
@@ -239,8 +297,7 @@ void GltfMaterials::add_base_color(Element& bsdf, const GltfObject& m, const Glt
   Recipe recipe;
   recipe.factor = Vec3d(base_color(s));
   if (s.colors) {
-    Element& texture = add_element(bsdf, m.location(), "texture", {{"type", "mesh_attribute"}, {"name", "base_color"}});
-    add_element(texture, m.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
+    add_attribute(bsdf, "base_color", m, 1.0);
   } else if (!textured(base, s) || !add_texture(bsdf, "base_color", base, recipe)) {
     add_element(bsdf, m.location(), "rgb", {{"name", "base_color"}, {"value", three_numbers(recipe.factor)}});
   }
@@ -367,9 +424,9 @@ void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
 
 void GltfMaterials::note_extensions(const GltfObject& m) {
   static const std::set<std::string> kRead = {
-      "KHR_materials_ior",      "KHR_materials_transmission",         "KHR_materials_clearcoat",
-      "KHR_materials_specular", "KHR_materials_emissive_strength",    "KHR_materials_volume",
-      "KHR_materials_sheen",    "KHR_materials_pbrSpecularGlossiness"};
+      "KHR_materials_ior",      "KHR_materials_transmission",          "KHR_materials_clearcoat",
+      "KHR_materials_specular", "KHR_materials_emissive_strength",     "KHR_materials_volume",
+      "KHR_materials_sheen",    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"};
   for (const std::string& name : m.object("extensions").keys()) {
     if (kRead.count(name) == 0) report_.assume(m.location(), "the material's extension " + name + " is left out");
   }
@@ -384,6 +441,12 @@ void GltfMaterials::note_extensions(const GltfObject& m) {
     if (m.extension(extension).has(key))
       report_.assume(m.location(), std::string(extension) + ": " + key + " is left out");
   }
+}
+
+void GltfMaterials::add_attribute(Element& parent, const std::string& name, const GltfObject& where, double scale) {
+  Element& texture = add_element(parent, where.location(), "texture", {{"type", "mesh_attribute"}, {"name", name}});
+  add_element(texture, where.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
+  if (scale != 1.0) add_value(texture, "scale", where, scale);
 }
 
 void GltfMaterials::add_value(Element& parent, const std::string& name, const GltfObject& where, double value) {

@@ -296,6 +296,99 @@ TEST_F(GltfTest, LampsAndTexturesThatShine) {
   }
 }
 
+TEST_F(GltfTest, Unlit) {
+  json_["extensionsRequired"] = {"KHR_materials_unlit"};
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"extensions": {"KHR_materials_unlit": {}}, "emissiveFactor": [9, 9, 9],
+    "normalTexture": {"index": 0, "texCoord": 1}, "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 0.25, 1]}}])");
+  Json& m = json_["materials"][0];
+  const auto radiance = [&](const Scene& scene) { return value(scene, scene.area_lights.at(0).radiance); };
+  Scene scene = load();
+  EXPECT_EQ(radiance(scene), Vec3f(0.5f, 1, 0.25f));
+  EXPECT_EQ(material(scene).type, BsdfType::diffuse);
+  EXPECT_EQ(value(scene, material(scene).reflectance), Vec3f(0.0f));
+  EXPECT_EQ(scene.environments.size(), 1u);  // it is no lamp
+  EXPECT_NE(join(scene.assumed).find("emits its base colour"), std::string::npos);
+  m["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+  const Vec3f textured(0.5f, static_cast<float>(decode_srgb(128 / 255.0)),
+                       static_cast<float>(0.25 * decode_srgb(64 / 255.0)));
+  EXPECT_LT(length(radiance(load()) - textured), 1e-6f);
+  // Nothing is emitted where the surface is cut out.
+  Image8 picture(1, 1, 4);
+  picture.data = {255, 128, 64, 153};
+  write_image(folder_.file("a b.png"), picture);
+  m["alphaMode"] = "BLEND";
+  scene = load();
+  EXPECT_LT(length(radiance(scene) - textured * 0.6f), 1e-6f);
+  EXPECT_FLOAT_EQ(value(scene, material(scene).opacity).x, 0.6f);
+  m["alphaMode"] = "MASK";
+  EXPECT_LT(length(radiance(load()) - textured), 1e-6f);
+  m["alphaCutoff"] = 0.7;
+  EXPECT_EQ(radiance(load()), Vec3f(0.0f));
+  // By the colours of vertices.
+  m["pbrMetallicRoughness"].erase("baseColorTexture");
+  m["alphaMode"] = "BLEND";
+  m["pbrMetallicRoughness"]["baseColorFactor"] = {1, 1, 1, 0.5};
+  primitive()["attributes"]["COLOR_0"] = add("VEC3", 5126, 3, gltf_bytes<float>({1, 0, 0, 1, 0, 0, 0, 1, 0}));
+  scene = load();
+  const Texture& t = scene.textures[static_cast<std::size_t>(scene.area_lights.at(0).radiance)];
+  EXPECT_LT(length(evaluate_texture(texture_view(t), transform_uv(t, scene.meshes[0].uvs[2])) - Vec3f(0, 0.5f, 0)),
+            1e-5f);
+  // Black is no light.
+  m["pbrMetallicRoughness"]["baseColorFactor"] = {0, 0, 0, 1};
+  EXPECT_TRUE(load().area_lights.empty());
+}
+
+// Lamps of open meshes shine from both sides where their material has two; the front is on the side of the normal.
+TEST_F(GltfTest, LampsOfTwoSides) {
+  primitive()["material"] = 0;
+  json_["materials"] = Json::parse(R"([{"emissiveFactor": [1, 1, 1], "doubleSided": true}])");
+  const auto notes_front = [&] { return join(load().assumed).find("from its front only") != std::string::npos; };
+  for (const char* node : {R"({"mesh": 0})", R"({"mesh": 0, "scale": [1, 1, -1]})"}) {
+    json_["nodes"][0] = Json::parse(node);
+    for (const float normal : {0.0f, 1.0f, -1.0f}) {
+      if (normal != 0.0f) {
+        primitive()["attributes"]["NORMAL"] =
+            add("VEC3", 5126, 3, gltf_bytes<float>({0, 0, normal, 0, 0, normal, 0, 0, normal}));
+      }
+      const Scene scene = load();
+      ASSERT_EQ(scene.area_lights.size(), 2u);
+      float sides = 0.0f;
+      for (const TriangleMesh& mesh : scene.meshes) {
+        const Vec3f* p = mesh.positions.data();
+        const Vec3i& t = mesh.triangles[0];
+        const float front = mesh.normals.empty() ? cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]).z : mesh.normals[0].z;
+        EXPECT_GT(front * (mesh.flip_normals ? -1.0f : 1.0f) * p[0].z, 0.0f) << node << normal;
+        EXPECT_LT(std::fabs(p[0].z), 2e-4f);
+        sides += p[0].z;
+      }
+      EXPECT_EQ(sides, 0.0f);
+    }
+    primitive()["attributes"].erase("NORMAL");
+  }
+  EXPECT_FALSE(notes_front());
+  // Not of a half-transparent surface, nor of a glowing part.
+  json_["materials"][0]["alphaMode"] = "BLEND";
+  EXPECT_EQ(load().area_lights.size(), 1u);
+  EXPECT_TRUE(notes_front());
+  json_["materials"][0].erase("alphaMode");
+  add_picture(255, 128, 64);
+  json_["materials"][0]["emissiveTexture"] = {{"index", 0}};
+  EXPECT_EQ(load().area_lights.size(), 1u);
+  json_["materials"][0].erase("emissiveTexture");
+  // Nor where no back is seen: a tetrahedron, here with vertices for each face, and without one of them.
+  const std::vector<float> corner[4] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  for (const bool closed : {true, false}) {
+    std::vector<float> positions;
+    for (const int i : {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3})
+      positions.insert(positions.end(), corner[i].begin(), corner[i].end());
+    if (!closed) positions.resize(27);
+    const std::string bytes(reinterpret_cast<const char*>(positions.data()), positions.size() * sizeof(float));
+    primitive()["attributes"] = {{"POSITION", add("VEC3", 5126, static_cast<int>(positions.size() / 3), bytes)}};
+    EXPECT_EQ(load().area_lights.size(), closed ? 1u : 2u);
+  }
+}
+
 // Grey surfaces scatter as before, both diffusely and straight on; coloured ones are metals, or not.
 TEST(GltfSpecularGlossiness, Formula) {
   for (const double diffuse : {0.0, 0.2, 0.7, 1.0}) {

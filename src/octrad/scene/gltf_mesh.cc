@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "octrad/base/memory_limit.h"
@@ -164,6 +165,36 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
   }
   drop_unused_vertices(mesh, &colors.values, static_cast<std::size_t>(colors.components));
   return GltfMesh{std::move(mesh), colors.components, std::move(colors.values)};
+}
+
+bool is_closed(const RawMesh& mesh) {
+  // Vertices at one place count as one: their normals and texture coordinates may differ.
+  const std::size_t n = mesh.positions.size();
+  ask_memory(2 * n * sizeof(int) + mesh.triangles.size() * 6 * sizeof(std::pair<int, int>), "a mesh");
+  std::vector<int> order(n), place(n);
+  for (std::size_t i = 0; i < n; ++i) order[i] = static_cast<int>(i);
+  const auto position = [&](int i) {
+    const Vec3f& p = mesh.positions[static_cast<std::size_t>(i)];
+    return std::array<float, 3>{p.x, p.y, p.z};
+  };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return position(a) < position(b); });
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool same = i > 0 && position(order[i]) == position(order[i - 1]);
+    place[static_cast<std::size_t>(order[i])] =
+        same ? place[static_cast<std::size_t>(order[i - 1])] : static_cast<int>(i);
+  }
+  std::vector<std::pair<int, int>> edges, back;
+  for (const Vec3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) {
+      const int a = place[static_cast<std::size_t>(t[k])], b = place[static_cast<std::size_t>(t[(k + 1) % 3])];
+      if (a == b) continue;
+      edges.emplace_back(a, b);
+      back.emplace_back(b, a);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::sort(back.begin(), back.end());
+  return edges == back;
 }
 
 RawMesh take_mirrored(RawMesh& mesh) {

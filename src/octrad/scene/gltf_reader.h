@@ -47,6 +47,9 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
 // Takes out the triangles whose texture is seen mirrored: v, which runs down the picture, up beside u to the right.
 RawMesh take_mirrored(RawMesh& mesh);
 
+// Whether each edge of the triangles is that of another one the other way round: then nothing of the back is seen.
+bool is_closed(const RawMesh& mesh);
+
 // What a material shows depends on what the primitive has.
 struct GltfSurface {
   int material = -1;
@@ -66,6 +69,8 @@ class GltfMaterials {
   // The id of a bsdf.
   std::string bsdf(const GltfSurface& surface);
   bool emits(int material) const;
+  // Whether it shines from the back as from the front, and is thought of as open.
+  bool emits_from_both_sides(int material) const;
   // Whether its emission is meant to light the scene, and not to be seen in it: it has no texture, or is brighter than
   // what a picture shows, 1. Emissive textures of that brightness paint displays and glowing parts of models.
   bool is_lamp(int material) const;
@@ -88,6 +93,7 @@ class GltfMaterials {
     int channel = 0;
     Vec3d factor{1, 1, 1};  // normal: of x and y
     double cutoff = -1.0;   // alpha: 1 from it on, 0 below; < 0: alpha itself
+    double alpha = -1.0;    // color: times the alpha of the picture times this; < 0: without
     bool mirrored = false;  // normal
   };
   // How a texture lies on the surface.
@@ -104,6 +110,12 @@ class GltfMaterials {
     std::function<std::string()> bytes;
     std::function<Image()> read;
   };
+  // How much of the surface there is, by alphaMode.
+  struct Coverage {
+    double factor = 1.0;   // of alpha
+    double cutoff = -1.0;  // as that of Recipe
+    double plain = 1.0;    // where no texture says more
+  };
   GltfObject material(int index) const;
   std::vector<GltfObject> texture_infos(const GltfObject& m) const;
   bool textured(const GltfObject& info, const GltfSurface& s) const { return info.exists() && s.uvs; }
@@ -115,6 +127,9 @@ class GltfMaterials {
   Placing placing(const GltfObject& info);
   void add_bitmap(Element& parent, const std::string& name, const GltfObject& info, const Placing& place,
                   const std::string& file, bool raw);
+  Coverage coverage(const GltfObject& m, const GltfSurface& s) const;
+  void add_unlit(Element& emitter, const GltfObject& m, const GltfSurface& s);
+  void add_attribute(Element& parent, const std::string& name, const GltfObject& where, double scale);
   void add_value(Element& parent, const std::string& name, const GltfObject& where, double value);
   // A scalar: a factor times one channel of a picture.
   void add_scalar(Element& parent, const std::string& name, const GltfObject& owner, const GltfSurface& s,

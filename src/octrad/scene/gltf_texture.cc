@@ -115,7 +115,8 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
   using What = Recipe::What;
   const Source source = source_of(image);
   const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
-  encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
+  encoded =
+      unit && !recipe.mirrored && recipe.alpha < 0.0 && (recipe.what == What::color || recipe.what == What::normal);
   // It is looked for once more. Of WebP, which Mitsuba does not read, `convert` makes a PNG.
   if (encoded && !source.file.empty() && ending_of(source.file) != ".webp")
     return std::filesystem::absolute(source.file).string();
@@ -125,7 +126,11 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
     key.append(" ").append(std::to_string(static_cast<int>(recipe.what)));
     key.append(" ").append(std::to_string(recipe.channel));
     key.append(" ").append(three_numbers(recipe.factor));
-    key.append(" ").append(number_text(recipe.cutoff)).append(recipe.mirrored ? " mirrored" : "");
+    key.append(" ")
+        .append(number_text(recipe.alpha))
+        .append(" ")
+        .append(number_text(recipe.cutoff))
+        .append(recipe.mirrored ? " mirrored" : "");
   }
   const auto [at, inserted] = pictures_.try_emplace(key, "picture" + std::to_string(pictures_.size()));
   if (!inserted) return at->second;
@@ -146,25 +151,25 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
     for (std::size_t i = 0; i < in.pixel_count(); ++i) {
       const float* pixel = in.data.data() + i * stride;
       const auto value = [&](int c) { return pixel[from[static_cast<std::size_t>(c)]]; };
+      const auto alpha = [&](double factor) { return (from[3] >= 0 ? static_cast<double>(value(3)) : 1.0) * factor; };
+      const auto covers = [&](double factor) {
+        const double a = alpha(factor);
+        return recipe.cutoff < 0.0 ? a : a >= recipe.cutoff ? 1.0 : 0.0;
+      };
+      const double share = recipe.alpha < 0.0 ? 1.0 : covers(recipe.alpha);
       switch (recipe.what) {
         case What::color:
           for (int c = 0; c < 3; ++c)
             out.data[3 * i + static_cast<std::size_t>(c)] =
-                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
+                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c] * share);
           break;
         case What::channel:
           out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);
           break;
-        case What::glossiness: {
-          const double alpha = from[3] >= 0 ? static_cast<double>(value(3)) : 1.0;
-          out.data[i] = static_cast<float>(1.0 - std::clamp(alpha * recipe.factor.x, 0.0, 1.0));
+        case What::glossiness:
+          out.data[i] = static_cast<float>(1.0 - std::clamp(alpha(recipe.factor.x), 0.0, 1.0));
           break;
-        }
-        case What::alpha: {
-          const double alpha = (from[3] >= 0 ? static_cast<double>(value(3)) : 1.0) * recipe.factor.x;
-          out.data[i] = recipe.cutoff < 0.0 ? static_cast<float>(alpha) : alpha >= recipe.cutoff ? 1.0f : 0.0f;
-          break;
-        }
+        case What::alpha: out.data[i] = static_cast<float>(covers(recipe.factor.x)); break;
         case What::normal: {
           Vec3d n;
           for (int c = 0; c < 3; ++c) n[c] = 2.0 * static_cast<double>(value(c)) - 1.0;
