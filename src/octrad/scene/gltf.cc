@@ -340,6 +340,10 @@ class GltfReader {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
     }
+    if (read->mesh.triangles.empty()) {
+      report_.assume(primitive.location(), "primitives without positions or without a whole triangle are left out");
+      return result;
+    }
     if (materials_.absorbs(surface.material)) {
       const double scale = std::cbrt(std::fabs(first_place.determinant()));
       if (std::isfinite(scale)) surface.scale = static_cast<float>(std::min(scale, 1e30));

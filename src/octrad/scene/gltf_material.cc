@@ -167,8 +167,8 @@ bool GltfMaterials::is_lamp(int index) const {
 // part have no inside that is seen.
 bool GltfMaterials::emits_from_both_sides(int index) const {
   const GltfObject m = material(index);
-  return m.flag("doubleSided") && m.text("alphaMode", "OPAQUE") != "BLEND" && !(transmission_of(m) > 0.0) &&
-         emits(index) && (is_unlit(m) || is_lamp(index));
+  return m.flag("doubleSided") && m.text("alphaMode", "OPAQUE") != "BLEND" && emits(index) &&
+         (is_unlit(m) || (is_lamp(index) && !(transmission_of(m) > 0.0)));
 }
 
 GltfMaterials::Coverage GltfMaterials::coverage(const GltfObject& m, const GltfSurface& s) const {

@@ -79,6 +79,8 @@ TEST_F(GltfTest, AbsorptionInGlass) {
     volume["attenuationColor"] = {1, 0.5, 0.25};
     EXPECT_EQ(value(load(), material(load()).reflectance), Vec3f(1.0f)) << distance;
   }
+  volume["attenuationDistance"] = nullptr;  // as JavaScript writes infinity
+  EXPECT_EQ(color(), Vec3f(1.0f));
   volume["attenuationDistance"] = 1e-300;
   EXPECT_EQ(color(), Vec3f(1, 0, 0));
   volume["attenuationDistance"] = 1;

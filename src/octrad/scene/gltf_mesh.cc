@@ -126,7 +126,7 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
   RawMesh mesh;
   mesh.positions = vectors(read("POSITION", {3}, 0));
   const std::size_t count = mesh.positions.size();
-  if (count == 0) primitive.fail("has no POSITION");
+  if (count == 0) return GltfMesh();
   mesh.normals = vectors(read("NORMAL", {3}, count));
   add_targets(file, primitive, pose.weights, mesh);
   if (pose.skin) set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), *pose.skin, mesh);
@@ -147,9 +147,8 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
     order.resize(count);
     for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(i);
   }
-  if (order.size() < 3 || (mode == kTriangles && order.size() % 3 != 0))
-    primitive.fail("its " + std::to_string(order.size()) + " corners make no triangles");
-  const std::size_t triangles = mode == kTriangles ? order.size() / 3 : order.size() - 2;
+  // What is left over of a triangle counts for nothing.
+  const std::size_t triangles = order.size() < 3 ? 0 : mode == kTriangles ? order.size() / 3 : order.size() - 2;
   ask_memory(triangles * sizeof(Vec3i), file.name());
   mesh.triangles.reserve(triangles);
   for (std::size_t i = 0; i < triangles; ++i) {

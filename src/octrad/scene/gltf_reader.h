@@ -35,7 +35,7 @@ struct GltfPose {
 };
 
 // A primitive as a mesh: its triangles, with normals, the coordinates of `uv_set` and, where it has them, the colours
-// of its vertices, within [0, 1]. nullopt for points and lines.
+// of its vertices, within [0, 1]. nullopt for points and lines; without triangles where it has no positions or too few.
 struct GltfMesh {
   RawMesh mesh;
   int color_channels = 0;     // of `colors`: 3, 4 with alpha, 0 without colours

@@ -88,6 +88,22 @@ TEST_F(GltfTest, StripsFansAndIndices) {
   EXPECT_NE(error().find("neither a shape with triangles nor a sensor"), std::string::npos);
 }
 
+// Left over corners, too few of them and missing positions are only warnings of Khronos' validator.
+TEST_F(GltfTest, PrimitivesThatAreNotWhole) {
+  primitive()["indices"] = add("SCALAR", 5121, 5, gltf_bytes<std::uint8_t>({0, 1, 2, 2, 1}));
+  const auto left_out = [&] { return join(load().assumed).find("without a whole triangle") != std::string::npos; };
+  EXPECT_EQ(load().meshes.at(0).triangles, (std::vector<Vec3i>{{0, 1, 2}}));
+  EXPECT_FALSE(left_out());
+  const int two = add("SCALAR", 5121, 2, gltf_bytes<std::uint8_t>({0, 1}));
+  for (const int mode : {4, 5, 6}) {
+    json_["meshes"][0]["primitives"][1] = {{"attributes", {{"POSITION", 0}}}, {"indices", two}, {"mode", mode}};
+    EXPECT_TRUE(left_out()) << mode;
+    EXPECT_EQ(load().shapes.size(), 1u);
+  }
+  json_["meshes"][0]["primitives"][1] = {{"attributes", Json::object()}};
+  EXPECT_TRUE(left_out());
+}
+
 TEST_F(GltfTest, NodesAndInstances) {
   json_["nodes"] = Json::parse(R"([{"children": [1, 2], "translation": [0, 0, 5]},
     {"mesh": 0, "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476], "scale": [2, 1, 1]}])");
