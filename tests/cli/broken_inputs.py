@@ -366,11 +366,17 @@ gltf("offset-negative", put("accessors", 0, "byteOffset", value=-4), "whole numb
 gltf("view-beyond", put("bufferViews", 0, "byteLength", value=37), "lead beyond the buffer")
 gltf("stride-narrow", put("bufferViews", 0, "byteStride", value=4), "byteStride")
 gltf("index-beyond", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 3], 5123)), "index 3 is beyond")
-gltf("corners-four", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1, 2, 0], 5123)), "make no triangles")
+gltf("corners-two", lambda g: g.json["meshes"][0]["primitives"][0].update(indices=g.accessor("SCALAR", [0, 1], 5123)), "neither a shape with triangles nor a sensor")
+gltf("positions-none", put("meshes", 0, "primitives", 0, "attributes", value={}), "neither a shape with triangles nor a sensor")
 gltf("normals-two", lambda g: g.json["meshes"][0]["primitives"][0]["attributes"].update(NORMAL=g.accessor("VEC3", [0, 0, 1] * 2)), "2 of NORMAL, but 3 positions")
 gltf("nan", lambda g: put("accessors", value=[])(g) or g.accessor("VEC3", [float("nan")] * 9), "is not finite")
 gltf("sparse-beyond", lambda g: g.json["accessors"][0].update(sparse={"count": 1, "indices": {"bufferView": g.view(b"\x09"), "componentType": 5121}, "values": {"bufferView": 0}}), "index 9 is beyond")
 gltf("color-of-two", lambda g: put("materials", value=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}])(g) or put("meshes", 0, "primitives", 0, "material", value=0)(g), "a list of 4 numbers")
+GLOSS, TWO_TEXTURES = "KHR_materials_pbrSpecularGlossiness", {"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}}
+for name, extension, value, message in (("gloss-of-another-kind", GLOSS, 5, "must be an object"), ("gloss-negative", GLOSS, {"specularFactor": [-1, 0, 0]}, "a list of 3 numbers from 0"),
+        ("gloss-above-one", GLOSS, {"glossinessFactor": 2}, "a number from 0 to 1"), ("gloss-texture-missing", GLOSS, {**TWO_TEXTURES, "diffuseTexture": {}}, "needs the index of a texture"),
+        ("unlit-of-another-kind", "KHR_materials_unlit", True, "must be an object"), ("absorption-negative", "KHR_materials_volume", {"attenuationDistance": -1}, '"attenuationDistance" must be a number from 0')):
+    gltf(name, lambda g, e=extension, v=value: textured({"uri": "t.png"})(g) or put("materials", 0, "extensions", value={e: v})(g), message)
 gltf("draco", lambda g: put("meshes", 0, "primitives", 0, "extensions", value={"KHR_draco_mesh_compression": {}})(g) or g.json["accessors"][0].pop("bufferView"), "KHR_draco_mesh_compression is not supported")
 gltf("buffer-short", lambda g: g.text().replace(f'"byteLength": {len(g.binary)}, "uri"', '"byteLength": 1000000000, "uri"'), "but there are")
 gltf("base64-broken", lambda g: g.text().replace("base64,AAAA", "base64,A!AA"), "not in base64")
@@ -713,6 +719,9 @@ cost_gltf("broken-materials", lambda g: (g.json.update(materials=[{"alphaMode": 
 LONG_URI = "data:image/png;base64," + base64.b64encode(ONE_PIXEL[:33] + chunk(b"junk", bytes(1000000)) + ONE_PIXEL[33:]).decode()
 cost_gltf("picture-of-many-materials", lambda g: (textured({"uri": LONG_URI})(g), g.json.update(materials=[
     {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [i / 1000, 1, 1, 1]}} for i in range(200)]), put("meshes", 0, "primitives", value=[
+        {**g.json["meshes"][0]["primitives"][0], "material": i} for i in range(200)])(g), None)[-1])
+cost_gltf("glossy-picture-of-many-materials", lambda g: (textured({"uri": LONG_URI})(g), g.json.update(materials=[
+    {"extensions": {GLOSS: {**TWO_TEXTURES, "diffuseFactor": [i / 1000, 1, 1, 1]}}} for i in range(200)]), put("meshes", 0, "primitives", value=[
         {**g.json["meshes"][0]["primitives"][0], "material": i} for i in range(200)])(g), None)[-1])
 def posed(more, count):
     """The triangle with a skin, in `count` places; `more` changes the list of its primitives."""

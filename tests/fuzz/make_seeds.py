@@ -87,6 +87,14 @@ for light in range(3):
     ALL.node(extensions={"KHR_lights_punctual": {"light": light}})
 ALL.json["cameras"].append({"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 1, "zfar": 10, "znear": 1}})
 ALL.node(camera=1)
+OLD = gltf_scene()  # extensions that stand for the whole material; here one each
+OLD.json["materials"][0]["extensions"] = {"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}, "specularFactor": [1, 0.5, 0.5], "glossinessFactor": 0.5}}
+OLD.json["materials"][1].update(alphaMode="MASK", extensions={"KHR_materials_unlit": {}})
+OLD.json["materials"][2]["doubleSided"] = True
+OLD.json["materials"].append({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 0.5, "attenuationColor": [1, 0.5, 0]}}})
+OLD.json["meshes"][1]["primitives"].append({**OLD.json["meshes"][1]["primitives"][0], "material": 3})
+OLD.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = OLD.accessor("VEC3", [1, 0, 1] * 4)
+put("gltf", "old", OLD.text())
 put("gltf", "all", ALL.text())
 put("gltf", "all-container", ALL.container())
 
@@ -351,7 +359,7 @@ WORDS = {
     "gltf": "glTF JSON BIN\\x00 asset version 2.0 scene scenes nodes children mesh meshes primitives attributes POSITION NORMAL TEXCOORD_0 TEXCOORD_1 COLOR_0 indices mode material materials accessors bufferView "
             "byteOffset byteStride byteLength buffers uri data:;base64, componentType 5120 5121 5122 5123 5125 5126 count type SCALAR VEC2 VEC3 VEC4 normalized sparse values images textures source samplers "
             "pbrMetallicRoughness baseColorTexture metallicRoughnessTexture normalTexture emissiveFactor emissiveTexture alphaMode MASK BLEND doubleSided extensions KHR_lights_punctual KHR_texture_transform "
-            "KHR_materials_transmission KHR_materials_volume EXT_mesh_gpu_instancing EXT_meshopt_compression EXT_texture_webp ATTRIBUTES TRIANGLES INDICES OCTAHEDRAL QUATERNION EXPONENTIAL filter cameras perspective orthographic yfov xmag matrix rotation scale translation 1e30 -1 null".split(),
+            "KHR_materials_transmission KHR_materials_volume KHR_materials_pbrSpecularGlossiness KHR_materials_unlit diffuseTexture specularGlossinessTexture specularFactor glossinessFactor attenuationColor attenuationDistance doubleSided EXT_mesh_gpu_instancing EXT_meshopt_compression EXT_texture_webp ATTRIBUTES TRIANGLES INDICES OCTAHEDRAL QUATERNION EXPONENTIAL filter cameras perspective orthographic yfov xmag matrix rotation scale translation 1e30 -1 null".split(),
     "hdr": "#?RADIANCE #?RGBE FORMAT=32-bit_rle_rgbe -Y +X \\x02\\x02 \\x01\\x01\\x01".split(),
     "pfm": "PF Pf -1.0 nan inf 131072".split(),
     "png": "IHDR PLTE tRNS IDAT IEND gAMA iCCP sBIT \\x89PNG\\x0d\\x0a\\x1a\\x0a".split(),

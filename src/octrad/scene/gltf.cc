@@ -19,18 +19,26 @@ constexpr std::size_t kMaxPlaced = 4'000'000;
 constexpr std::uint64_t kPlacedBytes = 3000;  // of the elements of one, about
 
 // Extensions that are read. Others are refused where the file requires them, else noted.
-const std::set<std::string> kExtensions = {
-    "EXT_mesh_gpu_instancing", "EXT_meshopt_compression",         "EXT_texture_webp",     "KHR_lights_punctual",
-    "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",    "KHR_materials_sheen",
-    "KHR_materials_specular",  "KHR_materials_transmission",      "KHR_materials_volume", "KHR_mesh_quantization",
-    "KHR_texture_transform"};
+const std::set<std::string> kExtensions = {"EXT_mesh_gpu_instancing",
+                                           "EXT_meshopt_compression",
+                                           "EXT_texture_webp",
+                                           "KHR_lights_punctual",
+                                           "KHR_materials_pbrSpecularGlossiness",
+                                           "KHR_materials_clearcoat",
+                                           "KHR_materials_emissive_strength",
+                                           "KHR_materials_ior",
+                                           "KHR_materials_sheen",
+                                           "KHR_materials_specular",
+                                           "KHR_materials_transmission",
+                                           "KHR_materials_unlit",
+                                           "KHR_materials_volume",
+                                           "KHR_mesh_quantization",
+                                           "KHR_texture_transform"};
 
 std::string extension_advice(const std::string& extension) {
   static const std::pair<const char*, const char*> ways[] = {
       {"KHR_draco_mesh_compression", "; decompress it, as by \"gltf-transform copy\""},
       {"KHR_meshopt_compression", "; decompress it, as by \"gltf-transform copy\""},
-      {"KHR_materials_pbrSpecularGlossiness", "; convert it, as by \"gltf-transform metalrough\""},
-      {"KHR_materials_unlit", "; unlit surfaces are light without a cause: give them an emissiveFactor"},
       {"KHR_texture_basisu", "; save the pictures as PNG or JPEG"},
       {"EXT_texture_avif", "; save the pictures as PNG or JPEG"},
       {"MSFT_texture_dds", "; save the pictures as PNG or JPEG"},
@@ -102,8 +110,15 @@ class GltfReader {
       for (Element* light : lights_)
         add_element(*light, light->location, "boolean", {{"name", "through_masks"}, {"value", "true"}});
     }
-    if (!has_light_) {
-      report_.assume(here, "the file has no light: one that is the same from all sides is added");
+    if (!has_light_ && lamp_ >= 0) {
+      report_.assume(
+          file_->item("materials", lamp_).location(),
+          "no light from all sides is added, because a lamp lights the scene: an emissive material without a texture, "
+          "or brighter than 1. To have one, convert the file to XML and add <emitter type=\"constant\"/>");
+    } else if (!has_light_) {
+      report_.assume(here,
+                     "the file has no light: one that is the same from all sides is added. Punctual lights and lamps "
+                     "keep it away: emissive materials without a texture, or brighter than 1");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
       add_element(light, here, "float", {{"name", "radiance"}, {"value", "1"}});
     }
@@ -269,14 +284,15 @@ class GltfReader {
     const std::string id = mesh.path();
     for (const GltfObject& primitive : mesh.objects("primitives")) {
       report_.attempt(primitive.location(), [&] {
-        for (const auto& [name, surface] : build(primitive, pose)) {
+        for (const auto& [name, surface, back] : build(primitive, pose, places.front())) {
           const bool emits = materials_.emits(surface.material);
           if (places.size() == 1 || emits) {
             for (const Transform& to_world : places) {
               Element& shape = add_shape(root(), primitive, name, surface);
               add_matrix(shape, primitive.location(), "to_world", to_world);
               // What mirrors turns the front with it. Normals of the file do so by themselves.
-              if (to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty())
+              const bool turned = to_world.determinant() < 0.0 && description_.built_mesh(name)->normals.empty();
+              if (turned != back)
                 add_element(shape, primitive.location(), "boolean", {{"name", "flip_normals"}, {"value", "true"}});
             }
             continue;
@@ -297,8 +313,14 @@ class GltfReader {
     }
   }
 
-  // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles.
-  std::vector<std::pair<std::string, GltfSurface>> build(const GltfObject& primitive, const GltfPose& pose) {
+  struct BuiltMesh {
+    std::string name;
+    GltfSurface surface;
+    bool back = false;  // its front is where the triangles' back is
+  };
+  // The meshes of a primitive: one, or two where the normal map is seen mirrored on some triangles. Lights have one
+  // side: of those that shine from both there are two, a little apart.
+  std::vector<BuiltMesh> build(const GltfObject& primitive, const GltfPose& pose, const Transform& first_place) {
     const int positions = primitive.object("attributes").index("POSITION", "accessors");
     if (primitive.extension("KHR_draco_mesh_compression").exists() && positions >= 0 &&
         !file_->item("accessors", positions).has("bufferView"))  // else the mesh is there without compression too
@@ -310,30 +332,72 @@ class GltfReader {
     surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
     if (!surface.uvs && materials_.has_textures(surface.material))
       report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");
-    const bool colors = attributes.has("COLOR_0");
-    surface.colors = colors && materials_.shows_colors(surface.material, surface.uvs);
-    if (colors && !surface.colors)
-      report_.assume(primitive.location(), "colours of vertices are left out where there is a texture");
     if (attributes.has("JOINTS_1"))
       report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
-    const Vec3f color = materials_.base_color(surface.material);
-    std::optional<RawMesh> mesh = gltf_mesh(*file_, primitive, uv_set, surface.colors ? &color : nullptr, pose);
-    std::vector<std::pair<std::string, GltfSurface>> result;
-    if (!mesh) {
+    std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
+    std::vector<BuiltMesh> result;
+    if (!read) {
       report_.assume(primitive.location(), "points and lines are left out");
       return result;
     }
-    const auto keep = [&](RawMesh&& m) {
+    if (read->mesh.triangles.empty()) {
+      report_.assume(primitive.location(), "primitives without positions or without a whole triangle are left out");
+      return result;
+    }
+    if (materials_.absorbs(surface.material)) {
+      const double scale = std::cbrt(std::fabs(first_place.determinant()));
+      if (std::isfinite(scale)) surface.scale = static_cast<float>(std::min(scale, 1e30));
+    }
+    RawMesh& mesh = read->mesh;
+    add_colors(*read, surface, primitive);
+    const bool both = materials_.emits_from_both_sides(surface.material) && !is_closed(mesh);
+    const auto keep = [&](RawMesh&& m, bool back) {
       const std::string name = "mesh" + std::to_string(description_.built->meshes.size());
       description_.built->meshes.emplace(name, std::move(m));
-      result.emplace_back(name, surface);
+      result.push_back({name, surface, back});
+    };
+    const auto keep_sides = [&](RawMesh&& m) {
+      if (m.triangles.empty()) return;
+      if (!both) return keep(std::move(m), false);
+      constexpr double kApart = 1e-4;  // of the mesh's size
+      const double front = normals_are_turned(m) ? -kApart : kApart;
+      ask_memory(m.bytes(), primitive.location().text());
+      keep(moved_along_normals(m, -front), true);
+      keep(moved_along_normals(std::move(m), front), false);
     };
     RawMesh mirrored;
-    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(*mesh);
-    if (!mesh->triangles.empty()) keep(std::move(*mesh));
+    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(mesh);
+    keep_sides(std::move(mesh));
     surface.mirrored = true;
-    if (!mirrored.triangles.empty()) keep(std::move(mirrored));
+    keep_sides(std::move(mirrored));
     return result;
+  }
+
+  // One colour of all vertices is a factor of the material. Others become a picture with texture coordinates of its own
+  // (load_attributes.cc), of which a mesh has one set.
+  void add_colors(GltfMesh& read, GltfSurface& surface, const GltfObject& primitive) {
+    const auto channels = static_cast<std::size_t>(read.color_channels);
+    if (read.one_color()) {
+      std::copy_n(read.colors.begin(), channels, surface.tint.begin());
+      return;
+    }
+    if (read.colors.empty()) return;
+    surface.colors = materials_.shows_colors(surface.material, surface.uvs);
+    if (!surface.colors) {
+      report_.assume(
+          primitive.location(),
+          "colours of vertices that differ are left out beside textures, and specular colours above 0.04: a mesh has "
+          "one set of texture coordinates. Bake them into the texture of the base colour");
+      return;
+    }
+    const Vec3f factor = materials_.base_color(surface);
+    MeshAttribute attribute{"vertex_color", 3, {}};
+    attribute.values.reserve(read.mesh.positions.size() * 3);
+    for (std::size_t i = 0; i < read.mesh.positions.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        attribute.values.push_back(read.colors[channels * i + c] * factor[static_cast<int>(c)]);
+    }
+    read.mesh.attributes.push_back(std::move(attribute));
   }
 
   Element& add_shape(Element& parent, const GltfObject& primitive, const std::string& mesh,
@@ -348,7 +412,7 @@ class GltfReader {
     add_element(shape, where, "ref", {{"id", bsdf}});
     if (materials_.emits(surface.material)) {
       materials_.add_emitter(shape, surface);
-      has_light_ = true;
+      if (materials_.is_lamp(surface.material)) lamp_ = surface.material;
     }
     return shape;
   }
@@ -418,7 +482,8 @@ class GltfReader {
   std::map<int, GltfSkin> skins_;                 // that were used
   std::size_t placed_count_ = 0;
   MemoryMeter meter_;
-  bool has_light_ = false;
+  bool has_light_ = false;        // punctual
+  int lamp_ = -1;                 // a material
   std::vector<Element*> lights_;  // punctual
 };
 

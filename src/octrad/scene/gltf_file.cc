@@ -87,7 +87,8 @@ Location GltfObject::location() const {
 const nlohmann::json* GltfObject::member(const std::string& key) const {
   if (!object_) return nullptr;
   const auto found = object_->find(key);
-  return found == object_->end() ? nullptr : &*found;
+  // Some writers say null for what is infinite or not there.
+  return found == object_->end() || found->is_null() ? nullptr : &*found;
 }
 
 void GltfObject::wrong(const std::string& key, const std::string& expected) const {

@@ -3,17 +3,12 @@
 // Disney's (Burley 2012). What differs is noted.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
+#include <limits>
 #include <utility>
 
-#include "octrad/base/input_file.h"
-#include "octrad/base/lower_case.h"
-#include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
-#include "octrad/image/io.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/gltf_reader.h"
-#include "octrad/scene/picture_values.h"
 
 namespace octrad {
 namespace {
@@ -23,11 +18,62 @@ std::vector<double> color_factors(const GltfObject& owner, const std::string& ke
   return owner.numbers(key, std::move(fallback), 0.0, 1e12);
 }
 
+GltfObject specular_glossiness(const GltfObject& m) { return m.extension("KHR_materials_pbrSpecularGlossiness"); }
+
+// Without any light the surface shows its base colour.
+bool is_unlit(const GltfObject& m) { return m.extension("KHR_materials_unlit").exists(); }
+
+// By the extension, where a material has it: pbrMetallicRoughness is then for readers without.
 std::vector<double> base_factors(const GltfObject& m) {
-  return color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
+  const GltfObject gloss = specular_glossiness(m);
+  return gloss.exists() ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
+                        : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
 }
 
+GltfObject base_texture(const GltfObject& m) {
+  const GltfObject gloss = specular_glossiness(m);
+  return gloss.exists() ? gloss.object("diffuseTexture") : m.object("pbrMetallicRoughness").object("baseColorTexture");
+}
+
+Vec3d specular_factors(const GltfObject& gloss) {
+  const std::vector<double> c = color_factors(gloss, "specularFactor", {1, 1, 1});
+  return {std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)};
+}
+
+double glossiness_of(const GltfObject& gloss) { return gloss.number("glossinessFactor", 1.0, 0.0, 1.0); }
+
+double largest_of(Vec3d v) { return std::max({v.x, v.y, v.z}); }
+
 std::vector<double> emissive_factors(const GltfObject& m) { return color_factors(m, "emissiveFactor", {0, 0, 0}); }
+
+double emissive_strength(const GltfObject& m) {
+  return m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+}
+
+double transmission_of(const GltfObject& m) {
+  return m.extension("KHR_materials_transmission").number("transmissionFactor", 0.0, 0.0, 1.0);
+}
+
+double thickness_of(const GltfObject& m) {
+  return m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0);
+}
+
+// What is left of light on a straight way through the thickness that a material says there is under its surface, by
+// Beer's law. Thickness is in the mesh's own lengths, and the distance after which a colour is left in those of the
+// scene, where these are `scale` times as long.
+Vec3d left_by_absorption(const GltfObject& m, double scale) {
+  const GltfObject volume = m.extension("KHR_materials_volume");
+  const double thickness = thickness_of(m) * scale;
+  // Without it infinite; some writers say 0 for that.
+  const double distance = volume.number("attenuationDistance", 0.0, 0.0, std::numeric_limits<double>::max());
+  const std::vector<double> color = volume.numbers("attenuationColor", {1, 1, 1}, 0.0, 1.0);
+  if (!(transmission_of(m) > 0.0 && thickness > 0.0 && distance > 0.0)) return Vec3d(1.0);
+  Vec3d left;
+  for (int i = 0; i < 3; ++i) left[i] = std::pow(color[static_cast<std::size_t>(i)], thickness / distance);
+  return left;
+}
+
+constexpr double kLeastEta = 1.001;  // of principled
 
 double highest(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
 
@@ -41,10 +87,19 @@ GltfObject GltfMaterials::material(int index) const {
 
 // Without textures whose factor is 0: they change nothing.
 std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const {
-  const GltfObject pbr = m.object("pbrMetallicRoughness");
-  std::vector<GltfObject> all = {pbr.object("baseColorTexture"), m.object("normalTexture")};
-  if (pbr.number("metallicFactor", 1.0) != 0.0 || pbr.number("roughnessFactor", 1.0) != 0.0)
+  const GltfObject pbr = m.object("pbrMetallicRoughness"), gloss = specular_glossiness(m);
+  std::vector<GltfObject> all = {base_texture(m)};
+  if (is_unlit(m)) {
+    if (!all[0].exists()) all.clear();
+    return all;
+  }
+  all.push_back(m.object("normalTexture"));
+  if (gloss.exists()) {
+    if (largest_of(specular_factors(gloss)) > 0.0 || glossiness_of(gloss) > 0.0)
+      all.push_back(gloss.object("specularGlossinessTexture"));
+  } else if (pbr.number("metallicFactor", 1.0) != 0.0 || pbr.number("roughnessFactor", 1.0) != 0.0) {
     all.push_back(pbr.object("metallicRoughnessTexture"));
+  }
   if (highest(emissive_factors(m)) > 0.0) all.push_back(m.object("emissiveTexture"));
   for (const std::string name : {"transmission", "clearcoat"}) {
     const GltfObject extension = m.extension("KHR_materials_" + name);
@@ -71,34 +126,101 @@ int GltfMaterials::uv_set(int index) const {
   return std::max(set, 0);
 }
 
-bool GltfMaterials::has_normal_map(int index) const { return material(index).object("normalTexture").exists(); }
+bool GltfMaterials::has_normal_map(int index) const {
+  return material(index).object("normalTexture").exists() && !is_unlit(material(index));
+}
 
 bool GltfMaterials::has_textures(int index) const { return !texture_infos(material(index)).empty(); }
 
-bool GltfMaterials::shows_colors(int index, bool uvs) const { return !uvs || !has_textures(index); }
-
-Vec3f GltfMaterials::base_color(int index) const {
-  const std::vector<double> c = base_factors(material(index));
-  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)));
+bool GltfMaterials::shows_colors(int index, bool uvs) const {
+  const GltfObject gloss = specular_glossiness(material(index));
+  if (gloss.exists() && !is_unlit(material(index)) && largest_of(specular_factors(gloss)) > kGltfDielectric)
+    return false;  // two colours make one
+  return !uvs || !has_textures(index);
 }
 
-bool GltfMaterials::emits(int index) const { return highest(emissive_factors(material(index))) > 0.0; }
+Vec3f GltfMaterials::base_color(const GltfSurface& s) const {
+  const std::vector<double> c = base_factors(material(s.material));
+  // Both models of glass tint by their base colour what goes in and out again, or through a thin pane.
+  return Vec3f(Vec3d(std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)) *
+               left_by_absorption(material(s.material), static_cast<double>(s.scale))) *
+         Vec3f(s.tint[0], s.tint[1], s.tint[2]);
+}
+
+bool GltfMaterials::absorbs(int index) const { return left_by_absorption(material(index), 1.0) != Vec3d(1.0); }
+
+bool GltfMaterials::emits(int index) const {
+  const GltfObject m = material(index);
+  const std::vector<double> c = is_unlit(m) ? base_factors(m) : emissive_factors(m);
+  return std::max({c[0], c[1], c[2]}) > 0.0;
+}
+
+bool GltfMaterials::is_lamp(int index) const {
+  const GltfObject m = material(index);
+  if (is_unlit(m)) return false;
+  const std::vector<double> c = emissive_factors(m);
+  const double brightest = highest(c) * emissive_strength(m);
+  return brightest > 0.0 && (brightest > 1.0 + 1e-4 || !m.object("emissiveTexture").exists());
+}
+
+// Each side in a mesh of its own would take the alpha of a half-transparent surface twice; and models with a glowing
+// part have no inside that is seen.
+bool GltfMaterials::emits_from_both_sides(int index) const {
+  const GltfObject m = material(index);
+  return m.flag("doubleSided") && m.text("alphaMode", "OPAQUE") != "BLEND" && emits(index) &&
+         (is_unlit(m) || (is_lamp(index) && !(transmission_of(m) > 0.0)));
+}
+
+GltfMaterials::Coverage GltfMaterials::coverage(const GltfObject& m, const GltfSurface& s) const {
+  Coverage coverage;
+  const std::string mode = m.text("alphaMode", "OPAQUE");
+  if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
+    m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
+  if (mode == "OPAQUE") return coverage;
+  if (s.colors) report_.assume(m.location(), "alphaMode takes no alpha from the colours of vertices");
+  coverage.factor = std::min(base_factors(m)[3], 1.0) * static_cast<double>(s.tint[3]);
+  coverage.plain = coverage.factor;
+  if (mode == "BLEND") return coverage;
+  coverage.cutoff = m.number("alphaCutoff", 0.5, 0.0);
+  coverage.plain = coverage.factor >= coverage.cutoff ? 1.0 : 0.0;
+  return coverage;
+}
 
 void GltfMaterials::add_emitter(Element& shape, const GltfSurface& s) {
   const GltfObject m = material(s.material);
+  if (m.flag("doubleSided") && !emits_from_both_sides(s.material))
+    report_.assume(m.location(), "a light on both sides shines from its front only");
+  Element& emitter = add_element(shape, m.location(), "emitter", {{"type", "area"}});
+  if (is_unlit(m)) return add_unlit(emitter, m, s);
   const std::vector<double> c = emissive_factors(m);
-  const Vec3d radiance = Vec3d(c[0], c[1], c[2]) *
-                         m.extension("KHR_materials_emissive_strength").number("emissiveStrength", 1.0, 0.0, 1e12);
+  const Vec3d radiance = Vec3d(c[0], c[1], c[2]) * emissive_strength(m);
   if (exceeds_one(c)) report_.assume(m.location(), "an emissiveFactor above 1, which glTF does not allow, is kept");
-  if (m.flag("doubleSided")) report_.assume(m.location(), "a light on both sides shines from its front only");
   if (m.text("alphaMode", "OPAQUE") != "OPAQUE")
     report_.assume(m.location(), "a light shines where its surface is cut out or transparent, too");
-  Element& emitter = add_element(shape, m.location(), "emitter", {{"type", "area"}});
   const GltfObject info = m.object("emissiveTexture");
   Recipe recipe;
   recipe.factor = radiance;
   if (textured(info, s) && add_texture(emitter, "radiance", info, recipe)) return;
   add_element(emitter, m.location(), "rgb", {{"name", "radiance"}, {"value", three_numbers(radiance)}});
+}
+
+// Emission is seen where a surface is cut out, too, so that it must be none there.
+void GltfMaterials::add_unlit(Element& emitter, const GltfObject& m, const GltfSurface& s) {
+  report_.assume(
+      m.location(),
+      "KHR_materials_unlit: the surface emits its base colour and reflects nothing, so that it lights others");
+  const Coverage covered = coverage(m, s);
+  const GltfObject info = base_texture(m);
+  Recipe recipe;
+  recipe.factor = Vec3d(base_color(s));
+  if (m.text("alphaMode", "OPAQUE") != "OPAQUE") {
+    recipe.alpha = covered.factor;
+    recipe.cutoff = covered.cutoff;
+  }
+  if (s.colors) return add_attribute(emitter, "radiance", m, covered.plain);
+  if (textured(info, s) && add_texture(emitter, "radiance", info, recipe)) return;
+  add_element(emitter, m.location(), "rgb",
+              {{"name", "radiance"}, {"value", three_numbers(recipe.factor * covered.plain)}});
 }
 
 std::string GltfMaterials::bsdf(const GltfSurface& s) {
@@ -107,6 +229,7 @@ std::string GltfMaterials::bsdf(const GltfSurface& s) {
   const GltfObject m = material(s.material);
   std::string id = s.material >= 0 ? "material" + std::to_string(s.material) : "material";
   id += std::string(s.uvs ? "" : "-plain") + (s.colors ? "-colors" : "") + (s.mirrored ? "-mirrored" : "");
+  if (s.tint != GltfSurface().tint || s.scale != 1.0f) id += "-" + std::to_string(bsdfs_.size());
   at->second = id;
   std::vector<std::unique_ptr<Element>>& all = description_.root->children;
   const auto before = static_cast<std::ptrdiff_t>(all.size());
@@ -133,28 +256,26 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     first.clear();
   };
 
-  const GltfObject pbr = m.object("pbrMetallicRoughness"), base = pbr.object("baseColorTexture");
+  const GltfObject base = base_texture(m);
   const std::vector<double> factors = base_factors(m);
   if (exceeds_one(factors)) report_.assume(where, "a baseColorFactor above 1, which glTF does not allow, is read as 1");
-  const std::string mode = m.text("alphaMode", "OPAQUE");
-  if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
-    m.fail("alphaMode must be OPAQUE, MASK or BLEND, not \"" + mode + "\"");
-  if (mode != "OPAQUE") {
-    if (s.colors) report_.assume(where, "alphaMode takes no alpha from the colours of vertices");
-    const double factor = std::min(factors[3], 1.0);
+  const Coverage covered = coverage(m, s);
+  const bool cut = m.text("alphaMode", "OPAQUE") != "OPAQUE" && textured(base, s);
+  if (cut || covered.plain < 1.0) {
     Recipe alpha;
     alpha.what = Recipe::What::alpha;
-    alpha.factor = Vec3d(factor);
-    const double cutoff = m.number("alphaCutoff", 0.5, 0.0);
-    if (mode == "MASK") alpha.cutoff = cutoff;
-    const double plain = mode == "MASK" ? (factor >= cutoff ? 1.0 : 0.0) : factor;
-    if (textured(base, s) || plain < 1.0) {
-      nest("mask");
-      has_masks_ = true;
-      if (!textured(base, s) || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, plain);
-    }
+    alpha.factor = Vec3d(covered.factor);
+    alpha.cutoff = covered.cutoff;
+    nest("mask");
+    has_masks_ = true;
+    if (!cut || !add_texture(*parent, "opacity", base, alpha)) add_value(*parent, "opacity", m, covered.plain);
   }
-  const bool transmits = m.extension("KHR_materials_transmission").number("transmissionFactor", 0.0, 0.0, 1.0) > 0.0;
+  if (is_unlit(m)) {
+    nest("diffuse");
+    add_element(*parent, where, "rgb", {{"name", "reflectance"}, {"value", "0"}});
+    return;
+  }
+  const bool transmits = transmission_of(m) > 0.0;
   if (m.flag("doubleSided") && !transmits) nest("twosided");
   if (const GltfObject normal = m.object("normalTexture"); textured(normal, s)) {
     Recipe recipe;
@@ -166,37 +287,100 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       add_element(*parent, where, "rgb", {{"name", "normalmap"}, {"value", "0.5, 0.5, 1"}});
     }
   }
-  const bool thin = transmits && !(m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0) > 0.0);
+  const bool thin = transmits && !(thickness_of(m) > 0.0);
   nest(thin ? "principledthin" : "principled");
   add_model(*parent, m, s);
 }
 
-void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
-  const bool thin = bsdf.get("type") == "principledthin";
-  const GltfObject pbr = m.object("pbrMetallicRoughness");
-  const GltfObject base = pbr.object("baseColorTexture"), mr = pbr.object("metallicRoughnessTexture");
-  const Vec3f color = base_color(s.material);
+void GltfMaterials::add_base_color(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const GltfObject base = base_texture(m);
   Recipe recipe;
-  recipe.factor = Vec3d(color);
+  recipe.factor = Vec3d(base_color(s));
   if (s.colors) {
-    Element& texture = add_element(bsdf, m.location(), "texture", {{"type", "mesh_attribute"}, {"name", "base_color"}});
-    add_element(texture, m.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
+    add_attribute(bsdf, "base_color", m, 1.0);
   } else if (!textured(base, s) || !add_texture(bsdf, "base_color", base, recipe)) {
-    add_element(bsdf, m.location(), "rgb", {{"name", "base_color"}, {"value", three_numbers(Vec3d(color))}});
+    add_element(bsdf, m.location(), "rgb", {{"name", "base_color"}, {"value", three_numbers(recipe.factor)}});
   }
+}
+
+void GltfMaterials::add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const GltfObject pbr = m.object("pbrMetallicRoughness"), mr = pbr.object("metallicRoughnessTexture");
   const double metallic = pbr.number("metallicFactor", 1.0, 0.0, 1.0);
+  add_base_color(bsdf, m, s);
   add_scalar(bsdf, "roughness", m, s, pbr.number("roughnessFactor", 1.0, 0.0, 1.0), mr, 1);
-  if (!thin) add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
+  if (bsdf.get("type") != "principledthin") add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
   else if (metallic > 0.0) report_.assume(m.location(), "thin glass of glTF is not metallic");
   add_ior(bsdf, m);
+}
+
+void GltfMaterials::add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const Location where = m.location();
+  const bool thin = bsdf.get("type") == "principledthin";
+  const GltfObject gloss = specular_glossiness(m);
+  const GltfObject diffuse_texture = base_texture(m), specular_texture = gloss.object("specularGlossinessTexture");
+  GltfSpecularPictures surface;
+  surface.diffuse = Vec3d(base_color(s));
+  surface.specular = specular_factors(gloss);
+  bool diffuse_varies = textured(diffuse_texture, s) && largest_of(surface.diffuse) > 0.0;
+  bool specular_varies = textured(specular_texture, s) && largest_of(surface.specular) > 0.0;
+  report_.assume(
+      where,
+      "KHR_materials_pbrSpecularGlossiness read as metallic-roughness: metallic as far as its specular colour "
+      "is brighter than what a dielectric reflects, 0.04");
+  if (diffuse_varies && specular_varies && !placing(diffuse_texture).lies_like(placing(specular_texture))) {
+    report_.assume(where, "specular colours that lie on the surface otherwise than diffuse ones are read as 0.04");
+    specular_varies = false;
+    surface.specular = Vec3d(kGltfDielectric);
+  }
+
+  const double glossiness = glossiness_of(gloss);
+  Recipe rough;
+  rough.what = Recipe::What::glossiness;
+  rough.factor = Vec3d(glossiness);
+  if (!(glossiness > 0.0) || !textured(specular_texture, s) || !add_texture(bsdf, "roughness", specular_texture, rough))
+    add_value(bsdf, "roughness", m, 1.0 - glossiness);
+
+  const double f0 = largest_of(surface.specular);
+  if (!specular_varies && f0 <= kGltfDielectric) {  // what is reflected is colourless, nearly or at all
+    add_base_color(bsdf, m, s);
+    if (!thin) add_value(bsdf, "metallic", m, 0.0);
+    add_value(bsdf, "eta", m, std::max((1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0)), kLeastEta));
+    return;
+  }
+  add_value(bsdf, "eta", m, 1.5);
+  const GltfMetal constant = metal_of_specular(surface.diffuse, surface.specular);
+  const auto add_picture = [&](const char* name, bool metallic) {
+    const GltfObject& info = diffuse_varies ? diffuse_texture : specular_texture;
+    const int diffuse = diffuse_varies ? image_of(diffuse_texture) : -1,
+              specular = specular_varies ? image_of(specular_texture) : -1;
+    if ((diffuse < 0) == diffuse_varies || (specular < 0) == specular_varies) return false;
+    const Placing place = placing(info);
+    surface.repeats = place.wrap == "repeat";
+    std::string file;
+    const bool done = report_.attempt(where, [&] { file = metal_picture(diffuse, specular, surface, metallic); });
+    if (done) add_bitmap(bsdf, name, info, place, file, true);
+    return done;
+  };
+  const bool varies = diffuse_varies || specular_varies;
+  if (!varies || !add_picture("base_color", false))
+    add_element(bsdf, where, "rgb", {{"name", "base_color"}, {"value", three_numbers(constant.base)}});
+  if (!thin && (!varies || !add_picture("metallic", true))) add_value(bsdf, "metallic", m, constant.metallic);
+}
+
+void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
+  const bool thin = bsdf.get("type") == "principledthin";
+  if (specular_glossiness(m).exists()) add_specular_glossiness(bsdf, m, s);
+  else add_metallic_roughness(bsdf, m, s);
 
   const GltfObject transmission = m.extension("KHR_materials_transmission");
-  const double through = transmission.number("transmissionFactor", 0.0, 0.0, 1.0);
+  const double through = transmission_of(m);
   if (through > 0.0) add_scalar(bsdf, "spec_trans", m, s, through, transmission.object("transmissionTexture"), 0);
-  const std::vector<double> attenuation =
-      m.extension("KHR_materials_volume").numbers("attenuationColor", {1, 1, 1}, 0.0, 1.0);
-  if (attenuation != std::vector<double>{1, 1, 1})
-    report_.assume(m.location(), "KHR_materials_volume: glass absorbs nothing on the way (attenuationColor)");
+  if (absorbs(s.material)) {
+    report_.assume(
+        m.location(),
+        "KHR_materials_volume: what glass absorbs over its thicknessFactor is a factor of its colour, and not "
+        "absorbed along the way of light");
+  }
 
   const GltfObject coat = m.extension("KHR_materials_clearcoat");
   const double clearcoat = coat.number("clearcoatFactor", 0.0, 0.0, 1.0);
@@ -235,14 +419,14 @@ void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
                  f0 = std::min(std::min(root * root * scale, 1.0) * factor, 0.9);
     eta = (1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0));
   }
-  add_value(bsdf, "eta", m, std::max(eta, 1.001));
+  add_value(bsdf, "eta", m, std::max(eta, kLeastEta));
 }
 
 void GltfMaterials::note_extensions(const GltfObject& m) {
   static const std::set<std::string> kRead = {
-      "KHR_materials_ior",      "KHR_materials_transmission",      "KHR_materials_clearcoat",
-      "KHR_materials_specular", "KHR_materials_emissive_strength", "KHR_materials_volume",
-      "KHR_materials_sheen"};
+      "KHR_materials_ior",      "KHR_materials_transmission",          "KHR_materials_clearcoat",
+      "KHR_materials_specular", "KHR_materials_emissive_strength",     "KHR_materials_volume",
+      "KHR_materials_sheen",    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"};
   for (const std::string& name : m.object("extensions").keys()) {
     if (kRead.count(name) == 0) report_.assume(m.location(), "the material's extension " + name + " is left out");
   }
@@ -251,11 +435,18 @@ void GltfMaterials::note_extensions(const GltfObject& m) {
                                        {"KHR_materials_sheen", "sheenColorTexture"},
                                        {"KHR_materials_sheen", "sheenRoughnessFactor"},
                                        {"KHR_materials_sheen", "sheenRoughnessTexture"},
+                                       {"KHR_materials_volume", "thicknessTexture"},
                                        {"KHR_materials_clearcoat", "clearcoatRoughnessTexture"},
                                        {"KHR_materials_clearcoat", "clearcoatNormalTexture"}}) {
     if (m.extension(extension).has(key))
       report_.assume(m.location(), std::string(extension) + ": " + key + " is left out");
   }
+}
+
+void GltfMaterials::add_attribute(Element& parent, const std::string& name, const GltfObject& where, double scale) {
+  Element& texture = add_element(parent, where.location(), "texture", {{"type", "mesh_attribute"}, {"name", name}});
+  add_element(texture, where.location(), "string", {{"name", "name"}, {"value", "vertex_color"}});
+  if (scale != 1.0) add_value(texture, "scale", where, scale);
 }
 
 void GltfMaterials::add_value(Element& parent, const std::string& name, const GltfObject& where, double value) {
@@ -270,143 +461,6 @@ void GltfMaterials::add_scalar(Element& parent, const std::string& name, const G
   recipe.factor = Vec3d(factor);
   if (factor > 0.0 && textured(info, s) && add_texture(parent, name, info, recipe)) return;
   add_value(parent, name, owner, factor);
-}
-
-bool GltfMaterials::add_texture(Element& parent, const std::string& name, const GltfObject& info,
-                                const Recipe& recipe) {
-  const int index = info.index("index", "textures");
-  if (index < 0) info.fail("needs the index of a texture");
-  const GltfObject texture = file_->item("textures", index);
-  int source = texture.extension("EXT_texture_webp").index("source", "images");
-  if (source < 0) source = texture.index("source", "images");
-  if (source < 0) {
-    std::string way = "has no source";
-    for (const std::string& extension : texture.object("extensions").keys())
-      if (extension != "EXT_texture_webp") way = extension + " is not supported; save its picture as PNG or JPEG";
-    report_.refuse(texture.location(), way);
-    return false;
-  }
-  std::string file;
-  bool encoded = false;
-  const GltfObject image = file_->item("images", source);
-  if (!report_.attempt(image.location(), [&] { file = picture(image, recipe, encoded); })) return false;
-
-  const int sampler_index = texture.index("sampler", "samplers");
-  const GltfObject sampler = sampler_index >= 0 ? file_->item("samplers", sampler_index) : texture.object("sampler");
-  enum { kNearest = 9728, kClamp = 33071, kMirror = 33648, kRepeat = 10497 };
-  int wrap[2] = {kRepeat, kRepeat};
-  if (sampler_index >= 0) {
-    wrap[0] = sampler.integer("wrapS", kRepeat, kRepeat, kMirror);
-    wrap[1] = sampler.integer("wrapT", kRepeat, kRepeat, kMirror);
-    if (wrap[0] != wrap[1])
-      report_.assume(sampler.location(), "textures that wrap in two ways are wrapped as wrapS says");
-  }
-  const bool nearest = sampler_index >= 0 && sampler.integer("magFilter", 0, 0, 9999) == kNearest;
-  // As KHR_texture_transform: scaled, turned, moved; v runs down, so that a turn is the other way round.
-  const GltfObject t = info.extension("KHR_texture_transform");
-  const std::vector<double> offset = t.numbers("offset", {0, 0}), scale = t.numbers("scale", {1, 1});
-  const double angle = t.number("rotation", 0.0), c = std::cos(angle), s = std::sin(angle);
-  Transform to_uv;
-  to_uv.m = {
-      c * scale[0], s * scale[1], 0, offset[0], -s * scale[0], c * scale[1], 0, offset[1], 0, 0, 1, 0, 0, 0, 0, 1};
-  if (recipe.what == Recipe::What::normal && (angle != 0.0 || scale[0] < 0.0 || scale[1] < 0.0))
-    report_.assume(info.location(), "KHR_texture_transform moves a normal map, but does not turn or mirror its slopes");
-  const std::string wrap_mode = wrap[0] == kClamp ? "clamp" : wrap[0] == kMirror ? "mirror" : "repeat";
-  const bool raw = !(encoded && recipe.what == Recipe::What::color);
-
-  std::string key = file + (nearest ? "n" : "b") + wrap_mode + (raw ? "r" : "s");
-  if (t.exists()) {
-    for (const double v : to_uv.m) key.append(" ").append(number_text(v));
-  }
-  const auto [at, inserted] = textures_.try_emplace(key, "texture" + std::to_string(textures_.size()));
-  if (inserted) {
-    const Location where = texture.location();
-    // Before what refers to it, for readers who go from the top.
-    Element& e = add_element(*description_.root, where, "texture", {{"type", "bitmap"}, {"id", at->second}});
-    description_.ids.emplace(at->second, &e);
-    add_element(e, image.location(), "string", {{"name", "filename"}, {"value", file}});
-    add_element(e, where, "string", {{"name", "filter_type"}, {"value", nearest ? "nearest" : "bilinear"}});
-    add_element(e, where, "string", {{"name", "wrap_mode"}, {"value", wrap_mode}});
-    add_element(e, where, "boolean", {{"name", "raw"}, {"value", raw ? "true" : "false"}});
-    if (t.exists()) add_matrix(e, where, "to_uv", to_uv);
-  }
-  add_element(parent, info.location(), "ref", {{"id", at->second}, {"name", name}});
-  return true;
-}
-
-// The name of a file, or of a picture that is made of one. `encoded`: its values are what the file says, to be decoded.
-std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe, bool& encoded) {
-  using What = Recipe::What;
-  const std::string* uri = &image.long_text("uri");  // of the file that `bytes` below keeps
-  const int view = image.index("bufferView", "bufferViews");
-  if (uri->empty() == (view < 0)) image.fail("needs a uri or a bufferView, and not both");
-  const bool outside = !uri->empty() && !GltfFile::is_data(*uri);
-  const std::string file = outside ? file_->resolve(*uri, image) : "";
-  const bool unit = recipe.factor.x == 1.0 && recipe.factor.y == 1.0 && recipe.factor.z == 1.0;
-  encoded = unit && !recipe.mirrored && (recipe.what == What::color || recipe.what == What::normal);
-  // It is looked for once more. Of WebP, which Mitsuba does not read, `convert` makes a PNG.
-  if (encoded && outside && ending_of(file) != ".webp") return std::filesystem::absolute(file).string();
-
-  std::string key = image.path();
-  if (!encoded) {
-    key.append(" ").append(std::to_string(static_cast<int>(recipe.what)));
-    key.append(" ").append(std::to_string(recipe.channel));
-    key.append(" ").append(three_numbers(recipe.factor));
-    key.append(" ").append(number_text(recipe.cutoff)).append(recipe.mirrored ? " mirrored" : "");
-  }
-  const auto [at, inserted] = pictures_.try_emplace(key, "picture" + std::to_string(pictures_.size()));
-  if (!inserted) return at->second;
-  BuiltPicture& built = description_.built->pictures[at->second];
-  // The file is kept as long as something reads from it.
-  const auto bytes = [uri, view, outside, file, image, keep = file_] {
-    return outside ? read_file(file) : uri->empty() ? std::string(keep->view(view)) : GltfFile::decode(*uri, image);
-  };
-  const std::string place = image.location().text();
-  if (encoded) {
-    built.read = [place, bytes] { return parse_image(place, bytes()); };
-    built.encoded = bytes;
-    return at->second;
-  }
-  built.read = [place, bytes, recipe] {
-    const MemoryScope scope;
-    const Image in = parse_image(place, bytes());
-    const std::vector<int> from = color_channels(in);
-    const bool colors = recipe.what == What::color || recipe.what == What::normal;
-    ask_memory(in.pixel_count() * (colors ? 3 : 1) * sizeof(float), place);
-    Image out(in.width, in.height, colors ? std::vector<std::string>{"R", "G", "B"} : std::vector<std::string>{"Y"});
-    const std::size_t stride = in.channels.size();
-    for (std::size_t i = 0; i < in.pixel_count(); ++i) {
-      const float* pixel = in.data.data() + i * stride;
-      const auto value = [&](int c) { return pixel[from[static_cast<std::size_t>(c)]]; };
-      switch (recipe.what) {
-        case What::color:
-          for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] =
-                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c]);
-          break;
-        case What::channel:
-          out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);
-          break;
-        case What::alpha: {
-          const double alpha = (from[3] >= 0 ? static_cast<double>(value(3)) : 1.0) * recipe.factor.x;
-          out.data[i] = recipe.cutoff < 0.0 ? static_cast<float>(alpha) : alpha >= recipe.cutoff ? 1.0f : 0.0f;
-          break;
-        }
-        case What::normal: {
-          Vec3d n;
-          for (int c = 0; c < 3; ++c) n[c] = 2.0 * static_cast<double>(value(c)) - 1.0;
-          n.x *= recipe.factor.x;
-          n.y *= recipe.factor.y * (recipe.mirrored ? -1.0 : 1.0);
-          const double l = length(n);
-          for (int c = 0; c < 3; ++c)
-            out.data[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(l > 0.0 ? 0.5 + 0.5 * n[c] / l : 0.5);
-          break;
-        }
-      }
-    }
-    return out;
-  };
-  return at->second;
 }
 
 }  // namespace octrad

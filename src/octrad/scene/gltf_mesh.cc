@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "octrad/base/memory_limit.h"
@@ -62,8 +63,8 @@ void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfV
   }
 }
 
-// Primitives may share one list of vertices, of which each needs a few.
-void drop_unused_vertices(RawMesh& mesh) {
+// Primitives may share one list of vertices, of which each needs a few. `colors`: with that many channels.
+void drop_unused_vertices(RawMesh& mesh, std::vector<float>* colors = nullptr, std::size_t channels = 0) {
   std::vector<int> place(mesh.positions.size(), -1);
   for (const Vec3i& t : mesh.triangles) {
     for (int i = 0; i < 3; ++i) place[static_cast<std::size_t>(t[i])] = 0;
@@ -80,6 +81,7 @@ void drop_unused_vertices(RawMesh& mesh) {
     keep(mesh.normals, 1, i, count);
     keep(mesh.uvs, 1, i, count);
     for (MeshAttribute& a : mesh.attributes) keep(a.values, static_cast<std::size_t>(a.channels), i, count);
+    if (colors) keep(*colors, channels, i, count);
     place[i] = static_cast<int>(count++);
   }
   const auto cut = [count](auto& values, std::size_t width) {
@@ -91,6 +93,7 @@ void drop_unused_vertices(RawMesh& mesh) {
   cut(mesh.normals, 1);
   cut(mesh.uvs, 1);
   for (MeshAttribute& a : mesh.attributes) cut(a.values, static_cast<std::size_t>(a.channels));
+  if (colors) cut(*colors, channels);
   for (Vec3i& t : mesh.triangles) {
     for (int i = 0; i < 3; ++i) t[i] = place[static_cast<std::size_t>(t[i])];
   }
@@ -98,8 +101,15 @@ void drop_unused_vertices(RawMesh& mesh) {
 
 }  // namespace
 
-std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const Vec3f* color,
-                                 const GltfPose& pose) {
+bool GltfMesh::one_color() const {
+  const auto n = static_cast<std::size_t>(color_channels);
+  for (std::size_t i = n; i < colors.size(); ++i) {
+    if (colors[i] != colors[i - n]) return false;
+  }
+  return !colors.empty();
+}
+
+std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose) {
   const int mode = primitive.integer("mode", kTriangles, kPoints, kFan);
   if (mode < kTriangles) return std::nullopt;
   const GltfObject attributes = primitive.object("attributes");
@@ -116,19 +126,14 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
   RawMesh mesh;
   mesh.positions = vectors(read("POSITION", {3}, 0));
   const std::size_t count = mesh.positions.size();
-  if (count == 0) primitive.fail("has no POSITION");
+  if (count == 0) return GltfMesh();
   mesh.normals = vectors(read("NORMAL", {3}, count));
   add_targets(file, primitive, pose.weights, mesh);
   if (pose.skin) set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), *pose.skin, mesh);
   const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
   for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
-  if (color) {
-    MeshAttribute attribute{"vertex_color", 3, {}};
-    for (const Vec3f& c : vectors(read("COLOR_0", {3, 4}, count))) {
-      for (int i = 0; i < 3; ++i) attribute.values.push_back(std::clamp(c[i], 0.0f, 1.0f) * (*color)[i]);
-    }
-    mesh.attributes.push_back(std::move(attribute));
-  }
+  GltfValues colors = read("COLOR_0", {3, 4}, count);
+  for (float& value : colors.values) value = std::clamp(value, 0.0f, 1.0f);
 
   std::vector<std::uint32_t> order;
   if (const int accessor = primitive.index("indices", "accessors"); accessor >= 0) {
@@ -142,9 +147,8 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
     order.resize(count);
     for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(i);
   }
-  if (order.size() < 3 || (mode == kTriangles && order.size() % 3 != 0))
-    primitive.fail("its " + std::to_string(order.size()) + " corners make no triangles");
-  const std::size_t triangles = mode == kTriangles ? order.size() / 3 : order.size() - 2;
+  // What is left over of a triangle counts for nothing.
+  const std::size_t triangles = order.size() < 3 ? 0 : mode == kTriangles ? order.size() / 3 : order.size() - 2;
   ask_memory(triangles * sizeof(Vec3i), file.name());
   mesh.triangles.reserve(triangles);
   for (std::size_t i = 0; i < triangles; ++i) {
@@ -158,8 +162,38 @@ std::optional<RawMesh> gltf_mesh(const GltfFile& file, const GltfObject& primiti
     for (int k = 0; k < 3; ++k) triangle[k] = static_cast<int>(order[corners[k]]);
     mesh.triangles.push_back(triangle);
   }
-  drop_unused_vertices(mesh);
-  return mesh;
+  drop_unused_vertices(mesh, &colors.values, static_cast<std::size_t>(colors.components));
+  return GltfMesh{std::move(mesh), colors.components, std::move(colors.values)};
+}
+
+bool is_closed(const RawMesh& mesh) {
+  // Vertices at one place count as one: their normals and texture coordinates may differ.
+  const std::size_t n = mesh.positions.size();
+  ask_memory(2 * n * sizeof(int) + mesh.triangles.size() * 6 * sizeof(std::pair<int, int>), "a mesh");
+  std::vector<int> order(n), place(n);
+  for (std::size_t i = 0; i < n; ++i) order[i] = static_cast<int>(i);
+  const auto position = [&](int i) {
+    const Vec3f& p = mesh.positions[static_cast<std::size_t>(i)];
+    return std::array<float, 3>{p.x, p.y, p.z};
+  };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return position(a) < position(b); });
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool same = i > 0 && position(order[i]) == position(order[i - 1]);
+    place[static_cast<std::size_t>(order[i])] =
+        same ? place[static_cast<std::size_t>(order[i - 1])] : static_cast<int>(i);
+  }
+  std::vector<std::pair<int, int>> edges, back;
+  for (const Vec3i& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) {
+      const int a = place[static_cast<std::size_t>(t[k])], b = place[static_cast<std::size_t>(t[(k + 1) % 3])];
+      if (a == b) continue;
+      edges.emplace_back(a, b);
+      back.emplace_back(b, a);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::sort(back.begin(), back.end());
+  return edges == back;
 }
 
 RawMesh take_mirrored(RawMesh& mesh) {

@@ -82,6 +82,30 @@ TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOpti
   return mesh;
 }
 
+bool normals_are_turned(const RawMesh& mesh) {
+  if (mesh.normals.empty()) return false;
+  double sum = 0.0;
+  for (const Vec3i& t : mesh.triangles) {
+    Vec3d p[3], normal(0.0);
+    for (int k = 0; k < 3; ++k) {
+      p[k] = Vec3d(mesh.positions[static_cast<std::size_t>(t[k])]);
+      normal += Vec3d(mesh.normals[static_cast<std::size_t>(t[k])]);
+    }
+    sum += dot(cross(p[1] - p[0], p[2] - p[0]), normal);
+  }
+  return sum < 0.0;
+}
+
+RawMesh moved_along_normals(RawMesh mesh, double share) {
+  Bounds3f box;
+  for (const Vec3f& p : mesh.positions) box.extend(p);
+  const double distance = share * length(Vec3d(box.upper) - Vec3d(box.lower));
+  const std::vector<Vec3f> normals = smooth_normals(mesh.positions, mesh.triangles);
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    mesh.positions[i] = Vec3f(Vec3d(mesh.positions[i]) + Vec3d(normals[i]) * distance);
+  return mesh;
+}
+
 RawMesh make_rectangle() {
   RawMesh mesh;
   mesh.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};

@@ -31,12 +31,6 @@ bool ply_has_normals(const std::string& file);
 // Each triangle with vertices of its own, at (0, 0), (1, 0) and (1, 1) of the texture, where pbrt has no others.
 RawMesh with_own_uvs(const RawMesh& mesh);
 
-// Whether the normals, where there are some, look to the side from which the corners run clockwise.
-bool normals_are_turned(const RawMesh& mesh);
-
-// Vertices moved along their normals, outwards where `share` of the diagonal of the mesh's box is above 0.
-RawMesh moved_along_normals(RawMesh mesh, double share);
-
 double mesh_area(const RawMesh& mesh, const Transform& to_world);
 
 // Loop, C. 1987, "Smooth Subdivision Surfaces Based on Triangles": `levels` steps, then to the limit. The front is
