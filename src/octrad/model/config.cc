@@ -267,7 +267,7 @@ const std::vector<Key>& keys() {
              {{"walks", TrainSampler::walks}, {"area", TrainSampler::area}, {"mixture", TrainSampler::mixture}},
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
-             "perfectly and almost specular surfaces that a ray passes at most, beside 256 masks"),
+             "perfectly and almost specular surfaces that a ray passes at most, in pictures as well, beside 256 masks"),
       number(
           "train.average", &C::train_average, {0, 0.5},
           "shown and saved are means of the weights over this share of the steps, less as rates fall; 0: the weights"),
@@ -303,8 +303,7 @@ const std::vector<Key>& keys() {
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
       number(
           "render.trace_below", &C::render_trace_below, {0, 1},
-          "alpha below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission "
-          "= outside"),
+          "roughness below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission = outside"),
       choice(
           "render.highlights", &C::render_highlights,
           {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},

@@ -163,7 +163,8 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
 // The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
 
-// Of pictures' rays (render.delta, render.trace_below) and of right-hand sides, which pass perfect mirrors in any case.
+// Which surfaces rays pass: rays of pictures (render.delta, render.trace_below), and rays of right-hand sides, which
+// pass perfect mirrors in any case.
 FollowRules first_hit_rules(const Config& config);
 FollowRules rhs_rules(const Config& config);
 // Whether each lobe of a coated surface is a point of its own (lookup.coats).

@@ -66,7 +66,7 @@ class DeviceMlp {
 
  private:
   int input_rows() const { return shape_.inputs + (map_.any() ? 1 : 0); }
-  // Of a part of the weights' gradient: that of a mapped network has another input.
+  // Numbers in a part of the weights' gradient: a mapped network has one more input.
   std::size_t partial_stride() const { return weights_.size() + static_cast<std::size_t>(shape_.width); }
 
   DeviceInfo device_;  // whose shared memory holds the weights

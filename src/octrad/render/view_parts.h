@@ -16,7 +16,7 @@ Vec3f cell_color(Vec3f normalised, int level);
 class FeaturePicture {
  public:
   FeaturePicture() = default;
-  // Of the part of `view` that is returned; `features` numbers a pixel.
+  // Shows the part of `view` that is returned; `features` numbers a pixel.
   FeaturePicture(const View& view, std::size_t features)
       : rect_(view.part()),
         features_(features),

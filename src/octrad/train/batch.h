@@ -32,7 +32,7 @@ class BatchSource {
     changed_ = std::move(changed);
     changed_share_ = share;
   }
-  // Of the last batch: points of the next one. Part of the state of a run (TrainEngine::far_ends).
+  // Points of the next batch that the last one chose. Part of the state of a run (TrainEngine::far_ends).
   std::vector<FarEnd>& far_ends() { return far_ends_; }
   // What directions are drawn by besides the BSDF, and what draws with a query teach. Empty: nothing.
   GuideState& guide() { return guide_; }

@@ -32,10 +32,10 @@ struct DomainFit {
   double pixel = 0.0;
 };
 
-// As octree.bounds says. `auto`: of boxes that leave out 0 to 10 % of the points seen on each of their sides, the one
-// with the smallest mean of log2(e + d), where e is a cell (1/256 of the largest side, whatever the field) and d is how
-// far outside a point lies: answers there are as coarse as that. But the scene's own box unless cells become half as
-// large at least, so that rooms keep it. Throws InputError where the scene has no shape.
+// The box that octree.bounds asks for. `auto`: of boxes that leave out 0 to 10 % of the points seen on each of their
+// sides, the one with the smallest mean of log2(e + d), where e is a cell (1/256 of the largest side, whatever the
+// field) and d is how far outside a point lies: answers there are as coarse as that. But the scene's own box unless
+// cells become half as large at least, so that rooms keep it. Throws InputError where the scene has no shape.
 DomainFit fit_domain(const PreparedScene& scene, const Config& config, const std::vector<Camera>& cameras = {});
 
 // One line for a log, and what to say where cells are far larger than what is seen (empty otherwise).

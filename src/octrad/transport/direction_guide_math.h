@@ -211,7 +211,7 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table) {
   if (!(total > 0.0f)) return;
   guides.means[table] =
       static_cast<float>(guides.targets[table]) / static_cast<float>(samples) / kGuideUnit * guides.unit;
-  // Of light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is
+  // For light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is
   // 1/6.
   const float prior = total * kPrior / static_cast<float>(samples) * (6.0f / static_cast<float>(kGuideParts));
   const int axis = table % kGuideAxes;
