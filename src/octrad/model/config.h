@@ -143,10 +143,11 @@ bool looks_up_reflected(const Config& config);
 LookupRule lookup_rule(const Config& config);
 
 // The box that octree.bounds gives in numbers; none: it is chosen from the scene (train/domain.h).
-std::optional<Bounds3f> octree_box(const Config& config);
+std::optional<Bounds3f> given_bounds(const Config& config);
 
-// Preset by name: "paper", "default", "cpu". Throws UsageError with the list.
+// Preset by name: "paper", "default", "cpu" (presets.cc). Throws UsageError with the list.
 Config preset(const std::string& name);
+std::vector<std::string> preset_names();
 
 // The value of one key as text that set() reads back. Throws UsageError for an unknown key.
 std::string get(const Config& config, const std::string& key);

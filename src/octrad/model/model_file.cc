@@ -140,7 +140,7 @@ void each_guide_tensor(State& state, Tensor tensor) {
   tensor("optimizer.guide.columns", DType::f32, kGuideParts, state.guide_columns);
   tensor("optimizer.guide.means", DType::f32, 1, state.guide_means);
   tensor("optimizer.guide.squares", DType::u64, kGuideParts, state.guide_squares);
-  tensor("optimizer.guide.alone", DType::u64, 1, state.guide_alone);
+  tensor("optimizer.guide.alone", DType::u64, 1, state.guide_bsdf_squares);
   tensor("optimizer.guide.targets", DType::u64, 1, state.guide_targets);
   tensor("optimizer.guide.samples", DType::u64, 1, state.guide_samples);
 }

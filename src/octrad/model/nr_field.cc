@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "octrad/base/threads.h"
+#include "octrad/model/weight_stream.h"
 
 namespace octrad {
 namespace {
@@ -54,8 +55,8 @@ NrField::NrField(const Config& config, const FieldDomain& domain)
       size_(domain.size),
       grid_(nr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, config.nr_output, domain.origin,
-               domain.size, 4) {
-  initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
+               domain.size, kNrDecoderWeights) {
+  initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), kNrGridWeights);
 }
 
 void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
@@ -68,7 +69,7 @@ void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool reco
     e.w[i] = reflect(points[i].wo, points[i].n);
   }
   const int features = grid_.feature_count();
-  e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * static_cast<std::size_t>(stride));
+  e.inputs.resize(static_cast<std::size_t>(features + kPointInputs) * static_cast<std::size_t>(stride));
   if (record) {
     e.taps.clear();
     grid_.lookup_record(e.p.data(), n, e.inputs.data(), stride, e.taps);

@@ -44,7 +44,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   far_ends_.resize(query ? far_ends : 0);
   rhs.far_ends = far_ends_;
   rhs.guides = guides();
-  rhs.teach_guides = true;
+  rhs.learn_guides = true;
   rhs.epsilon = static_cast<float>(s.epsilon);
   const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
   const QueryRays rays = query_rays(config_, true);

@@ -33,7 +33,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   thread_local std::vector<int> tables;           // of the points
   queried.clear();
   pending.clear();
-  const bool teach = options.teach_guides && query && options.guides.rows != nullptr;
+  const bool teach = options.learn_guides && query && options.guides.rows != nullptr;
   const auto directions = static_cast<std::size_t>(options.directions);
   if (teach) {
     samples.assign((end_point - begin) * directions, GuideSample());
@@ -83,7 +83,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       const std::size_t sample = (i - begin) * directions + index;
       if (teach && table >= 0 && !bounce.delta) {
         samples[sample] = guide_sample(table, bounce.direction, bounce.pdf, bounce.bsdf_pdf);
-        samples[sample].brought = luminance(met);
+        samples[sample].contribution = luminance(met);
       }
       if (!end.surface || !query) continue;
       if (options.split_coats) ask_one_lobe(end, chain);
@@ -108,7 +108,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
         const Vec3f contribution = cache_contribution(pending[q].weight, responses[q], pending[q].counted);
         if (is_finite(contribution)) sum += contribution * share;
         else ++statistics.non_finite;
-        if (teach) samples[pending[q].sample].brought += luminance(contribution);
+        if (teach) samples[pending[q].sample].contribution += luminance(contribution);
         if (place < range.count && choice.take(contribution)) options.far_ends[place] = pending[q].end;
       }
       targets[i] += cache_sum(sum, options.emission_inside);
@@ -118,9 +118,9 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   for (std::size_t i = begin; teach && i < end_point; ++i) {
     const int table = tables[i - begin];
     if (table < 0) continue;
-    teach_guide(options.guides, table, options.directions, targets[i]);
+    add_to_guide(options.guides, table, options.directions, targets[i]);
     for (std::size_t m = 0; m < directions; ++m)
-      teach_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
+      add_to_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
   }
   return statistics;
 }

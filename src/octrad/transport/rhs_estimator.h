@@ -24,7 +24,7 @@ struct RhsOptions : FollowRules {
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // sample_key() of the camera samples that saw the points; empty: none did
   GuideView guides;                          // directions are drawn from it as well
-  bool teach_guides = false;                 // and it learns what they brought; needs a query
+  bool learn_guides = false;                 // and it learns from their contributions; needs a query
   float epsilon = 0.0f;                      // of the loss, for what is learnt
   std::span<FarEnd> far_ends;                // filled for the points of far_end_range(); as many as there are places
 };
