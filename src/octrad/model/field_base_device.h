@@ -78,8 +78,11 @@ class DeviceFieldBase : public DeviceField {
   // For inspect(), after encode().
   virtual void features(const Chunk& chunk, FloatRows out) = 0;
   virtual const float* disparities() const { return nullptr; }
-  virtual LookupRule rule() const = 0;
+  virtual LookupRule rule() const { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
 
+  static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
+  // For copies to and from a field of the CPU that cannot be the one this was made from.
+  [[noreturn]] static void fail_shapes();
   DeviceQueries queries(const Chunk& chunk) const;
   // In constructors: what has weights beside the decoder, all of it.
   void holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);

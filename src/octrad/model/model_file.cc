@@ -235,9 +235,7 @@ void check_memory(const TensorReader& in, const Config& config, const FieldDomai
   if (needed > 2.0 * held)
     throw InputError(fmt::format("{} is not a usable model file: its configuration needs tables of {}, and it holds {}",
                                  in.file(), format_bytes(needed), format_bytes(held)));
-  std::uint64_t bytes = 0;
-  for (const MemoryPart& part : estimate_memory(config, cells, optimizer)) bytes += part.bytes;
-  ask_memory(bytes, in.file());
+  ask_memory(total_bytes(estimate_memory(config, cells, optimizer)), in.file());
 }
 
 }  // namespace

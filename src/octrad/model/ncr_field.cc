@@ -1,7 +1,6 @@
 #include "octrad/model/ncr_field.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/prefiltered_grid.h"
@@ -62,7 +61,7 @@ constinit const FieldEntry kNcrField = {
     .title = "Neural Cone Radiosity",
     .own_keys = kNcrKeys,
     .cell_levels = [](const Config&) { return 0; },
-    .finest_cells = [](const Config& c) { return c.ncr_base * std::pow(c.ncr_scale, c.ncr_levels - 1); },
+    .finest_cells = [](const Config& c) { return hash_grid_resolution(ncr_grid_options(c), c.ncr_levels - 1); },
     .rays = ncr_rays,
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NcrField>(config, domain);

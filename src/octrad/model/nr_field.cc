@@ -1,7 +1,6 @@
 #include "octrad/model/nr_field.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/threads.h"
 #include "octrad/model/weight_stream.h"
@@ -27,7 +26,7 @@ constinit const FieldEntry kNrField = {
     .own_keys = kNrKeys,
     .cell_levels = [](const Config&) { return 0; },
     .finest_cells =
-        [](const Config& config) { return config.nr_base * std::pow(config.nr_scale, config.nr_levels - 1); },
+        [](const Config& config) { return hash_grid_resolution(nr_grid_options(config), config.nr_levels - 1); },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NrField>(config, domain);
     },

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "octrad/base/vec.h"
+#include "octrad/image/size_limit.h"
 
 namespace octrad {
 
@@ -21,8 +22,6 @@ constexpr double kLargestRayOrigin = 1e18, kLeastRayDirection = 1e-15;
 
 // Vertices, and triangles, of a mesh: four times their number is an int.
 constexpr std::uint64_t kMostMeshElements = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
-// Pixels along a side of a film.
-constexpr int kMostFilmPixels = 131072;
 
 // False also where a component is not a number.
 template <typename T>

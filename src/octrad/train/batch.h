@@ -25,7 +25,7 @@ class BatchSource {
 
   // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, querying `query`
   // where the bounce ends. Replaces points() and targets().
-  RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
+  TraceCounts draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
   const LhsSampler& sampler() const { return sampler_; }
   // From now on a share of the points is of `changed`; null: none.
   void set_changed(std::unique_ptr<ChangedPoints> changed, double share) {

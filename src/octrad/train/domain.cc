@@ -88,11 +88,8 @@ struct SeenSurfaces {
 
 SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>& cameras) {
   std::vector<CameraView> views;
-  const auto add = [&](const Camera& camera) {
-    views.push_back(camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height)));
-  };
-  for (const Camera& camera : scene.scene().cameras) add(camera);
-  for (const Camera& camera : cameras) add(camera);
+  for (const Camera& camera : scene.scene().cameras) views.push_back(camera.own_view());
+  for (const Camera& camera : cameras) views.push_back(camera.own_view());
   SeenSurfaces seen;
   if (views.empty()) return seen;
 

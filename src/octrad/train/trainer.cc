@@ -21,12 +21,6 @@
 namespace octrad {
 namespace {
 
-double total_bytes(const std::vector<MemoryPart>& parts) {
-  double sum = 0.0;
-  for (const MemoryPart& part : parts) sum += static_cast<double>(part.bytes);
-  return sum;
-}
-
 std::vector<long long> cell_counts(const FieldDomain& domain) {
   std::vector<long long> counts;
   for (const auto& cells : domain.occupied_cells) counts.push_back(static_cast<long long>(cells.size()));
@@ -57,7 +51,7 @@ MemoryEstimate memory_estimate(const TrainOptions& options) {
 double check_memory(const TrainOptions& options, const Config& config, const std::vector<long long>& cells) {
   const MemoryEstimate estimate = memory_estimate(options);
   std::vector<MemoryPart> parts = estimate(config, cells);
-  const double bytes = total_bytes(parts);
+  const auto bytes = static_cast<double>(total_bytes(parts));
   parts.push_back({"the program and the scene, in memory already", static_cast<std::uint64_t>(options.used_memory)});
   std::string advice;
   auto changes = field_entry(config.field).smaller(config);
@@ -68,7 +62,7 @@ double check_memory(const TrainOptions& options, const Config& config, const std
     set(changed, key, value);
     std::vector<long long> fewer = cells;
     fewer.resize(std::min(cells.size(), static_cast<std::size_t>(field_entry(config.field).cell_levels(changed))));
-    const double needed = total_bytes(estimate(changed, fewer));
+    const auto needed = static_cast<double>(total_bytes(estimate(changed, fewer)));
     if (needed >= bytes) continue;  // as of train.points where train.first_points is the limit
     advice += fmt::format("{}{}={} would need {}", advice.empty() ? "" : "; ", key, value,
                           format_bytes(options.used_memory + needed));

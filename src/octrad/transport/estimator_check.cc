@@ -310,7 +310,8 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       device_options.epsilon = device_epsilon.data();
     }
     std::vector<Vec3f> expected(n);
-    const RhsStatistics statistics = estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
+    const TraceCounts expected_counts =
+        estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
     for (std::size_t i = 0; i < n && c.emission_inside; ++i) {
       if (points[i].surface.emitter >= 0) expected[i] += context.emitted(points[i].surface, points[i].wo);
     }
@@ -340,10 +341,10 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       const std::vector<Vec3f> found = targets.download();
       for (std::size_t i = 0; i < n; ++i) errors.add(found[i], expected[i]);
       const TraceCounts counts = rhs.take_counts();
-      errors.add_counts(counts.rays, static_cast<unsigned long long>(statistics.rays));
-      errors.add_counts(counts.queries, static_cast<unsigned long long>(statistics.queries));
-      errors.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
-      errors.add_counts(counts.non_finite, static_cast<unsigned long long>(statistics.non_finite));
+      errors.add_counts(counts.rays, expected_counts.rays);
+      errors.add_counts(counts.queries, expected_counts.queries);
+      errors.add_counts(values.size(), expected_counts.queries);
+      errors.add_counts(counts.non_finite, expected_counts.non_finite);
     }
     if (c.guided) compare_guides(device_guide.download(), taught, guide, c.ask, errors);
   }
@@ -391,8 +392,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     expect_directions += one.traced_disparity && options.bounce == FirstHitOptions::Bounce::none;
     TraceCounts expected;
     for (const TraceCounts& t : of) {
-      expected.rays += t.rays;
-      expected.queries += t.queries;
+      expected += t;
     }
 
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,
