@@ -50,7 +50,8 @@ PlanesField::PlanesField(const Config& config, const FieldDomain& domain)
       origin_(domain.origin),
       size_(domain.size),
       planes_(config.planes_resolution, kFeatures),
-      decoder_(config, kFeatures, kWidth, kHidden, Activation::exp, domain.origin, domain.size, 6) {
+      decoder_(config, kFeatures, kWidth, kHidden, Activation::exp, domain.origin, domain.size,
+               6) {  // model/weight_stream.h
   Rng rng(static_cast<unsigned long long>(config.seed), RngPurpose::weights, 7);
   for (float& v : planes_.table()) v = 1e-2f * (2.0f * rng.uniform() - 1.0f);
 }
@@ -65,7 +66,7 @@ void PlanesField::encode(std::span<const SurfacePoint> points, Encoded& e) const
     e.w.push_back(reflect(point.wo, point.n));
   }
   const auto stride = static_cast<std::size_t>(e.stride);
-  e.inputs.assign((kFeatures + DecoderHead::kPointInputs) * stride, 0.0f);
+  e.inputs.assign((kFeatures + kPointInputs) * stride, 0.0f);
   e.linear.resize(3 * stride);
   e.taps.resize(points.size() * kPlaneTaps);
   planes_.lookup(e.p.data(), n, e.inputs.data(), e.stride, e.taps.data());

@@ -1,5 +1,5 @@
-// The whole public interface: scenes, training, pictures, models. docs/library.md is its guide. What is not named here
-// is installed too, because these headers need it, but may change without notice.
+// The whole public interface: scenes, training, pictures, models. docs/library.md is its guide. All other
+// headers are installed as well, whether these need them or not, and may change without notice.
 #pragma once
 
 #include "octrad/base/error.h"

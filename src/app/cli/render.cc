@@ -12,6 +12,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/log.h"
 #include "octrad/image/io.h"
+#include "octrad/image/size_limit.h"
 #include "octrad/render/film_state.h"
 #include "octrad/scene/fingerprint.h"
 
@@ -241,11 +242,11 @@ void add_render(Program& program) {
       ->type_name("D");
   o->definitions.add_definitions_to(*verb, ", or a key render.*, such as render.delta=cache");
   verb->add_option("--width", o->view.width, "pixels; alone, the height follows the sensor's aspect")
-      ->check(whole_in_range(1, 131072))
+      ->check(whole_in_range(1, kMostFilmPixels))
       ->type_name("W")
       ->group("Camera");
   verb->add_option("--height", o->view.height, "pixels; alone, the width follows the sensor's aspect")
-      ->check(whole_in_range(1, 131072))
+      ->check(whole_in_range(1, kMostFilmPixels))
       ->type_name("H")
       ->group("Camera");
   verb->add_option("--crop", o->view.crop, "only this part of the picture")->type_name("X,Y,W,H")->group("Camera");

@@ -29,7 +29,7 @@ TevTraining::TevTraining(const std::string& address, std::string name, const Pre
 
 void TevTraining::update(bool last) {
   if (!last && !client_.due()) return;
-  trainer_.aside([&] {
+  trainer_.untimed([&] {
     const Stopwatch watch;
     renderer_->set_model(trainer_.field(), trainer_.config());
     renderer_->add_samples(1);

@@ -14,7 +14,7 @@
 #include "octrad/model/field_registry.h"
 #include "octrad/model/model_file.h"
 #include "octrad/scene/camera.h"
-#include "octrad/train/trainer.h"
+#include "octrad/train/schedule.h"
 
 namespace octrad::paper {
 namespace {

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "app/selftest/selftest.h"
+#include "octrad/base/morton.h"
 #include "octrad/base/rng.h"
 #include "octrad/device/checks.h"
 #include "octrad/geometry/voxelize.h"
@@ -25,7 +26,7 @@ LookupQueries surface_queries(const Context& c, std::size_t n, bool sorted) {
   }
   const auto key = [&](Vec3f p) {
     const Vec3f cell = (p - domain.origin) / domain.size * 32.0f;
-    return morton_key({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)});
+    return morton_code({static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)});
   };
   if (sorted) std::ranges::stable_sort(positions, {}, key);
   return LookupQueries(c.stream, positions, 4.0f / length(c.soup.scene().bounds.extent()), c.seed + 2);

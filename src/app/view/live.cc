@@ -196,7 +196,7 @@ nlohmann::json LiveTraining::scene() const {
   return {{"type", "scene"}, {"lights", lights_}, {"materials", materials_}};
 }
 
-bool LiveTraining::aside(bool moving, const std::function<void()>& work, const std::function<bool()>& give_up) {
+bool LiveTraining::between_steps(bool moving, const std::function<void()>& work, const std::function<bool()>& give_up) {
   Turn turn{&work, moving};
   std::unique_lock lock(mutex_);
   if (ended_) return false;
@@ -227,7 +227,7 @@ void LiveTraining::serve_picture() {
     turn_ = nullptr;
   }
   const Stopwatch watch;
-  trainer_.aside([&] {
+  trainer_.untimed([&] {
     try {
       (*turn->work)();
     } catch (...) {
@@ -260,7 +260,7 @@ void LiveTraining::apply_edits() {
       trouble_ = error.what();
     }
   };
-  trainer_.aside([&] {
+  trainer_.untimed([&] {
     for (const auto& [light, factor] : lights) {
       if (!(scene_.light_factor(light) == factor))
         attempt([&, light = light, factor = factor] { return scene_.set_light_factor(light, factor); });
@@ -305,7 +305,7 @@ void LiveTraining::take_commands() {
 
 void LiveTraining::save() {
   try {
-    trainer_.aside([&] { trainer_.checkpoint(true); });
+    trainer_.untimed([&] { trainer_.checkpoint(true); });
     saved_step_ = trainer_.state().step;
     trouble_.clear();
   } catch (const IoError& error) {
@@ -413,7 +413,7 @@ bool LiveTraining::run(const std::function<bool()>& interrupted) {
       note_step();
     } else {
       credit_ = 0.0;
-      trainer_.aside([this] {
+      trainer_.untimed([this] {
         std::unique_lock lock(mutex_);
         if (turn_ == nullptr && !asked_) wake_.wait_for(lock, 50ms);
       });

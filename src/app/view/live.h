@@ -46,7 +46,7 @@ class LiveTraining {
   // Has the loop run `work` between two steps and waits for it. While it trains, such work takes a tenth of the time,
   // or half of it where `moving`. Until its turn has come `give_up` is asked now and then; then, or when run() has
   // ended, the result is false and `work` has not run. What it throws is thrown here.
-  bool aside(bool moving, const std::function<void()>& work, const std::function<bool()>& give_up);
+  bool between_steps(bool moving, const std::function<void()>& work, const std::function<bool()>& give_up);
   // Where the last steps were taken: for `work`.
   const std::vector<Vec3f>& points() const { return points_; }
 
@@ -57,7 +57,7 @@ class LiveTraining {
 
  private:
   enum class State { idle, running, paused, stopped };
-  struct Turn {  // of aside()
+  struct Turn {  // of between_steps()
     const std::function<void()>* work;
     bool moving;
     bool done = false;

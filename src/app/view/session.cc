@@ -470,7 +470,7 @@ bool Session::answer_picks() {
     picks.swap(picks_);
   }
   if (picks.empty()) return false;
-  live_->aside(
+  live_->between_steps(
       true,
       [&] {
         for (const ViewerModel& model : studio_.models) {
@@ -527,7 +527,7 @@ void Session::render() {
       if (live_ == nullptr) {
         make_picture(wanted, moving, false);
       } else {
-        const bool done = live_->aside(
+        const bool done = live_->between_steps(
             moving, [&] { make_picture(wanted, moving, training); }, [&] { return changed(wanted.film); });
         if (!done) std::this_thread::sleep_for(5ms);
       }

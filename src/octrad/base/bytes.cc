@@ -119,10 +119,15 @@ std::uint64_t usable_memory() {
   return usable;
 }
 
+std::uint64_t total_bytes(const std::vector<MemoryPart>& parts) {
+  std::uint64_t sum = 0;
+  for (const MemoryPart& part : parts) sum += part.bytes;
+  return sum;
+}
+
 void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items,
                     const std::string& advice) {
-  std::uint64_t total = 0;
-  for (const MemoryPart& item : items) total += item.bytes;
+  const std::uint64_t total = total_bytes(items);
   if (budget == 0 || total <= budget) return;
   std::vector<MemoryPart> sorted = items;
   std::stable_sort(sorted.begin(), sorted.end(),

@@ -31,6 +31,7 @@ struct MemoryPart {
   std::string name;
   std::uint64_t bytes = 0;
 };
+std::uint64_t total_bytes(const std::vector<MemoryPart>& parts);
 // Throws MemoryError when the items together exceed `budget` bytes (0: no limit). The message lists the items, largest
 // first, and ends with `advice` (which options need less, and how much).
 void require_memory(std::uint64_t budget, const std::string& what, const std::vector<MemoryPart>& items,

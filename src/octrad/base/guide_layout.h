@@ -9,7 +9,7 @@ namespace octrad {
 inline constexpr int kGuideSide = 8, kGuideAxes = 6, kGuideTables = kGuideSide * kGuideSide * kGuideSide * kGuideAxes;
 // Rows of equal height along z, columns around it.
 inline constexpr int kGuideRows = 8, kGuideColumns = 16, kGuideParts = kGuideRows * kGuideColumns;
-// Of all tables: rows, columns and means in floats; squares and three more sums in eight bytes each.
+// Size of all tables: rows, columns and means in floats; squares and three more sums in eight bytes each.
 inline constexpr std::size_t kGuideBytes =
     static_cast<std::size_t>(kGuideTables) * (4 * (kGuideRows + kGuideParts + 1) + 8 * (kGuideParts + 3));
 

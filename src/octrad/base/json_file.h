@@ -11,7 +11,7 @@ namespace octrad {
 nlohmann::json parse_json(const std::string& text, const std::string& name);
 // A discarded value (is_discarded()) instead of an InputError: for text that may be JSON.
 nlohmann::json parse_json_or_discard(const std::string& text);
-// Of a file. Throws IoError when it cannot be read.
+// parse_json() of a file. Throws IoError when it cannot be read.
 nlohmann::json read_json_file(const std::string& file);
 
 // The whole number from `low` to `high` that `value` is; 4.0 is one, too. Throws InputError, "WHAT must be a whole

@@ -41,9 +41,9 @@ class Rng {
   OCTRAD_HD Rng(std::uint64_t seed, RngPurpose purpose, std::uint64_t index)
       : key_(mix64(mix64(seed + 0x9e3779b97f4a7c15ull * static_cast<std::uint64_t>(purpose)) ^
                    (index * 0xd1342543de82ef95ull + 1))) {}
-  // Of sample `sample` of an estimate with many, such as a pixel (`index`): the numbers of stratified() and its like
-  // are stratified over the samples, in each dimension by itself (owen_math.h). From other generators they are as the
-  // rest.
+  // The generator of sample `sample` of an estimate with many, such as a pixel (`index`): the numbers of stratified()
+  // and its like are stratified over the samples, in each dimension by itself (owen_math.h). From other generators they
+  // are as the rest.
   OCTRAD_HD static Rng of_sample(std::uint64_t seed, RngPurpose purpose, std::uint64_t index, std::uint32_t sample) {
     Rng rng(seed, purpose, index);
     rng.sample_ = sample + 1;

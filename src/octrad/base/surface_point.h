@@ -7,7 +7,7 @@
 
 namespace octrad {
 
-// Those of the rays drawn from a point's BSDF that end about equally far away (transport/hit_clusters_math.h).
+// The rays drawn from a point's BSDF that end about equally far away (transport/hit_clusters_math.h).
 struct HitCluster {
   float distance = 0.0f;   // mean, world units
   float deviation = 0.0f;  // standard deviation
@@ -65,7 +65,7 @@ struct OffsetRay {
   bool traced = false;
   LookupRule rule;
   bool reflected = false;  // where it ends is shaded, for SurfacePoint::reflected
-  // Of pictures: above 0 the ray from a glossy point is drawn about that direction (draw_offset_direction()).
+  // In pictures: above 0 the ray from a glossy point is drawn about that direction (draw_offset_direction()).
   float spread = 0.0f;
 };
 

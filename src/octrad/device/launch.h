@@ -38,8 +38,8 @@ __global__ void __launch_bounds__(F::kBlock, F::kMinBlocks) launch_levels_kernel
 // Functors derive from this; other numbers shadow these.
 struct Kernel {
   static constexpr unsigned kBlock = 128;
-  static constexpr unsigned kMinBlocks =
-      0;  // blocks that must fit on a multiprocessor; 0: the assembler decides, and may spill
+  // Blocks that must fit on a multiprocessor; 0: the assembler decides, and may spill.
+  static constexpr unsigned kMinBlocks = 0;
 };
 
 // Arguments of a kernel that every driver and device takes, less the count; larger tables belong into memory of the

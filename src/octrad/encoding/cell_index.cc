@@ -5,6 +5,7 @@
 #include <string>
 
 #include "octrad/base/error.h"
+#include "octrad/base/morton.h"
 
 namespace octrad {
 namespace {
@@ -29,7 +30,7 @@ CellIndex::CellIndex(const std::vector<Vec3i>& cells, int resolution, const char
       throw InputError(std::string(what) + ": cell " + name(c) + " is outside the grid of " +
                        std::to_string(resolution) + "^3 cells");
     }
-    const std::uint64_t key = morton_key(c);
+    const std::uint64_t key = morton_code(c);
     if (count > 0 && key <= previous) {
       throw InputError(std::string(what) + ": cell " + name(c) +
                        (key == previous ? " occurs twice" : " is not in Morton order"));

@@ -66,17 +66,6 @@ struct CellIndexView {
   }
 };
 
-// Morton key of a cell: bits of x, y, z interleaved, x lowest.
-constexpr std::uint64_t morton_key(Vec3i cell) {
-  std::uint64_t key = 0;
-  for (int b = 0; b < 21; ++b) {
-    key |= static_cast<std::uint64_t>((cell.x >> b) & 1) << (3 * b) |
-           static_cast<std::uint64_t>((cell.y >> b) & 1) << (3 * b + 1) |
-           static_cast<std::uint64_t>((cell.z >> b) & 1) << (3 * b + 2);
-  }
-  return key;
-}
-
 class CellIndex {
  public:
   // cells: occupied cells of a grid of resolution^3 in Morton order, each once. Throws InputError otherwise, naming the

@@ -6,7 +6,7 @@
 
 namespace octrad {
 
-// Of n random directions, against double precision.
+// Maps of n random directions, against double precision.
 CheckResult check_octahedral_map(Stream& stream, std::size_t n, std::uint64_t seed);
 CheckResult check_spherical_harmonics(Stream& stream, std::size_t n, std::uint64_t seed);
 
@@ -47,7 +47,7 @@ struct UploadedFeatures {
 // output, whose rows before the first one asked for must stay as they are.
 CheckResult check_octree_lookup(Stream& stream, OctaOctree& tree, const LookupQueries& queries, bool halves,
                                 std::uint64_t seed);
-// Of a domain (origin, size) that holds the queries or not.
+// The same of a grid over a domain (origin, size) that holds the queries or not.
 CheckResult check_hash_grid_lookup(Stream& stream, HashGrid& grid, Vec3f origin, Vec3f size,
                                    const LookupQueries& queries, bool halves, std::uint64_t seed);
 // At positions of the unit cube, or outside.

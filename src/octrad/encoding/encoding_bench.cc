@@ -9,6 +9,7 @@
 #include <chrono>
 #include <memory>
 
+#include "octrad/base/morton.h"
 #include "octrad/base/rng.h"
 #include "octrad/encoding/cell_index.h"
 #include "octrad/encoding/hash_grid.h"
@@ -36,7 +37,7 @@ struct Scene {
       d.push_back(2.0f * rng.uniform());
     }
     x[1] = x[0];
-    const auto key = [](Vec3f p) { return morton_key({int(p.x * 512.0f), int(p.y * 512.0f), int(p.z * 512.0f)}); };
+    const auto key = [](Vec3f p) { return morton_code({int(p.x * 512.0f), int(p.y * 512.0f), int(p.z * 512.0f)}); };
     std::sort(x[1].begin(), x[1].end(), [&](Vec3f a, Vec3f b) { return key(a) < key(b); });
   }
   std::unique_ptr<OctaOctree> tree;

@@ -22,17 +22,21 @@ void check(const HashGridOptions& o) {
   if (o.base < 2 || o.base > 4096) fail("base", std::to_string(o.base), "are 2 to 4096");
   if (!(o.growth >= 1.0 && o.growth <= 4.0)) fail("growth", std::to_string(o.growth), "are 1 to 4");
   // Beyond 2^20 vertices per axis a float position cannot tell neighbours apart.
-  const double finest = o.base * std::pow(o.growth, o.levels - 1);
+  const double finest = hash_grid_resolution(o, o.levels - 1);
   if (finest > 0x1p20)
     fail("finest resolution", std::to_string(finest), "are up to 2^20: lower base, growth or levels");
 }
 
 }  // namespace
 
+double hash_grid_resolution(const HashGridOptions& options, int level) {
+  return options.base * std::pow(options.growth, level);
+}
+
 std::int64_t hash_grid_entries(const HashGridOptions& options) {
   double total = 0.0;
   for (int l = 0; l < options.levels; ++l) {
-    const double r = std::ceil(options.base * std::pow(options.growth, l) - 1.0) + 1.0;
+    const double r = std::ceil(hash_grid_resolution(options, l) - 1.0) + 1.0;
     total += std::min(r * r * r, std::ldexp(1.0, options.log2_table));
   }
   return static_cast<std::int64_t>(total);
@@ -43,7 +47,7 @@ HashGrid::HashGrid(const HashGridOptions& options) : options_(options) {
   offsets_.push_back(0);
   levels_.resize(static_cast<std::size_t>(options.levels));
   for (int l = 0; l < options.levels; ++l) {
-    const double scale = options.base * std::pow(options.growth, l) - 1.0;
+    const double scale = hash_grid_resolution(options, l) - 1.0;
     const auto resolution = static_cast<std::int64_t>(std::ceil(scale)) + 1;
     const std::int64_t table_size = std::int64_t{1} << options.log2_table;
     HashGridLevelView& level = levels_[static_cast<std::size_t>(l)];

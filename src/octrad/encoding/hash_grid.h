@@ -21,6 +21,9 @@ struct HashGridOptions {
   double growth = 2.0;
 };
 
+// Resolution of a level, cells an axis, before it is rounded: base * growth^level. The finest is `levels` - 1.
+double hash_grid_resolution(const HashGridOptions& options, int level);
+
 // HashGrid::entry_count() of a grid with these options, without making it.
 std::int64_t hash_grid_entries(const HashGridOptions& options);
 

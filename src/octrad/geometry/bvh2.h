@@ -30,7 +30,7 @@ struct Bvh2Node {
 inline constexpr float kBvhNodeCost = 1.0f;       // of a visit of a wide node
 inline constexpr float kBvhPrimitiveCost = 0.4f;  // of a test of a primitive
 
-// Of surface areas: 1 / the largest extent of everything, so that squares stay in range.
+// Surface area of a box, its sides times `scale`: 1 / the largest extent of everything, so that squares stay in range.
 float bvh_area(const float* lower, const float* upper, float scale);
 
 struct Bvh2 {

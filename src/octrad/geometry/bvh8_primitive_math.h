@@ -24,7 +24,7 @@ struct alignas(16) Bvh8Row {
 };
 inline constexpr std::uint32_t kBvh8Sphere = 1u << 31, kBvh8OneSided = 1u << 30;
 
-// By coordinate, so that a ray loads the rows in the order of its own axes.
+// A primitive by coordinate, so that a ray loads the rows in the order of its own axes.
 struct Bvh8Primitive {
   Bvh8Row rows[3];
   OCTRAD_HD bool sphere() const { return (rows[0].id & kBvh8Sphere) != 0; }

@@ -5,7 +5,7 @@
 
 namespace octrad {
 
-// From 0 to t_max.
+// A ray from 0 to t_max.
 struct RayQuery {
   Vec3f origin, direction;
   float t_max = 0.0f;

@@ -29,7 +29,7 @@ inline ShapeView shape_view(const Scene& scene, std::size_t index) {
   return view;
 }
 
-// Of all shapes, by index.
+// Views of all shapes, by index.
 inline std::vector<ShapeView> shape_views(const Scene& scene) {
   std::vector<ShapeView> views(scene.shapes.size());
   for (std::size_t i = 0; i < views.size(); ++i) views[i] = shape_view(scene, i);

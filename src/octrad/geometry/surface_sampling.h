@@ -12,8 +12,8 @@ namespace octrad {
 
 class SurfaceSampler {
  public:
-  // Of all shapes, or of those of these indices (none: all). Throws InputError where they have no area. The scene must
-  // outlive the sampler.
+  // Samples all shapes, or those of these indices (none: all). Throws InputError where they have no area. The scene
+  // must outlive the sampler.
   explicit SurfaceSampler(const Scene& scene, std::span<const int> shapes = {});
 
   SurfaceSampler(const SurfaceSampler&) = delete;

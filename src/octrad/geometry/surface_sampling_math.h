@@ -24,8 +24,8 @@ struct PlacedMesh {
 struct SurfaceSamplerView {
   const SurfaceElement* elements = nullptr;
   const double* cumulative = nullptr;  // [count] area up to and including each element
-  const std::uint32_t* guide =
-      nullptr;  // [count + 1] first element whose share ends after i / (count + 1) (Chen & Asau 1974)
+  // [count + 1] first element whose share ends after i / (count + 1) (Chen & Asau 1974).
+  const std::uint32_t* guide = nullptr;
   std::uint32_t count = 0;
   double total_area = 0.0;
   const ShapeView* shapes = nullptr;

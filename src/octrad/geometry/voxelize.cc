@@ -8,6 +8,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
+#include "octrad/base/morton.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/geometry/primitives.h"
@@ -228,30 +229,6 @@ Domain scene_domain(const Bounds3f& bounds, bool cube) {
     upper = center + half;
   }
   return {lower, upper - lower};
-}
-
-std::uint64_t morton_code(Vec3i cell) {
-  const auto spread = [](int v) {
-    std::uint64_t x = static_cast<std::uint64_t>(v) & 0x1fffff;
-    x = (x | x << 32) & 0x1f00000000ffffull;
-    x = (x | x << 16) & 0x1f0000ff0000ffull;
-    x = (x | x << 8) & 0x100f00f00f00f00full;
-    x = (x | x << 4) & 0x10c30c30c30c30c3ull;
-    return (x | x << 2) & 0x1249249249249249ull;
-  };
-  return spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2;
-}
-
-Vec3i morton_cell(std::uint64_t code) {
-  const auto gather = [](std::uint64_t x) {
-    x &= 0x1249249249249249ull;
-    x = (x | x >> 2) & 0x10c30c30c30c30c3ull;
-    x = (x | x >> 4) & 0x100f00f00f00f00full;
-    x = (x | x >> 8) & 0x1f0000ff0000ffull;
-    x = (x | x >> 16) & 0x1f00000000ffffull;
-    return static_cast<int>((x | x >> 32) & 0x1fffff);
-  };
-  return {gather(code), gather(code >> 1), gather(code >> 2)};
 }
 
 bool overlaps(Vec3d lower, Vec3d upper, Vec3d a, Vec3d b, Vec3d c) {

@@ -33,10 +33,6 @@ std::vector<std::vector<Vec3i>> occupied_cells(const Scene& scene, const Domain&
 std::vector<std::vector<Vec3i>> sampled_cells(const Scene& scene, const Domain& domain, int levels, std::uint64_t seed,
                                               std::uint64_t samples = std::uint64_t{1} << 26);
 
-// Interleaves the bits of a cell's coordinates (x lowest); cells of one level are ordered by it.
-std::uint64_t morton_code(Vec3i cell);
-Vec3i morton_cell(std::uint64_t code);
-
 // Whether the closed box [lower, upper] meets the triangle; for tests and for the voxelisation.
 bool overlaps(Vec3d lower, Vec3d upper, Vec3d a, Vec3d b, Vec3d c);
 

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "octrad/base/error.h"
+#include "octrad/base/morton.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/threads.h"
 #include "octrad/geometry/surface_sampling.h"

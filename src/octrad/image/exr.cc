@@ -34,6 +34,7 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/io.h"
 #include "octrad/image/io_internal.h"
+#include "octrad/image/size_limit.h"
 
 namespace octrad {
 namespace {
@@ -155,8 +156,8 @@ bool fills_its_size(std::string_view type, std::string_view value) {
 // The library allocates what an attribute's size says before it reads the attribute, and tables for as many lines as
 // the data window has: headers are compared with the file first.
 void check_headers(const std::string& file, const std::string& bytes) {
-  constexpr int kMaxSide = 131072, kMaxTile = 8192;
-  Imf::Header::setMaxImageSize(kMaxSide, kMaxSide);
+  constexpr int kMaxTile = 8192;
+  Imf::Header::setMaxImageSize(kMostFilmPixels, kMostFilmPixels);
   Imf::Header::setMaxTileSize(kMaxTile, kMaxTile);
   const auto broken = [&] { throw InputError(file + ": broken EXR header, or one that is cut off"); };
   std::size_t at = 8;  // behind magic and version

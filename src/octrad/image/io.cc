@@ -12,12 +12,12 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/encode.h"
 #include "octrad/image/io_internal.h"
+#include "octrad/image/size_limit.h"
 
 namespace octrad {
 namespace image_io {
 
 namespace {
-constexpr long long kMaxSide = 131072;
 constexpr long long kMaxValues = 1LL << 33;  // 32 GiB of floats
 }  // namespace
 
@@ -26,8 +26,10 @@ void check_size(const std::string& file, long long width, long long height, long
     return fmt::format("{}: picture of {} x {} pixels and {} channels", file, width, height, channels);
   };
   if (width <= 0 || height <= 0 || channels <= 0) throw InputError(text());
-  if (width > kMaxSide || height > kMaxSide || channels > kMaxValues || width * height > kMaxValues / channels)
-    throw InputError(fmt::format("{} is too large (at most {} pixels a side and 32 GiB in memory)", text(), kMaxSide));
+  if (width > kMostFilmPixels || height > kMostFilmPixels || channels > kMaxValues ||
+      width * height > kMaxValues / channels)
+    throw InputError(
+        fmt::format("{} is too large (at most {} pixels a side and 32 GiB in memory)", text(), kMostFilmPixels));
   ask_memory(static_cast<std::uint64_t>(width * height * channels) * sizeof(float) + beside, text());
 }
 

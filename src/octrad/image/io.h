@@ -26,7 +26,7 @@ namespace octrad {
 //
 // BMP: uncompressed, 1 to 32 bits. TGA: grey, colour, palettes, plain or run-length encoded. Without their alpha.
 //
-// Of CMYK what it looks like without a profile; colour profiles and gamma chunks are not looked at.
+// CMYK becomes what it looks like without a profile; colour profiles and gamma chunks are not looked at.
 //
 // Throws IoError when the file cannot be read, InputError when it is broken, cut off, not a picture, or larger than
 // 131072 pixels a side or 32 GiB in memory, MemoryError when it is above the memory budget (checked before anything is

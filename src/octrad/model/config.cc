@@ -1,5 +1,5 @@
 // The table of configuration keys: one line a switch, with its range and one line of help. Everything else here
-// (parsing, JSON, presets, the manual's table) is derived from it.
+// (parsing, JSON, the manual's table) is derived from it.
 #include "octrad/model/config.h"
 
 #include <fmt/format.h>
@@ -32,9 +32,6 @@ struct Choice {
 
 using Member =
     std::variant<int Config::*, long long Config::*, double Config::*, bool Config::*, std::string Config::*, Choice>;
-
-constexpr const char* kPresets[] = {"paper", "default", "cpu"};
-std::vector<std::string> preset_names() { return {std::begin(kPresets), std::end(kPresets)}; }
 
 std::string field_titles() {
   std::vector<std::string> titles;
@@ -267,7 +264,7 @@ const std::vector<Key>& keys() {
              {{"walks", TrainSampler::walks}, {"area", TrainSampler::area}, {"mixture", TrainSampler::mixture}},
              "left-hand-side points: camera walks, by area, or both (train.walks)"),
       number("train.max_chain", &C::train_max_chain, {1, 64},
-             "perfectly and almost specular surfaces that a ray passes at most, beside 256 masks"),
+             "perfectly and almost specular surfaces that a ray passes at most, in pictures as well, beside 256 masks"),
       number(
           "train.average", &C::train_average, {0, 0.5},
           "shown and saved are means of the weights over this share of the steps, less as rates fall; 0: the weights"),
@@ -303,8 +300,7 @@ const std::vector<Key>& keys() {
              "perfect mirrors and glass: from the cache, or followed to the next rough surface"),
       number(
           "render.trace_below", &C::render_trace_below, {0, 1},
-          "alpha below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission "
-          "= outside"),
+          "roughness below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission = outside"),
       choice(
           "render.highlights", &C::render_highlights,
           {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
@@ -434,110 +430,7 @@ std::string text_of(const nlohmann::json& value, const std::string& key) {
 
 }  // namespace
 
-Config preset(const std::string& name) {
-  if (std::find(std::begin(kPresets), std::end(kPresets), name) == std::end(kPresets)) {
-    throw UsageError(fmt::format("unknown preset \"{}\"{}; there are {}", name, did_you_mean(name, preset_names()),
-                                 join(preset_names())));
-  }
-  Config c;
-  c.preset = name;
-  if (name == "cpu") return c;
-  // Full size (method sections 3, 5 and 7).
-  c.octree_levels = 8;
-  c.disparity_log2_table = 19;
-  c.train_steps = 20000;
-  c.train_points = 65536;
-  c.train_first_points = 8192;
-  c.train_directions = 32;
-  c.train_far_ends = 0.0;
-  c.nr_width = 256;
-  c.ncr_width = 128;
-  c.ncr_rays_train = 128;
-  c.adam_rate_budget = 0;
-  if (name == "default") return c;
-  // The paper, and the constants behind its tables.
-  c.train_first_points = 0;
-  c.train_quarters = true;
-  c.adam_beta2 = 0.999;
-  c.octree_box = OctreeBox::axis;
-  c.octree_bounds = "scene";
-  c.lookup_rough_threshold = 0.5;
-  c.lookup_rough_offset = true;
-  c.lookup_offset = LookupOffset::predicted;
-  c.lookup_reflected = Reflected::none;
-  c.octree_occupancy = OctreeOccupancy::sampled;
-  c.disparity_direction = false;
-  c.disparity_unit = DisparityUnit::world;
-  c.decoder_output = Activation::squareplus;
-  c.decoder_position = DecoderPosition::world;
-  c.nr_output = Activation::abs;
-  c.ncr_output = Activation::squareplus;
-  c.target_emission = TargetEmission::inside;
-  c.target_demodulate = TargetDemodulation::none;
-  c.target_scale = 1.0;
-  c.train_sampler = TrainSampler::walks;
-  c.train_poses = 64;
-  c.train_fresh_direction = FreshDirection::cosine;
-  c.train_glossy_boost = 1.0;
-  c.train_stop_probability = 0.3;
-  c.train_walks = 1.0;
-  c.train_average = 0.0;
-  c.train_guide = 0.0;
-  c.loss_normalizer = LossNormalizer::symmetric;
-  c.loss_power = 2.0;
-  c.loss_epsilon_first = 0.1;
-  c.loss_epsilon_last = 0.0125;
-  c.render_delta = DeltaSurfaces::cache;
-  c.render_trace_below = 0.0;
-  c.lookup_coats = Coats::joined;
-  c.render_highlights = Highlights::cache;
-  c.render_offset_spread = 0.0;
-  c.adam_mode = AdamMode::dense;  // the published optimiser is plain Adam: untouched entries keep moving along their
-                                  // decaying moments
-  c.adam_rate_features = c.adam_rate_networks = c.adam_rate_grids = 1e-3;
-  c.adam_warmup = 0;
-  c.adam_decay_start = 1.0;
-  c.adam_decay_to = 1.0;
-  return c;
-}
-
-namespace {
-
-float follow_below(const Config& config) {
-  if (config.render_delta != DeltaSurfaces::trace) return 0.0f;
-  // Light sampled at a near mirror would be counted again by a response that holds the emission.
-  if (config.target_emission == TargetEmission::inside) return kFollowDelta;
-  return std::max(kFollowDelta, static_cast<float>(config.render_trace_below));
-}
-
-}  // namespace
-
-// Responses of both lobes would hold the emission of the surface.
-bool split_coats(const Config& config) {
-  return config.lookup_coats == Coats::split && config.target_emission == TargetEmission::outside;
-}
-
-FollowRules first_hit_rules(const Config& config) {
-  return {follow_below(config), config.train_max_chain, split_coats(config),
-          config.target_emission == TargetEmission::inside};
-}
-
-FollowRules rhs_rules(const Config& config) {
-  FollowRules rules = first_hit_rules(config);
-  rules.follow_below = std::max(kFollowDelta, rules.follow_below);
-  return rules;
-}
-
-bool looks_up_reflected(const Config& config) {
-  return config.lookup_reflected == Reflected::features && config.lookup_offset == LookupOffset::traced;
-}
-
-LookupRule lookup_rule(const Config& config) {
-  return {config.lookup_direction, config.lookup_rough_direction, static_cast<float>(config.lookup_rough_threshold),
-          config.lookup_rough_offset};
-}
-
-std::optional<Bounds3f> octree_box(const Config& config) { return parse_box(config.octree_bounds); }
+std::optional<Bounds3f> given_bounds(const Config& config) { return parse_box(config.octree_bounds); }
 
 void set(Config& config, const std::string& name, const std::string& value) {
   const Key& key = find(name);

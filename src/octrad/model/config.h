@@ -143,10 +143,11 @@ bool looks_up_reflected(const Config& config);
 LookupRule lookup_rule(const Config& config);
 
 // The box that octree.bounds gives in numbers; none: it is chosen from the scene (train/domain.h).
-std::optional<Bounds3f> octree_box(const Config& config);
+std::optional<Bounds3f> given_bounds(const Config& config);
 
-// Preset by name: "paper", "default", "cpu". Throws UsageError with the list.
+// Preset by name: "paper", "default", "cpu" (presets.cc). Throws UsageError with the list.
 Config preset(const std::string& name);
+std::vector<std::string> preset_names();
 
 // The value of one key as text that set() reads back. Throws UsageError for an unknown key.
 std::string get(const Config& config, const std::string& key);
@@ -163,7 +164,8 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
 // The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
 
-// Of pictures' rays (render.delta, render.trace_below) and of right-hand sides, which pass perfect mirrors in any case.
+// Which surfaces rays pass: rays of pictures (render.delta, render.trace_below), and rays of right-hand sides, which
+// pass perfect mirrors in any case.
 FollowRules first_hit_rules(const Config& config);
 FollowRules rhs_rules(const Config& config);
 // Whether each lobe of a coated surface is a point of its own (lookup.coats).

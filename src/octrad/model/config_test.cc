@@ -71,9 +71,9 @@ TEST(Config, BoundsAreABoxOrAName) {
   Config config = preset("cpu");
   EXPECT_EQ(config.octree_bounds, "auto");
   EXPECT_EQ(preset("paper").octree_bounds, "scene");
-  EXPECT_FALSE(octree_box(config).has_value());
+  EXPECT_FALSE(given_bounds(config).has_value());
   set(config, "octree.bounds", "-1,0,-2.5,1e1,2,3");
-  const std::optional<Bounds3f> box = octree_box(config);
+  const std::optional<Bounds3f> box = given_bounds(config);
   ASSERT_TRUE(box.has_value());
   EXPECT_EQ(box->lower, Vec3f(-1, 0, -2.5f));
   EXPECT_EQ(box->upper, Vec3f(10, 2, 3));

@@ -13,14 +13,12 @@
 #include "octrad/network/adam.h"
 #include "octrad/network/loss_math.h"
 #include "octrad/network/mlp.h"
-#include "octrad/network/mlp_device.h"
+#include "octrad/network/mlp_input_map.h"
 
 namespace octrad {
 
 class DecoderHead {
  public:
-  static constexpr int kPointInputs = octrad::kPointInputs;
-
   DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation, Vec3f origin,
               Vec3f size, unsigned long long stream);
 
@@ -56,8 +54,5 @@ class DecoderHead {
   Vec3f unit_scale_, unit_offset_;  // x * scale + offset is in [-1, 1] of the domain
   float target_scale_ = 1.0f;
 };
-
-// Rounds a batch up to whole kernel tiles.
-inline int padded(int n) { return (n + kMlpTile - 1) / kMlpTile * kMlpTile; }
 
 }  // namespace octrad

@@ -31,7 +31,7 @@ struct DeviceFieldOptions {
   DeviceTuning tuning = {};    // the stream's: chunks, order of queries, list of touched entries
 };
 
-// Of the steps since the last report.
+// What is known of the steps since the last report.
 struct DeviceTrainReport {
   std::vector<double> losses;  // mean over points and channels, in order; at most kLossHistory, the last ones
   long long steps = 0;

@@ -29,13 +29,8 @@ FieldAnswers ask_on_stream(Stream& stream, RadianceField& field, const Config& c
     parts.push_back({"points and answers", chunk * ((numbers + width + 1) * sizeof(float) + sizeof(Vec3f))});
     return parts;
   };
-  const auto total = [&](std::size_t chunk) {
-    std::uint64_t sum = 0;
-    for (const MemoryPart& part : memory(chunk)) sum += part.bytes;
-    return sum;
-  };
   std::size_t chunk = std::clamp(points.size(), kFewestPoints, kMostPoints);
-  while (max_memory > 0 && chunk > kFewestPoints && total(chunk) > max_memory)
+  while (max_memory > 0 && chunk > kFewestPoints && total_bytes(memory(chunk)) > max_memory)
     chunk = std::max(kFewestPoints, chunk / 2);
   require_memory(max_memory, "the model", memory(chunk), "  --device cpu asks it on the CPU");
   options.max_points = chunk;

@@ -468,6 +468,10 @@ void DeviceFieldBase::set_target_scale(float scale) {
   scalars_.upload(std::span<const float>(&target_scale_, 1));
 }
 
+void DeviceFieldBase::fail_shapes() {
+  throw InputError("the field on the device and the field given have different shapes");
+}
+
 void DeviceFieldBase::upload_decoder(DecoderHead& head) {
   decoder_.weights().upload(head.mlp().weights());
   decoder_.refresh(stream_);

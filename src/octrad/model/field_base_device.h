@@ -65,8 +65,8 @@ class DeviceFieldBase : public DeviceField {
     bool training = false;
   };
   // Positions (when training: of points that were found to be in order), directions w and the inputs of the decoder
-  // that the point itself gives are ready; fills inputs_ from number 0 on, keeping what encode_backward needs.
-  // Disparities go to d_disparity unless that is null.
+  // that the point itself gives are ready; fills inputs_ from number 0 on, keeping what encode_backward and
+  // disparities() need.
   virtual void encode(const Chunk& chunk) = 0;
   // `linear` [3][..] holds the decoder's outputs; replaces those of points that show something else.
   virtual void refine(const Chunk&, FloatRows) {}
@@ -78,8 +78,11 @@ class DeviceFieldBase : public DeviceField {
   // For inspect(), after encode().
   virtual void features(const Chunk& chunk, FloatRows out) = 0;
   virtual const float* disparities() const { return nullptr; }
-  virtual LookupRule rule() const = 0;
+  virtual LookupRule rule() const { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
 
+  static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
+  // For copies to and from a field of the CPU that cannot be the one this was made from.
+  [[noreturn]] static void fail_shapes();
   DeviceQueries queries(const Chunk& chunk) const;
   // In constructors: what has weights beside the decoder, all of it.
   void holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);
@@ -87,7 +90,7 @@ class DeviceFieldBase : public DeviceField {
   // In constructors of fields that are trained: what learns beside the decoder. counted: its entries are reported.
   void learns(DeviceMlp& network, DeviceDenseAdam& adam);
   void learns(DeviceTable& table, double rate, bool counted);
-  // Copies decoder and counters back.
+  // Copies the decoder's weights, its optimiser's state and the scale of targets from and to the CPU's field.
   void upload_decoder(DecoderHead& head);
   void download_decoder(DecoderHead& head);
   // Loss scale, and its inverse, of gradients (finite) in a backward pass of halves, the kernel before having left the

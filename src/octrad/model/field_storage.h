@@ -35,7 +35,7 @@ class GroupedBatch {
 
 AdamOptions adam_options(const Config& config);
 
-// Of a table of features: [entries][features].
+// Adam of a table of features: [entries][features].
 std::unique_ptr<SparseAdam> make_table_adam(std::int64_t entries, int features, const Config& config);
 
 // A field's inspect(): out[i][f] = rows[f][i] for the first `count` of the encoding's rows, each `stride` long.

@@ -140,7 +140,7 @@ void each_guide_tensor(State& state, Tensor tensor) {
   tensor("optimizer.guide.columns", DType::f32, kGuideParts, state.guide_columns);
   tensor("optimizer.guide.means", DType::f32, 1, state.guide_means);
   tensor("optimizer.guide.squares", DType::u64, kGuideParts, state.guide_squares);
-  tensor("optimizer.guide.alone", DType::u64, 1, state.guide_alone);
+  tensor("optimizer.guide.alone", DType::u64, 1, state.guide_bsdf_squares);
   tensor("optimizer.guide.targets", DType::u64, 1, state.guide_targets);
   tensor("optimizer.guide.samples", DType::u64, 1, state.guide_samples);
 }
@@ -235,9 +235,7 @@ void check_memory(const TensorReader& in, const Config& config, const FieldDomai
   if (needed > 2.0 * held)
     throw InputError(fmt::format("{} is not a usable model file: its configuration needs tables of {}, and it holds {}",
                                  in.file(), format_bytes(needed), format_bytes(held)));
-  std::uint64_t bytes = 0;
-  for (const MemoryPart& part : estimate_memory(config, cells, optimizer)) bytes += part.bytes;
-  ask_memory(bytes, in.file());
+  ask_memory(total_bytes(estimate_memory(config, cells, optimizer)), in.file());
 }
 
 }  // namespace

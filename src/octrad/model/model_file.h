@@ -18,17 +18,17 @@ struct TrainingState {
   long long step = 0;
   double seconds = 0.0;  // of training so far
   long long lhs_samples = 0, rhs_queries = 0;
-  double loss = -1.0;   // smoothed (train/trainer.h); below 0 before the first step
+  double loss = -1.0;   // smoothed (train/schedule.h); below 0 before the first step
   std::string sensors;  // sensors_fingerprint() of what walks start from; empty: not known
   bool has_other_sensors(const std::string& fingerprint) const { return !sensors.empty() && sensors != fingerprint; }
   // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
-  // ray; shape and primitive that it hit, -1 for no point.
+  // ray; shape and primitive that it hit, -1 for no point, and the lobe (Lobe as a number).
   std::vector<std::array<float, 9>> far_end_rays;
   std::vector<std::array<std::int32_t, 3>> far_end_hits;
   // What directions are drawn by (train.guide), likewise: transport/direction_guide.h. Empty: nothing.
   std::array<float, 7> guide_box{};  // and the unit of radiance
   std::vector<float> guide_rows, guide_columns, guide_means;
-  std::vector<unsigned long long> guide_squares, guide_alone, guide_targets, guide_samples;
+  std::vector<unsigned long long> guide_squares, guide_bsdf_squares, guide_targets, guide_samples;
 };
 
 struct ModelInfo {
@@ -64,7 +64,8 @@ struct ModelFileSize {
   double optimizer = 0.0;  // of it, what resuming needs: 0 without optimiser
 };
 ModelFileSize model_file_size(const TensorReader& file);
-// Of a file with optimiser state, before anything is allocated. Without the networks, whose size hardly counts.
+// The sizes of a file with optimiser state, before anything is allocated. Without the networks, whose size hardly
+// counts.
 ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level);
 
 // Throws InputError when the model was trained on another scene, unless `force`.

@@ -1,10 +1,10 @@
 #include "octrad/model/ncr_field.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/prefiltered_grid.h"
+#include "octrad/model/weight_stream.h"
 
 namespace octrad {
 
@@ -61,7 +61,7 @@ constinit const FieldEntry kNcrField = {
     .title = "Neural Cone Radiosity",
     .own_keys = kNcrKeys,
     .cell_levels = [](const Config&) { return 0; },
-    .finest_cells = [](const Config& c) { return c.ncr_base * std::pow(c.ncr_scale, c.ncr_levels - 1); },
+    .finest_cells = [](const Config& c) { return hash_grid_resolution(ncr_grid_options(c), c.ncr_levels - 1); },
     .rays = ncr_rays,
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NcrField>(config, domain);
@@ -126,7 +126,7 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
       lobe_(lobe_table(config.ncr_lobe_share)),
       grid_(ncr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.ncr_width, config.ncr_hidden, config.ncr_output, domain.origin,
-               domain.size, 6),
+               domain.size, kNcrDecoderWeights),
       merged_rules_(decoder_.rules()),
       cone_grid_(ncr_cone_grid_options(config)),
       cone_mlp_(ncr_cone_shape(config)),
@@ -135,10 +135,10 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
       merge_adam_(merge_mlp_.parameter_count(), adam_options(config)) {
   merged_rules_.activation = Activation::softplus;
   const auto seed = static_cast<unsigned long long>(config.seed);
-  initialize_hash_grid(grid_, seed, 7);
-  initialize_hash_grid(cone_grid_, seed, 8);
-  cone_mlp_.initialize(seed, 9);
-  merge_mlp_.initialize(seed, 10);
+  initialize_hash_grid(grid_, seed, kNcrGridWeights);
+  initialize_hash_grid(cone_grid_, seed, kNcrConeGridWeights);
+  cone_mlp_.initialize(seed, kNcrConeNetworkWeights);
+  merge_mlp_.initialize(seed, kNcrMergeNetworkWeights);
 }
 
 // Fills e.inputs of the diffuse branch for up to kQueryChunk points.
@@ -151,7 +151,7 @@ void NcrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool rec
     e.p[i] = normalized(points[i].x);
     e.w[i] = reflect(points[i].wo, points[i].n);
   }
-  resize(e.inputs, features + DecoderHead::kPointInputs, e.stride);
+  resize(e.inputs, features + kPointInputs, e.stride);
   if (record) grid_.lookup_record(e.p.data(), n, e.inputs.data(), e.stride, e.taps);
   else grid_.lookup(e.p.data(), n, e.inputs.data(), e.stride);
   decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, e.stride);

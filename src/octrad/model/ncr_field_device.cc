@@ -4,7 +4,6 @@
 // listed.
 #include <array>
 
-#include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/model/field_base_device.h"
 #include "octrad/model/ncr_field.h"
@@ -318,7 +317,6 @@ class DeviceNcrField : public DeviceFieldBase {
   }
 
  protected:
-  LookupRule rule() const override { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
   void encode(const Chunk& chunk) override {
     grid_.lookup(stream_, read(table_), queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
   }
@@ -385,8 +383,6 @@ class DeviceNcrField : public DeviceFieldBase {
   }
 
  private:
-  static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
-
   // Of all points of the chunk.
   Items items(const Chunk& chunk) const {
     return {chunk.points, nullptr, chunk.training ? valid_.data() : nullptr, chunk.slice, rules_.rough_threshold};
@@ -432,9 +428,8 @@ class DeviceNcrField : public DeviceFieldBase {
         ncr->feature_count() != features_ || ncr->cone_grid().options().features != cone_grid_.features() ||
         ncr->decoder().mlp().parameter_count() != decoder_.parameter_count() ||
         ncr->cone_mlp().parameter_count() != cone_.parameter_count() ||
-        ncr->merge_mlp().parameter_count() != merge_.parameter_count()) {
-      throw InputError("the field on the device and the field given have different shapes");
-    }
+        ncr->merge_mlp().parameter_count() != merge_.parameter_count())
+      fail_shapes();
     return *ncr;
   }
 

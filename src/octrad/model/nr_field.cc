@@ -1,9 +1,9 @@
 #include "octrad/model/nr_field.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "octrad/base/threads.h"
+#include "octrad/model/weight_stream.h"
 
 namespace octrad {
 namespace {
@@ -26,7 +26,7 @@ constinit const FieldEntry kNrField = {
     .own_keys = kNrKeys,
     .cell_levels = [](const Config&) { return 0; },
     .finest_cells =
-        [](const Config& config) { return config.nr_base * std::pow(config.nr_scale, config.nr_levels - 1); },
+        [](const Config& config) { return hash_grid_resolution(nr_grid_options(config), config.nr_levels - 1); },
     .make = [](const Config& config, const FieldDomain& domain) -> std::unique_ptr<RadianceField> {
       return std::make_unique<NrField>(config, domain);
     },
@@ -54,8 +54,8 @@ NrField::NrField(const Config& config, const FieldDomain& domain)
       size_(domain.size),
       grid_(nr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.nr_width, config.nr_hidden, config.nr_output, domain.origin,
-               domain.size, 4) {
-  initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), 5);
+               domain.size, kNrDecoderWeights) {
+  initialize_hash_grid(grid_, static_cast<unsigned long long>(config.seed), kNrGridWeights);
 }
 
 void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
@@ -68,7 +68,7 @@ void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool reco
     e.w[i] = reflect(points[i].wo, points[i].n);
   }
   const int features = grid_.feature_count();
-  e.inputs.resize(static_cast<std::size_t>(features + DecoderHead::kPointInputs) * static_cast<std::size_t>(stride));
+  e.inputs.resize(static_cast<std::size_t>(features + kPointInputs) * static_cast<std::size_t>(stride));
   if (record) {
     e.taps.clear();
     grid_.lookup_record(e.p.data(), n, e.inputs.data(), stride, e.taps);

@@ -1,5 +1,4 @@
 // Neural Radiosity on a device (method section 9).
-#include "octrad/base/error.h"
 #include "octrad/model/field_base_device.h"
 #include "octrad/model/nr_field.h"
 
@@ -31,9 +30,8 @@ class DeviceNrField : public DeviceFieldBase {
   }
 
  protected:
-  LookupRule rule() const override { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
   void encode(const Chunk& chunk) override {
-    grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
+    grid_.lookup(stream_, read(table_), queries(chunk), HalfRows{inputs_.data(), rows_}, 0);
   }
   void encode_backward(const Chunk& chunk, bool) override {
     scatter(
@@ -41,16 +39,15 @@ class DeviceNrField : public DeviceFieldBase {
         kHashGridTaps, chunk.n, grid_.levels(), d_inputs_.data(), train_rows_);
   }
   void features(const Chunk& chunk, FloatRows out) override {
-    grid_.lookup(stream_, {table_.floats(), table_.halves()}, queries(chunk), out, 0);
+    grid_.lookup(stream_, read(table_), queries(chunk), out, 0);
   }
 
  private:
   NrField& same_kind(RadianceField& field) const {
     auto* nr = dynamic_cast<NrField*>(&field);
     if (nr == nullptr || static_cast<std::size_t>(nr->grid().entry_count()) != table_.entries() ||
-        nr->feature_count() != features_ || nr->decoder().mlp().parameter_count() != decoder_.parameter_count()) {
-      throw InputError("the field on the device and the field given have different shapes");
-    }
+        nr->feature_count() != features_ || nr->decoder().mlp().parameter_count() != decoder_.parameter_count())
+      fail_shapes();
     return *nr;
   }
 

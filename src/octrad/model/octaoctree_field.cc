@@ -5,6 +5,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/model/reflected_math.h"
+#include "octrad/model/weight_stream.h"
 #include "octrad/network/activations_math.h"
 
 namespace octrad {
@@ -131,12 +132,12 @@ OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain
       disparity_(disparity_shape(config)),
       reflects_(looks_up_reflected(config)),
       decoder_(config, decoder_shape(config).inputs - kPointInputs, config.decoder_width, config.decoder_hidden,
-               config.decoder_output, domain.origin, domain.size, 1),
+               config.decoder_output, domain.origin, domain.size, kDecoderWeights),
       disparity_adam_(disparity_.parameter_count(), adam_options(config)) {
   const auto seed = static_cast<unsigned long long>(config.seed);
-  disparity_.initialize(seed, 2);
+  disparity_.initialize(seed, kDisparityNetworkWeights);
   disparity_.prepare();
-  initialize_hash_grid(grid_, seed, 3);
+  initialize_hash_grid(grid_, seed, kDisparityGridWeights);
 }
 
 // Fills e.disparity of the points e.shifted, for which alone the predictor is asked.

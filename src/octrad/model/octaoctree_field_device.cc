@@ -1,5 +1,4 @@
 // The OctaOctree field on a device (method sections 4, 5 and 7).
-#include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/model/field_base_device.h"
@@ -304,7 +303,6 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   }
 
  private:
-  static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
   DeviceQueries with_disparity(const Chunk& chunk) const {
     DeviceQueries q = queries(chunk);
     q.d = distance_.data();
@@ -323,9 +321,8 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         octree->feature_count() != octree_.feature_count() ||
         static_cast<std::size_t>(octree->grid().entry_count()) != grid_table_.entries() ||
         octree->disparity().parameter_count() != disparity_.parameter_count() ||
-        octree->decoder().mlp().parameter_count() != decoder_.parameter_count()) {
-      throw InputError("the field on the device and the field given have different shapes");
-    }
+        octree->decoder().mlp().parameter_count() != decoder_.parameter_count())
+      fail_shapes();
     return *octree;
   }
 

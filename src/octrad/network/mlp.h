@@ -12,6 +12,8 @@
 namespace octrad {
 
 inline constexpr int kMlpTile = 64;  // queries that go through all layers together; fastest when n is a multiple of it
+// Rounds a batch up to whole kernel tiles.
+inline int padded(int n) { return (n + kMlpTile - 1) / kMlpTile * kMlpTile; }
 
 struct MlpShape {
   int inputs = 0;

@@ -18,20 +18,9 @@
 #include "octrad/device/rows.h"
 #include "octrad/network/mlp.h"
 #include "octrad/network/mlp_fragment_math.h"
+#include "octrad/network/mlp_input_map.h"
 
 namespace octrad {
-
-// Three inputs, from number `first` on, that come as x * scale + offset instead of x, because halves hold that better:
-// a coordinate far from 0 loses what distinguishes its neighbours. The network stays the one of x: scale and offset are
-// folded into the first layer's packed weights, sum_k W_k x_k = sum_k (W_k / scale_k) (x_k scale_k + offset_k) -
-// sum_k W_k offset_k / scale_k, where the last sum is the weight of one more input, number `inputs`, which is 1.
-struct MlpInputMap {
-  int first = -1;  // below 0: all inputs come as they are
-  Vec3f scale{1.0f, 1.0f, 1.0f}, offset;
-
-  OCTRAD_HD bool any() const { return first >= 0; }
-  OCTRAD_HD bool maps(int input) const { return any() && input >= first && input < first + 3; }
-};
 
 class DeviceMlp {
  public:
@@ -66,7 +55,7 @@ class DeviceMlp {
 
  private:
   int input_rows() const { return shape_.inputs + (map_.any() ? 1 : 0); }
-  // Of a part of the weights' gradient: that of a mapped network has another input.
+  // Numbers in a part of the weights' gradient: a mapped network has one more input.
   std::size_t partial_stride() const { return weights_.size() + static_cast<std::size_t>(shape_.width); }
 
   DeviceInfo device_;  // whose shared memory holds the weights

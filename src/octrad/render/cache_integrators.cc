@@ -59,8 +59,7 @@ class CacheIntegrator : public Integrator {
       const RadianceQuery ask = [this](std::span<const SurfacePoint> points, std::span<Vec3f> values) {
         field_.radiance(points, values);
       };
-      const RhsStatistics s = estimate_rhs_serial(context_, bounces, rhs, ask, responses);
-      counts += {s.rays, s.queries, s.non_finite};
+      counts += sample_counts(estimate_rhs_serial(context_, bounces, rhs, ask, responses));
       add(bounce_owners, responses, out);
     }
     return counts;

@@ -43,14 +43,8 @@ class CacheIntegrator : public DeviceIntegrator {
   SamplePlanes samples() const override { return gbuffer_.samples(); }
   SampleCounts take_counts() override {
     TraceCounts sum = gbuffer_.take_counts();
-    if (rhs_) {
-      const TraceCounts more = rhs_->take_counts();
-      sum.rays += more.rays;
-      sum.queries += more.queries;
-      sum.non_finite += more.non_finite;
-    }
-    return {static_cast<long long>(sum.rays), static_cast<long long>(sum.queries),
-            static_cast<long long>(sum.non_finite)};
+    if (rhs_) sum += rhs_->take_counts();
+    return sample_counts(sum);
   }
 
  private:

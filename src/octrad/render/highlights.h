@@ -7,9 +7,9 @@
 
 namespace octrad {
 
-// Of the light that would reach the scene's surfaces with roughness below `alpha_below` that rays do not follow
-// (is_followed), were nothing in its way, the share that comes from lamps of less than kSmallLamp steradians as seen
-// from there. From some thousand points and light samples; no ray is cast. The same for the same scene.
+// The share of lamps of less than kSmallLamp steradians, as seen from where their light falls, in the light that would
+// reach the scene's surfaces with roughness below `alpha_below` that rays do not follow (is_followed), were nothing in
+// its way. From some thousand points and light samples; no ray is cast. The same for the same scene.
 inline constexpr double kSmallLamp = 0.01;  // a disk of radius 3.2 degrees
 double small_lamp_share(const PreparedScene& scene, float alpha_below, float follow_below = kFollowDelta);
 

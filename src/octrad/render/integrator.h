@@ -90,7 +90,7 @@ struct IntegratorInfo {
   bool recordable = true;        // on a stream
   bool denoised = false;         // pictures are for a Denoiser (image/denoise.h), which whoever saves them runs
   std::unique_ptr<Integrator> (*make)(const IntegratorInput&) = nullptr;
-  // For jobs of up to `capacity` samples. `field`: null without a model.
+  // Makes the integrator of a stream for jobs of up to `capacity` samples. `field`: null without a model.
   std::unique_ptr<DeviceIntegrator> (*make_device)(const IntegratorInput&, Stream&, const DeviceWorld&,
                                                    DeviceField* field, std::size_t capacity) = nullptr;
   std::size_t (*device_bytes)(const IntegratorInput&, std::size_t capacity) = nullptr;
@@ -98,7 +98,7 @@ struct IntegratorInfo {
 
 // All integrators (integrators.cc).
 std::span<const IntegratorInfo> integrators();
-// Their names; with a field those of its levels, else families by their first member.
+// Names of all integrators; with a field those of its levels, else families by their first member.
 std::vector<std::string> integrator_names(const RadianceField* field = nullptr);
 // Throws UsageError for a name that is not known, with a suggestion, or that `field` does not have. Without a field the
 // levels of a family are not checked.

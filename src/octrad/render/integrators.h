@@ -3,12 +3,18 @@
 
 #include "octrad/render/integrator.h"
 #include "octrad/transport/first_hit_math.h"
+#include "octrad/transport/trace_counts.h"
 
 namespace octrad {
 
 // A camera sample's radiance with the attributes of its first hit.
 inline PixelSample pixel_sample(Vec3f radiance, const FirstHit& first) {
   return {radiance, first.albedo, first.normal, first.depth, first.roughness};
+}
+
+inline SampleCounts sample_counts(const TraceCounts& counts) {
+  return {static_cast<long long>(counts.rays), static_cast<long long>(counts.queries),
+          static_cast<long long>(counts.non_finite)};
 }
 
 // path_integrator.cc, path_integrator_device.cc: path tracing without a model.

@@ -138,11 +138,7 @@ class StreamRenderer : public Renderer {
   // Buffers are made for the largest view so far, and kept for others.
   void view_changed() override {
     if (choice_.info->one_sample) window_.needed.clear();  // features: their colours depend on all pixels
-    const auto total = [&](std::size_t capacity) {
-      std::uint64_t sum = 0;
-      for (const MemoryPart& part : memory(capacity)) sum += part.bytes;
-      return sum;
-    };
+    const auto total = [&](std::size_t capacity) { return total_bytes(memory(capacity)); };
     const std::size_t spp =
         choice_.info->one_sample ? 1 : static_cast<std::size_t>(std::max(1, settings_.expected_spp));
     const auto most = static_cast<std::size_t>(stream_.tuning.frame_samples);

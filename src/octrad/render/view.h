@@ -35,7 +35,7 @@ struct View {
     return crop.width > 0 ? PixelRect{crop.x, crop.y, crop.x + crop.width, crop.y + crop.height}
                           : PixelRect{0, 0, width, height};
   }
-  // Of these, how many the mask has.
+  // How many of these the mask has.
   long long wanted_pixels() const {
     const PixelRect rect = part();
     long long n = 0;
@@ -54,7 +54,7 @@ struct View {
 struct FilmWindow {
   PixelRect crop;     // what is returned
   PixelRect sampled;  // pixels around it whose samples the filter carries into it, too
-  // Of a view with a mask, one byte a pixel of `sampled`, row by row: 0 where no sample is needed. Empty: everywhere.
+  // With a mask, one byte a pixel of `sampled`, row by row: 0 where no sample is needed. Empty: needed everywhere.
   std::vector<std::uint8_t> needed = {};
 
   bool needs(int x, int y) const {

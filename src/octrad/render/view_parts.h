@@ -1,10 +1,12 @@
 // What views of a field have in common on the CPU and on a stream.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "octrad/base/memory_limit.h"
 #include "octrad/image/image.h"
+#include "octrad/model/radiance_field.h"
 #include "octrad/render/view.h"
 
 namespace octrad {
@@ -12,11 +14,16 @@ namespace octrad {
 // A stable colour for a cell of a level, by a position in the unit cube.
 Vec3f cell_color(Vec3f normalised, int level);
 
+// How many features a level of `field` has.
+inline std::size_t level_width(const RadianceField& field) {
+  return static_cast<std::size_t>(field.feature_count() / std::max(1, field.levels()));
+}
+
 // One level's features over a picture, one sample a pixel: principal components need all of them at once.
 class FeaturePicture {
  public:
   FeaturePicture() = default;
-  // Of the part of `view` that is returned; `features` numbers a pixel.
+  // Shows the part of `view` that is returned; `features` numbers a pixel.
   FeaturePicture(const View& view, std::size_t features)
       : rect_(view.part()),
         features_(features),

@@ -69,7 +69,7 @@ class ViewIntegrator : public Integrator {
         field_(*input.field),
         view_(view),
         level_(input.choice.level),
-        width_(static_cast<std::size_t>(field_.feature_count() / std::max(1, field_.levels()))),
+        width_(level_width(field_)),
         rays_(view_rays(input.config, view)) {
     options_.max_chain = input.config.train_max_chain;
   }

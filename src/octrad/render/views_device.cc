@@ -1,5 +1,3 @@
-#include <algorithm>
-
 #include "octrad/device/array.h"
 #include "octrad/model/device_field.h"
 #include "octrad/render/integrators.h"
@@ -10,10 +8,6 @@
 namespace octrad {
 namespace {
 
-std::size_t level_width(const IntegratorInput& input) {
-  return static_cast<std::size_t>(input.field->feature_count() / std::max(1, input.field->levels()));
-}
-
 class ViewIntegrator : public DeviceIntegrator {
  public:
   ViewIntegrator(const IntegratorInput& input, Stream& stream, const DeviceWorld& world, DeviceField& device_field,
@@ -23,7 +17,7 @@ class ViewIntegrator : public DeviceIntegrator {
         field_(*input.field),
         view_(view),
         level_(input.choice.level),
-        width_(level_width(input)),
+        width_(level_width(field_)),
         gbuffer_(stream, world, capacity, false, view_rays(input.config, view)),
         answers_(stream, capacity, "colours of a view"),
         disparity_(stream, view == FieldView::disparity ? capacity : 0, "disparities"),
@@ -59,11 +53,7 @@ class ViewIntegrator : public DeviceIntegrator {
 
   const CameraJob* job() const override { return gbuffer_.job(); }
   SamplePlanes samples() const override { return gbuffer_.samples(); }
-  SampleCounts take_counts() override {
-    const TraceCounts counts = gbuffer_.take_counts();
-    return {static_cast<long long>(counts.rays), static_cast<long long>(counts.queries),
-            static_cast<long long>(counts.non_finite)};
-  }
+  SampleCounts take_counts() override { return sample_counts(gbuffer_.take_counts()); }
   void finish(Image& image) const override {
     if (view_ == FieldView::features) picture_.paint(image);
   }

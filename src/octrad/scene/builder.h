@@ -195,7 +195,7 @@ class SceneBuilder {
   // Colours of spectra, which may be long and be referred to often: by element, and by file.
   std::map<std::pair<const Element*, SpectrumUse>, Vec3f> spectra_;
   std::map<std::pair<std::string, SpectrumUse>, Vec3f> spectrum_files_;
-  // Of Scene::measured; each file is read once, also a broken one.
+  // Files of Scene::measured; each file is read once, also a broken one.
   struct MeasuredFile {
     int index = -1;
     std::exception_ptr mistake;

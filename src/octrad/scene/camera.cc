@@ -145,10 +145,12 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   camera.far_clip = static_cast<float>(read_number(object, "far_clip", camera.far_clip, 1e-12, 1e30, where));
   if (!(camera.far_clip > camera.near_clip))
     throw InputError(where + "\"far_clip\" must be greater than \"near_clip\"");
-  camera.film_width = read_integer(object, "width", 0, 1, 131072, where);
-  camera.film_height = read_integer(object, "height", 0, 1, 131072, where);
+  camera.film_width = read_integer(object, "width", 0, 1, kMostFilmPixels, where);
+  camera.film_height = read_integer(object, "height", 0, 1, kMostFilmPixels, where);
   return camera;
 }
+
+CameraView Camera::own_view() const { return view(std::max(1, film_width), std::max(1, film_height)); }
 
 CameraView Camera::view(int width, int height) const {
   // Of the whole film.

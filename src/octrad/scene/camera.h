@@ -33,6 +33,8 @@ struct Camera {
   // Throws InputError where rays would begin too far away: a near plane far out, or a field of view close to 180
   // degrees.
   CameraView view(int width, int height) const;
+  // That of a picture as large as the camera's own film; of one pixel where it has none.
+  CameraView own_view() const;
 };
 
 // Right-handed axes and origin from a rigid transform. Throws InputError for a place that is too far away (limits.h).

@@ -34,8 +34,8 @@ class CameraPath {
 
   int frames() const { return frames_; }
   double fps() const { return fps_; }
-  // Of frame 0 ... frames() - 1: the first is the first key, the last the last. Throws InputError where the spline
-  // gives no view.
+  // The camera of frame 0 ... frames() - 1: the first is the first key, the last the last. Throws InputError where the
+  // spline gives no view.
   Camera camera(int frame) const;
 
  private:

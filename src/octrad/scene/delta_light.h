@@ -5,7 +5,7 @@
 
 namespace octrad {
 
-// Of an emitter whose `sampling_weight` the scene's file does not state.
+// The weight of an emitter whose `sampling_weight` the scene's file does not state.
 inline constexpr float kNoSamplingWeight = -1.0f;
 
 // `to_local` (row-major 3 x 4) takes world space into the light's own, where it looks along +z.

@@ -6,22 +6,22 @@
 #include <limits>
 
 #include "octrad/base/vec.h"
+#include "octrad/image/size_limit.h"
 
 namespace octrad {
 
 // Beyond the limits of coordinates single precision and the ray tracer (whose rays must begin within 1.8e18) give no
-// picture. Of vertices and spheres in world space: products of two areas must stay finite: (1e9)^4 is 1e36 of 3.4e38.
+// picture. This one is of vertices and spheres in world space: products of two areas must stay finite: (1e9)^4 is 1e36
+// of 3.4e38.
 constexpr float kLargestCoordinate = 1e9f;
-// Of cameras and of where their rays begin. They may stand outside of what they look at.
+// Limit of the positions of cameras and of where their rays begin. They may stand outside of what they look at.
 constexpr float kLargestCameraCoordinate = 1e12f;
 
-// Of rays in the space of an instance.
+// Limits of rays in the space of an instance.
 constexpr double kLargestRayOrigin = 1e18, kLeastRayDirection = 1e-15;
 
 // Vertices, and triangles, of a mesh: four times their number is an int.
 constexpr std::uint64_t kMostMeshElements = static_cast<std::uint64_t>(std::numeric_limits<int>::max()) / 4;
-// Pixels along a side of a film.
-constexpr int kMostFilmPixels = 131072;
 
 // False also where a component is not a number.
 template <typename T>

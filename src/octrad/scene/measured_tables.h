@@ -28,7 +28,7 @@ struct MeasuredLayout {
   bool isotropic = true;    // phi of half vectors is relative to that of the viewer
   int symmetry = 1;         // of phi, the nodes cover a part: 1: all, 2: y < 0, 4: x < 0 and y < 0
   bool is_density = false;  // `rgb` is to be multiplied by what the microfacets give
-  // By direction, theta along x and phi along y: how common normals are, and what area microfacets show.
+  // Tables by direction, theta along x and phi along y: how common normals are, and what area microfacets show.
   MeasuredGrid normals, area;
   MeasuredDensity visible_normals;  // by half vector
   MeasuredDensity luminance;        // by place in the distribution of visible normals

@@ -31,10 +31,10 @@ class Params {
   const Element& element() const { return element_; }
   const Location& location() const { return element_.location; }
   const std::string& type() const { return type_; }
-  // The object's name in messages: bsdf "diffuse".
   // Throws that the type is not supported, `remark`, and what is: `known`, `others`.
   [[noreturn]] void fail_type(const std::vector<std::string>& known, const std::string& remark = "",
                               const std::string& others = "") const;
+  // The object's name in messages: bsdf "diffuse".
   std::string what() const { return element_.tag + " \"" + type_ + "\""; }
 
   // Scalar parameters; the default where absent. float_in checks lower <= value <= upper.

@@ -10,7 +10,7 @@
 
 namespace octrad {
 
-// Of one value of a picture.
+// Linear light of one value of a picture.
 inline double linear_value(const Image& image, float value) {
   return is_display_referred(image) ? decode_srgb(static_cast<double>(value)) : static_cast<double>(value);
 }

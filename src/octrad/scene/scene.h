@@ -106,7 +106,7 @@ struct Scene {
     return weights;
   }
   const Film& film_of(std::size_t sensor) const { return sensor < films.size() ? films[sensor] : film; }
-  // Of all meshes, however many instances share one.
+  // Triangles of all meshes, however many instances share one.
   std::size_t triangle_count() const {
     std::size_t n = 0;
     for (const TriangleMesh& m : meshes) n += m.triangles.size();

@@ -25,7 +25,7 @@ enum class SpectrumUse {
 // 1000 steps (core/spectrum.cpp: spectrum_list_to_srgb). Negative channels become 0. `clamped`, where not null, is set
 // when a channel was out of range.
 Vec3f spectrum_rgb(const Spectrum& spectrum, SpectrumUse use, bool* clamped = nullptr);
-// Of a spectrum of ones, which emits.
+// spectrum_rgb() of a spectrum of ones, which emits.
 Vec3f equal_energy_rgb();
 
 // "400:0.1, 500:0.2 ...". The mistakes of the text are at `where`.

@@ -8,8 +8,8 @@
 namespace octrad {
 
 struct Texture : TextureSettings {
-  std::vector<Vec3f>
-      pixels;  // linear RGB [height][width], row 0 = v 0 after Mitsuba's flip convention (see texture_math.h)
+  // Linear RGB [height][width], row 0 = v 0 after Mitsuba's flip convention (texture_math.h).
+  std::vector<Vec3f> pixels;
 };
 
 // Holds as long as the pixels stay where they are.

@@ -50,7 +50,7 @@ OCTRAD_HD inline BsdfSample sample_listed(const Bsdf& b, Vec3f wo, float u_lobe,
   return {};
 }
 
-// Of models that are no blends, for blends and for all models.
+// The functions of models that are no blends, for blends and for all models.
 OCTRAD_HD_APART_ON_DEVICE inline BsdfValue evaluate_part(const Bsdf& b, Vec3f wo, Vec3f wi) {
   return evaluate_listed<Models::parts>(b, wo, wi);
 }
@@ -295,7 +295,7 @@ OCTRAD_HD_APART inline BsdfSample sample_blend(const MaterialRecord& record, Vec
   return s;
 }
 
-// As its strongest part.
+// A blend is seen through as its strongest part is.
 OCTRAD_HD_APART inline SeenThrough blend_seen_through(const MaterialRecord& record, Vec2f uv, Vec3f wo) {
   const BlendParts parts(record, uv, wo.z);
   int strongest = 0;

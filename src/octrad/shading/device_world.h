@@ -24,7 +24,7 @@ struct DeviceSurfaces {
   OCTRAD_HD bool occluded(Vec3f origin, Vec3f direction, float t_min, float t_max) const {
     return bvh8_occluded(bvh, origin, direction, t_min, t_max);
   }
-  // Of a valid hit.
+  // The surface at a valid hit.
   OCTRAD_HD SurfaceInteraction interact(const Hit& hit, Vec3f origin, Vec3f direction) const {
     return octrad::interact(shapes[hit.shape], hit, origin, direction);
   }

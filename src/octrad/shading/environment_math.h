@@ -224,7 +224,7 @@ OCTRAD_HD inline EnvironmentRow pick_row(const EnvironmentView& e, Vec3f p, floa
   return {x0, columns, y0 + pick_alias(table, rows, u)};
 }
 
-// Its cell that `u` draws, likewise.
+// The cell of a row that `u` draws, likewise.
 OCTRAD_HD inline int pick_column(const EnvironmentView& e, const EnvironmentRow& row, float& u) {
   const std::size_t first = static_cast<std::size_t>(row.y) * static_cast<std::size_t>(e.width);
   return row.x0 + pick_alias(e.cells + first + row.x0, row.columns, u);

@@ -31,7 +31,7 @@ struct LightRecord {
   float inv_area = 0.0f;
   float pick = 0.0f;  // probability of this emitter
   float side = 1.0f;  // of a sphere; -1: emits inwards
-  // Of a parallelogram that shows a picture over [0, 1]^2: its cells, drawn by how bright they are.
+  // Cells of a parallelogram that shows a picture over [0, 1]^2, drawn by how bright they are.
   const float* grid = nullptr;  // [grid_side][grid_side] cumulative, last entry 1
   int grid_side = 0;
 };
@@ -64,7 +64,7 @@ OCTRAD_HD inline Vec2f mesh_uv(const MeshView& mesh, int triangle, Vec2f b) {
   return a + (mesh.uvs[t.y] - a) * b.x + (mesh.uvs[t.z] - a) * b.y;
 }
 
-// As interact() computes it.
+// The normal at a point of a triangle, as interact() computes it.
 OCTRAD_HD inline Vec3f interpolated_normal(const MeshView& mesh, int triangle, Vec2f b, Vec3f otherwise) {
   const Vec3i t = mesh.triangles[triangle];
   const Vec3f n = mesh.normals[t.x] * (1.0f - b.x - b.y) + mesh.normals[t.y] * b.x + mesh.normals[t.z] * b.y;

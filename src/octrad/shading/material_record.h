@@ -38,7 +38,7 @@ struct MaterialRecord {
   bool masked_parts = false;  // a blend that lets light pass where its parts do
   int back = -1;              // record of the other side
 
-  // Of models with constant.record (this record).
+  // What only models with constant.record (this record) have.
   MaterialsView tables;  // what the indices below mean
   int blended[2] = {-1, -1};
   float extra[ExtraParameter::count] = {};  // constant ones

@@ -27,7 +27,7 @@ LhsOptions lhs_options(const Config& config) {
   return options;
 }
 
-RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
+TraceCounts BatchSource::draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query) {
   const auto n = static_cast<std::size_t>(s.points);
   shading_.resize(n);
   points_.resize(n);
@@ -44,9 +44,9 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
   far_ends_.resize(query ? far_ends : 0);
   rhs.far_ends = far_ends_;
   rhs.guides = guides();
-  rhs.teach_guides = true;
+  rhs.learn_guides = true;
   rhs.epsilon = static_cast<float>(s.epsilon);
-  const RhsStatistics statistics = estimate_rhs(context_, shading_, rhs, query, targets_);
+  const TraceCounts counts = estimate_rhs(context_, shading_, rhs, query, targets_);
   const QueryRays rays = query_rays(config_, true);
   parallel_blocks(n, 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -56,7 +56,7 @@ RhsStatistics BatchSource::draw(unsigned long long stream, const ScheduleState& 
       if (rhs.emission_inside && surface.emitter >= 0) targets_[i] += context_.lights.emitted(surface, shading_[i].wo);
     }
   });
-  return statistics;
+  return counts;
 }
 
 double mean_direct_light(BatchSource& batches, const Config& config) {

@@ -7,7 +7,7 @@
 
 #include "octrad/model/config.h"
 #include "octrad/train/changed_points.h"
-#include "octrad/train/trainer.h"
+#include "octrad/train/schedule.h"
 #include "octrad/transport/direction_guide.h"
 #include "octrad/transport/lhs_sampler.h"
 #include "octrad/transport/rhs_estimator.h"
@@ -25,16 +25,16 @@ class BatchSource {
 
   // Draws s.points points from the random numbers of `stream` (the step) and estimates their targets, querying `query`
   // where the bounce ends. Replaces points() and targets().
-  RhsStatistics draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
+  TraceCounts draw(unsigned long long stream, const ScheduleState& s, const RadianceQuery& query);
   const LhsSampler& sampler() const { return sampler_; }
   // From now on a share of the points is of `changed`; null: none.
   void set_changed(std::unique_ptr<ChangedPoints> changed, double share) {
     changed_ = std::move(changed);
     changed_share_ = share;
   }
-  // Of the last batch: points of the next one. Part of the state of a run (TrainEngine::far_ends).
+  // Points of the next batch that the last one chose. Part of the state of a run (TrainEngine::far_ends).
   std::vector<FarEnd>& far_ends() { return far_ends_; }
-  // What directions are drawn by besides the BSDF, and what draws with a query teach. Empty: nothing.
+  // What directions are drawn by besides the BSDF; draws with a query add to it. Empty: nothing.
   GuideState& guide() { return guide_; }
   void make_guide_tables() { octrad::make_guide_tables(guides()); }
   const std::vector<SurfacePoint>& points() const { return points_; }

@@ -15,7 +15,7 @@ class ChangedPoints {
   // The scene must outlive this object.
   ChangedPoints(const PreparedScene& scene, const LhsOptions& options, const SceneChange& change);
 
-  // Of a change that is everywhere alike (an environment, a directional light) there are none.
+  // Whether there are none: a change is everywhere alike (an environment, a directional light).
   bool empty() const { return !surfaces_ && lights_.empty(); }
 
   // Replaces some of `points`, those of step `step`: half of them by points uniform in area over the changed shapes,

@@ -16,12 +16,12 @@ class CpuEngine : public TrainEngine {
 
   void step(long long step, const ScheduleState& s) override {
     if (step % kGuideSteps == 0 && !batches_->guide().empty()) batches_->make_guide_tables();
-    const RhsStatistics statistics = batches_->draw(static_cast<unsigned long long>(step), s, query_);
+    const TraceCounts counts = batches_->draw(static_cast<unsigned long long>(step), s, query_);
     const FieldStep done =
         field_->train(batches_->points(), batches_->targets(), s.epsilon, {s.rate_scale, s.network_scale});
     report_.losses.push_back(done.loss);
-    report_.rhs_queries += statistics.queries;
-    report_.dropped += statistics.non_finite;
+    report_.rhs_queries += static_cast<long long>(counts.queries);
+    report_.dropped += static_cast<long long>(counts.non_finite);
     report_.non_finite += done.non_finite;
   }
   int steps_between_reports() const override { return 1; }

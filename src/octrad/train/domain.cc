@@ -78,15 +78,18 @@ Domain choose_box(const Domain& whole, const Bounds3f& scene, bool cube, const s
   return best;
 }
 
-}  // namespace
+// Where rays end: half of them from the sensors, half from free space that sensors see, each with up to three bounces.
+// Always the same for the same scene and sensors.
+struct SeenSurfaces {
+  std::vector<Vec3f> points;
+  double distance = 0.0;  // of the first surfaces from their sensors: median, world units; 0: no sensor sees any
+  double pixel = 0.0;     // side of what a pixel of the sensor covers there: median, world units
+};
 
 SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>& cameras) {
   std::vector<CameraView> views;
-  const auto add = [&](const Camera& camera) {
-    views.push_back(camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height)));
-  };
-  for (const Camera& camera : scene.scene().cameras) add(camera);
-  for (const Camera& camera : cameras) add(camera);
+  for (const Camera& camera : scene.scene().cameras) views.push_back(camera.own_view());
+  for (const Camera& camera : cameras) views.push_back(camera.own_view());
   SeenSurfaces seen;
   if (views.empty()) return seen;
 
@@ -148,6 +151,8 @@ SeenSurfaces seen_surfaces(const PreparedScene& scene, const std::vector<Camera>
   return seen;
 }
 
+}  // namespace
+
 DomainFit fit_domain(const PreparedScene& scene, const Config& config, const std::vector<Camera>& cameras) {
   if (scene.scene().shapes.empty())
     throw InputError(scene.scene().file + ": the scene has no surface that could learn");
@@ -159,7 +164,7 @@ DomainFit fit_domain(const PreparedScene& scene, const Config& config, const std
   fit.whole = largest_side(whole);
   fit.distance = seen.distance;
   fit.pixel = seen.pixel;
-  if (const auto given = octree_box(config)) fit.box = scene_domain(*given, cube);
+  if (const auto given = given_bounds(config)) fit.box = scene_domain(*given, cube);
   else fit.box = config.octree_bounds == "auto" ? choose_box(whole, bounds, cube, seen.points) : whole;
   std::size_t outside = 0;
   for (const Vec3f& p : seen.points) outside += distance_outside(fit.box, p) > 0.0;

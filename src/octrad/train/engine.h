@@ -31,7 +31,8 @@ class TrainEngine {
   virtual StepReport collect() = 0;
   // Milliseconds that the stages of a step took, means over the steps that were timed: some, on a device.
   virtual StageSplit stages() const { return {}; }
-  // Of the field that is shown: the one that steps move, or where there is one that of the averages of its weights.
+  // What the field answers that is shown: the one that steps move, or where there is one that of the averages of its
+  // weights.
   virtual void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) = 0;
   // The field that is shown, brought up to date.
   virtual RadianceField& field() = 0;

@@ -18,6 +18,7 @@
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
 #include "octrad/train/engine_device.h"
+#include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {

@@ -15,6 +15,7 @@
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/changed_points.h"
 #include "octrad/train/checks.h"
+#include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {
@@ -52,7 +53,7 @@ TEST(Trainer, StepsAreThoseOfTrain) {
   int steps = 0;
   for (; !trainer.done(); ++steps) {
     trainer.step();
-    trainer.aside([&] { ask(trainer, probes); });
+    trainer.untimed([&] { ask(trainer, probes); });
     EXPECT_EQ(trainer.last_points().size(), 256u);
     EXPECT_EQ(field, &trainer.field());
   }
@@ -232,7 +233,7 @@ TEST_P(TrainerOnDevices, ChangesAreLearnt) {
   trainer.scene_changed(scene.set_light_factor(0, {8.0f, 2.0f, 0.5f}));
   const double surprised = residual(trainer, scene);
   for (int i = 0; i < steps; ++i) trainer.step();
-  trainer.aside([] {});
+  trainer.untimed([] {});
   const double relearnt = residual(trainer, scene);
   if (!testing::sanitized()) {
     EXPECT_LT(relearnt, 0.7 * surprised);

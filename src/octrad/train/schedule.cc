@@ -1,8 +1,8 @@
+#include "octrad/train/schedule.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
-#include "octrad/train/trainer.h"
 
 namespace octrad {
 

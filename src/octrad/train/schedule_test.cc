@@ -1,8 +1,8 @@
+#include "octrad/train/schedule.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
-
-#include "octrad/train/trainer.h"
 
 namespace octrad {
 namespace {

@@ -14,16 +14,12 @@
 #include "octrad/model/field_registry.h"
 #include "octrad/scene/fingerprint.h"
 #include "octrad/train/engine_device.h"
+#include "octrad/train/schedule.h"
+#include "octrad/train/training_state.h"
 #include "octrad/train/validation.h"
 
 namespace octrad {
 namespace {
-
-double total_bytes(const std::vector<MemoryPart>& parts) {
-  double sum = 0.0;
-  for (const MemoryPart& part : parts) sum += static_cast<double>(part.bytes);
-  return sum;
-}
 
 std::vector<long long> cell_counts(const FieldDomain& domain) {
   std::vector<long long> counts;
@@ -55,7 +51,7 @@ MemoryEstimate memory_estimate(const TrainOptions& options) {
 double check_memory(const TrainOptions& options, const Config& config, const std::vector<long long>& cells) {
   const MemoryEstimate estimate = memory_estimate(options);
   std::vector<MemoryPart> parts = estimate(config, cells);
-  const double bytes = total_bytes(parts);
+  const auto bytes = static_cast<double>(total_bytes(parts));
   parts.push_back({"the program and the scene, in memory already", static_cast<std::uint64_t>(options.used_memory)});
   std::string advice;
   auto changes = field_entry(config.field).smaller(config);
@@ -66,7 +62,7 @@ double check_memory(const TrainOptions& options, const Config& config, const std
     set(changed, key, value);
     std::vector<long long> fewer = cells;
     fewer.resize(std::min(cells.size(), static_cast<std::size_t>(field_entry(config.field).cell_levels(changed))));
-    const double needed = total_bytes(estimate(changed, fewer));
+    const auto needed = static_cast<double>(total_bytes(estimate(changed, fewer)));
     if (needed >= bytes) continue;  // as of train.points where train.first_points is the limit
     advice += fmt::format("{}{}={} would need {}", advice.empty() ? "" : "; ", key, value,
                           format_bytes(options.used_memory + needed));
@@ -75,66 +71,6 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   require_memory(static_cast<std::uint64_t>(std::max(0.0, options.max_memory)),
                  options.stream ? "training (beside the scene)" : "training", parts, advice);
   return bytes;
-}
-
-void set_far_ends(const std::vector<FarEnd>& ends, TrainingState& state) {
-  state.far_end_rays.clear();
-  state.far_end_hits.clear();
-  for (const FarEnd& end : ends) {
-    const Vec3f &o = end.origin, &d = end.direction;
-    state.far_end_rays.push_back({o.x, o.y, o.z, d.x, d.y, d.z, end.hit.t, end.hit.u, end.hit.v});
-    state.far_end_hits.push_back({end.hit.shape, end.hit.primitive, static_cast<std::int32_t>(end.lobe)});
-  }
-}
-
-// Those of a file may be anything: throws InputError for what does not lie on the scene.
-std::vector<FarEnd> far_ends(const TrainingState& state, const Scene& scene) {
-  std::vector<FarEnd> ends;
-  for (std::size_t i = 0; i < state.far_end_rays.size(); ++i) {
-    const auto& r = state.far_end_rays[i];
-    const auto [shape, primitive, lobe] = state.far_end_hits[i];
-    ends.push_back(
-        {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {shape, primitive, r[6], r[7], r[8]}, static_cast<Lobe>(lobe)});
-    if (shape < 0) continue;
-    std::size_t primitives = 0;
-    if (static_cast<std::size_t>(shape) < scene.shapes.size()) {
-      const Shape& s = scene.shapes[static_cast<std::size_t>(shape)];
-      primitives =
-          s.kind == Shape::Kind::sphere ? 1 : scene.meshes[static_cast<std::size_t>(s.geometry)].triangles.size();
-    }
-    if (primitive < 0 || static_cast<std::size_t>(primitive) >= primitives || lobe < 0 ||
-        lobe > static_cast<std::int32_t>(Lobe::base))
-      throw InputError("the model's far ends do not lie on this scene: it is broken or belongs to another scene");
-  }
-  return ends;
-}
-
-void set_guide(GuideState guide, TrainingState& state) {
-  const Vec3f &lower = guide.box.lower, &upper = guide.box.upper;
-  state.guide_box = {lower.x, lower.y, lower.z, upper.x, upper.y, upper.z, guide.unit};
-  state.guide_rows = std::move(guide.rows);
-  state.guide_columns = std::move(guide.columns);
-  state.guide_means = std::move(guide.means);
-  state.guide_squares = std::move(guide.squares);
-  state.guide_alone = std::move(guide.alone);
-  state.guide_targets = std::move(guide.targets);
-  state.guide_samples = std::move(guide.samples);
-}
-
-// That of a file may be anything: throws InputError for what is no guide.
-GuideState guide(const TrainingState& state) {
-  const auto& b = state.guide_box;
-  GuideState guide{{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}},
-                   b[6],
-                   state.guide_rows,
-                   state.guide_columns,
-                   state.guide_means,
-                   state.guide_squares,
-                   state.guide_alone,
-                   state.guide_targets,
-                   state.guide_samples};
-  if (!guide.valid()) throw InputError("the model's guide (train.guide) is broken");
-  return guide;
 }
 
 // Of learning rates after a change, in steps; share of the points on what changed and on what it lights.
@@ -177,9 +113,9 @@ class Trainer::Run {
     GuideState directions;  // what they are drawn by
     if (config.train_guide > 0.0) {
       directions = state_.guide_rows.empty() ? make_guide(guide_box(batches->sampler()), static_cast<float>(exposure_))
-                                             : guide(state_);
+                                             : stored_guide(state_);
       guide_box_ = directions.box;
-      set_guide({}, state_);  // the engine has it
+      store_guide({}, state_);  // the engine has it
     }
     if (options.stream) {
       engine_ = make_device_engine(*options.stream, scene, config_, batches->sampler(), std::move(field),
@@ -187,7 +123,7 @@ class Trainer::Run {
     } else {
       engine_ = make_cpu_engine(std::move(batches), std::move(field), std::move(averages));
     }
-    engine_->set_far_ends(far_ends(state_, scene.scene()));
+    engine_->set_far_ends(stored_far_ends(state_, scene.scene()));
     if (!directions.empty()) engine_->set_guide(directions);
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
@@ -208,7 +144,7 @@ class Trainer::Run {
 
   void step();
   bool done() const { return (fraction() >= 1.0 || out_of_time()) && change_steps_left() == 0; }
-  void aside(const std::function<void()>& work);
+  void untimed(const std::function<void()>& work);
   RadianceField& field() {
     bring_up_averages();
     return engine_->field();
@@ -276,8 +212,8 @@ void Trainer::Run::checkpoint(bool optimizer) {
   info.scene_fingerprint = scene_.fingerprint();
   info.state = state_;
   if (optimizer) {
-    set_far_ends(engine_->far_ends(), info.state);
-    set_guide(engine_->guide(), info.state);
+    store_far_ends(engine_->far_ends(), info.state);
+    store_guide(engine_->guide(), info.state);
   }
   struct Lit {  // a file has the exposure that can be trained on, also while all lights are off
     explicit Lit(Run& of) : run(of) {
@@ -452,7 +388,7 @@ TrainProgress Trainer::Run::progress() const {
   return p;
 }
 
-void Trainer::Run::aside(const std::function<void()>& work) {
+void Trainer::Run::untimed(const std::function<void()>& work) {
   if (waiting_ > 0) settle();
   const double seconds = clock_.seconds();
   work();
@@ -530,7 +466,7 @@ Trainer::Trainer(const PreparedScene& scene, const Config& config, const TrainOp
 Trainer::~Trainer() = default;
 void Trainer::step() { run_->step(); }
 bool Trainer::done() const { return run_->done(); }
-void Trainer::aside(const std::function<void()>& work) { run_->aside(work); }
+void Trainer::untimed(const std::function<void()>& work) { run_->untimed(work); }
 RadianceField& Trainer::field() { return run_->field(); }
 const TrainingState& Trainer::state() const { return run_->state(); }
 TrainProgress Trainer::progress() const { return run_->progress(); }

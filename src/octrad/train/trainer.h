@@ -21,7 +21,7 @@ struct TrainProgress {
   double seconds = 0.0;             // of training so far
   double fraction = 0.0;            // of the budget
   double rate_scale = 0.0;          // of the learning rates, in the last step
-  double loss = 0.0;                // smoothed: see smoothed_loss()
+  double loss = 0.0;                // smoothed: see smoothed_loss() (train/schedule.h)
   double validation_mape = -1.0;    // latest; -1 before the first or without a reference
   double queries_per_second = 0.0;  // right-hand-side cache queries
   double points_per_second = 0.0;
@@ -77,7 +77,7 @@ class Trainer {
   // Whether the budget is spent and the last change of the scene is learnt; one can take steps nevertheless.
   bool done() const;
   // Does something that is no training and whose time does not count, after the steps taken so far.
-  void aside(const std::function<void()>& work);
+  void untimed(const std::function<void()>& work);
   // The field, brought up to date; between steps. Its address does not change.
   RadianceField& field();
   const TrainingState& state() const;
@@ -110,29 +110,5 @@ class Trainer {
 
 // Trains until the budget is spent. Throws what Trainer throws.
 TrainResult train(const PreparedScene& scene, const Config& config, const TrainOptions& options);
-
-// Batch shape and loss epsilon at a fraction of the budget.
-struct ScheduleState {
-  int points = 0, directions = 0;
-  int far_ends = 0;                        // of the points: where rays of the last step ended
-  double epsilon = 0.0, rate_scale = 1.0;  // of tables' learning rates
-  double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.budget
-};
-ScheduleState schedule(const Config& config, long long step, double fraction);
-// Where its quarters begin: in each, all steps have as many points and directions.
-inline constexpr double kQuarters[] = {0.0, 0.25, 0.5, 0.75};
-
-// What train.average does after `steps` steps: by what share the averages approach the weights. 0: nothing; 1: they are
-// the weights, as long as the steps to average over are few. In between their weight falls as exp(-age / window), with
-// a window of train.average * steps * sqrt(rate_scale): at lower rates weights spread less, and old ones are further
-// off.
-double average_share(const Config& config, long long steps, double rate_scale);
-
-// Share of the budget that is spent, in [0, 1]: of train.steps, or of train.time where that is 0.
-double spent_budget(const Config& config, const TrainingState& state);
-
-// The loss of step number `step` (from 0) joined to the smoothed loss of those before it (below 0: none): a mean over
-// about the last tenth of the steps, at least 50 and at most 500.
-double smoothed_loss(double smoothed, double loss, long long step);
 
 }  // namespace octrad

@@ -15,6 +15,7 @@
 #include "octrad/model/safetensors.h"
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
+#include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {

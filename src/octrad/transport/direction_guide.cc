@@ -17,7 +17,7 @@ constexpr unsigned long long kStream = (1ull << 62) + (1ull << 61);  // of their
 bool GuideState::valid() const {
   constexpr std::size_t tables = kGuideTables;
   if (rows.size() != tables * kGuideRows || columns.size() != tables * kGuideParts ||
-      squares.size() != tables * kGuideParts || alone.size() != tables || means.size() != tables ||
+      squares.size() != tables * kGuideParts || bsdf_squares.size() != tables || means.size() != tables ||
       targets.size() != tables || samples.size() != tables)
     return false;
   if (!(unit > 0.0f) || !std::isfinite(unit)) return false;
@@ -51,7 +51,7 @@ GuideView GuideState::view(float share) {
           columns.data(),
           means.data(),
           squares.data(),
-          alone.data(),
+          bsdf_squares.data(),
           targets.data(),
           samples.data()};
 }
@@ -65,7 +65,7 @@ GuideState make_guide(const Bounds3f& box, float unit) {
   guide.columns.resize(tables * kGuideParts);
   guide.squares.resize(tables * kGuideParts);
   guide.means.resize(tables);
-  for (auto* sums : {&guide.alone, &guide.targets, &guide.samples}) sums->resize(tables);
+  for (auto* sums : {&guide.bsdf_squares, &guide.targets, &guide.samples}) sums->resize(tables);
   return guide;
 }
 

@@ -15,7 +15,7 @@ struct GuideState {
   Bounds3f box;       // divided into places
   float unit = 1.0f;  // as in GuideView, and all that follows; all empty: no guide
   std::vector<float> rows, columns, means;
-  std::vector<unsigned long long> squares, alone, targets, samples;
+  std::vector<unsigned long long> squares, bsdf_squares, targets, samples;
 
   bool empty() const { return rows.empty(); }
   // Whether this is a guide: sizes, and probabilities that are some.

@@ -22,7 +22,7 @@ DeviceGuide::DeviceGuide(Stream& stream, const GuideState& guide, float share)
       columns_(stream, std::span<const float>(guide.columns), kWhat),
       means_(stream, std::span<const float>(guide.means), kWhat),
       squares_(stream, std::span<const unsigned long long>(guide.squares), kWhat),
-      alone_(stream, std::span<const unsigned long long>(guide.alone), kWhat),
+      bsdf_squares_(stream, std::span<const unsigned long long>(guide.bsdf_squares), kWhat),
       targets_(stream, std::span<const unsigned long long>(guide.targets), kWhat),
       samples_(stream, std::span<const unsigned long long>(guide.samples), kWhat),
       view_{PlaceGrid(guide.box, kGuideSide),
@@ -32,7 +32,7 @@ DeviceGuide::DeviceGuide(Stream& stream, const GuideState& guide, float share)
             columns_.data(),
             means_.data(),
             squares_.data(),
-            alone_.data(),
+            bsdf_squares_.data(),
             targets_.data(),
             samples_.data()} {}
 
@@ -45,7 +45,7 @@ GuideState DeviceGuide::download() const {
           columns_.download(),
           means_.download(),
           squares_.download(),
-          alone_.download(),
+          bsdf_squares_.download(),
           targets_.download(),
           samples_.download()};
 }

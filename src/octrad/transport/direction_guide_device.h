@@ -22,7 +22,7 @@ class DeviceGuide {
   Bounds3f box_;
   float unit_;
   DeviceArray<float> rows_, columns_, means_;
-  DeviceArray<unsigned long long> squares_, alone_, targets_, samples_;
+  DeviceArray<unsigned long long> squares_, bsdf_squares_, targets_, samples_;
   GuideView view_;
 };
 

@@ -36,10 +36,10 @@ struct GuideView {
   float* rows = nullptr;     // of kGuideTables tables: Guide::rows; null: no guide. All 0 where one is not used
   float* columns = nullptr;  // likewise
   float* means = nullptr;    // [kGuideTables] of targets, when the table was made; 0: not known
-  unsigned long long* squares = nullptr;  // [kGuideTables][kGuideParts] sums of what teach_guide() makes of samples
-  unsigned long long* alone = nullptr;    // [kGuideTables] sums of what it makes of them for the BSDF alone
-  unsigned long long* targets = nullptr;  // [kGuideTables] sums of targets, one for each sample
-  unsigned long long* samples = nullptr;  // [kGuideTables] how many
+  unsigned long long* squares = nullptr;  // [kGuideTables][kGuideParts] sums of what add_to_guide() makes of samples
+  unsigned long long* bsdf_squares = nullptr;  // [kGuideTables] sums of what it makes of them for the BSDF alone
+  unsigned long long* targets = nullptr;       // [kGuideTables] sums of targets, one for each sample
+  unsigned long long* samples = nullptr;       // [kGuideTables] how many
 };
 
 namespace guide_detail {
@@ -105,16 +105,11 @@ OCTRAD_HD inline int axis(Vec3f n) {
   return n.z < 0.0f ? 5 : 4;
 }
 
-}  // namespace guide_detail
-
-namespace guide_detail {
 OCTRAD_HD inline int part(const Place& at) {
   return whole(at.row, kGuideRows) * kGuideColumns + whole(at.column, kGuideColumns);
 }
-}  // namespace guide_detail
 
-// The part that a direction is in.
-OCTRAD_HD inline int guide_part(Vec3f direction) { return guide_detail::part(guide_detail::place(direction)); }
+}  // namespace guide_detail
 
 // Solid-angle density of the directions that a table draws.
 OCTRAD_HD inline float guide_density(const float* rows, const float* columns, Vec3f direction) {
@@ -153,10 +148,10 @@ OCTRAD_HD inline Guide guide_of(const GuideView& guides, int table) {
 
 // What a direction of a guided point teaches, once the point's target is known.
 struct GuideSample {
-  int cell = 0;          // of GuideView::squares
-  float scale = 0.0f;    // density of the direction over that inside its part; 0: the sample teaches nothing
-  float alone = 0.0f;    // the same over that of the BSDF
-  float brought = 0.0f;  // luminance of its contribution to the target
+  int cell = 0;               // of GuideView::squares
+  float scale = 0.0f;         // density of the direction over that inside its part; 0: the sample teaches nothing
+  float bsdf_scale = 0.0f;    // the same over that of the BSDF
+  float contribution = 0.0f;  // to the target, luminance
 };
 
 OCTRAD_HD inline GuideSample guide_sample(int table, Vec3f direction, float pdf, float bsdf_pdf) {
@@ -172,19 +167,19 @@ inline constexpr float kGuideUnit = 0x1p20f;
 // that integral; (g / q)^2 q / k has the integral as its mean, and (g / q)^2 q / b the mean square of what a BSDF of
 // density b draws alone. Relative to the mean target of the table and to the epsilon of the loss: a point's own target,
 // which is large where one of its samples is, would hide just those samples that tables are for.
-OCTRAD_HD inline void teach_guide(const GuideView& guides, const GuideSample& sample, Vec3f target, float epsilon) {
+OCTRAD_HD inline void add_to_guide(const GuideView& guides, const GuideSample& sample, Vec3f target, float epsilon) {
   const int table = sample.cell / kGuideParts;
   const float mean = guides.means[table] > 0.0f ? guides.means[table] : luminance(target);
-  const float relative = sample.brought / (mean + epsilon);
+  const float relative = sample.contribution / (mean + epsilon);
   const float square = relative * relative;
   if (!(square * sample.scale > 0.0f)) return;
   const auto units = [](float s) { return static_cast<unsigned long long>(lesser(s, 0x1p20f) * kGuideUnit); };
   atomic_add(&guides.squares[sample.cell], units(square * sample.scale));
-  atomic_add(&guides.alone[table], units(square * sample.alone));
+  atomic_add(&guides.bsdf_squares[table], units(square * sample.bsdf_scale));
 }
 
 // What a guided point teaches besides its samples.
-OCTRAD_HD inline void teach_guide(const GuideView& guides, int table, int directions, Vec3f target) {
+OCTRAD_HD inline void add_to_guide(const GuideView& guides, int table, int directions, Vec3f target) {
   const float units = luminance(target) / guides.unit * kGuideUnit;
   const auto n = static_cast<unsigned long long>(directions);
   atomic_add(&guides.samples[table], n);
@@ -211,7 +206,7 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table) {
   if (!(total > 0.0f)) return;
   guides.means[table] =
       static_cast<float>(guides.targets[table]) / static_cast<float>(samples) / kGuideUnit * guides.unit;
-  // Of light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is
+  // For light that comes alike from everywhere: a part's square is that of the cosine; their mean over the sphere is
   // 1/6.
   const float prior = total * kPrior / static_cast<float>(samples) * (6.0f / static_cast<float>(kGuideParts));
   const int axis = table % kGuideAxes;
@@ -233,11 +228,11 @@ OCTRAD_HD inline void make_guide_table(const GuideView& guides, int table) {
     rows[row] = sum += of_row;
   }
   // Where light comes from everywhere, stratified samples of the BSDF alone are better.
-  const bool worth = static_cast<float>(guides.alone[table]) > kGuideGain * sum * sum;
+  const bool worth = static_cast<float>(guides.bsdf_squares[table]) > kGuideGain * sum * sum;
   for (int row = 0; row < kGuideRows; ++row) rows[row] = !worth ? 0.0f : row + 1 < kGuideRows ? rows[row] / sum : 1.0f;
   const auto keep = [&](unsigned long long n) { return n / 64 * kGuideKept + n % 64 * kGuideKept / 64; };
   samples = keep(samples);
-  guides.alone[table] = keep(guides.alone[table]);
+  guides.bsdf_squares[table] = keep(guides.bsdf_squares[table]);
   guides.targets[table] = keep(guides.targets[table]);
   for (int part = 0; part < kGuideParts; ++part) squares[part] = keep(squares[part]);
 }

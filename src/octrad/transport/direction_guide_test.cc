@@ -26,12 +26,15 @@ Vec3f uniform_direction(Rng& rng) {
   return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
 }
 
+// The part that a direction is in.
+int guide_part(Vec3f direction) { return guide_detail::part(guide_detail::place(direction)); }
+
 // All tables draw a part with a probability in proportion to the root of `square`.
 template <typename Square>
 void set_tables(GuideState& guide, Square square) {
   for (int table = 0; table < kGuideTables; ++table) {
     guide.samples[static_cast<std::size_t>(table)] = 1ull << 50;  // many: nothing is guessed
-    guide.alone[static_cast<std::size_t>(table)] = ~0ull;         // and tables are worth it
+    guide.bsdf_squares[static_cast<std::size_t>(table)] = ~0ull;  // and tables are worth it
     for (int part = 0; part < kGuideParts; ++part)
       guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] = square(table, part);
   }
@@ -107,7 +110,7 @@ TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
   guide.samples[7] = 1023;
   guide.targets[7] = 1023ull << 20;
   guide.squares[7 * kGuideParts] = 1000;
-  guide.alone[7] = 1000000;
+  guide.bsdf_squares[7] = 1000000;
   make_guide_tables(view);
   EXPECT_FALSE(guide_of(view, 7).known());
   guide.samples[7] = 1024;
@@ -117,7 +120,7 @@ TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
   EXPECT_FLOAT_EQ(guide.means[7], 2.0f);  // of targets: one unit each
   EXPECT_EQ(guide.samples[7], 1008u);
   EXPECT_EQ(guide.squares[7 * kGuideParts], 1000u / 64 * 63 + 1000 % 64 * 63 / 64);
-  EXPECT_EQ(guide.alone[7], 1000000u / 64 * 63);
+  EXPECT_EQ(guide.bsdf_squares[7], 1000000u / 64 * 63);
   // These are few: table 7 is of surfaces along -x, and parts on their side are drawn as well.
   const float *rows = &guide.rows[7 * kGuideRows], *columns = &guide.columns[7 * kGuideParts];
   EXPECT_GT(guide_density(rows, columns, {-1, 0, 0}), 0.0f);
@@ -126,7 +129,7 @@ TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
 
   // Samples of the BSDF that are as good: the table is left out again.
   guide.samples[7] = 1024;
-  guide.alone[7] = 1000;
+  guide.bsdf_squares[7] = 1000;
   make_guide_tables(view);
   EXPECT_FALSE(guide_of(view, 7).known());
 
@@ -141,7 +144,7 @@ TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
     std::fill_n(&g.rows[9 * kGuideRows], kGuideRows, 1.0f);  // draws a row that has no columns
   }));
   EXPECT_TRUE(broken([](GuideState& g) { g.squares.pop_back(); }));
-  EXPECT_TRUE(broken([](GuideState& g) { g.alone.pop_back(); }));
+  EXPECT_TRUE(broken([](GuideState& g) { g.bsdf_squares.pop_back(); }));
   EXPECT_TRUE(broken([](GuideState& g) { g.targets.clear(); }));
   EXPECT_TRUE(broken([](GuideState& g) { g.means[1] = -1.0f; }));
   EXPECT_TRUE(broken([](GuideState& g) { g.unit = 0.0f; }));
@@ -201,7 +204,7 @@ TEST(DirectionGuide, LearnsWhereLightComesFrom) {
   RhsOptions options;
   options.directions = 8;
   options.guides = guide.view(0.5f);
-  options.teach_guides = true;
+  options.learn_guides = true;
   options.epsilon = 0.05f;
   const auto teach = [&](int streams) {
     for (int stream = 0; stream < streams; ++stream) {
@@ -224,7 +227,7 @@ TEST(DirectionGuide, LearnsWhereLightComesFrom) {
   EXPECT_EQ(alone.columns, guide.columns);
   EXPECT_TRUE(guide.valid());
 
-  options.teach_guides = false;
+  options.learn_guides = false;
   sampler.sample(1000, points);
   double value[2] = {}, variance[2] = {}, relative[2] = {};  // of means, sums over the points
   for (const bool guided : {false, true}) {

@@ -53,7 +53,7 @@ GuideState guide_of_chance(const LhsSampler& sampler, std::uint64_t seed) {
     if (rng.below(5) == 0) continue;
     guide.samples[static_cast<std::size_t>(table)] = 1u << 30;
     guide.targets[static_cast<std::size_t>(table)] = rng.below(1u << 30);
-    guide.alone[static_cast<std::size_t>(table)] = 1ull << 50;
+    guide.bsdf_squares[static_cast<std::size_t>(table)] = 1ull << 50;
     for (int part = 0; part < kGuideParts; ++part)
       guide.squares[static_cast<std::size_t>(table * kGuideParts + part)] =
           rng.below(3) == 0 ? 0 : rng.below(1u << 30) + 1ull;
@@ -78,7 +78,8 @@ void compare_guides(const GuideState& found, const GuideState& taught, const Gui
                twice = static_cast<float>(learnt(found.*sums, before.*sums));
     return wanted > 0.0f ? 0.5f * twice / wanted : 1.0f + twice;
   };
-  errors.add(Vec3f(ratio(&GuideState::squares), ratio(&GuideState::targets), ratio(&GuideState::alone)), Vec3f(1.0f));
+  errors.add(Vec3f(ratio(&GuideState::squares), ratio(&GuideState::targets), ratio(&GuideState::bsdf_squares)),
+             Vec3f(1.0f));
   const float unit = std::max(1.0f, static_cast<float>(squares));
   for (std::size_t part = 0; part < kGuideParts; ++part) {  // summed over tables
     const auto of_part = [&](const Sums& now) {
@@ -92,7 +93,7 @@ void compare_guides(const GuideState& found, const GuideState& taught, const Gui
 
 // Share of points that rounding may lead to another place on their way, where `usual` is that of rooms. Curves magnify
 // a ray's rounding at each of them: between 400 fibres it was 14 % of the points, of right-hand sides 10 % (an H200).
-double astray(const PreparedScene& scene, double usual) {
+double allowed_share(const PreparedScene& scene, double usual) {
   const std::vector<TriangleMesh>& meshes = scene.scene().meshes;
   return std::any_of(meshes.begin(), meshes.end(), [](const TriangleMesh& m) { return m.one_sided; }) ? 0.25 : usual;
 }
@@ -211,7 +212,8 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
     }
   }
   // Smooth and curved surfaces on a walk make more of a direction's rounding, vertex by vertex.
-  CheckResult r = errors.exact_on_host(stream, "error of positions, directions, materials", 1e-3, astray(scene, 0.03));
+  CheckResult r =
+      errors.exact_on_host(stream, "error of positions, directions, materials", 1e-3, allowed_share(scene, 0.03));
   r.require(lhs.take_missing() == 0, "points are missing");
   return r;
 }
@@ -302,13 +304,14 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     const DeviceArray<float> device_epsilon(stream, std::span(&epsilon, 1), "check");
     if (c.guided) {
       options.guides = taught.view(0.5f);
-      options.teach_guides = true;
+      options.learn_guides = true;
       options.epsilon = epsilon;
       device_options.guides = device_guide.view();
       device_options.epsilon = device_epsilon.data();
     }
     std::vector<Vec3f> expected(n);
-    const RhsStatistics statistics = estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
+    const TraceCounts expected_counts =
+        estimate_rhs(context, points, options, c.ask ? query : RadianceQuery(), expected);
     for (std::size_t i = 0; i < n && c.emission_inside; ++i) {
       if (points[i].surface.emitter >= 0) expected[i] += context.emitted(points[i].surface, points[i].wo);
     }
@@ -338,14 +341,14 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
       const std::vector<Vec3f> found = targets.download();
       for (std::size_t i = 0; i < n; ++i) errors.add(found[i], expected[i]);
       const TraceCounts counts = rhs.take_counts();
-      errors.add_counts(counts.rays, static_cast<unsigned long long>(statistics.rays));
-      errors.add_counts(counts.queries, static_cast<unsigned long long>(statistics.queries));
-      errors.add_counts(values.size(), static_cast<unsigned long long>(statistics.queries));
-      errors.add_counts(counts.non_finite, static_cast<unsigned long long>(statistics.non_finite));
+      errors.add_counts(counts.rays, expected_counts.rays);
+      errors.add_counts(counts.queries, expected_counts.queries);
+      errors.add_counts(values.size(), expected_counts.queries);
+      errors.add_counts(counts.non_finite, expected_counts.non_finite);
     }
     if (c.guided) compare_guides(device_guide.download(), taught, guide, c.ask, errors);
   }
-  return errors.result(stream, "relative error of right-hand sides", 2e-3, astray(scene, 0.01));
+  return errors.result(stream, "relative error of right-hand sides", 2e-3, allowed_share(scene, 0.01));
 }
 
 CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const CameraJob& job,
@@ -389,8 +392,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     expect_directions += one.traced_disparity && options.bounce == FirstHitOptions::Bounce::none;
     TraceCounts expected;
     for (const TraceCounts& t : of) {
-      expected.rays += t.rays;
-      expected.queries += t.queries;
+      expected += t;
     }
 
     DeviceGBuffer buffer(stream, scene.world(stream), job.size() + 100, options.bounce != FirstHitOptions::Bounce::none,

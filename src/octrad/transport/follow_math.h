@@ -64,8 +64,8 @@ struct RayEnd {
   Vec3f emitted{0, 0, 0};         // emission met after the first segment, times throughput
   Vec3f first_emitted{0, 0, 0};   // emission met at the end of the first segment (surface or environment)
   Vec3f passed_emitted{0, 0, 0};  // the part of both that was met before `point`, times throughput
-  Vec3f own_emitted{0, 0,
-                    0};  // radiance that `point` itself emits along the ray; throughput times this is the other part
+  // Radiance that `point` itself emits along the ray; throughput times this is the other part.
+  Vec3f own_emitted{0, 0, 0};
   float first_light_pdf = 0.0f;  // density with which light sampling from the ray's start finds it
   int rays = 0;
 };

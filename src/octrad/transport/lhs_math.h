@@ -21,12 +21,13 @@ struct LhsOptions {
   float rough_threshold = 0.5f;  // alpha from which a point counts as rough
   float follow_below = 0.0f;     // of is_followed(): surfaces that nobody asks about; walks go on there
   bool split_coats = false;      // points of coated surfaces are of one of their lobes
-  int poses = 0;  // drawn once, with the sensors among them; 0: a fresh one for every walk. Not with `cameras`
+  // Drawn once, with the sensors among them; 0: a fresh one for every walk. Not with `cameras`.
+  int poses = 0;
   unsigned long long seed = 0;
 };
 
-inline constexpr std::uint32_t kLhsTries =
-    64;  // per point: a walk may leave the scene, an area sample may lie on a black back
+// Tries per point: a walk may leave the scene, an area sample may lie on a black back.
+inline constexpr std::uint32_t kLhsTries = 64;
 
 // Where walks start: each from one of `poses`, or, if `fresh`, from a pose of its own in the free space that one of
 // them sees. The first is the scene's own view.

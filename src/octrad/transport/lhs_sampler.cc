@@ -1,6 +1,5 @@
 #include "octrad/transport/lhs_sampler.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "octrad/base/error.h"
@@ -26,18 +25,15 @@ LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, co
   if (poses_.empty())
     throw InputError("the scene has no sensor and no camera file was given: there is nowhere to start walks from");
   fresh_poses_ = options.poses == 0 && cameras.empty();
-  const auto view = [](const Camera& camera) {
-    return camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height));
-  };
   const std::vector<Camera> sensors = poses_;
   for (int i = 0; i < 8 * options.poses && static_cast<int>(poses_.size()) < options.poses && cameras.empty(); ++i) {
     Rng rng(options.seed, RngPurpose::poses, static_cast<unsigned long long>(i));
     Ray ray;
-    if (!pose_ray(context_, view(sensors[static_cast<std::size_t>(i) % sensors.size()]), rng, ray)) continue;
+    if (!pose_ray(context_, sensors[static_cast<std::size_t>(i) % sensors.size()].own_view(), rng, ray)) continue;
     const Vec3f up = std::abs(ray.direction.y) < 0.99f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0);
     poses_.push_back(look_at(ray.origin, ray.origin + ray.direction, up, 90.0f, Camera::FovAxis::x));
   }
-  for (const Camera& camera : poses_) views_.push_back(view(camera));
+  for (const Camera& camera : poses_) views_.push_back(camera.own_view());
 }
 
 void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,

@@ -103,8 +103,7 @@ template <typename Sample>
 auto sample_vertices(const TransportContext& world, std::size_t paths, Sample sample) {
   using Found = std::invoke_result_t<Sample, const ShadingPoint&, Vec3f, Rng&>;
   std::vector<CameraView> views;
-  for (const Camera& camera : world.scene.cameras)
-    views.push_back(camera.view(std::max(1, camera.film_width), std::max(1, camera.film_height)));
+  for (const Camera& camera : world.scene.cameras) views.push_back(camera.own_view());
   std::vector<std::vector<Found>> of_paths(paths);
   parallel_blocks(paths, 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

@@ -7,6 +7,7 @@
 #include "octrad/base/vec.h"
 #include "octrad/device/launch.h"
 #include "octrad/geometry/hit.h"
+#include "octrad/transport/trace_counts.h"
 
 namespace octrad {
 
@@ -39,11 +40,6 @@ struct RayPlanes : FloatPlanes {
     set3(3, i, ray.direction);
     set(6, i, ray.t_max);
   }
-};
-
-// Counters in device memory.
-struct TraceCounts {
-  unsigned long long rays = 0, queries = 0, non_finite = 0;
 };
 
 inline constexpr std::uint32_t kNoQuery = 0xffffffffu;

@@ -81,7 +81,7 @@ struct Sample : Kernel {
       const GuideSample sample = guide_sample(table, bounce.direction, bounce.pdf, bounce.bsdf_pdf);
       memory.cells[slot] = static_cast<std::uint32_t>(sample.cell);
       memory.scales.set(0, slot, sample.scale);
-      memory.scales.set(1, slot, sample.alone);
+      memory.scales.set(1, slot, sample.bsdf_scale);
     }
     memory.slots.set3(6, slot, bounce.weight);
     memory.slots.set(9, slot, bounce.delta ? -bounce.pdf : bounce.pdf);
@@ -292,17 +292,17 @@ struct Reduce : Kernel {
     if (dropped > 0) atomic_add(&memory.counts->non_finite, dropped);
   }
   OCTRAD_HD void teach(std::uint32_t from, std::uint32_t to, Vec3f target) const {
-    teach_guide(options.guides, static_cast<int>(memory.cells[from] / kGuideParts), options.directions, target);
+    add_to_guide(options.guides, static_cast<int>(memory.cells[from] / kGuideParts), options.directions, target);
     for (std::uint32_t slot = from; slot < to; ++slot) {
       GuideSample sample{static_cast<int>(memory.cells[slot]), memory.scales.get(0, slot), memory.scales.get(1, slot),
                          0.0f};
       if (sample.scale <= 0.0f) continue;
-      sample.brought = luminance(memory.slots.get3(3, slot));
+      sample.contribution = luminance(memory.slots.get3(3, slot));
       if (const std::uint32_t q = memory.query_of[slot]; q != kNoQuery) {
         const Vec3f counted = options.emission_inside ? memory.slots.get3(10, slot) : Vec3f(0.0f);
-        sample.brought += luminance(cache_contribution(memory.slots.get3(6, slot), responses[q], counted));
+        sample.contribution += luminance(cache_contribution(memory.slots.get3(6, slot), responses[q], counted));
       }
-      teach_guide(options.guides, sample, target, *options.epsilon);
+      add_to_guide(options.guides, sample, target, *options.epsilon);
     }
   }
 };

@@ -22,7 +22,7 @@ struct DeviceRhsOptions : FollowRules {
   bool own_emission = false;  // add the points' own emission to the targets
   bool ask = true;            // false: a black cache (direct light and chains only); there are no queries then
   unsigned long long seed = 0;
-  GuideView guides;                // in device memory: directions are drawn from it as well, and teach it
+  GuideView guides;                // in device memory: directions are drawn from it as well, and it learns from them
   const float* epsilon = nullptr;  // of the loss, for what is learnt; in device memory
   FarEnd* far_ends = nullptr;      // device memory: filled by reduce() for the points of far_end_range()
   std::uint32_t far_end_count = 0;

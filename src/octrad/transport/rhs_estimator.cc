@@ -22,10 +22,10 @@ struct PendingQuery {
 };
 
 // Points [begin, end): traced first, then all their cache queries at once.
-RhsStatistics estimate_block(const TransportContext& context, std::span<const ShadingPoint> points,
-                             const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets,
-                             std::size_t begin, std::size_t end_point) {
-  RhsStatistics statistics;
+TraceCounts estimate_block(const TransportContext& context, std::span<const ShadingPoint> points,
+                           const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets,
+                           std::size_t begin, std::size_t end_point) {
+  TraceCounts counts;
   thread_local std::vector<SurfacePoint> queried;
   thread_local std::vector<PendingQuery> pending;
   thread_local std::vector<Vec3f> responses;
@@ -33,7 +33,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   thread_local std::vector<int> tables;           // of the points
   queried.clear();
   pending.clear();
-  const bool teach = options.teach_guides && query && options.guides.rows != nullptr;
+  const bool teach = options.learn_guides && query && options.guides.rows != nullptr;
   const auto directions = static_cast<std::size_t>(options.directions);
   if (teach) {
     samples.assign((end_point - begin) * directions, GuideSample());
@@ -44,7 +44,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
   const float share = 1.0f / static_cast<float>(options.directions);
   const auto add = [&](std::size_t i, Vec3f contribution) {
     if (is_finite(contribution)) targets[i] += contribution * share;
-    else ++statistics.non_finite;
+    else ++counts.non_finite;
   };
   for (std::size_t i = begin; i < end_point; ++i) {
     const ShadingPoint& point = points[i];
@@ -64,7 +64,7 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       if (!delta_only) {
         EmitterSample light = sample_emitter(context, point, wo, light_set(index), guide);
         if (light.valid) {
-          ++statistics.rays;
+          ++counts.rays;
           if (context.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
             light.contribution = Vec3f(0.0f);
           add(i, light.contribution);
@@ -77,18 +77,18 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       Segment segment = first_segment(point.surface.position, &point.surface.geometric_normal, bounce.direction);
       Hit hit = context.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
       follow_from(context, point.surface.position, hit, chain, options.follow_below, options.max_chain, segment, end);
-      statistics.rays += end.rays;
+      counts.rays += static_cast<unsigned long long>(end.rays);
       const Vec3f met = bounce_emission(bounce.weight, bounce.pdf, bounce.delta, end);
       add(i, met);
       const std::size_t sample = (i - begin) * directions + index;
       if (teach && table >= 0 && !bounce.delta) {
         samples[sample] = guide_sample(table, bounce.direction, bounce.pdf, bounce.bsdf_pdf);
-        samples[sample].brought = luminance(met);
+        samples[sample].contribution = luminance(met);
       }
       if (!end.surface || !query) continue;
       if (options.split_coats) ask_one_lobe(end, chain);
       queried.push_back(field_query_point(context, end.point, options.rays, chain));
-      statistics.rays += options.rays.count(queried.back().alpha);
+      counts.rays += static_cast<unsigned long long>(options.rays.count(queried.back().alpha));
       pending.push_back({i,
                          bounce.weight * end.throughput,
                          options.emission_inside ? end.own_emitted : Vec3f(0.0f),
@@ -107,22 +107,22 @@ RhsStatistics estimate_block(const TransportContext& context, std::span<const Sh
       for (; q < queried.size() && pending[q].target == i; ++q) {
         const Vec3f contribution = cache_contribution(pending[q].weight, responses[q], pending[q].counted);
         if (is_finite(contribution)) sum += contribution * share;
-        else ++statistics.non_finite;
-        if (teach) samples[pending[q].sample].brought += luminance(contribution);
+        else ++counts.non_finite;
+        if (teach) samples[pending[q].sample].contribution += luminance(contribution);
         if (place < range.count && choice.take(contribution)) options.far_ends[place] = pending[q].end;
       }
       targets[i] += cache_sum(sum, options.emission_inside);
     }
-    statistics.queries += static_cast<long long>(queried.size());
+    counts.queries += queried.size();
   }
   for (std::size_t i = begin; teach && i < end_point; ++i) {
     const int table = tables[i - begin];
     if (table < 0) continue;
-    teach_guide(options.guides, table, options.directions, targets[i]);
+    add_to_guide(options.guides, table, options.directions, targets[i]);
     for (std::size_t m = 0; m < directions; ++m)
-      teach_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
+      add_to_guide(options.guides, samples[(i - begin) * directions + m], targets[i], options.epsilon);
   }
-  return statistics;
+  return counts;
 }
 
 std::size_t block_size(const RhsOptions& options) {
@@ -131,21 +131,21 @@ std::size_t block_size(const RhsOptions& options) {
 
 }  // namespace
 
-RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
-                           const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
+TraceCounts estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
+                         const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
   const std::size_t block = block_size(options);
-  std::vector<RhsStatistics> statistics((points.size() + block - 1) / block);
+  std::vector<TraceCounts> of_blocks((points.size() + block - 1) / block);
   parallel_blocks(points.size(), block, [&](std::size_t begin, std::size_t end) {
-    statistics[begin / block] = estimate_block(context, points, options, query, targets, begin, end);
+    of_blocks[begin / block] = estimate_block(context, points, options, query, targets, begin, end);
   });
-  RhsStatistics total;
-  for (const RhsStatistics& s : statistics) total += s;
+  TraceCounts total;
+  for (const TraceCounts& counts : of_blocks) total += counts;
   return total;
 }
 
-RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
-                                  const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
-  RhsStatistics total;
+TraceCounts estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
+                                const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets) {
+  TraceCounts total;
   for (std::size_t begin = 0; begin < points.size(); begin += block_size(options)) {
     total += estimate_block(context, points, options, query, targets, begin,
                             std::min(points.size(), begin + block_size(options)));

@@ -8,6 +8,7 @@
 #include "octrad/transport/context.h"
 #include "octrad/transport/direction_guide_math.h"
 #include "octrad/transport/far_ends_math.h"
+#include "octrad/transport/trace_counts.h"
 
 namespace octrad {
 
@@ -24,29 +25,19 @@ struct RhsOptions : FollowRules {
   unsigned long long stream = 0;             // e.g. the step: streams never share random numbers
   std::span<const unsigned long long> keys;  // sample_key() of the camera samples that saw the points; empty: none did
   GuideView guides;                          // directions are drawn from it as well
-  bool teach_guides = false;                 // and it learns what they brought; needs a query
+  bool learn_guides = false;                 // and it learns from their contributions; needs a query
   float epsilon = 0.0f;                      // of the loss, for what is learnt
   std::span<FarEnd> far_ends;                // filled for the points of far_end_range(); as many as there are places
-};
-
-struct RhsStatistics {
-  long long rays = 0, queries = 0, non_finite = 0;
-  RhsStatistics& operator+=(const RhsStatistics& b) {
-    rays += b.rays;
-    queries += b.queries;
-    non_finite += b.non_finite;
-    return *this;
-  }
 };
 
 // targets[i] = scattered radiance at points[i] towards its wo, mean of M directions; each is a BSDF sample plus an
 // emitter sample under balance-heuristic MIS. A null `query` means a black cache (direct light and chains only).
 // Parallel; same bits at any thread count.
-RhsStatistics estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
-                           const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
+TraceCounts estimate_rhs(const TransportContext& context, std::span<const ShadingPoint> points,
+                         const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
 
 // The same in the caller's thread.
-RhsStatistics estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
-                                  const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
+TraceCounts estimate_rhs_serial(const TransportContext& context, std::span<const ShadingPoint> points,
+                                const RhsOptions& options, const RadianceQuery& query, std::span<Vec3f> targets);
 
 }  // namespace octrad

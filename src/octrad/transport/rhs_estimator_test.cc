@@ -37,13 +37,13 @@ TEST(RhsEstimator, ConstantCacheInAGreyBoxIsReflectedExactly) {
   const auto points = area_points(setup, 64);
   std::vector<Vec3f> targets(points.size());
   RhsOptions options;
-  const auto statistics = estimate_rhs(
+  const auto counts = estimate_rhs(
       setup.context, points, options,
       [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
         for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(2.0f, 4.0f, 6.0f);
       },
       targets);
-  EXPECT_EQ(statistics.queries, 64 * 16);
+  EXPECT_EQ(counts.queries, 64u * 16u);
   for (const Vec3f& t : targets) {
     EXPECT_NEAR(t.x, 1.0f, 1e-4f);
     EXPECT_NEAR(t.z, 3.0f, 1e-4f);

@@ -12,7 +12,7 @@ struct RhsKey {
   bool seen;
 };
 
-// Of point `i`. `keys`: of the camera samples that saw the points; null: none did.
+// The key of point `i`. `keys`: those of the camera samples that saw the points; null: none did.
 OCTRAD_HD inline RhsKey rhs_key(const unsigned long long* keys, std::size_t i) {
   return keys != nullptr ? RhsKey{keys[i], true} : RhsKey{i, false};
 }

@@ -28,7 +28,7 @@ struct BlendParts {
   int count = 0;
   float sum = 0.0f;  // of their weights: what is left of 1 passes through
 
-  // Of the blend `root`, seen from the side of cos_o. Those that Mitsuba samples first come first.
+  // The parts of the blend `root`, seen from the side of cos_o. Those that Mitsuba samples first come first.
   OCTRAD_HD_APART BlendParts(const MaterialRecord& root, Vec2f uv, float cos_o) {
     BlendPart open[kMostBlended];
     int top = 0;

@@ -182,8 +182,8 @@ struct MeasuredAtView {
   OCTRAD_HD MeasuredDensityAt visible_normals() const { return {m.data, m.layout.visible_normals, nodes}; }
   OCTRAD_HD MeasuredDensityAt luminance() const { return {m.data, m.layout.luminance, nodes}; }
 
-  // Of half vector h at `normal` on the grid of normals, which `place` of the square becomes; `density`: of both
-  // samples there.
+  // The value of half vector h at `normal` on the grid of normals, which `place` of the square becomes; `density`: of
+  // both samples there.
   OCTRAD_HD BsdfValue value(Vec3f h, Vec2f normal, Vec2f place, float density) const {
     const MeasuredLayout& l = m.layout;
     BsdfValue out;
@@ -248,7 +248,7 @@ struct MeasuredModel {
   OCTRAD_HD static BsdfSample sample(const Bsdf& b, Vec3f wo, float, Vec2f u) {
     return sample_measured(*b.record, wo, u);
   }
-  // Of the tables, as Materials has found them.
+  // Albedo and roughness of the tables, as Materials has found them.
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.specular_reflectance; }
   OCTRAD_HD static float roughness(const Bsdf& b) { return b.alpha_u; }
 };

@@ -75,7 +75,7 @@ struct RoughDielectricModel {
     if (!reflects) s.eta = f.eta_it;
     return s;
   }
-  // Of even light outside, what is reflected and what is let in.
+  // What is reflected and what is let in of light that comes alike from everywhere outside.
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) {
     const float f = fresnel_diffuse_reflectance(b.eta);
     return b.specular_reflectance * f + b.specular_transmittance * (1.0f - f);
