@@ -9,7 +9,7 @@ Both go on where they were interrupted, in the middle of a training too.
 A plan names scenes, each with its size, the steps of each field, and views; fields, seeds, keys of all fields ("*") and of each;
 references are made as it says ("spp" of a view: bench/sparse_reference.py). --scenes has the scenes as NAME/scene.xml (several
 folders: with commas); those that a plan calls "without_insides" are copied by bench/without_insides.py. WORK gets references,
-models, pictures, a file for each row with the commands that made it, and from all rows so far rows.csv and tables.md.
+models, pictures, a file for each row with the commands that made it, and from all rows so far rows.csv and tables.txt.
 "watch" of a plan is the samples of a whole reference of 128 pixels' width, with which trainings of the first seed are watched, every
 "watch_every" of training (5s): curves.csv has their errors while they train, and the worst of them over the best before it.
 
@@ -234,11 +234,11 @@ def a_plan(args):
                     row = measure.row(name, sparse_reference(args, scene, file, name, view), "")
                     write(done, {"key": key, "row": {"scene": scene["name"], "seed": seed, "trained_on": args.device, **row}})
                 report(args, plan)
-    print(open(os.path.join(args.folder, "tables.md")).read(), end="")
+    print(open(os.path.join(args.folder, "tables.txt")).read(), end="")
 
 
 def report(args, plan):
-    """rows.csv, curves.csv and tables.md, from the rows that are there."""
+    """rows.csv, curves.csv and tables.txt, from the rows that are there."""
     rows, curves = {}, []
     for scene in plan["scenes"]:
         for name in scene["views"]:
@@ -262,7 +262,7 @@ def report(args, plan):
             table = csv.writer(out, lineterminator="\n")
             table.writerow("scene field seed step seconds mape worst_over_best_before".split())
             table.writerows([*c[:4], f"{c[4]:.1f}", f"{c[5]:.4f}", c[6]] for c in curves)
-    with open(os.path.join(args.folder, "tables.md"), "w") as out:
+    with open(os.path.join(args.folder, "tables.txt"), "w") as out:
         out.write("\n".join(tables(plan, rows)) + "\n")
 
 
