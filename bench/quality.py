@@ -31,6 +31,7 @@ import csv
 import fnmatch
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -161,7 +162,9 @@ def scene_file(args, scene):
         return found
     copy = os.path.join(args.folder, scene["name"])
     if not os.path.exists(copy):
-        subprocess.run([sys.executable, os.path.join(HERE, "without_insides.py"), os.path.dirname(found), copy], check=True, stdout=subprocess.DEVNULL)
+        shutil.rmtree(copy + ".new", ignore_errors=True)
+        subprocess.run([sys.executable, os.path.join(HERE, "without_insides.py"), os.path.dirname(found), copy + ".new"], check=True, stdout=subprocess.DEVNULL)
+        os.rename(copy + ".new", copy)
     return os.path.join(copy, "scene.xml")
 
 
@@ -169,7 +172,11 @@ def sparse_reference(args, scene, file, name, view):
     """Folder of the reference of a view, made if it is not there."""
     folder = os.path.join(args.references or os.path.join(args.folder, "references"), f"{scene['name']}-{name}")
     about = os.path.join(folder, "about.json")
-    if not (os.path.exists(about) and read(about)["spp"] == view["spp"]):
+    wanted = {"spp": view["spp"], "view": view.get("camera", []), "width": scene["width"], "height": scene["height"]}
+    known = read(about) if os.path.exists(about) else {}
+    if any(known.get(k) != v for k, v in wanted.items()):
+        if known and any(known[k] != wanted[k] for k in ("view", "width", "height")):
+            sys.exit(f"{folder} is the reference of another view; take another folder with --references")
         subprocess.run([sys.executable, os.path.join(HERE, "sparse_reference.py"), file, "--octrad", args.octrad, "--device", args.device,
                         "--width", str(scene["width"]), "--height", str(scene["height"]), "--spp", str(view["spp"]), "-o", folder]
                        + view.get("camera", []), check=True, stdout=subprocess.DEVNULL)
@@ -177,12 +184,15 @@ def sparse_reference(args, scene, file, name, view):
 
 
 def whole_reference(args, scene, file, spp):
-    path = os.path.join(args.references or os.path.join(args.folder, "references"), f"{scene['name']}-{spp}.exr")
+    path = os.path.join(args.references or os.path.join(args.folder, "references"), f"{scene['name']}-{scene['width']}x{scene['height']}-{spp}.exr")
     if not os.path.exists(path):
         os.makedirs(os.path.dirname(path), exist_ok=True)
         subprocess.run([args.octrad, "render", file, "--integrator", "path", "--max-depth", "-1", "--device", args.device, "--width", "128", "--height",
                         str(128 * scene["height"] // scene["width"]), "--spp", str(spp), "--resume", "-q", "-o", path + ".part.exr"], check=True)
         os.replace(path + ".part.exr", path)
+        for left in (".state", ".lock"):
+            if os.path.exists(path + ".part.exr" + left):
+                os.remove(path + ".part.exr" + left)
     return path
 
 
@@ -255,7 +265,7 @@ def report(args, plan):
         table = csv.writer(out, lineterminator="\n")
         table.writerow("scene view field seed steps trained_on mape mape_glossy rms_without_noise rms_without_noise_glossy mean_ratio".split())
         for (scene, name, field, seed), r in rows.items():
-            table.writerow([scene, name, field, seed, r["steps"], r["trained_on"]] + [f"{v:.4f}" for v in (
+            table.writerow([scene, name, field, seed, r["steps"], r["trained_on"]] + [number(v) for v in (
                 r["mape"], r["mape_glossy"], root(r["relmse_noise_free"]), root(r["relmse_noise_free_glossy"]), r["mean_ratio"])])
     if curves:
         with open(os.path.join(args.folder, "curves.csv"), "w", newline="") as out:
@@ -267,11 +277,17 @@ def report(args, plan):
 
 
 def root(x):
-    return max(0.0, x) ** 0.5
+    return None if x is None else max(0.0, x) ** 0.5
+
+
+def number(x):
+    return "" if x is None else f"{x:.4f}"
 
 
 def spread(values, form="{:.4f}"):
-    """Mean ± half of the range."""
+    """Mean ± half of the range; - where a view has no such pixels."""
+    if None in values:
+        return "-"
     text = form.format(sum(values) / len(values))
     return text if len(values) < 2 else f"{text} ± {form.format((max(values) - min(values)) / 2)}"
 
@@ -292,10 +308,9 @@ def tables(plan, rows):
                 continue
             noise = next(r["noise"] for rs in of.values() for r in rs)
 
-            def ratio(number):
-                if not of.get("octaoctree") or not of.get("nr"):
-                    return "-"
-                return f"{mean([number(r) for r in of['octaoctree']]) / mean([number(r) for r in of['nr']]):.2f}"
+            def ratio(error):
+                a, b = ([error(r) for r in of.get(f, [])] for f in ("octaoctree", "nr"))
+                return f"{mean(a) / mean(b):.2f}" if a and b and None not in a + b else "-"
 
             first.append(f"| {scene['name']}, {name} | {noise:.4f} | " + " | ".join(
                 f"{spread([r['mape'] for r in of[f]])} / {spread([r['mape_glossy'] for r in of[f]])}" if of[f] else "-" for f in fields)

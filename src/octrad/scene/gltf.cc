@@ -1,9 +1,12 @@
 #include "octrad/scene/gltf.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <numbers>
+#include <set>
 
 #include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
@@ -378,7 +381,19 @@ class GltfReader {
   void add_colors(GltfMesh& read, GltfSurface& surface, const GltfObject& primitive) {
     const auto channels = static_cast<std::size_t>(read.color_channels);
     if (read.one_color()) {
-      std::copy_n(read.colors.begin(), channels, surface.tint.begin());
+      auto tint = surface.tint;
+      std::copy_n(read.colors.begin(), channels, tint.begin());
+      // Each makes a picture of its own of a texture.
+      constexpr std::size_t kMostTints = 16;
+      auto& tints = tints_[surface.material];
+      if (materials_.has_textures(surface.material) && tints.size() >= kMostTints && !tints.count(tint)) {
+        report_.assume(primitive.location(),
+                       "colours of vertices beyond the 16th for one material with textures are left out. Bake them "
+                       "into the texture of the base colour");
+        return;
+      }
+      tints.insert(tint);
+      surface.tint = tint;
       return;
     }
     if (read.colors.empty()) return;
@@ -476,10 +491,11 @@ class GltfReader {
   Description& description_;
   SceneReport& report_;
   GltfMaterials materials_;
-  std::map<int, std::vector<Transform>> placed_;  // where each mesh stands
-  std::map<int, Transform> world_;                // of every node
-  std::vector<std::pair<int, Transform>> posed_;  // nodes whose mesh has a skin or weights of its own
-  std::map<int, GltfSkin> skins_;                 // that were used
+  std::map<int, std::set<std::array<float, 4>>> tints_;  // of each material
+  std::map<int, std::vector<Transform>> placed_;         // where each mesh stands
+  std::map<int, Transform> world_;                       // of every node
+  std::vector<std::pair<int, Transform>> posed_;         // nodes whose mesh has a skin or weights of its own
+  std::map<int, GltfSkin> skins_;                        // that were used
   std::size_t placed_count_ = 0;
   MemoryMeter meter_;
   bool has_light_ = false;        // punctual

@@ -125,7 +125,9 @@ GltfObject GltfObject::object_at(const std::string& key, std::uint64_t at) const
 std::vector<std::string> GltfObject::keys() const {
   std::vector<std::string> result;
   if (object_) {
-    for (const auto& [key, value] : object_->items()) result.push_back(key);
+    for (const auto& [key, value] : object_->items()) {
+      if (!value.is_null()) result.push_back(key);  // null is what is not there
+    }
   }
   return result;
 }

@@ -26,13 +26,15 @@ bool is_unlit(const GltfObject& m) { return m.extension("KHR_materials_unlit").e
 // By the extension, where a material has it: pbrMetallicRoughness is then for readers without.
 std::vector<double> base_factors(const GltfObject& m) {
   const GltfObject gloss = specular_glossiness(m);
-  return gloss.exists() ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
-                        : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
+  return gloss.exists() && !is_unlit(m)
+             ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
+             : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
 }
 
 GltfObject base_texture(const GltfObject& m) {
   const GltfObject gloss = specular_glossiness(m);
-  return gloss.exists() ? gloss.object("diffuseTexture") : m.object("pbrMetallicRoughness").object("baseColorTexture");
+  return gloss.exists() && !is_unlit(m) ? gloss.object("diffuseTexture")
+                                        : m.object("pbrMetallicRoughness").object("baseColorTexture");
 }
 
 Vec3d specular_factors(const GltfObject& gloss) {
@@ -58,9 +60,9 @@ double thickness_of(const GltfObject& m) {
   return m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0);
 }
 
-// What is left of light on a straight way through the thickness that a material says there is under its surface, by
-// Beer's law. Thickness is in the mesh's own lengths, and the distance after which a colour is left in those of the
-// scene, where these are `scale` times as long.
+// What is left of light that meets a surface, of which a part passes through the thickness that the material says there
+// is, by Beer's law. Thickness is in the mesh's own lengths, and the distance after which a colour is left in those of
+// the scene, where these are `scale` times as long.
 Vec3d left_by_absorption(const GltfObject& m, double scale) {
   const GltfObject volume = m.extension("KHR_materials_volume");
   const double thickness = thickness_of(m) * scale;
@@ -68,8 +70,14 @@ Vec3d left_by_absorption(const GltfObject& m, double scale) {
   const double distance = volume.number("attenuationDistance", 0.0, 0.0, std::numeric_limits<double>::max());
   const std::vector<double> color = volume.numbers("attenuationColor", {1, 1, 1}, 0.0, 1.0);
   if (!(transmission_of(m) > 0.0 && thickness > 0.0 && distance > 0.0)) return Vec3d(1.0);
+  // Only what passes is absorbed, and metals let nothing pass.
+  const GltfObject pbr = m.object("pbrMetallicRoughness");
+  const double metallic =
+      pbr.object("metallicRoughnessTexture").exists() ? 0.0 : pbr.number("metallicFactor", 1.0, 0.0, 1.0);
+  const double share = transmission_of(m) * (1.0 - metallic);
   Vec3d left;
-  for (int i = 0; i < 3; ++i) left[i] = std::pow(color[static_cast<std::size_t>(i)], thickness / distance);
+  for (int i = 0; i < 3; ++i)
+    left[i] = 1.0 - share + share * std::pow(color[static_cast<std::size_t>(i)], thickness / distance);
   return left;
 }
 

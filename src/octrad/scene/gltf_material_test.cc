@@ -58,7 +58,9 @@ TEST_F(GltfTest, MaterialFactorsAndTextures) {
 // Once at the surface, by Beer's law over the thickness in the scene.
 TEST_F(GltfTest, AbsorptionInGlass) {
   primitive()["material"] = 0;
-  Json& extensions = (json_["materials"] = Json::array({Json::object()}))[0]["extensions"];
+  Json& material0 = (json_["materials"] = Json::array({Json::object()}))[0];
+  material0["pbrMetallicRoughness"]["metallicFactor"] = 0;
+  Json& extensions = material0["extensions"];
   extensions = Json::parse(R"({"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume":
     {"thicknessFactor": 0.5, "attenuationDistance": 0.25, "attenuationColor": [1, 0.5, 0]}})");
   Json& volume = extensions["KHR_materials_volume"];
@@ -70,6 +72,13 @@ TEST_F(GltfTest, AbsorptionInGlass) {
   };
   EXPECT_LT(length(color() - Vec3f(1, 0.25f, 0)), 1e-6f);
   EXPECT_EQ(material(load()).type, BsdfType::principled);
+  // Of what does not pass nothing is absorbed.
+  extensions["KHR_materials_transmission"]["transmissionFactor"] = 0.5;
+  EXPECT_LT(length(color() - Vec3f(1, 0.625f, 0.5f)), 1e-6f);
+  material0["pbrMetallicRoughness"]["metallicFactor"] = 1;
+  EXPECT_EQ(color(), Vec3f(1.0f));
+  material0["pbrMetallicRoughness"]["metallicFactor"] = 0;
+  extensions["KHR_materials_transmission"]["transmissionFactor"] = 1;
   json_["nodes"][0]["scale"] = {2, 2, -2};
   EXPECT_LT(length(color() - Vec3f(1, 0.0625f, 0)), 1e-6f);
   json_["nodes"][0].erase("scale");

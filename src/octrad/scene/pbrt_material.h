@@ -41,6 +41,7 @@ struct PbrtTexture {
   double scale[2] = {1, 1}, offset[2] = {0, 0};  // of the texture coordinates
   std::shared_ptr<const PbrtMix> mix;            // of which the picture is made instead of a file
   int files = 0;                                 // that it is made of
+  int repeats[2] = {1, 1};                       // of its files, in it
 
   bool operator==(const PbrtTexture&) const = default;
   bool is_constant() const { return kind == Kind::constant; }

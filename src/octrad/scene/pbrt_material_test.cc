@@ -355,6 +355,11 @@ TEST_F(PbrtTest, CheckerboardsOfTextures) {
   const std::string of_picture = "\"texture tex1\" \"p\" \"rgb tex2\" [.9 .8 .7]";
   refused(image + checks("\"float uscale\" 3.3", of_picture), "not in step");
   refused(image + checks("\"float uscale\" 1e9", of_picture), "not in step");
+  // In one another they make a picture that holds the innermost ones more and more often.
+  const std::string apart = "\"rgb tex2\" [.9 .8 .7] \"float udelta\" .4 \"float uscale\" ";
+  refused(image + checks(apart + "1", "\"texture tex1\" \"p\"", "d") +
+              checks(apart + ".25", "\"texture tex1\" \"d\"", "e") + checks(apart + ".0625", "\"texture tex1\" \"e\""),
+          "not in step");
   refused(image + checks("\"float uscale\" 1e29", of_picture), "not in step");
   refused("Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\" \"string wrap\" \"clamp\"\n" +
               checks("\"float uscale\" 4", of_picture),

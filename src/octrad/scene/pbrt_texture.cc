@@ -368,7 +368,10 @@ PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, PbrtMix mix) const {
     const auto fits = [&](int n) { return std::fabs(std::remainder(n * fields, 2.0)) < 1e-6; };
     int& repeats = mix.repeats[i];
     while (repeats <= kMostRepeats && !fits(repeats)) ++repeats;
-    if (repeats > kMostRepeats || !(repeats * fields <= kMostFields))
+    t.repeats[i] = repeats;
+    for (const PbrtTexture* part : {&mix.a, &mix.b, &mix.amount})
+      t.repeats[i] = std::max(t.repeats[i], repeats * part->repeats[i]);
+    if (repeats > kMostRepeats || t.repeats[i] > kMostRepeats || !(repeats * fields <= kMostFields))
       refuse("pictures and a checkerboard whose fields are not in step with them");
     mix.fields[i] = std::max(1, static_cast<int>(std::lround(repeats * fields)));
     t.scale[i] /= repeats;

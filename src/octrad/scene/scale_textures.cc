@@ -19,7 +19,7 @@
 namespace octrad {
 namespace {
 
-constexpr int kMostScales = 16;  // in one another
+constexpr int kMostScales = 200;  // in one another
 
 bool is_scale_texture(const Element& e) { return e.old && e.tag == "texture" && e.get("type") == "scale"; }
 
@@ -102,7 +102,7 @@ class ScaleFolder {
     for (const auto& c : e.children) {
       if (c->get("name") == "scale" && c->tag != "texture") {
         const auto given = plain_color(*c);
-        if (!given) return;
+        if (!given || std::min({given->x, given->y, given->z}) < 0.0) return;
         factor = *given;
       } else if (inside) {
         return;

@@ -95,6 +95,10 @@ TEST_F(ScaleTextures, OfReferencesAndOfOneAnother) {
   same(diffuse(scale(twice, scale(root, bitmap("p.exr"), ""), reflectance_)), plain);
   same(scale(root, bitmap("p.exr"), "id=\"s\"") + diffuse(scale(twice, R"(<ref id="s"/>)", reflectance_)), plain);
   same(diffuse(scale(twice, R"(<ref id="s"/>)", reflectance_)) + scale(root, bitmap("p.exr"), "id=\"s\""), plain);
+  const std::string one = "<float name=\"scale\" value=\"1\"/>";  // many in one another, from the outside in
+  std::string chain = scale(half_, bitmap("p.exr"), "");
+  for (int i = 0; i < 39; ++i) chain = scale(one, chain, i == 38 ? reflectance_ : "");
+  same(diffuse(chain), plain);
 }
 
 TEST_F(ScaleTextures, AreConverted) {
@@ -126,6 +130,8 @@ TEST_F(ScaleTextures, OthersAreRefused) {
         std::string("<ref id=\"none\"/>"), std::string("<spectrum name=\"value\" value=\"400:1 500:1\"/>")})
     refused(diffuse(scale(half_, inside, reflectance_)), "texture \"scale\" is not supported");
   refused(diffuse(scale("<texture type=\"bitmap\" name=\"scale\"/>", bitmap("p.exr"), reflectance_)),
+          "texture \"scale\" is not supported");
+  refused(diffuse(scale("<float name=\"scale\" value=\"-1\"/>", bitmap("p.exr"), reflectance_)),
           "texture \"scale\" is not supported");
   refused(diffuse(scale(half_, bitmap("none.exr"), reflectance_)), "\"none.exr\" does not exist");
   refused(scale(half_, R"(<ref id="b"/>)", "id=\"a\"") + scale(half_, R"(<ref id="a"/>)", "id=\"b\"") +
