@@ -244,7 +244,9 @@ def a_plan(args):
                     row = measure.row(name, sparse_reference(args, scene, file, name, view), "")
                     write(done, {"key": key, "row": {"scene": scene["name"], "seed": seed, "trained_on": args.device, **row}})
                 report(args, plan)
-    print(open(os.path.join(args.folder, "tables.txt")).read(), end="")
+    report(args, plan)
+    with open(os.path.join(args.folder, "tables.txt")) as made:
+        print(made.read(), end="")
 
 
 def report(args, plan):
