@@ -29,6 +29,7 @@ wall-clock time.
 import argparse
 import csv
 import fnmatch
+import itertools
 import json
 import os
 import shutil
@@ -79,46 +80,40 @@ def train(command, model, done, log=None):
     return result
 
 
-class Measure:
-    """Pictures of a trained field, and their errors, in `folder`; `stem` begins the names of files."""
+def measure(args, scene, model, field, trained, view, reference, camera):
+    """The row of a view: pictures of the field beside its model, and their errors. `trained`: what the training printed."""
+    options = ["--camera", camera] if camera else []
+    picture = f"{model.removesuffix('.octrad')}_{view}.exr"
+    counted, noise, halves = [], None, None  # which pixels, and how far the reference is off itself
+    if os.path.isdir(reference):
+        size = read(os.path.join(reference, "about.json"))
+        counted = ["--mask", os.path.join(reference, "mask.pfm")]
+        options, noise = size["view"], size["noise"]
+        halves = [os.path.join(reference, "half_a.exr"), os.path.join(reference, "half_b.exr")]
+        reference = os.path.join(reference, "reference.exr")
+    else:
+        size = run([args.octrad, "info", reference, "--json"])
+    render = [args.octrad, "render", scene, "--integrator", "lhs", "--model", model, "--device", args.device, "--width", str(size["width"]),
+              "--height", str(size["height"]), "--json", "-q"] + options
+    rendered = run(render + ["--spp", str(args.spp), "-o", picture])
+    if counted:
+        picture = picture.removesuffix(".exr") + "_sparse.exr"
+        run(render + counted + ["--spp", str(args.sparse_spp), "--seed", str(args.seed), "-o", picture])
 
-    def __init__(self, args, folder, stem, scene, model, field, trained):
-        self.args, self.folder, self.stem, self.scene, self.model, self.field, self.trained = args, folder, stem, scene, model, field, trained
+    def compared(only):
+        options = ["--json", "-q"] + counted + only
+        found = run([args.octrad, "compare", reference, picture] + options)["images"][0]
+        free = None  # relative squared error without the noise of the reference (docs/manual.md, "Noise of the reference")
+        if halves is not None:
+            free = run([args.octrad, "compare", halves[0], picture, "--reference-b", halves[1]] + options)["images"][0]["relmse_noise_free"]
+        return {**found, "relmse_noise_free": free}
 
-    def row(self, name, reference, camera):
-        args = self.args
-        options = ["--camera", camera] if camera else []
-        picture = os.path.join(self.folder, f"{self.stem}_{name}.exr")
-        counted, noise, halves = [], None, None  # which pixels, and how far the reference is off itself
-        if os.path.isdir(reference):
-            size = read(os.path.join(reference, "about.json"))
-            counted = ["--mask", os.path.join(reference, "mask.pfm")]
-            options, noise = size["view"], size["noise"]
-            halves = [os.path.join(reference, "half_a.exr"), os.path.join(reference, "half_b.exr")]
-            reference = os.path.join(reference, "reference.exr")
-        else:
-            size = run([args.octrad, "info", reference, "--json"])
-        render = [args.octrad, "render", self.scene, "--integrator", "lhs", "--model", self.model, "--device", args.device, "--width", str(size["width"]),
-                  "--height", str(size["height"]), "--json", "-q"] + options
-        rendered = run(render + ["--spp", str(args.spp), "-o", picture])
-        if counted:
-            picture = os.path.join(self.folder, f"{self.stem}_{name}_sparse.exr")
-            run(render + counted + ["--spp", str(args.sparse_spp), "--seed", str(args.seed), "-o", picture])
-
-        def compared(only):
-            options = ["--json", "-q"] + counted + only
-            found = run([args.octrad, "compare", reference, picture] + options)["images"][0]
-            free = None  # relative squared error without the noise of the reference (docs/manual.md, "Noise of the reference")
-            if halves is not None:
-                free = run([args.octrad, "compare", halves[0], picture, "--reference-b", halves[1]] + options)["images"][0]["relmse_noise_free"]
-            return {**found, "relmse_noise_free": free}
-
-        everything, glossy = compared([]), compared(["--alpha-below", "0.5"])
-        return {"field": self.field, "view": name, "steps": self.trained["steps"], "seconds": self.trained["seconds"],
-                "rhs_queries_per_s": self.trained["rhs_queries_per_s"], "mape": everything["mape"], "mape_trimmed": everything["mape_trimmed"],
-                "mape_glossy": glossy["mape"], "relmse_noise_free": everything["relmse_noise_free"],
-                "relmse_noise_free_glossy": glossy["relmse_noise_free"], "mean_ratio": everything["mean_ratio"],
-                "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"], "pixels_glossy": glossy["pixels"], "noise": noise}
+    everything, glossy = compared([]), compared(["--alpha-below", "0.5"])
+    return {"field": field, "view": view, "steps": trained["steps"], "seconds": trained["seconds"],
+            "rhs_queries_per_s": trained["rhs_queries_per_s"], "mape": everything["mape"], "mape_trimmed": everything["mape_trimmed"],
+            "mape_glossy": glossy["mape"], "relmse_noise_free": everything["relmse_noise_free"],
+            "relmse_noise_free_glossy": glossy["relmse_noise_free"], "mean_ratio": everything["mean_ratio"],
+            "frame_seconds_per_spp": rendered["seconds"] / rendered["spp"], "pixels_glossy": glossy["pixels"], "noise": noise}
 
 
 def training(args, scene, model, field, budget, keys):
@@ -135,11 +130,10 @@ def one_scene(args):
     for field in args.fields.split(","):
         model = os.path.join(folder, field + ".octrad")
         trained = train(training(args, args.what, model, field, budget, args.D), model, os.path.join(folder, field + ".json"))
-        measure = Measure(args, folder, field, args.what, model, field, trained)
         for view in args.view:
             name, rest = view.split("=", 1)
             reference, _, camera = rest.partition(",")
-            rows.append(measure.row(name, reference, camera))
+            rows.append(measure(args, args.what, model, field, trained, name, reference, camera))
     print(f"{'field':<12}{'view':<10}{'steps':>8}{'seconds':>9}{'MAPE':>8}{'trimmed':>9}{'glossy':>8}{'mean':>8}{'Mq/s':>7}")
     for r in rows:
         glossy = "-" if r["mape_glossy"] is None else f"{r['mape_glossy']:.4f}"
@@ -170,7 +164,7 @@ def scene_file(args, scene):
 
 def sparse_reference(args, scene, file, name, view):
     """Folder of the reference of a view, made if it is not there."""
-    folder = os.path.join(args.references or os.path.join(args.folder, "references"), f"{scene['name']}-{name}")
+    folder = os.path.join(args.references, f"{scene['name']}-{name}")
     about = os.path.join(folder, "about.json")
     wanted = {"spp": view["spp"], "view": view.get("camera", []), "width": scene["width"], "height": scene["height"]}
     known = read(about) if os.path.exists(about) else {}
@@ -184,15 +178,10 @@ def sparse_reference(args, scene, file, name, view):
 
 
 def whole_reference(args, scene, file, spp):
-    path = os.path.join(args.references or os.path.join(args.folder, "references"), f"{scene['name']}-{scene['width']}x{scene['height']}-{spp}.exr")
-    if not os.path.exists(path):
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-        subprocess.run([args.octrad, "render", file, "--integrator", "path", "--max-depth", "-1", "--device", args.device, "--width", "128", "--height",
-                        str(128 * scene["height"] // scene["width"]), "--spp", str(spp), "--resume", "-q", "-o", path + ".part.exr"], check=True)
-        os.replace(path + ".part.exr", path)
-        for left in (".state", ".lock"):
-            if os.path.exists(path + ".part.exr" + left):
-                os.remove(path + ".part.exr" + left)
+    """Picture of the scene's own view; the same command again goes on, or finds all there."""
+    path = os.path.join(args.references, f"{scene['name']}-{scene['width']}x{scene['height']}-{spp}.exr")
+    subprocess.run([args.octrad, "render", file, "--integrator", "path", "--max-depth", "-1", "--device", args.device, "--width", "128", "--height",
+                    str(128 * scene["height"] // scene["width"]), "--spp", str(spp), "--resume", "-q", "-o", path], check=True)
     return path
 
 
@@ -218,7 +207,9 @@ def worst_of_best(values):
 def a_plan(args):
     plan = read(args.what)
     args.preset, args.spp, args.sparse_spp = plan.get("preset", "cpu"), plan.get("spp", 16), plan.get("sparse_spp", 1024)
-    os.makedirs(args.folder, exist_ok=True)
+    args.references = args.references or os.path.join(args.folder, "references")
+    for folder in (args.folder, args.references):
+        os.makedirs(folder, exist_ok=True)
     for scene in plan["scenes"]:
         for seed in plan["seeds"]:
             for field, steps in scene["steps"].items():
@@ -235,13 +226,12 @@ def a_plan(args):
                     command += ["--reference", whole_reference(args, scene, file, plan["watch"]), "--validate-every", plan.get("watch_every", "5s"),
                                 "--log-json", log]
                 trained = train(command, model, os.path.join(args.folder, stem + ".json"), log)
-                measure = Measure(args, args.folder, stem, file, model, field, trained)
                 for name, view in scene["views"].items():
                     done = os.path.join(args.folder, f"{stem}-{name}.row.json")
                     key = {"training": command[1:], "view": view, "spp": args.spp, "sparse_spp": args.sparse_spp}
                     if os.path.exists(done) and read(done)["key"] == key:
                         continue
-                    row = measure.row(name, sparse_reference(args, scene, file, name, view), "")
+                    row = measure(args, file, model, field, trained, name, sparse_reference(args, scene, file, name, view), "")
                     write(done, {"key": key, "row": {"scene": scene["name"], "seed": seed, "trained_on": args.device, **row}})
                 report(args, plan)
     report(args, plan)
@@ -253,16 +243,16 @@ def report(args, plan):
     """rows.csv, curves.csv and tables.txt, from the rows that are there."""
     rows, curves = {}, []
     for scene in plan["scenes"]:
-        for name in scene["views"]:
-            for field in scene["steps"]:
-                for seed in plan["seeds"]:
-                    stem = os.path.join(args.folder, f"{scene['name']}-{field}-{seed}")
-                    if os.path.exists(f"{stem}-{name}.row.json"):
-                        rows[scene["name"], name, field, seed] = read(f"{stem}-{name}.row.json")["row"]
-                    if os.path.exists(stem + ".log") and name == next(iter(scene["views"])):
-                        points = curve(stem + ".log")
-                        worst = worst_of_best([p[2] for p in points])
-                        curves += [(scene["name"], field, seed, *p, f"{worst:.3f}") for p in points]
+        for name, field, seed in itertools.product(scene["views"], scene["steps"], plan["seeds"]):
+            made = os.path.join(args.folder, f"{scene['name']}-{field}-{seed}-{name}.row.json")
+            if os.path.exists(made):
+                rows[scene["name"], name, field, seed] = read(made)["row"]
+        for field, seed in itertools.product(scene["steps"], plan["seeds"]):
+            log = os.path.join(args.folder, f"{scene['name']}-{field}-{seed}.log")
+            if os.path.exists(log):
+                points = curve(log)
+                worst = worst_of_best([p[2] for p in points])
+                curves += [(scene["name"], field, seed, *p, f"{worst:.3f}") for p in points]
     with open(os.path.join(args.folder, "rows.csv"), "w", newline="") as out:
         table = csv.writer(out, lineterminator="\n")
         table.writerow("scene view field seed steps trained_on mape mape_glossy rms_without_noise rms_without_noise_glossy mean_ratio".split())
@@ -286,16 +276,16 @@ def number(x):
     return "" if x is None else f"{x:.4f}"
 
 
-def spread(values, form="{:.4f}"):
+def mean(values):
+    return sum(values) / len(values)
+
+
+def spread(values):
     """Mean ± half of the range; - where a view has no such pixels."""
     if None in values:
         return "-"
-    text = form.format(sum(values) / len(values))
-    return text if len(values) < 2 else f"{text} ± {form.format((max(values) - min(values)) / 2)}"
-
-
-def mean(values):
-    return sum(values) / len(values)
+    text = f"{mean(values):.4f}"
+    return text if len(values) < 2 else f"{text} ± {(max(values) - min(values)) / 2:.4f}"
 
 
 def tables(plan, rows):

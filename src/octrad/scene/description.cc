@@ -454,6 +454,12 @@ const std::string& Element::get(std::string_view attribute) const {
   return value ? *value : empty;
 }
 
+Element* Element::child(std::string_view name) const {
+  const auto found =
+      std::find_if(children.begin(), children.end(), [&](const auto& c) { return c->get("name") == name; });
+  return found == children.end() ? nullptr : found->get();
+}
+
 std::string Description::resolve(const std::string& file, const Location& where) const {
   if (file.empty()) fail(where, "empty file name");
   std::error_code code;

@@ -27,6 +27,8 @@ struct Element {
   void set(const std::string& attribute, const std::string& value);  // or adds it
   // Value of the attribute or "" when absent.
   const std::string& get(std::string_view attribute) const;
+  // The first child with that name; null when absent.
+  Element* child(std::string_view name) const;
 };
 
 // What became of single elements, for writing the scene again (write_xml.h).

@@ -362,8 +362,7 @@ class GltfReader {
     const auto keep_sides = [&](RawMesh&& m) {
       if (m.triangles.empty()) return;
       if (!both) return keep(std::move(m), false);
-      constexpr double kApart = 1e-4;  // of the mesh's size
-      const double front = normals_are_turned(m) ? -kApart : kApart;
+      const double front = front_share(m);
       ask_memory(m.bytes(), primitive.location().text());
       keep(moved_along_normals(m, -front), true);
       keep(moved_along_normals(std::move(m), front), false);

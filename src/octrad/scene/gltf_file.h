@@ -20,6 +20,7 @@ class GltfFile;
 // Members of another type than asked for, or out of range, are an InputError.
 class GltfObject {
  public:
+  GltfObject() = default;  // does not exist
   bool exists() const { return object_ != nullptr; }
   bool has(const std::string& key) const { return member(key) != nullptr; }
   const std::string& path() const { return path_; }
@@ -60,8 +61,8 @@ class GltfObject {
   const nlohmann::json* member(const std::string& key) const;
   [[noreturn]] void wrong(const std::string& key, const std::string& expected) const;
 
-  const GltfFile* file_;
-  const nlohmann::json* object_;
+  const GltfFile* file_ = nullptr;
+  const nlohmann::json* object_ = nullptr;
   std::string path_;
 };
 

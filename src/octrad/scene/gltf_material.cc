@@ -18,23 +18,24 @@ std::vector<double> color_factors(const GltfObject& owner, const std::string& ke
   return owner.numbers(key, std::move(fallback), 0.0, 1e12);
 }
 
-GltfObject specular_glossiness(const GltfObject& m) { return m.extension("KHR_materials_pbrSpecularGlossiness"); }
-
 // Without any light the surface shows its base colour.
 bool is_unlit(const GltfObject& m) { return m.extension("KHR_materials_unlit").exists(); }
+
+// Absent where the surface is unlit, too.
+GltfObject specular_glossiness(const GltfObject& m) {
+  return is_unlit(m) ? GltfObject() : m.extension("KHR_materials_pbrSpecularGlossiness");
+}
 
 // By the extension, where a material has it: pbrMetallicRoughness is then for readers without.
 std::vector<double> base_factors(const GltfObject& m) {
   const GltfObject gloss = specular_glossiness(m);
-  return gloss.exists() && !is_unlit(m)
-             ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
-             : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
+  return gloss.exists() ? color_factors(gloss, "diffuseFactor", {1, 1, 1, 1})
+                        : color_factors(m.object("pbrMetallicRoughness"), "baseColorFactor", {1, 1, 1, 1});
 }
 
 GltfObject base_texture(const GltfObject& m) {
   const GltfObject gloss = specular_glossiness(m);
-  return gloss.exists() && !is_unlit(m) ? gloss.object("diffuseTexture")
-                                        : m.object("pbrMetallicRoughness").object("baseColorTexture");
+  return gloss.exists() ? gloss.object("diffuseTexture") : m.object("pbrMetallicRoughness").object("baseColorTexture");
 }
 
 Vec3d specular_factors(const GltfObject& gloss) {
@@ -142,8 +143,7 @@ bool GltfMaterials::has_textures(int index) const { return !texture_infos(materi
 
 bool GltfMaterials::shows_colors(int index, bool uvs) const {
   const GltfObject gloss = specular_glossiness(material(index));
-  if (gloss.exists() && !is_unlit(material(index)) && largest_of(specular_factors(gloss)) > kGltfDielectric)
-    return false;  // two colours make one
+  if (gloss.exists() && largest_of(specular_factors(gloss)) > kGltfDielectric) return false;  // two colours make one
   return !uvs || !has_textures(index);
 }
 

@@ -16,27 +16,16 @@ Image linear_colors(const Image& in, Vec3d factor, const std::string& name) {
   const std::vector<int> from = color_channels(in);
   ask_memory(in.pixel_count() * 3 * sizeof(float), name);
   Image out(in.width, in.height, {"R", "G", "B"});
-  double bytes[256];  // most pictures hold bytes
-  for (int i = 0; i < 256; ++i) bytes[i] = linear_value(in, static_cast<float>(i) / 255.0f);
+  const LinearValues linear(in);
   const std::size_t stride = in.channels.size();
   for (std::size_t i = 0; i < in.pixel_count(); ++i) {
     for (int c = 0; c < 3; ++c) {
       const float value = in.data[i * stride + static_cast<std::size_t>(from[static_cast<std::size_t>(c)])];
-      const int byte = value >= 0.0f && value <= 1.0f ? static_cast<int>(value * 255.0f + 0.5f) : 0;
-      const bool whole = static_cast<float>(byte) / 255.0f == value;
       out.data[3 * i + static_cast<std::size_t>(c)] =
-          static_cast<float>(std::clamp((whole ? bytes[byte] : linear_value(in, value)) * factor[c], 0.0, 1.0));
+          static_cast<float>(std::clamp(linear(value) * factor[c], 0.0, 1.0));
     }
   }
   return out;
-}
-
-// At (u, v) in [0, 1]^2, bilinear.
-Vec3d color_at(const Image& picture, double u, double v, bool repeats) {
-  const auto inside = [&](int k, int n) { return repeats ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
-  return between_pixels(u * picture.width, v * picture.height, [&](int x, int y) {
-    return Vec3d(picture.rgb(inside(x, picture.width), inside(y, picture.height)));
-  });
 }
 
 }  // namespace
@@ -83,7 +72,7 @@ Image picture_of_metal(const GltfSpecularPictures& pictures, bool metallic) {
         const Image& part = parts[i];
         if (!*sources[i]) colors[i] = factors[i];
         else if (part.width == width && part.height == height) colors[i] = Vec3d(part.rgb(x, y));
-        else colors[i] = color_at(part, (x + 0.5) / width, (y + 0.5) / height, pictures.repeats);
+        else colors[i] = color_between(part, (x + 0.5) / width, (y + 0.5) / height, pictures.repeats);
       }
       const GltfMetal metal = metal_of_specular(colors[0], colors[1]);
       if (metallic) out.at(x, y, 0) = static_cast<float>(metal.metallic);

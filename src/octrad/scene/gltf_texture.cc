@@ -144,6 +144,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
     const MemoryScope scope;
     const Image in = read();
     const std::vector<int> from = color_channels(in);
+    const LinearValues linear(in);
     const bool colors = recipe.what == What::color || recipe.what == What::normal;
     ask_memory(in.pixel_count() * (colors ? 3 : 1) * sizeof(float), place);
     Image out(in.width, in.height, colors ? std::vector<std::string>{"R", "G", "B"} : std::vector<std::string>{"Y"});
@@ -161,7 +162,7 @@ std::string GltfMaterials::picture(const GltfObject& image, const Recipe& recipe
         case What::color:
           for (int c = 0; c < 3; ++c)
             out.data[3 * i + static_cast<std::size_t>(c)] =
-                static_cast<float>(linear_value(in, value(c)) * recipe.factor[c] * share);
+                static_cast<float>(linear(value(c)) * recipe.factor[c] * share);
           break;
         case What::channel:
           out.data[i] = static_cast<float>(static_cast<double>(value(recipe.channel)) * recipe.factor.x);

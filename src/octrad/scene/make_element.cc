@@ -18,6 +18,16 @@ Element& add_element(Element& parent, const Location& where, const std::string& 
   return *parent.children.back();
 }
 
+std::unique_ptr<Element> make_property(const std::string& tag, const std::string& name, const std::string& value,
+                                       const Element& near) {
+  auto e = std::make_unique<Element>();
+  e->tag = tag;
+  e->location = near.location;
+  if (!name.empty()) e->attributes.emplace_back("name", name);
+  e->attributes.emplace_back("value", value);
+  return e;
+}
+
 void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t) {
   std::string numbers;
   for (const double v : t.m) {

@@ -1,6 +1,7 @@
 // Elements that no XML file has: of a glTF or pbrt file, or added where something is missing. Internal to the module.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,9 @@ using Attributes = std::vector<std::pair<std::string, std::string>>;
 
 // A new element at the end of `parent`.
 Element& add_element(Element& parent, const Location& where, const std::string& tag, Attributes attributes);
+// A property such as <float name="alpha" value="0.1"/>, at the place of `near`; no name where that is empty.
+std::unique_ptr<Element> make_property(const std::string& tag, const std::string& name, const std::string& value,
+                                       const Element& near);
 void add_matrix(Element& parent, const Location& where, const std::string& name, const Transform& t);
 std::string three_numbers(Vec3d v);
 

@@ -82,8 +82,8 @@ TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOpti
   return mesh;
 }
 
-bool normals_are_turned(const RawMesh& mesh) {
-  if (mesh.normals.empty()) return false;
+double front_share(const RawMesh& mesh) {
+  if (mesh.normals.empty()) return kSideApart;
   double sum = 0.0;
   for (const Vec3i& t : mesh.triangles) {
     Vec3d p[3], normal(0.0);
@@ -93,7 +93,7 @@ bool normals_are_turned(const RawMesh& mesh) {
     }
     sum += dot(cross(p[1] - p[0], p[2] - p[0]), normal);
   }
-  return sum < 0.0;
+  return sum < 0.0 ? -kSideApart : kSideApart;
 }
 
 RawMesh moved_along_normals(RawMesh mesh, double share) {

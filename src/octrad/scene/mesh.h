@@ -69,11 +69,14 @@ struct MeshOptions {
 // normals, the triangles are turned back, so that geometric and shading normals stay on the same side.
 TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options);
 
-// Whether the normals, where there are some, look to the side from which the corners run clockwise.
-bool normals_are_turned(const RawMesh& mesh);
-
 // Vertices moved along their normals, outwards where `share` of the diagonal of the mesh's box is above 0.
 RawMesh moved_along_normals(RawMesh mesh, double share);
+
+// A light has one side; one that shines from both is two, so far apart from the mesh, of the diagonal of its box.
+inline constexpr double kSideApart = 1e-4;
+// The share by which moved_along_normals() makes the front, which is where the normals look, and without normals where
+// the corners run counterclockwise; the back is at the other sign.
+double front_share(const RawMesh& mesh);
 
 // Angle between unit vectors, accurate near 0 and pi (Kahan).
 double angle_between(Vec3d a, Vec3d b);

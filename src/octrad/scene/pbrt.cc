@@ -518,15 +518,14 @@ class PbrtReader {
     // Lights have one side: one on both is two, a little apart, each towards where its front is.
     const bool shines = state_.light && !in_group, both = shines && state_.light->flag("twosided", false),
                measured = shines && state_.light->has("power");
-    constexpr double kApart = 1e-4;  // of the diagonal of the shape's box
     double area = -1.0, grow = 0.0;
     std::string mesh, file, back;
     bool faces = false;  // without normals of its own
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
-      if (both) grow = (state_.reverse ? -1.0 : 1.0) * kApart * 2.0 * std::numbers::sqrt3;
-      flip = flip != mirrored;  // Mitsuba turns a mirrored sphere inside out
+      if (both) grow = to_front(kSideApart * 2.0 * std::numbers::sqrt3);  // of the radius
+      flip = flip != mirrored;                                            // Mitsuba turns a mirrored sphere inside out
     } else if (type == "plymesh") {
       file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
       try {
@@ -536,7 +535,7 @@ class PbrtReader {
           if (known.empty()) known = keep(read_pbrt_ply(file));
           mesh = known;
           if (both) {
-            const double apart = towards_front(*description_.built_mesh(known)) * kApart;
+            const double apart = to_front(front_share(*description_.built_mesh(known)));
             back = moved(known, -apart);
             mesh = moved(known, apart);
           }
@@ -565,7 +564,7 @@ class PbrtReader {
              (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)))))
           *raw = with_own_uvs(*raw);
         if (both) {
-          const double apart = towards_front(*raw) * kApart;
+          const double apart = to_front(front_share(*raw));
           back = keep(moved_along_normals(*raw, -apart));
           *raw = moved_along_normals(*raw, apart);
         }
@@ -591,8 +590,8 @@ class PbrtReader {
     s.note_unused(report_);
   }
 
-  // Along the normals of a mesh, or against them.
-  double towards_front(const RawMesh& mesh) const { return state_.reverse != normals_are_turned(mesh) ? -1.0 : 1.0; }
+  // Outwards, or inwards where the front is there.
+  double to_front(double share) const { return state_.reverse ? -share : share; }
   // One that is kept with its vertices moved, once for each distance.
   std::string moved(const std::string& mesh, double share) {
     std::string& known = made_["moved by " + number_text(share) + " " + mesh];

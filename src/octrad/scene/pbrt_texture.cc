@@ -46,6 +46,7 @@ Image linear_picture(const PbrtTexture& t) {
   if (!t.mix) {
     const Image in = read_image(t.file);
     const std::vector<int> from = color_channels(in);
+    const LinearValues linear(in);
     ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
     Image out(in.width, in.height, rgb);
     for (int y = 0; y < in.height; ++y) {
@@ -53,8 +54,7 @@ Image linear_picture(const PbrtTexture& t) {
         Vec3d v;
         for (int c = 0; c < 3; ++c) {
           const float stored = in.at(x, y, from[static_cast<std::size_t>(c)]);
-          v[c] =
-              t.gamma == 0.0 ? linear_value(in, stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
+          v[c] = t.gamma == 0.0 ? linear(stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
           v[c] = std::max(0.0, t.invert ? 1.0 - t.gain * v[c] : t.gain * v[c]);
         }
         out.set_rgb(x, y, Vec3f(v * t.value));
@@ -102,11 +102,7 @@ Image linear_picture(const PbrtTexture& t) {
           values[i] = std::fmod(sum, 2.0) == 0.0 ? parts[i]->value : parts[i]->other;
           continue;
         }
-        const Image& p = pictures[i];
-        const auto inside = [&](int k, int n) { return repeat ? (k % n + n) % n : std::clamp(k, 0, n - 1); };
-        values[i] = between_pixels(u * p.width, v * p.height, [&](int px, int py) {
-          return Vec3d(p.rgb(inside(px, p.width), inside(py, p.height)));
-        });
+        values[i] = color_between(pictures[i], u, v, repeat);
       }
       out.set_rgb(x, y, Vec3f(mixture(mix, values[0], values[1], values[2]) * t.value));
     }
@@ -361,17 +357,18 @@ PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, PbrtMix mix) const {
     return t;
   }
   PbrtTexture t = *picture;
-  for (int i = 0; checks && i < 2; ++i) {
+  for (int i = 0; i < 2; ++i) {
+    for (const PbrtTexture* part : {&mix.a, &mix.b, &mix.amount})
+      t.repeats[i] = std::max(t.repeats[i], part->repeats[i]);
+    if (!checks) continue;
     if (t.wrap != "repeat") refuse("a checkerboard and pictures that do not repeat");
     // After so many of the picture the fields are the same.
     const double fields = std::fabs(checks->scale[i] / t.scale[i]);
     const auto fits = [&](int n) { return std::fabs(std::remainder(n * fields, 2.0)) < 1e-6; };
     int& repeats = mix.repeats[i];
     while (repeats <= kMostRepeats && !fits(repeats)) ++repeats;
-    t.repeats[i] = repeats;
-    for (const PbrtTexture* part : {&mix.a, &mix.b, &mix.amount})
-      t.repeats[i] = std::max(t.repeats[i], repeats * part->repeats[i]);
-    if (repeats > kMostRepeats || t.repeats[i] > kMostRepeats || !(repeats * fields <= kMostFields))
+    t.repeats[i] *= repeats;
+    if (t.repeats[i] > kMostRepeats || !(repeats * fields <= kMostFields))
       refuse("pictures and a checkerboard whose fields are not in step with them");
     mix.fields[i] = std::max(1, static_cast<int>(std::lround(repeats * fields)));
     t.scale[i] /= repeats;

@@ -45,7 +45,8 @@ std::optional<Vec3d> plain_color(const Element& e) {
 Image scaled_picture(const std::string& file, bool raw, Vec3d factor) {
   const MemoryScope scope;
   const Image in = read_image(file);
-  const auto linear = [&](float v) { return raw ? static_cast<double>(v) : linear_value(in, v); };
+  const LinearValues decoded(in);
+  const auto linear = [&](float v) { return raw ? static_cast<double>(v) : decoded(v); };
   const bool colored = in.channel("R") >= 0 && in.channel("G") >= 0 && in.channel("B") >= 0;
   if (!colored && is_grey(factor)) {
     ask_memory(in.data.size() * sizeof(float), file);
@@ -88,13 +89,6 @@ class ScaleFolder {
     for (const auto& c : e.children) collect(*c);
   }
 
-  static const Element* child(const Element& e, const std::string& name) {
-    for (const auto& c : e.children) {
-      if (c->get("name") == name) return c.get();
-    }
-    return nullptr;
-  }
-
   void fold(Element& e, int depth) {
     if (depth > kMostScales || !is_scale_texture(e)) return;
     Vec3d factor(1.0);
@@ -128,14 +122,14 @@ class ScaleFolder {
       made = bitmap(target, factor, e);
     } else if (target.tag == "texture" && type == "checkerboard") {
       for (const auto& [name, fallback] : {std::pair("color0", 0.4), std::pair("color1", 0.2)}) {
-        const Element* given = child(target, name);
+        const Element* given = target.child(name);
         const auto color = given ? plain_color(*given) : Vec3d(fallback);
         if (!color) return;
         made.push_back(value_of("rgb", name, three_numbers(*color * factor), target));
       }
       copy_others(target, {"color0", "color1"}, made);
     } else if (target.tag == "texture" && type == "mesh_attribute" && is_grey(factor)) {
-      const Element* given = child(target, "scale");
+      const Element* given = target.child("scale");
       const auto before = given ? plain_color(*given) : Vec3d(1.0);
       if (!before) return;
       made.push_back(value_of("float", "scale", number_text(before->x * factor.x), target));
@@ -157,12 +151,12 @@ class ScaleFolder {
   // The parameters of a bitmap of the picture that `target` has, times the factor.
   std::vector<std::unique_ptr<Element>> bitmap(const Element& target, Vec3d factor, const Element& scale) {
     std::vector<std::unique_ptr<Element>> made;
-    const Element* name = child(target, "filename");
+    const Element* name = target.child("filename");
     Picture picture;
     if (const auto folded = pictures_.find(&target); folded != pictures_.end()) {
       picture = folded->second;
     } else {
-      const Element* raw = child(target, "raw");
+      const Element* raw = target.child("raw");
       picture.raw = raw && raw->get("value") == "true";
       try {
         picture.file = description_.resolve(name ? name->get("value") : "", name ? name->location : target.location);
@@ -207,11 +201,8 @@ class ScaleFolder {
 
   std::unique_ptr<Element> value_of(const std::string& tag, const std::string& name, const std::string& value,
                                     const Element& near) {
-    auto e = std::make_unique<Element>();
-    e->tag = tag;
-    e->location = near.location;
+    auto e = make_property(tag, name, value, near);
     e->old = true;
-    e->attributes = {{"name", name}, {"value", value}};
     return e;
   }
 

@@ -7,6 +7,7 @@
 
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
+#include "octrad/scene/make_element.h"
 #include "octrad/scene/material_types.h"
 #include "octrad/scene/params.h"
 
@@ -15,17 +16,6 @@ namespace {
 
 bool is_upper(char c) { return c >= 'A' && c <= 'Z'; }
 bool is_lower(char c) { return c >= 'a' && c <= 'z'; }
-
-// A property such as <float name="alpha" value="0.1"/>, at the place of `near`.
-std::unique_ptr<Element> property(const std::string& tag, const std::string& name, const std::string& value,
-                                  const Element& near) {
-  auto e = std::make_unique<Element>();
-  e->tag = tag;
-  e->location = near.location;
-  if (!name.empty()) e->attributes.emplace_back("name", name);
-  e->attributes.emplace_back("value", value);
-  return e;
-}
 
 std::unique_ptr<Element> object(const std::string& tag, const std::string& type, const Element& near) {
   auto e = std::make_unique<Element>();
@@ -38,13 +28,6 @@ std::unique_ptr<Element> object(const std::string& tag, const std::string& type,
 void drop_attribute(Element& element, const std::string& attribute) {
   auto& list = element.attributes;
   list.erase(std::remove_if(list.begin(), list.end(), [&](const auto& a) { return a.first == attribute; }), list.end());
-}
-
-Element* child(Element& element, const std::string& name) {
-  for (const auto& c : element.children) {
-    if (c->get("name") == name) return c.get();
-  }
-  return nullptr;
 }
 
 bool child_with_tag(const Element& element, const std::string& tag) {
@@ -88,8 +71,8 @@ void upgrade_blackbody(Element& e) {
   e.tag = "spectrum";
   std::string temperature = e.get("temperature");
   if (!temperature.empty() && (temperature.back() == 'K' || temperature.back() == 'k')) temperature.pop_back();
-  e.children.push_back(property("float", "temperature", temperature, e));
-  if (const std::string* scale = e.find("scale")) e.children.push_back(property("float", "scale", *scale, e));
+  e.children.push_back(make_property("float", "temperature", temperature, e));
+  if (const std::string* scale = e.find("scale")) e.children.push_back(make_property("float", "scale", *scale, e));
   drop_attribute(e, "temperature");
   drop_attribute(e, "scale");
   e.set("type", "blackbody");
@@ -126,7 +109,7 @@ void upgrade_uv(Element& e) {
 }
 
 void upgrade_bitmap(Element& e, SceneReport& report) {
-  if (Element* filter = child(e, "filter_type")) {
+  if (Element* filter = e.child("filter_type")) {
     const std::string kind = filter->get("value");
     if (kind == "trilinear" || kind == "ewa") {
       report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear, as Mitsuba 3.9 has no mip maps");
@@ -134,12 +117,12 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
     }
   }
   const std::unique_ptr<Element> u = take(e, "wrap_mode_u"), v = take(e, "wrap_mode_v");
-  if ((u || v) && !child(e, "wrap_mode")) {
+  if ((u || v) && !e.child("wrap_mode")) {
     if (u && v && u->get("value") != v->get("value"))
       report.assume(v->location, "wrap_mode_u read for both directions, as Mitsuba 3 has one");
-    e.children.push_back(property("string", "wrap_mode", (u ? u : v)->get("value"), e));
+    e.children.push_back(make_property("string", "wrap_mode", (u ? u : v)->get("value"), e));
   }
-  if (Element* wrap = child(e, "wrap_mode")) {
+  if (Element* wrap = e.child("wrap_mode")) {
     const std::string kind = wrap->get("value");
     if (kind == "zero" || kind == "one") {
       report.assume(wrap->location, "wrap_mode \"" + kind + "\" read as clamp");
@@ -149,12 +132,12 @@ void upgrade_bitmap(Element& e, SceneReport& report) {
   if (const std::unique_ptr<Element> gamma = take(e, "gamma")) {
     const double g = number_or(gamma.get(), -1.0);
     if (g == 1.0) {
-      if (!child(e, "raw")) e.children.push_back(property("boolean", "raw", "true", e));
+      if (!e.child("raw")) e.children.push_back(make_property("boolean", "raw", "true", e));
     } else if (g > 0.0 && g != 2.2) {
       report.assume(gamma->location, "gamma " + gamma->get("value") + " of a bitmap read as sRGB");
     }
   }
-  if (const Element* channel = child(e, "channel")) {
+  if (const Element* channel = e.child("channel")) {
     report.refuse(channel->location,
                   "\"channel\" of a bitmap: Mitsuba 3 has none, and alpha is not used; save the channel \"" +
                       channel->get("value") + "\" as a picture of its own");
@@ -211,8 +194,8 @@ void divide(Element& e, double by) {
 void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::pair<std::string, std::string>>& alphas,
                     SceneReport& report) {
   std::unique_ptr<Element> diffuse = take(e, "diffuse_reflectance"), specular = take(e, "specular_reflectance");
-  if (!diffuse) diffuse = property("float", "", "0.5", e);
-  if (!specular) specular = property("float", "", "0.2", e);
+  if (!diffuse) diffuse = make_property("float", "", "0.5", e);
+  if (!specular) specular = make_property("float", "", "0.2", e);
   const double kd = mean_of(*diffuse), ks = mean_of(*specular);
   double share = ks >= 0.0 ? (kd >= 0.0 && kd + ks > 0.0 ? ks / (kd + ks) : ks) : 0.5;
   share = std::clamp(share, 0.0, 1.0);
@@ -226,16 +209,16 @@ void upgrade_glossy(Element& e, const std::string& type, const std::vector<std::
   base->children.push_back(std::move(diffuse));
   auto gloss = object("bsdf", "roughconductor", e);
   specular->set("name", "specular_reflectance");
-  gloss->children.push_back(property("string", "material", "none", e));
-  gloss->children.push_back(property("string", "distribution", "beckmann", e));
+  gloss->children.push_back(make_property("string", "material", "none", e));
+  gloss->children.push_back(make_property("string", "distribution", "beckmann", e));
   gloss->children.push_back(std::move(specular));
   for (const auto& [name, value] : alphas) {
     std::unique_ptr<Element> given = take(e, name);
-    gloss->children.push_back(given ? std::move(given) : property("float", name, value, e));
+    gloss->children.push_back(given ? std::move(given) : make_property("float", name, value, e));
   }
   e.set("type", "blendbsdf");
   e.children.clear();
-  e.children.push_back(property("float", "weight", number_text(share), e));
+  e.children.push_back(make_property("float", "weight", number_text(share), e));
   e.children.push_back(std::move(base));
   e.children.push_back(std::move(gloss));
 }
@@ -269,12 +252,12 @@ void stand_for(Element& e, std::unique_ptr<Element> nested) {
   }
   e.children.clear();
   e.children.push_back(std::move(nested));
-  e.children.push_back(property("float", "opacity", "1", e));
+  e.children.push_back(make_property("float", "opacity", "1", e));
   e.set("type", "mask");
 }
 
 void upgrade_distribution(Element& e, SceneReport& report) {
-  Element* distribution = child(e, "distribution");
+  Element* distribution = e.child("distribution");
   if (!distribution) return;
   const std::string kind = distribution->get("value");
   if (kind == "phong" || kind == "as") {
@@ -301,7 +284,7 @@ void upgrade_coating(Element& e, SceneReport& report) {
       reflectance->set("name", "diffuse_reflectance");
       e.children.push_back(std::move(reflectance));
     }
-    if (!child(e, "int_ior")) e.children.push_back(property("string", "int_ior", "bk7", e));
+    if (!e.child("int_ior")) e.children.push_back(make_property("string", "int_ior", "bk7", e));
     e.set("type", rough ? "roughplastic" : "plastic");
     if (rough) upgrade_distribution(e, report);
     return;
@@ -332,7 +315,7 @@ void upgrade_mixture(Element& e, SceneReport& report) {
   std::vector<double> shares = *numbers;
   if (rest > 1e-6) {  // what no part reflects is absorbed
     auto black = object("bsdf", "diffuse", e);
-    black->children.push_back(property("float", "reflectance", "0", e));
+    black->children.push_back(make_property("float", "reflectance", "0", e));
     parts.push_back(std::move(black));
     shares.push_back(rest);
   }
@@ -342,7 +325,7 @@ void upgrade_mixture(Element& e, SceneReport& report) {
   for (std::size_t i = parts.size() - 1; i-- > 0;) {
     auto blend = object("bsdf", "blendbsdf", e);
     const double whole = below + shares[i];
-    blend->children.push_back(property("float", "weight", number_text(whole > 0.0 ? below / whole : 0.0), e));
+    blend->children.push_back(make_property("float", "weight", number_text(whole > 0.0 ? below / whole : 0.0), e));
     blend->children.push_back(std::move(parts[i]));
     blend->children.push_back(std::move(sum));
     below = whole;
@@ -358,18 +341,18 @@ void upgrade_mixture(Element& e, SceneReport& report) {
 
 void upgrade_difftrans(Element& e, SceneReport& report) {
   report.assume(e.location, "bsdf \"difftrans\" read as principledthin that only transmits diffusely");
-  if (Element* transmittance = child(e, "transmittance")) {
+  if (Element* transmittance = e.child("transmittance")) {
     transmittance->set("name", "base_color");
   } else {
-    e.children.push_back(property("float", "base_color", "0.5", e));
+    e.children.push_back(make_property("float", "base_color", "0.5", e));
   }
-  e.children.push_back(property("float", "diff_trans", "2", e));
-  e.children.push_back(property("float", "roughness", "1", e));
+  e.children.push_back(make_property("float", "diff_trans", "2", e));
+  e.children.push_back(make_property("float", "roughness", "1", e));
   e.set("type", "principledthin");
 }
 
 void upgrade_conductor(Element& e, SceneReport& report) {
-  if (!child(e, "material") && !child(e, "eta") && !child(e, "k"))
+  if (!e.child("material") && !e.child("eta") && !e.child("k"))
     report.assume(e.location, "a conductor without a material reflects everything, as in Mitsuba 3 (0.6 took copper)");
   if (const std::unique_ptr<Element> outside = take(e, "ext_eta")) {
     const std::string& text = outside->get("value");
@@ -417,7 +400,7 @@ void upgrade_object(Element& e, SceneReport& report) {
     if (type == "vertexcolors") {
       report.assume(e.location, "texture \"vertexcolors\" read as mesh_attribute \"vertex_color\"");
       e.children.clear();
-      e.children.push_back(property("string", "name", "vertex_color", e));
+      e.children.push_back(make_property("string", "name", "vertex_color", e));
       e.set("type", "mesh_attribute");
     }
   }
@@ -431,7 +414,7 @@ void upgrade_object(Element& e, SceneReport& report) {
   static const std::map<std::string, Rule> rules = {
       {"diffuse",
        [](Element& d, SceneReport&) {
-         if (Element* reflectance = child(d, "diffuse_reflectance")) reflectance->set("name", "reflectance");
+         if (Element* reflectance = d.child("diffuse_reflectance")) reflectance->set("name", "reflectance");
        }},
       {"phong", upgrade_phong},
       {"ward", upgrade_ward},
@@ -450,7 +433,8 @@ void upgrade_object(Element& e, SceneReport& report) {
       {"roughplastic", upgrade_distribution},
       {"blendbsdf",
        [](Element& b, SceneReport&) {
-         if (!child(b, "weight")) b.children.push_back(property("float", "weight", "0.5", b));  // as before version 3
+         if (!b.child("weight"))
+           b.children.push_back(make_property("float", "weight", "0.5", b));  // as before version 3
        }},
       {"bumpmap", [](Element& b, SceneReport&) { upgrade_bumpmap(b); }},
       {"normalmap", [](Element& n, SceneReport&) { upgrade_normalmap(n); }},
@@ -484,16 +468,16 @@ void upgrade_element(Element& element, SceneReport& report) {
 
 void downgrade_element(Element& element, SceneReport& report) {
   if (element.tag == "texture" && element.get("type") == "bitmap") {
-    if (const Element* c = child(element, "max_anisotropy"); c && c->tag == "integer") take(element, "max_anisotropy");
-    Element* filter = child(element, "filter_type");
+    if (const Element* c = element.child("max_anisotropy"); c && c->tag == "integer") take(element, "max_anisotropy");
+    Element* filter = element.child("filter_type");
     if (!filter) return;
     const std::string kind = filter->get("value");
     if (kind != "trilinear" && kind != "anisotropic") return;
     report.assume(filter->location, "filter_type \"" + kind + "\" read as bilinear: samples of a pixel blur instead");
     filter->set("value", "bilinear");
   } else if (element.tag == "sensor") {
-    if (const Element* c = child(element, "cone_scale"); c && c->tag == "float") take(element, "cone_scale");
-    const Element* c = child(element, "jitter");
+    if (const Element* c = element.child("cone_scale"); c && c->tag == "float") take(element, "cone_scale");
+    const Element* c = element.child("jitter");
     if (!c || c->tag != "boolean" || (c->get("value") != "true" && c->get("value") != "false")) return;
     const std::unique_ptr<Element> jitter = take(element, "jitter");
     if (jitter->get("value") == "false")

@@ -78,20 +78,17 @@ TEST(RhsEstimator, LampsReflectToo) {
     expect_mean(targets, 1.5);
   }
   // A noisy cache whose answers are below the emission half of the time, and right in the mean: no light is added.
-  RhsOptions noisy;
-  noisy.directions = 64;
-  noisy.emission_inside = true;
+  RhsOptions options;
+  options.directions = 64;
+  options.emission_inside = true;
   estimate_rhs(
-      setup.context, points, noisy,
+      setup.context, points, options,
       [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
         for (std::size_t i = 0; i < asked.size(); ++i) out[i] = Vec3f(i % 2 == 0 ? 0.2f : 5.8f);
       },
       targets);
   expect_mean(targets, 1.5);
   // An untrained cache, which knows nothing of the emission, takes away no light that was sampled.
-  RhsOptions options;
-  options.directions = 64;
-  options.emission_inside = true;
   estimate_rhs(
       setup.context, points, options,
       [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
