@@ -23,7 +23,7 @@ class LinearValues {
     for (int i = 0; i < 256; ++i) bytes_[i] = linear_value(image, static_cast<float>(i) / 255.0f);
   }
   double operator()(float value) const {
-    const int byte = value >= 0.0f && value <= 1.0f ? static_cast<int>(value * 255.0f + 0.5f) : 0;
+    const int byte = value >= 0.0f && value <= 1.0f ? static_cast<int>(std::lround(value * 255.0f)) : 0;
     return static_cast<float>(byte) / 255.0f == value ? bytes_[byte] : linear_value(*image_, value);
   }
 
