@@ -2,12 +2,14 @@
 """clang understands the program's sources without a warning, and every header compiles alone. Nothing is generated.
 The library's sources are compiled by clang with the sanitizers (scripts/test.sh).
 
-    OCTRAD_BUILD=build check_clang.py [FILE ...]      src/app and all headers of src/, or these
+    OCTRAD_BUILD=build check_clang.py [FILE ...]      src/app and all headers of src/ but those of tests, or these
 
-The folders of the libraries come from compile_commands.json of the build. A header that is the first include of the
-source of its name is tried there and not again. Ends with "N passed, N failed, N skipped"; skipped without clang.
+The folders of the libraries come from compile_commands.json of the build. The sources of a folder are read as one, as
+the build does. Headers with which the source of their name begins are not tried again. Ends with "N passed, N failed,
+N skipped"; skipped without clang.
 """
 import concurrent.futures
+import itertools
 import json
 import os
 import pathlib
@@ -21,7 +23,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BUILD = pathlib.Path(os.environ.get("OCTRAD_BUILD", ROOT / "build"))
 # Kernels' constants, such as kMinBlocks, are used where nvcc compiles them.
 FLAGS = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
-         "-Wno-pragma-once-outside-header", "-Wno-unused-const-variable"]
+         "-Wno-unused-const-variable"]
 
 
 def library_flags():
@@ -43,12 +45,14 @@ def first_include(path):
 
 
 def wanted():
-    sources = [p for p in sorted((ROOT / "src").rglob("*.cc")) if not re.search(r"_(test|bench)\.cc$", p.name)]
-    program = [p for p in sources if ROOT / "src/app" in p.parents]
-    tried = {first_include(p) for p in sources if first_include(p) == p.with_suffix(".h").relative_to(ROOT / "src").as_posix()}
+    """Lists of files that are compiled together: the sources of each folder of the program, and headers alone."""
+    files = [p for kind in ("*.cc", "*.h") for p in sorted((ROOT / "src").rglob(kind)) if "_test" not in p.name]
+    program = [p for p in files if ROOT / "src/app" in p.parents and p.suffix == ".cc"]
     # Highway's *-inl.h files are included once for each instruction set, by sources that prepare for it.
-    headers = [p for p in sorted((ROOT / "src").rglob("*.h")) if not p.name.endswith("-inl.h")]
-    return program + [p for p in headers if p.relative_to(ROOT / "src").as_posix() not in tried]
+    begun = {first_include(p) for p in files if p.suffix == ".cc"}
+    headers = [[p] for p in files if p.suffix == ".h" and not p.name.endswith("-inl.h")
+               and not (p.relative_to(ROOT / "src").as_posix() in begun and p.with_suffix(".cc").exists())]
+    return [list(folder) for _, folder in itertools.groupby(program, lambda p: p.parent)] + headers
 
 
 def main():
@@ -59,15 +63,16 @@ def main():
     print(subprocess.run([clang, "--version"], capture_output=True, text=True).stdout.splitlines()[0])
     flags = FLAGS + library_flags()
 
-    def compile_one(path):
-        return path, subprocess.run([clang, *flags, "-x", "c++", str(path)], capture_output=True, text=True)
+    def compile_together(paths):
+        unit = "".join('#include "%s"\n' % path for path in paths)
+        return paths, subprocess.run([clang, *flags, "-x", "c++", "-"], input=unit, capture_output=True, text=True)
 
     passed = failed = 0
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for path, done in pool.map(compile_one, [pathlib.Path(p) for p in sys.argv[1:]] or wanted()):
+        for paths, done in pool.map(compile_together, [[pathlib.Path(p).resolve()] for p in sys.argv[1:]] or wanted()):
             passed, failed = passed + (done.returncode == 0), failed + (done.returncode != 0)
             if done.returncode != 0:
-                print("%s:\n%s" % (path, done.stderr))
+                print("%s:\n%s" % (", ".join(map(str, paths)), done.stderr))
     print("%d passed, %d failed, 0 skipped" % (passed, failed))
     return 1 if failed or not passed else 0
 

@@ -245,50 +245,56 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
 
 // As many samples as the CPU takes, of the pixels that the mask needs, in jobs of any size; what it leaves out is 0.
 TEST_P(RenderOnStream, MaskedPicturesArePartsOfTheWhole) {
+  constexpr int kSpp = 5;
   for (const char* filter : {"box", "gaussian"}) {
     Box box(filter);
     for (const char* integrator : {"path", "lhs", "disparity"}) {
-      for (const auto& [crop, step] : {std::pair{Crop{}, 37}, {Crop{10, 5, 20, 11}, 37}, {Crop{}, 1}}) {
+      // Which pixels, and the samples of a pass on the device.
+      struct Part {
+        Crop crop;
+        int step, frame_samples;
+      };
+      const int large = DeviceTuning().frame_samples;
+      for (const auto& [crop, step, samples] :
+           {Part{{}, 37, large}, {{}, 37, 100}, {{10, 5, 20, 11}, 37, 100}, {{}, 1, large}}) {
         auto mask = std::make_shared<std::vector<std::uint8_t>>(40 * 28);
         for (std::size_t p = 0; p < mask->size(); p += static_cast<std::size_t>(step)) (*mask)[p] = 1;
-        for (const int samples : {DeviceTuning().frame_samples, 100}) {
-          stream->tuning.frame_samples = samples;
-          const Image whole = box.picture(integrator, 9, stream.get(), crop).image;
-          RenderResult results[2];
-          for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
-            const auto renderer = box.renderer(integrator, 9, where, 0, crop);
-            View view = renderer->view();
-            const int largest = renderer->largest_pass();
-            view.mask = mask;
-            renderer->set_view(view);
-            results[where != nullptr] = render(*renderer, {9});
-            if (where == nullptr) continue;
-            // The few pixels of a mask are sampled as often at once as a job allows, if the film lets them.
-            if (step > 1 && std::string(filter) == "box") EXPECT_GT(renderer->largest_pass(), largest);
-            else EXPECT_LE(renderer->largest_pass(), largest);
-            if (!renderer->passes_matter()) {  // so that a picture goes on with less memory, too
-              const FilmState state{9, 3, 0.0, results[1].counts, renderer->sums()};
-              renderer->restore(state);
-              EXPECT_TRUE(renderer->sums() == state.sums);
-            }
-            const Image& image = results[1].image;
-            const PixelRect part = view.part();
-            for (int y = part.y0; y < part.y1; ++y) {
-              for (int x = part.x0; x < part.x1; ++x) {
-                const float expected = view.wants(x, y) ? whole.at(x - part.x0, y - part.y0, 0) : 0.0f;
-                ASSERT_EQ(image.at(x - part.x0, y - part.y0, 0), expected)
-                    << filter << " " << integrator << " " << x << " " << y;
-              }
-            }
-            // The mask does not stay.
-            view.mask = nullptr;
-            renderer->set_view(view);
-            EXPECT_GT(render(*renderer, {1}).samples, part.width() * part.height() - 1);
+        stream->tuning.frame_samples = samples;
+        const Image whole = box.picture(integrator, kSpp, stream.get(), crop).image;
+        RenderResult results[2];
+        for (Stream* where : {static_cast<Stream*>(nullptr), stream.get()}) {
+          const auto renderer = box.renderer(integrator, kSpp, where, 0, crop);
+          View view = renderer->view();
+          const int largest = renderer->largest_pass();
+          view.mask = mask;
+          renderer->set_view(view);
+          results[where != nullptr] = render(*renderer, {kSpp});
+          if (where == nullptr) continue;
+          // The few pixels of a mask are sampled as often at once as a job allows, if the film lets them.
+          if (step > 1 && std::string(filter) == "box") EXPECT_GT(renderer->largest_pass(), largest);
+          else EXPECT_LE(renderer->largest_pass(), largest);
+          if (!renderer->passes_matter()) {  // so that a picture goes on with less memory, too
+            const FilmState state{kSpp, 3, 0.0, results[1].counts, renderer->sums()};
+            renderer->restore(state);
+            EXPECT_TRUE(renderer->sums() == state.sums);
           }
-          EXPECT_EQ(results[1].samples, results[0].samples);
-          EXPECT_NEAR(static_cast<double>(results[1].counts.rays), static_cast<double>(results[0].counts.rays),
-                      1e-3 * static_cast<double>(results[0].counts.rays));
+          const Image& image = results[1].image;
+          const PixelRect part = view.part();
+          for (int y = part.y0; y < part.y1; ++y) {
+            for (int x = part.x0; x < part.x1; ++x) {
+              const float expected = view.wants(x, y) ? whole.at(x - part.x0, y - part.y0, 0) : 0.0f;
+              ASSERT_EQ(image.at(x - part.x0, y - part.y0, 0), expected)
+                  << filter << " " << integrator << " " << x << " " << y;
+            }
+          }
+          // The mask does not stay.
+          view.mask = nullptr;
+          renderer->set_view(view);
+          EXPECT_GT(render(*renderer, {1}).samples, part.width() * part.height() - 1);
         }
+        EXPECT_EQ(results[1].samples, results[0].samples);
+        EXPECT_NEAR(static_cast<double>(results[1].counts.rays), static_cast<double>(results[0].counts.rays),
+                    1e-3 * static_cast<double>(results[0].counts.rays));
       }
     }
   }

@@ -115,6 +115,8 @@ TEST(Domain, SurfacesOutsideAnswer) {
     config.octree_levels = 4;
     config.disparity_log2_table = config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
     config.ncr_rays_train = config.ncr_rays_render = 8;
+    config.decoder_width = config.nr_width = config.ncr_width = 32;
+    config.decoder_hidden = config.nr_hidden = config.ncr_hidden = 2;
     config.train_steps = 150;
     config.train_points = 256;
     const TrainResult result = train(open.scene, config, {});

@@ -35,13 +35,13 @@ Config short_run(const std::string& field, int steps) {
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
-  config.ncr_width = 64;
+  config.ncr_width = 32;
   config.ncr_hidden = 2;
   config.ncr_rays_train = 16;
   config.ncr_rays_render = 8;
-  config.decoder_width = 64;
+  config.decoder_width = 32;
   config.decoder_hidden = 2;
-  config.nr_width = 64;
+  config.nr_width = 32;
   config.nr_hidden = 2;
   config.adam_warmup = 1;
   config.train_far_ends = 0.3;

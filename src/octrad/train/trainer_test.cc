@@ -33,6 +33,8 @@ Config short_run(int steps, const std::string& field = "octaoctree") {
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 10;
   config.ncr_rays_train = 16;
+  config.decoder_width = config.nr_width = config.ncr_width = 32;
+  config.decoder_hidden = config.nr_hidden = config.ncr_hidden = 2;
   config.train_poses = 8;
   config.train_far_ends = 0.5;
   return config;
