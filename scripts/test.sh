@@ -180,9 +180,10 @@ if [ $fast = 0 ]; then
 
   # Tests that take minutes with sanitizers leave themselves out.
   export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
+  # Large scenes run the same code as small ones, for minutes; that they are read stays.
+  export GTEST_FILTER='-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*'
   # shellcheck disable=SC2086
   sanitizer build-sanitize "address and undefined-behaviour sanitizers" address,undefined $programs view_server
-  # Large scenes run the same code as small ones, for minutes.
   export GTEST_FILTER='-*Shared*:*LosslessObjects*' TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
   sanitizer build-thread "thread sanitizer" thread test_train test_render test_transport view_server
 fi

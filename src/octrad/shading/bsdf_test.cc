@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/scene/sample_measured.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/bsdf_math.h"
@@ -145,6 +146,7 @@ std::vector<Vec3f> views(const Bsdf& b) {
 
 // 100,000 draws a case; the probability of one wrong alarm over all is 0.01 (and the seeds are fixed).
 TEST(Bsdf, SamplesFollowTheirDensity) {
+  if (testing::sanitized()) GTEST_SKIP() << "statistics of many samples; others draw some under the sanitizers";
   constexpr double kSignificance = 0.01 / 200.0;
   std::uint64_t seed = 1;
   for (const Named& entry : zoo().entries) {

@@ -4,6 +4,7 @@
 
 #include <numeric>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/geometry/tracer.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/shading/chi_square_test_helper.h"
@@ -61,6 +62,7 @@ void expect_density_of_samples(const EnvironmentMap& map, Vec3f p, std::uint64_t
 }
 
 TEST(EnvironmentMap, SamplesFollowTheirDensity) {
+  if (testing::sanitized()) GTEST_SKIP() << "statistics of many samples; others draw some under the sanitizers";
   for (const auto& [width, height] : {std::pair{16, 9}, {64, 32}, {5, 3}, {1, 2}, {1, 1}}) {
     const Environment e = speckled_environment(width, height);
     EnvironmentMap map(e);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/base/threads.h"
 #include "octrad/scene/sample_scenes.h"
 #include "octrad/transport/furnace_test_helper.h"
@@ -153,6 +154,7 @@ TEST(DirectionGuide, TablesForgetAndFewSamplesMakeNone) {
 
 // Lamps, an environment, masks, mirrors, coats: with tables that draw where little comes from.
 TEST(DirectionGuide, TargetsKeepTheirMeans) {
+  if (testing::sanitized()) GTEST_SKIP() << "statistics of many samples; others draw some under the sanitizers";
   for (const int room : {0, 1}) {
     Scene shown = room == 0 ? testing::open_room() : testing::every_material();
     if (shown.cameras.empty())
@@ -192,6 +194,7 @@ TEST(DirectionGuide, TargetsKeepTheirMeans) {
 
 // A small bright place on a wall, which the BSDF seldom meets.
 TEST(DirectionGuide, LearnsWhereLightComesFrom) {
+  if (testing::sanitized()) GTEST_SKIP() << "statistics of many samples; others draw some under the sanitizers";
   const FurnaceScene setup(furnace(testing::kGrey, ""));
   const LhsSampler sampler(setup.prepared, by_area());
   const RadianceQuery cache = [](std::span<const SurfacePoint> asked, std::span<Vec3f> out) {
