@@ -38,6 +38,11 @@ double cost(const Domain& box, const std::vector<Vec3f>& points) {
   return sum / static_cast<double>(points.size());
 }
 
+// Three digits, and no exponent for the sizes that scenes in millimetres or wide grounds have.
+std::string three_digits(double value) {
+  return value < 999.5 ? fmt::format("{:.3g}", value) : fmt::format("{:.0f}", value);
+}
+
 double median(std::vector<double>& values) {
   if (values.empty()) return 0.0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -177,18 +182,19 @@ std::string domain_text(const DomainFit& fit) {
   std::string text = fmt::format("box {:.4g} wide", largest_side(fit.box));
   if (largest_side(fit.box) < 0.999 * fit.whole)
     text += fmt::format(" (the scene {:.4g}; {:.1f} % of what is seen lies outside)", fit.whole, 100.0 * fit.outside);
-  if (fit.cell > 0.0) text += fmt::format(", finest cell {:.3g}", fit.cell);
+  if (fit.cell > 0.0) text += fmt::format(", finest cell {}", three_digits(fit.cell));
   if (fit.cell > 0.0 && fit.pixel > 0.0)
-    text += fmt::format(" = {:.3g} pixels at the sensors' median distance, {:.3g}", fit.cell / fit.pixel, fit.distance);
+    text += fmt::format(" = {} pixels at the sensors' median distance, {}", three_digits(fit.cell / fit.pixel),
+                        three_digits(fit.distance));
   return text;
 }
 
 std::string domain_warning(const DomainFit& fit) {
   if (fit.cell <= kCoarse * fit.distance || fit.distance <= 0.0) return "";
   return fmt::format(
-      "the finest cell is {:.3g} wide and the sensors see surfaces at {:.3g}: too coarse to show what is there; octree.bounds "
+      "the finest cell is {} wide and the sensors see surfaces at {}: too coarse to show what is there; octree.bounds "
       "can give a smaller box, octree.levels more levels",
-      fit.cell, fit.distance);
+      three_digits(fit.cell), three_digits(fit.distance));
 }
 
 FieldDomain field_domain(const Scene& scene, const Config& config, const Domain& box) {
