@@ -55,8 +55,11 @@ class CoarseCells(Case):
 
     def test_info(self):
         def info(*options):
-            return self.ok("info", COURTYARD, "--json", *options).json()["domain"]
-        chosen, whole = info(), info("-D", "octree.bounds=scene")
+            report = self.ok("info", COURTYARD, "--json", *options).json()
+            return report["domain"], [text for text in report["warnings"] if "too coarse" in text]
+        (chosen, none), (whole, said) = info(), info("-D", "octree.bounds=scene")
+        self.assertEqual((len(none), len(said)), (0, 1))
+        self.assertIn("warning: the finest cell is 1.88 wide", self.ok("info", COURTYARD, "-D", "octree.bounds=scene").err)
         self.assertAlmostEqual(chosen["scene_size"], 240, delta=0.1)
         self.assertTrue(3 < max(chosen["size"]) < 10, chosen)
         self.assertTrue(0 < chosen["outside"] < 0.4, chosen)

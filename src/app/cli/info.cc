@@ -11,6 +11,7 @@
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
+#include "octrad/base/log.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/threads.h"
 #include "octrad/base/version.h"
@@ -263,6 +264,11 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
   const DomainFit fit = fit_domain(
       prepared, config, config.train_cameras.empty() ? std::vector<Camera>{} : read_cameras(config.train_cameras));
   const Domain& domain = fit.box;
+  std::vector<std::string> warnings = scene.warnings;
+  if (const std::string coarse = domain_warning(fit); !coarse.empty()) {
+    log_warning(coarse);
+    warnings.push_back(coarse);
+  }
   const OctreeLevels levels = octree ? octree_levels(scene, domain, config, options.sampled) : OctreeLevels{};
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
@@ -307,7 +313,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                  {{"features", size.features},
                   {"with_optimizer", size.total},
                   {"without_optimizer", size.total - size.optimizer}}},
-                {"warnings", scene.warnings},
+                {"warnings", warnings},
                 {"assumed", scene.assumed},
                 {"refused", issues_json(scene.refused)}});
     return;
