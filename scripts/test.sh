@@ -162,7 +162,7 @@ sanitizer() {
 }
 
 if [ $fast = 0 ]; then
-  step "clang: every source of the program, and every header alone; clang-tidy"
+  step "clang: the sources of the program, and headers alone; clang-tidy"
   add "tests/check_clang.py" "$python" tests/check_clang.py
   if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
   run_added
