@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""clang understands the program's sources without a warning, and every header compiles alone. Nothing is generated.
+"""clang understands the program's sources without a warning, and headers compile alone. Nothing is generated.
 The library's sources are compiled by clang with the sanitizers (scripts/test.sh).
 
     OCTRAD_BUILD=build check_clang.py [FILE ...]      src/app and all headers of src/ but those of tests, or these
