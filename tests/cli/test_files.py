@@ -850,13 +850,18 @@ class Files(Case):
         log, white = self.path("log.jsonl"), self.write("white.xml", ROOM.replace("$wall, 0.5, 0.4", "1, 1, 1"))
         earlier = children_seconds()
         process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--threads", 2, "--log-json", log)
+
+        def seconds():  # of a processor
+            with open("/proc/%d/stat" % process.pid) as stat:
+                return sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+
         self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
-        time.sleep(0.3)
+        begun = seconds()
+        self.assertTrue(wait_for(lambda: seconds() > begun + 0.5))  # in its first pass, however busy the machine is
         # It is stopped while its seconds are read, so that none pass between that and the signal.
         process.send_signal(signal.SIGSTOP)
         os.waitpid(process.pid, os.WUNTRACED)
-        with open("/proc/%d/stat" % process.pid) as stat:
-            before_signal = sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+        before_signal = seconds()
         process.send_signal(signal.SIGINT)
         process.send_signal(signal.SIGCONT)
         _, err = process.communicate(timeout=PATIENCE)
