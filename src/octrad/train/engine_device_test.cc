@@ -66,6 +66,7 @@ class TrainOnStream : public testing::StreamTest {
 };
 
 TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
+  if (testing::sanitized()) GTEST_SKIP() << "takes half a minute under the sanitizers; shorter runs are the same loop";
   for (const char* field : {"octaoctree", "nr", "ncr"}) {
     Config config = short_run(field, 80);  // the last of them guided
     config.train_points = 128;
