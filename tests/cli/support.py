@@ -63,6 +63,12 @@ def measured(*arguments, hangs_after=PATIENCE, **keywords):
     return int(code), int(peak), float(seconds)
 
 
+def processor_seconds(pid):
+    """Of a process that runs, or is stopped."""
+    with open("/proc/%d/stat" % pid) as stat:
+        return sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
 def children_seconds():
     """Processor seconds of all that was started and has ended."""
     return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])

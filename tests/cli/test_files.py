@@ -13,7 +13,7 @@ import unittest.mock
 
 from exr import read_exr
 from gltf import Gltf
-from support import FAULTS, FIXED, NO_FAULTS, PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, read_safetensors, run, start, wait_for, write_pfm
+from support import FAULTS, FIXED, NO_FAULTS, PATIENCE, PROGRAM, ROOM, SMALL, Case, Result, children_seconds, processor_seconds, read_safetensors, run, start, wait_for, write_pfm
 from web_client import Viewer
 
 
@@ -850,18 +850,13 @@ class Files(Case):
         log, white = self.path("log.jsonl"), self.write("white.xml", ROOM.replace("$wall, 0.5, 0.4", "1, 1, 1"))
         earlier = children_seconds()
         process = start("render", white, "-o", self.out, "--width", 1500, "--spp", 4, "--max-depth", 1000, "--rr-depth", 1000, "--threads", 2, "--log-json", log)
-
-        def seconds():  # of a processor
-            with open("/proc/%d/stat" % process.pid) as stat:
-                return sum(map(int, stat.read().rsplit(")")[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
-
         self.assertTrue(wait_for(lambda: os.path.exists(log) and b"start" in read(log)))
-        begun = seconds()
-        self.assertTrue(wait_for(lambda: seconds() > begun + 0.5))  # in its first pass, however busy the machine is
+        begun = processor_seconds(process.pid)
+        self.assertTrue(wait_for(lambda: processor_seconds(process.pid) > begun + 0.5))  # in its first pass, however busy the machine is
         # It is stopped while its seconds are read, so that none pass between that and the signal.
         process.send_signal(signal.SIGSTOP)
         os.waitpid(process.pid, os.WUNTRACED)
-        before_signal = seconds()
+        before_signal = processor_seconds(process.pid)
         process.send_signal(signal.SIGINT)
         process.send_signal(signal.SIGCONT)
         _, err = process.communicate(timeout=PATIENCE)

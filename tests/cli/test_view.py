@@ -12,7 +12,7 @@ import unittest.mock
 
 import support
 from exr import read_exr
-from support import PATIENCE, ROOM, SMALL, Case, start, wait_for
+from support import PATIENCE, ROOM, SMALL, Case, processor_seconds, start, wait_for
 from web_client import Frame, Refused, Viewer, WebSocket, request
 
 MODEL = {}
@@ -264,13 +264,10 @@ class Stream(View):
     def test_refining_ends_and_idles(self):
         viewer = self.viewer(self.serve("--width", "16", "--height", "16"))
         viewer.frame(lambda h: h["a"]["samples"] >= 256)
-        def cpu():
-            with open("/proc/%d/stat" % self.process.pid) as stat:
-                return sum(map(int, stat.read().rsplit(")")[1].split()[11:13]))
         def idles():
-            before = cpu()
+            before = processor_seconds(self.process.pid)
             time.sleep(0.5)
-            return cpu() - before <= 5  # of 50 hundredths of a second
+            return processor_seconds(self.process.pid) - before < 0.055  # 5 ticks of a hundredth
         self.assertTrue(wait_for(idles, 60))
 
     def test_latest_frame_wins(self):

@@ -6,6 +6,7 @@
 
 #include "app/paper/published.h"
 #include "app/paper/report.h"
+#include "octrad/base/bytes.h"
 #include "octrad/base/escape.h"
 
 namespace octrad::paper {
@@ -262,7 +263,7 @@ std::string figure(const json& value) {
   if (!value.is_number()) return "-";
   const double v = value.get<double>();
   if (!std::isfinite(v)) return "-";
-  return std::abs(v) >= 100.0 ? fmt::format("{:.0f}", v) : fmt::format("{:.3g}", v);
+  return format_three_digits(v);
 }
 
 std::string cell_anchor(const json& cell) {

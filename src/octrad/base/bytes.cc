@@ -83,6 +83,10 @@ std::string format_count(long long n) {
   return digits;
 }
 
+std::string format_three_digits(double value) {
+  return std::fabs(value) >= 100.0 ? fmt::format("{:.0f}", value) : fmt::format("{:.3g}", value);
+}
+
 std::string format_rate(double r) {
   if (!std::isfinite(r) || r < 0.0) return "?";
   const char* suffix = "";

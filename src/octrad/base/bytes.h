@@ -1,4 +1,4 @@
-// Amounts of memory: parsing and printing, what the process uses, and what it may use.
+// Amounts of memory: parsing and printing, what the process uses, and what it may use. And printing of other numbers.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,8 @@ std::string format_bytes(double bytes);
 std::string format_count(long long n);
 // "1.23 M", "845 k", "12.3": a rate or count with at most three digits.
 std::string format_rate(double per_second);
+// "0.0625", "1.88", "-1398": three digits, but all of those before the point.
+std::string format_three_digits(double value);
 
 // Resident memory of this process in bytes (0 where unknown).
 std::uint64_t resident_bytes();

@@ -20,6 +20,10 @@ TEST(Bytes, ReadsAndFormats) {
   EXPECT_EQ(format_count(12691), "12,691");
   EXPECT_EQ(format_count(-1000000), "-1,000,000");
   EXPECT_EQ(format_count(7), "7");
+  EXPECT_EQ(format_three_digits(0.0625), "0.0625");
+  EXPECT_EQ(format_three_digits(1.875), "1.88");
+  EXPECT_EQ(format_three_digits(99.96), "100");
+  EXPECT_EQ(format_three_digits(-1398.2), "-1398");
   EXPECT_EQ(format_rate(1234567), "1.23 M");
   EXPECT_EQ(format_rate(845000), "845 k");
 }

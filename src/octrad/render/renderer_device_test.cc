@@ -246,17 +246,16 @@ TEST_P(RenderOnStream, PathTracedPictureIsThatOfTheCpu) {
 // As many samples as the CPU takes, of the pixels that the mask needs, in jobs of any size; what it leaves out is 0.
 TEST_P(RenderOnStream, MaskedPicturesArePartsOfTheWhole) {
   constexpr int kSpp = 5;
+  const int large = DeviceTuning().frame_samples;
+  const struct {
+    Crop crop;
+    int step, frame_samples;  // each step-th pixel; of a pass on the device
+  } parts[] = {{{}, 37, large}, {{}, 37, 100}, {{10, 5, 20, 11}, 37, large}, {{10, 5, 20, 11}, 37, 100},
+               {{}, 1, large},  {{}, 1, 100}};
   for (const char* filter : {"box", "gaussian"}) {
     Box box(filter);
     for (const char* integrator : {"path", "lhs", "disparity"}) {
-      // Which pixels, and the samples of a pass on the device.
-      struct Part {
-        Crop crop;
-        int step, frame_samples;
-      };
-      const int large = DeviceTuning().frame_samples;
-      for (const auto& [crop, step, samples] :
-           {Part{{}, 37, large}, {{}, 37, 100}, {{10, 5, 20, 11}, 37, 100}, {{}, 1, large}}) {
+      for (const auto& [crop, step, samples] : parts) {
         auto mask = std::make_shared<std::vector<std::uint8_t>>(40 * 28);
         for (std::size_t p = 0; p < mask->size(); p += static_cast<std::size_t>(step)) (*mask)[p] = 1;
         stream->tuning.frame_samples = samples;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/threads.h"
 #include "octrad/model/field_registry.h"
@@ -36,11 +37,6 @@ double cost(const Domain& box, const std::vector<Vec3f>& points) {
   double sum = 0.0;
   for (const Vec3f& p : points) sum += std::log2(cell + distance_outside(box, p));
   return sum / static_cast<double>(points.size());
-}
-
-// Three digits, and no exponent for the sizes that scenes in millimetres or wide grounds have.
-std::string three_digits(double value) {
-  return value < 999.5 ? fmt::format("{:.3g}", value) : fmt::format("{:.0f}", value);
 }
 
 double median(std::vector<double>& values) {
@@ -182,10 +178,10 @@ std::string domain_text(const DomainFit& fit) {
   std::string text = fmt::format("box {:.4g} wide", largest_side(fit.box));
   if (largest_side(fit.box) < 0.999 * fit.whole)
     text += fmt::format(" (the scene {:.4g}; {:.1f} % of what is seen lies outside)", fit.whole, 100.0 * fit.outside);
-  if (fit.cell > 0.0) text += fmt::format(", finest cell {}", three_digits(fit.cell));
+  if (fit.cell > 0.0) text += fmt::format(", finest cell {}", format_three_digits(fit.cell));
   if (fit.cell > 0.0 && fit.pixel > 0.0)
-    text += fmt::format(" = {} pixels at the sensors' median distance, {}", three_digits(fit.cell / fit.pixel),
-                        three_digits(fit.distance));
+    text += fmt::format(" = {} pixels at the sensors' median distance, {}", format_three_digits(fit.cell / fit.pixel),
+                        format_three_digits(fit.distance));
   return text;
 }
 
@@ -194,7 +190,7 @@ std::string domain_warning(const DomainFit& fit) {
   return fmt::format(
       "the finest cell is {} wide and the sensors see surfaces at {}: too coarse to show what is there; octree.bounds "
       "can give a smaller box, octree.levels more levels",
-      three_digits(fit.cell), three_digits(fit.distance));
+      format_three_digits(fit.cell), format_three_digits(fit.distance));
 }
 
 FieldDomain field_domain(const Scene& scene, const Config& config, const Domain& box) {

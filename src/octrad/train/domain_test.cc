@@ -8,6 +8,7 @@
 #include "octrad/base/threads.h"
 #include "octrad/scene/files_test_helper.h"
 #include "octrad/train/box_test_helper.h"
+#include "octrad/train/narrow_networks_test_helper.h"
 #include "octrad/train/trainer.h"
 
 namespace octrad {
@@ -115,8 +116,7 @@ TEST(Domain, SurfacesOutsideAnswer) {
     config.octree_levels = 4;
     config.disparity_log2_table = config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
     config.ncr_rays_train = config.ncr_rays_render = 8;
-    config.decoder_width = config.nr_width = config.ncr_width = 32;
-    config.decoder_hidden = config.nr_hidden = config.ncr_hidden = 2;
+    testing::narrow_networks(config);
     config.train_steps = 150;
     config.train_points = 256;
     const TrainResult result = train(open.scene, config, {});

@@ -18,6 +18,7 @@
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
 #include "octrad/train/engine_device.h"
+#include "octrad/train/narrow_networks_test_helper.h"
 #include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
@@ -35,14 +36,9 @@ Config short_run(const std::string& field, int steps) {
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
-  config.ncr_width = 32;
-  config.ncr_hidden = 2;
   config.ncr_rays_train = 16;
   config.ncr_rays_render = 8;
-  config.decoder_width = 32;
-  config.decoder_hidden = 2;
-  config.nr_width = 32;
-  config.nr_hidden = 2;
+  testing::narrow_networks(config);
   config.adam_warmup = 1;
   config.train_far_ends = 0.3;
   return config;
@@ -93,8 +89,8 @@ TEST_P(TrainOnStream, LearnsWhatTheCpuLearns) {
     // The same paths but where rounding sends a ray another way.
     EXPECT_NEAR(static_cast<double>(on_stream.rhs_queries), static_cast<double>(on_cpu.rhs_queries),
                 1e-3 * static_cast<double>(on_cpu.rhs_queries));
-    // On the host .0015 (octaoctree) and .004 (ncr) at most, .0002 and .001 for the others; the order in which threads
-    // and lanes add to a table is theirs.
+    // On the host .0002 of the loss at most, and of radiance .0011 (octaoctree), .0006 (nr) and .003 (ncr): the order
+    // in which threads and lanes add to a table is theirs.
     RecordProperty(std::string("loss_difference_") + field, std::to_string(pair.loss_difference));
     RecordProperty(std::string("difference_") + field, std::to_string(pair.difference));
     EXPECT_LT(pair.loss_difference, 0.05) << field;

@@ -15,6 +15,7 @@
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/changed_points.h"
 #include "octrad/train/checks.h"
+#include "octrad/train/narrow_networks_test_helper.h"
 #include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
@@ -23,24 +24,21 @@ namespace {
 
 using testing::Box;
 
-Config small_run(int steps) {
+// With the preset's networks: narrow ones do not learn a change in so few steps.
+Config learning_run(int steps) {
   Config config = preset("cpu");
   config.train_steps = steps;
   config.train_points = 256;
   config.train_directions = 4;
   config.octree_levels = 3;
   config.disparity_log2_table = 10;
-  config.decoder_width = 32;
-  config.decoder_hidden = 2;
   config.train_poses = 8;
   return config;
 }
 
-// With the preset's decoder: narrower ones do not learn a change in so few steps.
-Config learning_run(int steps) {
-  Config config = small_run(steps);
-  config.decoder_width = preset("cpu").decoder_width;
-  config.decoder_hidden = preset("cpu").decoder_hidden;
+Config small_run(int steps) {
+  Config config = learning_run(steps);
+  testing::narrow_networks(config);
   return config;
 }
 

@@ -15,6 +15,7 @@
 #include "octrad/model/safetensors.h"
 #include "octrad/train/box_test_helper.h"
 #include "octrad/train/checks.h"
+#include "octrad/train/narrow_networks_test_helper.h"
 #include "octrad/train/schedule.h"
 #include "octrad/train/trainer.h"
 
@@ -33,14 +34,13 @@ Config short_run(int steps, const std::string& field = "octaoctree") {
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 10;
   config.ncr_rays_train = 16;
-  config.decoder_width = config.nr_width = config.ncr_width = 32;
-  config.decoder_hidden = config.nr_hidden = config.ncr_hidden = 2;
+  testing::narrow_networks(config);
   config.train_poses = 8;
   config.train_far_ends = 0.5;
   return config;
 }
 
-// Under the sanitizers one: there each takes half a minute, and the loop is the same.
+// Under the sanitizers one: there they take ten times as long, and the loop is the same.
 std::vector<std::string> looped_fields() {
   return testing::sanitized() ? std::vector<std::string>{"octaoctree"} : field_names();
 }
