@@ -1,6 +1,7 @@
 // Integrators that query a radiance field (method section 8): `lhs`, `rhs`, `deferred`.
 #include <vector>
 
+#include "octrad/base/flat.h"
 #include "octrad/model/radiance_field.h"
 #include "octrad/render/highlights.h"
 #include "octrad/render/integrators.h"
@@ -30,7 +31,7 @@ class CacheIntegrator : public Integrator {
     std::vector<Owner> query_owners, bounce_owners;
     std::vector<ShadingPoint> bounces;
     std::vector<unsigned long long> bounce_keys;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
+    const auto trace = [&](std::size_t i) {
       RayEnd end;
       FirstHit first;
       const FirstHitQuery query = trace_first_hit(context_, options_, samples[i], end, first);
@@ -47,7 +48,10 @@ class CacheIntegrator : public Integrator {
           counts.rays += rays_.count(queries.back().alpha);
         });
       }
-    }
+    };
+    run_flat([&] {
+      for (std::size_t i = 0; i < samples.size(); ++i) trace(i);
+    });
     std::vector<Vec3f> responses(queries.size());
     field_.radiance(queries, responses);
     counts.queries += static_cast<long long>(queries.size());

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "octrad/base/error.h"
+#include "octrad/base/flat.h"
 #include "octrad/base/threads.h"
 
 namespace octrad {
@@ -41,10 +42,14 @@ void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
   const SampledWorld world{context_, surfaces_};
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
   parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      if (i < far_ends.size() && far_ends[i].hit.valid()) points[i] = shade_far_end(world, far_ends[i]);
-      else if (!lhs_point(world, options_, poses, step, i, points[i])) throw InputError(no_lhs_point());
-    }
+    bool all = true;
+    run_flat([&] {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (i < far_ends.size() && far_ends[i].hit.valid()) points[i] = shade_far_end(world, far_ends[i]);
+        else all = lhs_point(world, options_, poses, step, i, points[i]) && all;
+      }
+    });
+    if (!all) throw InputError(no_lhs_point());
   });
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "octrad/base/flat.h"
 #include "octrad/base/prefetch.h"
 
 namespace octrad {
@@ -11,19 +12,6 @@ namespace {
 // Paths that are advanced together: enough to hide memory latency and to fill packets of rays, few enough that their
 // state stays in the near caches.
 constexpr std::size_t kGroup = 128;
-
-#if defined(__x86_64__)
-#define OCTRAD_AVX512 [[gnu::target("avx2,bmi,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]]
-bool has_avx512() {
-  static const bool has = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                          __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
-                          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("bmi2");
-  return has;
-}
-#else
-#define OCTRAD_AVX512
-constexpr bool has_avx512() { return false; }
-#endif
 
 struct Walker {
   PathSample* out = nullptr;
@@ -50,17 +38,10 @@ class Group {
         environment_(context.lights.has_environment()) {}
 
   void run(std::span<PathSample> paths) {
-    if (has_avx512()) run_avx512(paths);
-    else run_baseline(paths);
+    run_flat([&] { advance(paths); });
   }
 
  private:
-  // Flat: all that they call and whose body is known becomes part of them. By themselves compilers leave small
-  // functions of the definitions apart, and the linker may then take a copy that another part of the program compiled
-  // for size. Both have the same bits: no instruction rounds otherwise, as products and sums are never fused.
-  [[gnu::flatten]] void run_baseline(std::span<PathSample> paths) { advance(paths); }
-  [[gnu::flatten]] OCTRAD_AVX512 void run_avx512(std::span<PathSample> paths) { advance(paths); }
-
   void advance(std::span<PathSample> paths) {
     for (std::size_t i = 0; i < paths.size(); ++i) {
       Walker& w = walkers_[i];

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "octrad/base/flat.h"
 #include "octrad/base/threads.h"
 #include "octrad/transport/query_point.h"
 #include "octrad/transport/rhs_math.h"
@@ -46,7 +47,7 @@ TraceCounts estimate_block(const TransportContext& context, std::span<const Shad
     if (is_finite(contribution)) targets[i] += contribution * share;
     else ++counts.non_finite;
   };
-  for (std::size_t i = begin; i < end_point; ++i) {
+  const auto trace = [&](std::size_t i) {
     const ShadingPoint& point = points[i];
     targets[i] = Vec3f(0.0f);
     if (const std::uint32_t place = range.place(static_cast<std::uint32_t>(i), n); place < range.count)
@@ -95,7 +96,10 @@ TraceCounts estimate_block(const TransportContext& context, std::span<const Shad
                          {segment.origin, segment.direction, hit, end.point.bsdf.lobe},
                          sample});
     }
-  }
+  };
+  run_flat([&] {
+    for (std::size_t i = begin; i < end_point; ++i) trace(i);
+  });
   if (!queried.empty()) {
     responses.resize(queried.size());
     query(queried, responses);
