@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""docs/scenes.md against the program: its tables name every type of object and every parameter that scenes may have and no others,
-and a parameter that is given with its documented default changes no bit of a picture, with another value it does.
+"""What octrad info --plugins says, and the tables of docs/scenes.md, which are made of it: they name every type of object and every
+parameter that scenes may have and no others, and a parameter that is given with its documented default changes no bit of a picture,
+with another value it does.
 
-    OCTRAD=path/to/octrad test_scene_docs.py
+    OCTRAD=path/to/octrad test_scene_docs.py            checks
+    OCTRAD=path/to/octrad test_scene_docs.py --write    writes the tables into docs/scenes.md
 """
 import json
 import os
@@ -21,14 +23,8 @@ sys.path.insert(0, str(ROOT / "tests" / "cli"))
 from measured_file import measured_file  # noqa: E402
 
 PROGRAM = os.environ.get("OCTRAD", str(ROOT / "build" / "octrad"))
-TEXT = (ROOT / "docs" / "scenes.md").read_text()
-
-# Where each kind of object is described.
-PARTS = {"shape": r"^\*\*Shapes\*\*(.*?)^\*\*Materials", "bsdf": r"^\*\*Materials\*\*(.*?)^\*\*Textures", "texture": r"^\*\*Textures\*\*(.*?)^\*\*Lights",
-         "emitter": r"^\*\*Lights\*\*(.*?)^\*\*Sensor", "sensor": r"^\*\*Sensors?\*\*(.*?)^\*\*Film", "film": r"^\*\*Film\*\*(.*?)^\| filter",
-         "rfilter": r"^\| filter(.*?)^\*\*Integrator", "spectrum": r"^### Spectra(.*?)^## "}
-# Parameters that all objects of a kind have, as the text before the table says.
-COMMON = {"shape": {"to_world", "flip_normals"}, "emitter": {"sampling_weight"}}
+DOCUMENT = ROOT / "docs" / "scenes.md"
+BEGIN, END = "<!-- %s: written by tests/test_scene_docs.py --write -->\n", "<!-- end of %s -->\n"  # around each table
 OLD = {"lambda_min", "lambda_max"}  # spellings of older versions
 
 BITMAP = '<string name="filename" value="picture.png"/>'
@@ -88,42 +84,56 @@ def serialized():
     return data + struct.pack("<2QI", *offsets, 2)
 
 
-def table_rows(tag):
-    """[(types, parameter cell)] of the tables about one kind of object."""
-    part = re.search(PARTS[tag], TEXT, re.M | re.S).group(1)
-    return [(re.findall(r"`([^`]*)`", types), cell) for types, cell in re.findall(r"^\| (`[^|]*)\| ?([^|]*)\|", part, re.M)]
+def plugins():
+    """{tag: types}, and {tag: {"all": text or None, "entries": [{"types", "as", "text"}]}}."""
+    said = json.loads(octrad("info", "--plugins", "--json").stdout)
+    return said, said.pop("help")
 
 
-def parameters(cell):
-    """{name: default or None} of a cell such as "`alpha`, `beta` (0 each), `gamma` (1; text)"."""
+def table(tag, kind):
+    """The help for one kind of object in Markdown."""
+    rows = [("all", kind["all"])] if kind["all"] else []
+    for entry in kind["entries"]:
+        rows.append((", ".join("`%s`" % name for name in entry["types"]), ("the same, " if entry["as"] else "") + entry["text"]))
+    lines = ["| %s | parameters (default) |" % tag, "|---|---|"] + ["| %s | %s |" % (types, text.replace("|", "\\|")) for types, text in rows]
+    return "\n".join(lines) + "\n"
+
+
+def with_tables(text, tables):
+    """The document with these tables, {tag: table}, between their marks."""
+    for tag, lines in tables.items():
+        head, rest = text.split(BEGIN % tag)
+        text = head + BEGIN % tag + "\n" + lines + "\n" + END % tag + rest.split(END % tag)[1]
+    return text
+
+
+def parameters(text):
+    """{name: default or None} of a text such as "`alpha`, `beta` (0 each), `gamma` (1; text)"."""
     found, run = {}, []
-    for name, default, end in re.findall(r"`([\w]+)`(?: \(([^)]*)\))?|([;:])", cell):
+    for name, default, end in re.findall(r"`([\w]+)`(?: \(([^)]*)\))?|([;:])", text):
         if end:
             run = []
             continue
         run.append(name)
         found.setdefault(name, None)
         if default:
-            text = default.split(";")[0].strip("` ")
-            each = text.endswith(" each")
-            text = text.replace(" each", "")
-            if re.fullmatch(r"-?[\d./]+", text) or text in OTHER:
+            value = default.split(";")[0].strip("` ")
+            each = value.endswith(" each")
+            value = value.replace(" each", "")
+            if re.fullmatch(r"-?[\d./]+", value) or value in OTHER:
                 for other in run if each else run[-1:]:
-                    found[other] = text
+                    found[other] = value
             run = []
     return found
 
 
-def documented(tag):
-    """{type: {parameter: default or None}}; "the same" means the row above."""
-    found, above = {}, {}
-    for types, cell in table_rows(tag):
-        cell = re.sub(r"\([^()]*\)", lambda match: match.group(0).replace("`", "").replace(":", ""), cell)
-        own = parameters(cell)
-        if cell.startswith("the same"):
-            own = {**above, **own}
-        above = own
-        for name in types:
+def documented(kind):
+    """{type: {parameter: default or None}}."""
+    found = {}
+    for entry in kind["entries"]:
+        own = parameters(re.sub(r"\([^()]*\)", lambda match: match.group(0).replace("`", "").replace(":", ""), entry["text"]))
+        own = {**found.get(entry["as"], {}), **own}
+        for name in entry["types"]:
             found[name] = own
     return found
 
@@ -142,7 +152,7 @@ class SceneDocuments(unittest.TestCase):
                                              "-1 -1 0 0 .6 .8 0 0 1 0 0\n1 -1 0 0 0 1 1 0 0 1 0\n0 1 0 0 .6 .8 0 .6 0 0 1\n3 0 1 2\n" % properties)
         (cls.folder / "mesh.serialized").write_bytes(serialized())
         (cls.folder / "material_rgb.bsdf").write_bytes(measured_file(0))
-        cls.plugins = json.loads(octrad("info", "--plugins", "--json").stdout)
+        cls.plugins, cls.help = plugins()
 
     def scene(self, tag, name, inside):
         """A scene with one object of this type, which holds `inside`."""
@@ -187,24 +197,32 @@ class SceneDocuments(unittest.TestCase):
         known = re.search(r"supported: ([^;]*)", texts[0]).group(1)
         return set() if known == "none" else set(known.split(", "))
 
+    def test_tables(self):
+        text = DOCUMENT.read_text()
+        for tag, kind in self.help.items():
+            with self.subTest(tag):
+                self.assertEqual(with_tables(text, {tag: table(tag, kind)}), text, "run tests/test_scene_docs.py --write")
+
     def test_types_and_parameters(self):
-        self.assertEqual(set(self.plugins), set(PARTS))
-        without_effect = set(re.findall(r"`(\w+)`", re.search(r"^No effect: (.*?)\n\n", TEXT, re.M | re.S).group(1)))
+        self.assertEqual(list(self.plugins), list(self.help))
+        without_effect = set(re.findall(r"`(\w+)`", re.search(r"^No effect: (.*?)\n\n", DOCUMENT.read_text(), re.M | re.S).group(1)))
         for tag, types in self.plugins.items():
-            rows = documented(tag)
-            self.assertEqual(set(rows), set(types))
-            for name in types:
+            entries = documented(self.help[tag])
+            common = set(re.findall(r"`(\w+)`", self.help[tag]["all"] or ""))
+            self.assertEqual(set(entries), set(types))
+            accepted = {name: self.accepted(tag, name) - OLD for name in types}
+            self.assertEqual(common - set().union(*accepted.values()) - set(self.plugins), set(), "said of all, and known to none: %s" % tag)
+            for name, known in accepted.items():
                 with self.subTest("%s %s" % (tag, name)):
-                    known = self.accepted(tag, name) - OLD
-                    said = set(rows[name]) | COMMON.get(tag, set())
-                    self.assertEqual(known - said - without_effect, set(), "not in docs/scenes.md")
+                    said = set(entries[name]) | common
+                    self.assertEqual(known - said - without_effect, set(), "not said by info --plugins")
                     others = set(sum(self.plugins.values(), []))
-                    self.assertEqual(set(rows[name]) - known - others, set(), "docs/scenes.md names them, and the program does not know them")
+                    self.assertEqual(set(entries[name]) - known - others, set(), "info --plugins names them, and the program does not know them")
 
     def test_defaults(self):
         count = 0
         for tag in self.plugins:
-            for name, defaults in documented(tag).items():
+            for name, defaults in documented(self.help[tag]).items():
                 for parameter, default in defaults.items():
                     if default is None or 'name="%s"' % parameter in NEEDS.get((tag, name), ""):
                         continue
@@ -228,4 +246,8 @@ class SceneDocuments(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    if "--write" in sys.argv:
+        tables = {tag: table(tag, kind) for tag, kind in plugins()[1].items()}
+        DOCUMENT.write_text(with_tables(DOCUMENT.read_text(), tables))
+    else:
+        unittest.main()

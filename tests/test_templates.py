@@ -19,7 +19,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 STEP = re.compile(r"[Cc]opy `(?P<source>templates/[^`]+)` to `(?P<folder>[^`]+/)`"
                   r"|[Ii]n `(?P<file>[^`]+)`, (?P<how>above|below|instead of) `(?P<anchor>[^`]+)`:\n\n(?P<block>(?:    .*\n|\n(?=    ))+)")
-TESTS = ("bsdf_test.cc", "planes_test.cc", "field_test.cc")  # those that follow the lists, or came with a template
+TESTS = ("bsdf_test.cc", "plugin_help_test.cc", "planes_test.cc", "field_test.cc")  # those that follow the lists, or came with a template
 
 PARENT = """cmake_minimum_required(VERSION 3.25)
 project(templates LANGUAGES CXX)
@@ -94,7 +94,7 @@ class Templates(unittest.TestCase):
         launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
         run("cmake", "-G", "Ninja", "-S", cls.folder, "-B", cls.folder / "build", "-DOCTRAD_CUDA=off", "-DOCTRAD_WERROR=ON",
             "-DCMAKE_CXX_FLAGS=-O1", *launcher, env=environment)
-        run("cmake", "--build", cls.folder / "build", "--target", "try", "test_shading", "test_encoding", "test_model", env=environment)
+        run("cmake", "--build", cls.folder / "build", "--target", "try", "test_scene", "test_shading", "test_encoding", "test_model", env=environment)
 
     def passed(self, program, tests):
         out = run(self.folder / "build" / "tree" / program, "--gtest_filter=" + tests, cwd=self.folder)
@@ -111,6 +111,7 @@ class Templates(unittest.TestCase):
 
     def test_scattering_model(self):
         self.passed("test_shading", "Bsdf.*")
+        self.passed("test_scene", "PluginHelp.*")
         velvet = '<bsdf type="velvet"><rgb name="reflectance" value="0.7"/><float name="fuzz" value="%s"/></bsdf>'
         diffuse = self.numbers('<bsdf type="diffuse"><rgb name="reflectance" value="0.7"/></bsdf>')
         smooth, fuzzy = self.numbers(velvet % 0), self.numbers(velvet % 1)

@@ -70,8 +70,31 @@ class Scenes(Case):
         plugins = self.ok("info", "--plugins", "--json").json()
         self.assertIn("diffuse", plugins["bsdf"])
         self.assertIn("bitmap", plugins["texture"])
-        self.assertIn("rfilter", self.ok("info", "--plugins").out)
+        self.assertEqual(list(plugins.pop("help")), list(plugins))
+        self.assertEqual(self.ok("info", "--plugins", "all", "--json").json(), self.ok("info", "--plugins", "--json").json())
+        text = self.ok("info", "--plugins").out
+        self.assertTrue(all(len(line) <= 100 for line in text.splitlines()))
+        self.assertNotRegex(text, r"`|\]\(")
+        for tag, types in plugins.items():
+            self.assertIn("\n%s\n" % tag, "\n" + text)
+            for name in types:
+                self.assertRegex(text, r"(?m)^  (\w+, )*%s\b" % name)
+
+    def test_one_plugin(self):
+        one = self.ok("info", "--plugins", "roughplastic", "--json").json()
+        self.assertEqual(one["bsdf"], ["roughplastic"])
+        self.assertEqual((list(one), list(one["help"])), (["bsdf", "help"], ["bsdf"]))
+        text = self.ok("info", "--plugins", "roughplastic").out
+        self.assertRegex(text, r"^bsdf\n  roughplastic +diffuse_reflectance \(0.5\)")  # with those of plastic
+        self.assertIn("alpha (0.1)", text)
+        self.assertIn("to_world", self.ok("info", "--plugins=merge").out)  # what all shapes have
+        self.assertIn("its shapes", self.ok("info", "--plugins", "merge").out)  # also a verb
+        self.assertEqual(list(self.ok("info", "--plugins", "rfilter", "--json").json()), ["help", "rfilter"])
+        self.fails(1, 'did you mean "roughplastic"', "info", "--plugins", "roughplastik")
+        self.fails(1, 'did you mean "emitter"', "info", "--plugins", "emiter")
         self.fails(1, "takes nothing else", "info", "--plugins", "--keys")
+        self.fails(1, "takes nothing else", "info", "--plugins", "bsdf", "scene.xml")
+        self.fails(1, "takes nothing else", "info", "scene.xml", "--plugins")
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@
 #include <filesystem>
 
 #include "app/cli/common.h"
+#include "app/cli/info_plugins.h"
 #include "app/cli/open_scene.h"
 #include "app/report/vector_json.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
-#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/threads.h"
@@ -36,7 +36,7 @@ struct InfoOptions {
   bool keys = false;
   bool sampled = false;
   bool check = false;
-  bool plugins = false;
+  std::string plugins;  // which of them to list; empty: --plugins was not given
   ConfigOptions config;
 };
 
@@ -370,17 +370,6 @@ void info_check(const CommonOptions& common, const InfoOptions& options) {
   if (!loads) throw InputError(fmt::format("{}: {} things cannot be used", options.file, check.refused.size()));
 }
 
-void info_plugins(const CommonOptions& common) {
-  nlohmann::json list = nlohmann::json::object();
-  std::string out;
-  for (const auto& [tag, types] : plugin_types()) {
-    list[tag] = types;
-    out += fmt::format("{:<9} {}\n", tag, join(types));
-  }
-  if (common.json) return print_json(list);
-  print_text(out);
-}
-
 const char* dtype_name(DType type) {
   switch (type) {
     case DType::f32: return "f32";
@@ -446,10 +435,11 @@ void info_model(const CommonOptions& common, const std::string& file) {
 
 void info_verb(const CommonOptions& common, const InfoOptions& options, const std::set<std::string>& device_verbs) {
   options.config.refuse_tuning();
-  if (options.plugins) {
-    if (!options.file.empty() || options.keys)
-      throw UsageError("--plugins lists what scenes may hold and takes nothing else");
-    return info_plugins(common);
+  if (!options.plugins.empty()) {
+    if (!options.file.empty() || options.keys || options.check || options.sampled || common.permissive ||
+        options.config.given())
+      throw UsageError("--plugins lists what scenes may hold, of one NAME or all, and takes nothing else");
+    return info_plugins(common, options.plugins);
   }
   if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
   if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
@@ -485,7 +475,13 @@ void add_info(Program& program) {
   verb->add_flag("--sampled", options->sampled, "scene: also count the cells that hold one of 2^26 surface samples");
   verb->add_flag("--check", options->check,
                  "scene: list everything that is refused or assumed; exit code 2 where it does not load");
-  verb->add_flag("--plugins", options->plugins, "list the shapes, bsdfs, textures ... that scenes may hold");
+  verb->add_option(
+          "--plugins", options->plugins,
+          "list the shapes, bsdfs, textures ... that scenes may hold, with parameters and defaults: all, one kind "
+          "(bsdf) or one type (roughplastic)")
+      ->expected(0, 1)
+      ->default_str(kAllPlugins)
+      ->option_text("[NAME]");
   add_permissive_option(*verb, program.common);
   options->config.add_to(*verb);
   verb->callback([&program, options] {

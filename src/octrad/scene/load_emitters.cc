@@ -121,7 +121,9 @@ void SceneBuilder::aim_projectors() {
 
 float SceneBuilder::sampling_weight(Params& params) {
   constexpr float kLargest = 1e6f;
-  return params.given("sampling_weight") ? params.float_in("sampling_weight", 1.0f, 0.0f, kLargest) : kNoSamplingWeight;
+  const bool given = params.given("sampling_weight");
+  const float weight = params.float_in("sampling_weight", 1.0f, 0.0f, kLargest);  // messages name what was asked for
+  return given ? weight : kNoSamplingWeight;
 }
 
 void SceneBuilder::add_environment(Params& params) {

@@ -578,6 +578,8 @@ TEST_F(LoadTest, Emitters) {
   EXPECT_EQ(scene.sampling_weights(), (std::vector<float>{2.5f, 1.0f, 0.0f, 3.0f}));
   refuses(R"(<emitter type="point"><float name="sampling_weight" value="-1"/></emitter>)", "2:23",
           {"must be between 0 and 1e+06"});
+  refuses(R"(<emitter type="point"><float name="sampling_wait" value="2"/></emitter>)", "2:23",
+          {"did you mean \"sampling_weight\"?"});
   refuses(R"(<emitter type="point"><float name="sampling_weight" value="0"/></emitter>)", "1:1",
           {"sampling_weight of all emitters is 0"});
   refuses(R"(<emitter type="pointy"/>)", "2:1",

@@ -16,7 +16,7 @@ std::vector<std::string> sensor_types();    // load_sensors.cc, as the rest
 std::vector<std::string> film_types();
 std::vector<std::string> rfilter_types();
 
-// All of them: tag and types. docs/scenes.md is checked against this.
+// All of them: tag and types. What each may hold is in plugin_help.h.
 std::vector<std::pair<std::string, std::vector<std::string>>> plugin_types();
 
 }  // namespace octrad
