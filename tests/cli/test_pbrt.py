@@ -1,4 +1,5 @@
 """pbrt: the same scene as XML gives the same picture; converted, checked, trained."""
+import json
 import os
 import unittest
 
@@ -57,13 +58,18 @@ XML = """<scene version="3.0.0">
 """
 
 
+def write_files(case):
+    """What the scene names."""
+    with open(case.path("t.png"), "wb") as out:
+        out.write(picture())
+    case.write("ground.ply", ply(GROUND, uvs=UVS))
+    case.write("tent.ply", ply(TENT, normals=[0, 1, 1, 0, 1, 1, 0, 2, 1, 0, 2, 1]))
+    case.write("lamp.ply", ply(LAMP))
+
+
 class Pbrt(Case):
     def files(self):
-        with open(self.path("t.png"), "wb") as out:
-            out.write(picture())
-        self.write("ground.ply", ply(GROUND, uvs=UVS))
-        self.write("tent.ply", ply(TENT, normals=[0, 1, 1, 0, 1, 1, 0, 2, 1, 0, 2, 1]))
-        self.write("lamp.ply", ply(LAMP))
+        write_files(self)
         return self.write("s.pbrt", PBRT)
 
     def picture_of(self, file):
@@ -83,6 +89,25 @@ class Pbrt(Case):
         self.assertEqual(sorted(os.listdir(self.path("sub/out-files"))), ["mesh0.ply", "mesh1.ply"])
         self.assertEqual(self.picture_of(out), expected)
         self.assertEqual(self.ok("info", out, "--json").json()["fingerprint"], report["fingerprint"])
+
+    def test_mirrored_views(self):
+        """pbrt's x runs to the right: what looks at it from elsewhere shows it so."""
+        file, out = self.files(), self.path("o.exr")
+        self.assertIs(self.ok("info", file, "--json").json()["cameras"][0]["mirrored"], True)
+        width, height, expected = self.picture_of(file)
+        pose = {"origin": [0, 1, 5], "target": [0, 1, 4], "fov": 45.83662361046586, "fov_axis": "y", "near_clip": 1e-4, "far_clip": 1e10,
+                "width": width, "height": height}
+        path = {"frames": 2, "keys": [dict(pose, mirrored=True), dict(pose, mirrored=True)]}
+        for words in (["--origin", "0,1,5", "--target", "0,1,4"], ["--camera", self.write("c.json", json.dumps(dict(pose, mirrored=True)))],
+                      ["--path", self.write("p.json", json.dumps(path))]):
+            with self.subTest(words[0]):
+                frames = words[0] == "--path"
+                name = self.path("f_####.exr") if frames else out
+                self.ok("render", file, "-o", name, "--integrator", "path", "--spp", "4", "--width", width, "--height", height, "-q", *words)
+                self.assertEqual(read_exr(self.path("f_0000.exr") if frames else out)[2], expected)
+        path["keys"][1]["mirrored"] = False
+        self.fails(2, "all keys are mirrored, or none is", "render", file, "-o", self.path("f_####.exr"), "--integrator", "path", "--path",
+                   self.write("p.json", json.dumps(path)))
 
     def test_curves_and_pictures_are_converted(self):
         self.files()

@@ -11,6 +11,8 @@ import unittest
 import unittest.mock
 
 import support
+import test_gltf
+import test_pbrt
 from exr import read_exr
 from support import PATIENCE, ROOM, SMALL, Case, processor_seconds, start, wait_for
 from web_client import Frame, Refused, Viewer, WebSocket, request
@@ -43,8 +45,8 @@ class View(Case):
     def tearDownClass(cls):
         cls.shared.cleanup()
 
-    def serve(self, *options, model=True):
-        process = start("view", self.scene, *(["--model", self.model] if model else []), "--json", *options, program=SERVER)
+    def serve(self, *options, model=True, scene=None):
+        process = start("view", scene or self.scene, *(["--model", self.model] if model else []), "--json", *options, program=SERVER)
         self.addCleanup(self.finish, process)
         line = process.stdout.readline()
         self.assertTrue(line, process.stderr.read().decode() if process.poll() is not None else "")
@@ -417,6 +419,26 @@ class Answers(View):
             self.assertEqual(without_times(attributes), without_times(expected))
             self.assertEqual(viewer.get("/picture-a.png")[2][:8], b"\x89PNG\r\n\x1a\n")
         self.assertEqual(viewer.get("/picture-b.png")[0], 409)
+
+    @whole_program
+    def test_scenes_of_pbrt_and_gltf(self):
+        """They are shown as they are rendered, on the CPU and from the copy that devices have."""
+        for name, text in (("s.pbrt", test_pbrt.PBRT), ("s.gltf", test_gltf.scene().text())):
+            test_pbrt.write_files(self)
+            file, rendered = self.write(name, text), self.path("rendered.exr")
+            for device in ("cpu", "host"):
+                with self.subTest("%s %s" % (name, device)):
+                    viewer = self.viewer(self.serve("--width", "45", "--height", "36", "--device", device, model=False, scene=file))
+                    viewer.frame(lambda h: not h["moving"] and h["a"]["samples"] >= 4)
+                    saved = self.path("saved.exr")
+                    with open(saved, "wb") as out:
+                        out.write(viewer.get("/picture-a.exr")[2])
+                    width, height, ours, attributes = read_exr(saved)
+                    self.assertEqual((width, height), (45, 36))
+                    self.ok("render", file, "--integrator", "path", "--width", "45", "--height", "36", "--device", device, "-o", rendered, "-q",
+                            "--spp", json.loads(attributes["octrad.render"])["spp"])
+                    self.assertEqual(ours, read_exr(rendered)[2])
+                    viewer.close()
 
     def test_paths(self):
         viewer = self.viewer(self.serve(model=False))

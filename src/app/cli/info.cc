@@ -230,6 +230,7 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
                         {"origin", vector_json(c.origin)},
                         {"forward", vector_json(c.forward)},
                         {"up", vector_json(c.up)},
+                        {"mirrored", c.mirrored()},
                         {"fov", c.fov_degrees},
                         {"width", c.film_width},
                         {"height", c.film_height},

@@ -43,6 +43,7 @@ Camera choose_camera(const Scene& scene, const ViewOptions& o) {
                      own_fov ? static_cast<float>(o.fov) : first.fov_degrees,
                      own_fov ? parse_fov_axis(o.fov_axis) : first.fov_axis);
     });
+    camera.set_mirrored(first.mirrored());
     camera.near_clip = first.near_clip;
     camera.far_clip = first.far_clip;
   } else {

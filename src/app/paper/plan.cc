@@ -201,11 +201,13 @@ nlohmann::json sideways(const PaperScene& scene) {
   const Vec3f step =
       normalize(cross(forward, up)) * (0.02f * length(vector(bounds.at("upper")) - vector(bounds.at("lower"))));
   nlohmann::json keys = nlohmann::json::array();
-  for (const Vec3f from : {origin, origin + step})
+  for (const Vec3f from : {origin, origin + step}) {
     keys.push_back({{"origin", vector_json(from)},
                     {"target", vector_json(from + forward)},
                     {"up", vector_json(up)},
                     {"fov", camera.at("fov")}});
+    if (camera.at("mirrored") == true) keys.back()["mirrored"] = true;
+  }
   return {{"keys", keys}};
 }
 
@@ -215,6 +217,7 @@ nlohmann::json hashed_cameras(const nlohmann::json& cameras) {
   const auto pair = [](Vec2f v) { return nlohmann::json::array({v.x, v.y}); };
   static const Camera usual;
   static const nlohmann::json later = {{"type", "perspective"},
+                                       {"mirrored", false},
                                        {"fov_axis", "x"},
                                        {"near_clip", usual.near_clip},
                                        {"far_clip", usual.far_clip},

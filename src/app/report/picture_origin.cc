@@ -12,6 +12,7 @@ namespace octrad::report {
 nlohmann::json camera_json(const Camera& c) {
   const Vec3f target = c.origin + c.forward;
   nlohmann::json json = {{"origin", vector_json(c.origin)}, {"target", vector_json(target)}, {"up", vector_json(c.up)}};
+  if (c.mirrored()) json["mirrored"] = true;
   if (c.kind == CameraKind::orthographic) {
     json["type"] = "orthographic";
     json["view_width"] = 2.0f * c.half_size.x;

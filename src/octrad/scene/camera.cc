@@ -63,9 +63,10 @@ int read_integer(const nlohmann::json& object, const std::string& key, int fallb
 Camera read_camera(const nlohmann::json& object, const std::string& where) {
   if (!object.is_object())
     throw InputError(where + "must be an object such as {\"origin\": [0,1,4], \"target\": [0,1,0], \"fov\": 40}");
-  const std::vector<std::string> keys = {"origin",         "target",     "up",    "to_world", "fov",  "fov_axis",
-                                         "near_clip",      "far_clip",   "width", "height",   "type", "aperture_radius",
-                                         "focus_distance", "view_width", "name"};
+  const std::vector<std::string> keys = {
+      "origin",         "target",     "up",       "to_world", "fov",  "fov_axis",
+      "near_clip",      "far_clip",   "width",    "height",   "type", "aperture_radius",
+      "focus_distance", "view_width", "mirrored", "name"};
   for (const auto& [key, value] : object.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
       throw InputError(where + "unknown key \"" + key + "\"" + did_you_mean(key, keys) + "; supported: " + join(keys));
@@ -82,6 +83,7 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
   if (object.contains("to_world")) {
     if (object.contains("origin") || object.contains("target") || object.contains("up"))
       throw InputError(where + "give either \"to_world\" or \"origin\" and \"target\"");
+    if (object.contains("mirrored")) throw InputError(where + "\"to_world\" says by itself whether it mirrors");
     const std::vector<double> numbers = read_array(object, "to_world", 16, where);
     Transform t;
     std::copy(numbers.begin(), numbers.end(), t.m.begin());
@@ -102,6 +104,11 @@ Camera read_camera(const nlohmann::json& object, const std::string& where) {
     if (!t)
       throw InputError(where + "origin, target and up define no view (equal points, or up along the view direction)");
     place(*t);
+    if (object.contains("mirrored")) {
+      const nlohmann::json& mirrored = object.at("mirrored");
+      if (!mirrored.is_boolean()) throw InputError(where + "\"mirrored\" must be true or false");
+      camera.set_mirrored(mirrored.get<bool>());
+    }
   }
   if (object.contains("type")) {
     const nlohmann::json& type = object.at("type");

@@ -14,8 +14,8 @@ struct Transform;
 struct Camera {
   CameraKind kind = CameraKind::perspective;
   Vec3f origin{0, 0, 0};
-  Vec3f right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};  // unit; `right` points to the right of the picture
-  float fov_degrees = 45.0f;                            // along fov_axis
+  Vec3f right{-1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};  // unit; `right` points to the right of the picture
+  float fov_degrees = 45.0f;                             // along fov_axis
   enum class FovAxis { x, y, diagonal, smaller, larger };
   FovAxis fov_axis = FovAxis::x;
   float near_clip = 0.01f, far_clip = 10000.0f;
@@ -27,6 +27,12 @@ struct Camera {
   Vec2f half_size{1, 1};                                // orthographic: of what a square film sees, world units
   int film_width = 0, film_height = 0;                  // of the picture: the part that is shown; 0: not given
 
+  // Whether left and right are exchanged: by a to_world that mirrors, as that of most pbrt scenes.
+  bool mirrored() const { return dot(cross(right, up), forward) > 0.0f; }
+  void set_mirrored(bool mirror) {
+    if (mirror != mirrored()) right = -right;
+  }
+
   // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
   // on the near clipping plane, as in Mitsuba 3; through the centre of the lens.
   Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
@@ -37,7 +43,8 @@ struct Camera {
   CameraView own_view() const;
 };
 
-// Right-handed axes and origin from a rigid transform. Throws InputError for a place that is too far away (limits.h).
+// Axes and origin from a transform that rotates, moves and may mirror. Throws InputError for a place that is too far
+// away (limits.h).
 void set_frame(Camera& camera, const Transform& to_world);
 
 // Camera at `origin` looking at `target`. Throws InputError when the points and `up` define no view, or one too far
@@ -47,6 +54,7 @@ Camera look_at(Vec3f origin, Vec3f target, Vec3f up, float fov_degrees, Camera::
 // Cameras of a JSON file: one object or a list of objects with
 //   {"origin": [x,y,z], "target": [x,y,z], "up": [x,y,z] (default 0,1,0), "fov": degrees, "fov_axis": "x"}   or
 //   {"to_world": [16 numbers, row after row], "fov": degrees, ...}
+// where "mirrored": true beside "origin" and "target" exchanges left and right, which a "to_world" says by itself,
 // and optionally "near_clip", "far_clip", "width", "height" (film size; 0 where absent), "type": "perspective",
 // "thinlens" (with "aperture_radius" and "focus_distance") or "orthographic" (with "view_width" instead of "fov").
 // Throws IoError, or InputError naming the file and the camera.

@@ -106,6 +106,7 @@ CameraPath::CameraPath(const nlohmann::json& document, const std::string& name) 
     if (i == 0) first_ = camera;
     if (camera.fov_axis != first_.fov_axis) throw InputError(here + "\"fov_axis\" must be that of the first key");
     if (camera.kind != first_.kind) throw InputError(here + "\"type\" must be that of the first key");
+    if (camera.mirrored() != first_.mirrored()) throw InputError(here + "all keys are mirrored, or none is");
     points_.push_back(spline_point(camera, key, here));
     if (i == 0) continue;
     const SplinePoint &a = points_[i - 1], &b = points_[i];
@@ -135,6 +136,7 @@ Camera CameraPath::camera(int frame) const {
   try {
     Camera camera = look_at(Vec3f(vector_at(p, 0)), Vec3f(vector_at(p, 3)), Vec3f(vector_at(p, 6)),
                             static_cast<float>(std::clamp(p[9], 1e-3, 179.0)), first_.fov_axis);
+    camera.set_mirrored(first_.mirrored());
     camera.near_clip = first_.near_clip;
     camera.far_clip = first_.far_clip;
     camera.kind = first_.kind;

@@ -138,6 +138,17 @@ TEST(Camera, FilesOfCameras) {
   const auto one = [&](const std::string& more) {
     return read_cameras(folder.write("d.json", R"({"origin": [0,0,4], "target": [0,0,0], )" + more + "}"))[0];
   };
+  // The same ray from the other side of the picture; as a transform that mirrors along x says it.
+  const Camera plain = one(R"("fov": 50)"), mirrored = one(R"("fov": 50, "mirrored": true)");
+  EXPECT_FALSE(plain.mirrored() || one(R"("fov": 50, "mirrored": false)").mirrored() || Camera().mirrored());
+  EXPECT_TRUE(mirrored.mirrored());
+  EXPECT_EQ(mirrored.generate({5, 7}, 30, 20).direction, plain.generate({25, 7}, 30, 20).direction);
+  const std::string matrix = R"({"to_world": [1,0,0,0, 0,1,0,0, 0,0,-1,4, 0,0,0,1], "fov": 50)";
+  const Camera by_matrix = read_cameras(folder.write("e.json", matrix + "}"))[0];
+  EXPECT_TRUE(by_matrix.mirrored());
+  EXPECT_EQ(by_matrix.generate({5, 7}, 30, 20).direction, mirrored.generate({5, 7}, 30, 20).direction);
+  EXPECT_THROW(read_cameras(folder.write("e.json", matrix + R"(, "mirrored": true})")), InputError);
+  EXPECT_THROW(one(R"("fov": 50, "mirrored": 1)"), InputError);
   const Camera wide = one(R"("type": "orthographic", "view_width": 3, "width": 30, "height": 20)");
   const Ray corner = wide.generate({0, 0}, 30, 20);
   EXPECT_NEAR(corner.origin.x, -1.5f, 1e-6f);

@@ -15,11 +15,12 @@ export function rotate(v, axis, angle) {
   return add(add(v.map(x => x * c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
 }
 
-// The directions of a camera as `render --camera` takes it, with the horizon level.
+// The directions of a camera as `render --camera` takes it, with the horizon level. hand: -1 where left and right of
+// the picture are exchanged.
 export function axes(camera) {
-  const forward = normalize(subtract(camera.target, camera.origin)), up = normalize(camera.up);
-  const right = normalize(cross(forward, up));
-  return { forward, right, up: cross(right, forward), vertical: up };
+  const forward = normalize(subtract(camera.target, camera.origin)), vertical = normalize(camera.up);
+  const side = normalize(cross(forward, vertical)), hand = camera.mirrored ? -1 : 1;
+  return { forward, right: side.map(v => v * hand), up: cross(side, forward), vertical, hand };
 }
 
 // The direction turned by angles to the right and upwards; it stays off the vertical.

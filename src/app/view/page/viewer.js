@@ -183,18 +183,18 @@ class Viewer {
   pace() { return this.hello ? 0.25 * this.hello.radius * 2 ** this.speed : 0; }
 
   look(right, upwards) {
-    const { forward, vertical } = axes(this.camera);
-    this.camera.target = add(this.camera.origin, turned(forward, vertical, right, upwards));
+    const { forward, vertical, hand } = axes(this.camera);
+    this.camera.target = add(this.camera.origin, turned(forward, vertical, hand * right, upwards));
     this.moved();
   }
 
   orbit(right, upwards) {
     const pivot = this.pivot || add(this.camera.origin, axes(this.camera).forward, 0.5 * this.hello.radius);
-    const { forward, vertical } = axes(this.camera);
+    const { forward, vertical, hand } = axes(this.camera);
     const to = subtract(pivot, this.camera.origin), distance = length(to);
-    const before = normalize(to), after = turned(before, vertical, -right, -upwards);
+    const before = normalize(to), after = turned(before, vertical, -hand * right, -upwards);
     // The view turns with the direction to the pivot, so that the pivot stays where it is in the picture.
-    const turn = turned(forward, vertical, -right, -upwards);
+    const turn = turned(forward, vertical, -hand * right, -upwards);
     this.camera.origin = add(pivot, after, -distance);
     this.camera.target = add(this.camera.origin, turn);
     this.moved();
@@ -555,8 +555,9 @@ class Viewer {
     if (!asks && command.max_depth !== undefined) words.push("--max-depth", String(command.max_depth));
     for (const d of [...command.definitions, ...(asks ? command.model_definitions : [])]) words.push("-D", d);
     if (command.seed !== undefined) words.push("--seed", String(command.seed));
-    // Other cameras than perspective ones have no options: what Save JSON writes is named.
-    if (c.type && c.type !== "perspective") words.push("--camera", "camera.json");
+    // Other cameras than perspective ones have no options, and options mirror as the first sensor does: what Save JSON
+    // writes is named.
+    if ((c.type && c.type !== "perspective") || !c.mirrored !== !this.hello.sensors[0].mirrored) words.push("--camera", "camera.json");
     else words.push(`--origin=${c.origin}`, `--target=${c.target}`, `--up=${c.up}`, "--fov", String(c.fov), "--fov-axis", c.fov_axis || "x");
     words.push("--width", String(this.state.width), "--height", String(this.state.height), "--spp", String(this.frame ? this.frame[side].samples : 4), "-o", "view.exr");
     return words.map(quoted).join(" ");
