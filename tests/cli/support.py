@@ -220,6 +220,14 @@ def on_terminal(columns, *arguments, timeout=PATIENCE, enough=None):
     return text.decode("utf-8", "replace")
 
 
+def holds(file, text):
+    """Whether the file is there and has this text."""
+    if not os.path.exists(file):
+        return False
+    with open(file, encoding="utf-8") as content:
+        return text in content.read()
+
+
 def wait_for(condition, seconds=PATIENCE):
     end = time.monotonic() + seconds
     while time.monotonic() < end:

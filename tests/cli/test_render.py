@@ -8,7 +8,7 @@ import signal
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, Case, start, wait_for, write_pfm
+from support import PATIENCE, ROOM, Case, holds, start, wait_for, write_pfm
 
 LAYERS = ["R", "G", "B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z", "roughness.Y"]
 
@@ -224,7 +224,7 @@ class Render(Case):
     def test_interrupt_saves_what_is_done(self):
         log = self.path("log.jsonl")
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--log-json", log)
-        self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
+        self.assertTrue(wait_for(lambda: holds(log, "progress")))
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)

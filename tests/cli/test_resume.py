@@ -9,7 +9,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import PATIENCE, ROOM, Case, read_safetensors, start, wait_for, write_pfm
+from support import PATIENCE, ROOM, Case, holds, read_safetensors, start, wait_for, write_pfm
 
 GAUSSIAN = ROOM.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
 
@@ -198,7 +198,7 @@ class Resume(Case):
     def test_an_interrupted_run_keeps_a_better_picture(self):
         self.render("--spp", 3000)
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--log-json", self.path("log"))
-        self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and "progress" in open(self.path("log")).read()))
+        self.assertTrue(wait_for(lambda: holds(self.path("log"), "progress")))
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=PATIENCE)
         self.assertEqual(process.returncode, 130, err)

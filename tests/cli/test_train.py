@@ -10,7 +10,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import FIXED, PATIENCE, ROOM, SMALL, Case, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
+from support import FIXED, PATIENCE, ROOM, SMALL, Case, holds, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model", "memory_estimate_bytes", "memory_peak_bytes"}
@@ -203,7 +203,7 @@ class Train(Case):
     def test_resume_after_kill_ends_with_the_same_bits(self):
         log = self.path("log.jsonl")
         process = self.endless("-D", "checkpoint.every=100ms", "--log-json", log)
-        self.assertTrue(wait_for(lambda: os.path.exists(log) and '"saved"' in open(log).read()))
+        self.assertTrue(wait_for(lambda: holds(log, '"saved"')))
         process.kill()
         process.communicate()
         self.assertGreater(self.saved_step(), 0)
@@ -235,10 +235,10 @@ class Train(Case):
     def test_a_second_training_of_a_file_is_told_at_once(self):
         log = self.path("log.jsonl")
         first = start("train", self.scene, "-o", self.model, *SMALL, "--steps", 1000000, "-q", "--log-json", log)
-        self.assertTrue(wait_for(lambda: os.path.exists(log) and "start" in open(log, encoding="utf-8").read()))
+        self.assertTrue(wait_for(lambda: holds(log, "start")))
         self.assertTrue(os.path.exists(self.model + ".lock"))
         self.fails(3, "another process is writing it", "train", self.scene, "-o", self.model, *SMALL, "--steps", 3)
-        self.assertTrue(wait_for(lambda: "progress" in open(log, encoding="utf-8").read()))  # while it loads it ends at once
+        self.assertTrue(wait_for(lambda: holds(log, "progress")))  # while it loads it ends at once
         first.send_signal(signal.SIGINT)
         self.assertEqual(first.wait(timeout=PATIENCE), 130)
         self.assertFalse(os.path.exists(self.model + ".lock"))
@@ -248,7 +248,7 @@ class Train(Case):
         for sent in (signal.SIGINT, signal.SIGTERM):
             log = self.path("log%d.jsonl" % sent)
             process = start("train", self.scene, "-o", self.model, "--overwrite", *SMALL, "--time", "10m", "--log-json", log, "--json")
-            self.assertTrue(wait_for(lambda: os.path.exists(log) and "progress" in open(log).read()))
+            self.assertTrue(wait_for(lambda: holds(log, "progress")))
             process.send_signal(sent)
             out, err = process.communicate(timeout=PATIENCE)
             self.assertEqual(process.returncode, 130, err)
