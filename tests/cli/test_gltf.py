@@ -65,6 +65,15 @@ XML = """<scene version="3.0.0">
 </scene>"""
 
 
+def write_files(case):
+    """What the scenes name."""
+    with open(case.path("t.png"), "wb") as out:
+        out.write(picture())
+    case.write("ground.ply", ply(GROUND, uvs=UVS))
+    case.write("tent.ply", ply(TENT, normals=[0, 1, 1, 0, 1, 1, 0, 2, 1, 0, 2, 1]))
+    case.write("lamp.ply", ply(LAMP))
+
+
 class GltfScenes(Case):
     def write_bytes(self, name, data):
         with open(self.path(name), "wb") as out:
@@ -78,10 +87,7 @@ class GltfScenes(Case):
         return width, height, data
 
     def test_same_picture_as_xml_and_converted(self):
-        self.write_bytes("t.png", picture())
-        self.write("ground.ply", ply(GROUND, uvs=UVS))
-        self.write("tent.ply", ply(TENT, normals=[0, 1, 1, 0, 1, 1, 0, 2, 1, 0, 2, 1]))
-        self.write("lamp.ply", ply(LAMP))
+        write_files(self)
         expected = self.picture_of(self.write("s.xml", XML))
         self.assertEqual(expected[:2], (45, 36))
         text, container = self.write("s.gltf", scene().text()), self.write_bytes("s.glb", scene().container())

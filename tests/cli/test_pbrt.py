@@ -5,7 +5,7 @@ import unittest
 
 from exr import read_exr
 from support import SMALL, Case, run
-from test_gltf import GROUND, LAMP, SQUARE, TENT, UVS, picture, ply
+from test_gltf import LAMP, SQUARE, TENT, write_files
 
 PBRT = """LookAt 0 1 5  0 1 4  0 1 0
 Camera "perspective" "float fov" 45.83662361046586 # of the height
@@ -56,15 +56,6 @@ XML = """<scene version="3.0.0">
 <shape type="ply"><string name="filename" value="lamp.ply"/><boolean name="face_normals" value="true"/><ref id="black"/><emitter type="area"><rgb name="radiance" value="8, 6, 4"/></emitter></shape>
 </scene>
 """
-
-
-def write_files(case):
-    """What the scene names."""
-    with open(case.path("t.png"), "wb") as out:
-        out.write(picture())
-    case.write("ground.ply", ply(GROUND, uvs=UVS))
-    case.write("tent.ply", ply(TENT, normals=[0, 1, 1, 0, 1, 1, 0, 2, 1, 0, 2, 1]))
-    case.write("lamp.ply", ply(LAMP))
 
 
 class Pbrt(Case):

@@ -424,7 +424,7 @@ class Answers(View):
     def test_scenes_of_pbrt_and_gltf(self):
         """They are shown as they are rendered, on the CPU and from the copy that devices have."""
         for name, text in (("s.pbrt", test_pbrt.PBRT), ("s.gltf", test_gltf.scene().text())):
-            test_pbrt.write_files(self)
+            test_gltf.write_files(self)
             file, rendered = self.write(name, text), self.path("rendered.exr")
             for device in ("cpu", "host"):
                 with self.subTest("%s %s" % (name, device)):
