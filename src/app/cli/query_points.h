@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/query_rays.h"
 #include "octrad/model/radiance_field.h"
 
 namespace octrad::cli {

@@ -1,7 +1,7 @@
 // What a configuration chooses between. The names that users write are in the key table (config.cc).
 #pragma once
 
-#include "octrad/base/surface_point.h"        // LookupDirection, RoughDirection: lookup.direction, .rough_direction
+#include "octrad/base/lookup_rule.h"          // LookupDirection, RoughDirection: lookup.direction, .rough_direction
 #include "octrad/network/activations_math.h"  // Activation: decoder.output, nr.output
 #include "octrad/network/loss_math.h"         // LossNormalizer: loss.normalizer
 

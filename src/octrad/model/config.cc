@@ -1,6 +1,8 @@
 // The table of configuration keys: one line a switch, with its range and one line of help. Everything else here
 // (parsing, JSON, the manual's table) is derived from it.
 #include "octrad/model/config.h"
+#include "octrad/base/hit_cluster.h"
+#include "octrad/base/lookup_rule.h"
 
 #include <fmt/format.h>
 
@@ -17,7 +19,6 @@
 #include "octrad/base/error.h"
 #include "octrad/base/escape.h"
 #include "octrad/base/join.h"
-#include "octrad/base/surface_point.h"
 #include "octrad/model/field_registry.h"
 
 namespace octrad {

@@ -7,6 +7,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "octrad/base/follow_rules.h"
+#include "octrad/base/lookup_rule.h"
 #include "octrad/base/vec.h"
 #include "octrad/model/choices.h"
 

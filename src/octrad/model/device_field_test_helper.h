@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/query_rays.h"
 #include "octrad/device/array.h"
 #include "octrad/model/device_field.h"
 

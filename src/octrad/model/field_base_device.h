@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "octrad/base/bits.h"
+#include "octrad/base/lookup_rule.h"
 #include "octrad/base/vec.h"
 #include "octrad/device/array.h"
 #include "octrad/device/rows.h"

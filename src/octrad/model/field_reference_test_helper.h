@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/lookup_rule.h"
 #include "octrad/encoding/hash_grid_math.h"
 #include "octrad/encoding/octaoctree_math.h"
 #include "octrad/encoding/spherical_harmonics_math.h"

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "octrad/base/query_rays.h"
 #include "octrad/model/device_field.h"
 
 namespace octrad {

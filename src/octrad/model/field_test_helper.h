@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "octrad/base/error.h"
+#include "octrad/base/hit_cluster.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/encoding/octaoctree.h"

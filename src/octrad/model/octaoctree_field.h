@@ -4,6 +4,7 @@
 #include <atomic>
 #include <memory>
 
+#include "octrad/base/lookup_rule.h"
 #include "octrad/encoding/hash_grid.h"
 #include "octrad/encoding/octaoctree.h"
 #include "octrad/model/decoder_head.h"

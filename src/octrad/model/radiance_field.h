@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "octrad/base/bytes.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/model/config.h"
 #include "octrad/model/safetensors.h"

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "octrad/base/lookup_rule.h"
 #include "octrad/model/decoder_math.h"
 
 namespace octrad {

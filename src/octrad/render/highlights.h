@@ -2,6 +2,7 @@
 // and one bounce at the first hit shows them (render.highlights).
 #pragma once
 
+#include "octrad/base/follow_rules.h"
 #include "octrad/model/config.h"
 #include "octrad/transport/prepared_scene.h"
 

@@ -1,6 +1,7 @@
 // Makers of the integrators, for the list in integrators.cc. Each is in the file that its comment names.
 #pragma once
 
+#include "octrad/base/query_rays.h"
 #include "octrad/render/integrator.h"
 #include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/trace_counts.h"

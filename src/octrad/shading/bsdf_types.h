@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "octrad/base/surface_point.h"
+#include "octrad/base/vec.h"
 #include "octrad/scene/material_types.h"
 
 namespace octrad {

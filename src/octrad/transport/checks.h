@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "octrad/base/follow_rules.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/device/array.h"
 #include "octrad/device/check.h"
 #include "octrad/transport/camera_job.h"

@@ -4,6 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "octrad/base/hit_cluster.h"
+#include "octrad/base/query_rays.h"
+#include "octrad/base/reflected_surface.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/device/array.h"
 #include "octrad/transport/queue_math.h"

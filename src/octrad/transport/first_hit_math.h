@@ -2,6 +2,8 @@
 // G-buffer kernels and validation all decide it here.
 #pragma once
 
+#include "octrad/base/follow_rules.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/scene/camera_math.h"
 #include "octrad/transport/camera_hit_math.h"
 #include "octrad/transport/follow_math.h"

@@ -2,6 +2,9 @@
 // DeviceWorld).
 #pragma once
 
+#include "octrad/base/lookup_rule.h"
+#include "octrad/base/query_rays.h"
+#include "octrad/base/reflected_surface.h"
 #include "octrad/base/rng.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/geometry/hit.h"

@@ -3,6 +3,7 @@
 // the CPU).
 #pragma once
 
+#include "octrad/base/query_rays.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/camera_job.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "octrad/base/surface_point.h"
+#include "octrad/base/hit_cluster.h"
 
 namespace octrad {
 

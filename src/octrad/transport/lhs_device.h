@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "octrad/base/query_rays.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"

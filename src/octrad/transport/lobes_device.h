@@ -2,6 +2,8 @@
 // their distances, as field_query_point() (transport/query_point.h) finds them on the CPU.
 #pragma once
 
+#include "octrad/base/hit_cluster.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/base/sobol_math.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"

@@ -1,6 +1,7 @@
 // Points as they are given to a radiance field on the CPU, with what the field wants traced from them.
 #pragma once
 
+#include "octrad/base/query_rays.h"
 #include "octrad/transport/context.h"
 
 namespace octrad {

@@ -1,6 +1,8 @@
 // The right-hand side of transport/rhs_estimator.h on a Stream: all directions of all points at once.
 #pragma once
 
+#include "octrad/base/follow_rules.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/base/surface_point.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/device_memory.h"

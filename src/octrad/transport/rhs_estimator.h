@@ -5,6 +5,8 @@
 #include <functional>
 #include <span>
 
+#include "octrad/base/follow_rules.h"
+#include "octrad/base/query_rays.h"
 #include "octrad/transport/context.h"
 #include "octrad/transport/direction_guide_math.h"
 #include "octrad/transport/far_ends_math.h"

@@ -2,6 +2,7 @@
 // there. For files named *_device.cc.
 #pragma once
 
+#include "octrad/base/query_rays.h"
 #include "octrad/device/launch.h"
 #include "octrad/shading/device_world.h"
 #include "octrad/transport/follow_math.h"
