@@ -374,7 +374,7 @@ gltf("sparse-beyond", lambda g: g.json["accessors"][0].update(sparse={"count": 1
 gltf("color-of-two", lambda g: put("materials", value=[{"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}}])(g) or put("meshes", 0, "primitives", 0, "material", value=0)(g), "a list of 4 numbers")
 GLOSS, TWO_TEXTURES = "KHR_materials_pbrSpecularGlossiness", {"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}}
 for name, extension, value, message in (("gloss-of-another-kind", GLOSS, 5, "must be an object"), ("gloss-negative", GLOSS, {"specularFactor": [-1, 0, 0]}, "a list of 3 numbers from 0"),
-        ("gloss-above-one", GLOSS, {"glossinessFactor": 2}, "a number from 0 to 1"), ("gloss-texture-missing", GLOSS, {**TWO_TEXTURES, "diffuseTexture": {}}, "needs the index of a texture"),
+        ("gloss-a-text", GLOSS, {"glossinessFactor": "2"}, "must be a number"), ("gloss-texture-missing", GLOSS, {**TWO_TEXTURES, "diffuseTexture": {}}, "needs the index of a texture"),
         ("unlit-of-another-kind", "KHR_materials_unlit", True, "must be an object"), ("absorption-negative", "KHR_materials_volume", {"attenuationDistance": -1}, '"attenuationDistance" must be a number from 0')):
     gltf(name, lambda g, e=extension, v=value: textured({"uri": "t.png"})(g) or put("materials", 0, "extensions", value={e: v})(g), message)
 gltf("draco", lambda g: put("meshes", 0, "primitives", 0, "extensions", value={"KHR_draco_mesh_compression": {}})(g) or g.json["accessors"][0].pop("bufferView"), "KHR_draco_mesh_compression is not supported")
@@ -382,8 +382,8 @@ gltf("buffer-short", lambda g: g.text().replace(f'"byteLength": {len(g.binary)},
 gltf("base64-broken", lambda g: g.text().replace("base64,AAAA", "base64,A!AA"), "not in base64")
 gltf("buffer-missing", lambda g: g.text().replace('"data:', '"none.bin" , "x": "'), "does not exist")
 gltf("buffer-a-device", lambda g: g.text().replace('"data:', '"/dev/zero", "x": "'), "must be a relative path")
-gltf("image-outside", textured({"uri": "../t.png"}), "leaves the folder")
-gltf("image-outside-by-backslashes", textured({"uri": "..\\t.png"}), "leaves the folder")
+gltf("image-beside-that-is-missing", textured({"uri": "../no-such-picture.png"}), "does not exist")
+gltf("image-beside-by-backslashes", textured({"uri": "..\\no-such-picture.png"}), "does not exist")
 gltf("image-of-the-root-by-backslashes", textured({"uri": "\\t.png"}), "must be a relative path")
 gltf("image-of-another-kind", textured({"uri": "data:image/webp;base64,UklGRg=="}), "not a picture")
 gltf("image-of-webp-cut-off", textured({"uri": "data:image/webp;base64,UklGRhoAAABXRUJQVlA4TA0AAAAv"}), "broken or truncated WebP file")
@@ -497,15 +497,15 @@ for name, data, message, code in (
         ("attribute.exr", b"\x76\x2f\x31\x01\2\0\0\0channels\0chlist\0\xff\xff\xff\x7f", "broken EXR header", 2)):
     pictured(name, data, message, code)
 for name, where, value, message in (
-        ("reflectance-negative", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "has the value -1"),
         ("reflectance-nan", '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', float("nan"), "not finite"),
         ("opacity-2", '<bsdf type="mask"><texture name="opacity" type="bitmap"><string name="filename" value="t.pfm"/></texture><bsdf type="diffuse"/></bsdf>', 2, "an opacity must"),
         ("alpha-negative", '<bsdf type="roughconductor"><texture name="alpha" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>', -1, "a roughness must"),
         ("light-nan", '<shape type="cube"><emitter type="area"><texture name="radiance" type="bitmap"><string name="filename" value="t.pfm"/></texture></emitter></shape>', float("nan"), "not finite"),
         ("sky-inf", '<emitter type="envmap"><string name="filename" value="t.pfm"/></emitter>', float("inf"), "not finite")):
     body(f"bitmap-{name}", where, message, t_pfm=pfm(value))
-odd("bitmap-reflectance-5", scene(SENSOR + CUBE + '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>'),
-    "texels of reflectance above 1 (up to 5), read as 1", t_pfm=pfm(5))
+for name, value, note in (("5", 5, "texels of reflectance above 1 (up to 5), read as 1"), ("negative", -1, "negative values, read as 0")):
+    odd(f"bitmap-reflectance-{name}", scene(SENSOR + CUBE + '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.pfm"/></texture></bsdf>'),
+        note, t_pfm=pfm(value))
 
 BIG = png(2600, 2600, bytes(2600 * (2600 * 3 + 1)), 2)
 case("compared", {"a.png": BIG}, ["compare", "a.png", "a.png"], 4, "a.png: comparing")

@@ -54,7 +54,8 @@ nlohmann::json parse_json(const std::string& text, const std::string& name) {
     const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
     const std::size_t start = end == 0 ? std::string::npos : text.rfind('\n', end - 1);
     const std::size_t column = start == std::string::npos ? end + 1 : end - start;
-    throw InputError(fmt::format("{}:{}:{}: not valid JSON", name, line, column));
+    const bool bytes = std::string_view(error.what()).find("UTF-8") != std::string_view::npos;
+    throw InputError(fmt::format("{}:{}:{}: not valid JSON{}", name, line, column, bytes ? ": not UTF-8" : ""));
   } catch (const nlohmann::json::out_of_range&) {
     throw InputError(fmt::format("{}: a number is too large for a floating-point number", name));
   }

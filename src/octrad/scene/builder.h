@@ -71,6 +71,7 @@ class SceneBuilder {
     std::string name;  // vertex_... or face_...
     float scale = 1.0f;
     TextureRole role = TextureRole::reflectance;
+    bool srgb = false;  // colours of Mitsuba 0.6 (vertexcolors): bytes are shares of 255, and all are encoded
     Location where;
   };
   struct MeshJob {

@@ -151,8 +151,6 @@ TEST_F(CheckTest, WaysOut) {
       {"0.6.0", R"(<shape type="heightfield"/>)", "turn it into triangles"},
       {"3.0.0", bsdf(R"(<emitter type="directionalarea"/>)"), "directional outside of shapes"},
       {"0.6.0", R"(<emitter type="collimated"/>)", "small cutoff_angle"},
-      {"3.0.0", R"(<sensor type="batch"/>)", "one by one at the top level"},
-      {"3.0.0", R"(<sensor type="radiancemeter"/>)", "octrad query"},
   };
   for (const auto& [version, body, text] : cases) {
     const std::string all = refused(version, body);
@@ -367,6 +365,41 @@ TEST_F(CheckTest, MediaThatNothingUses) {
       {"2:57 <medium> inside shape"});
 }
 
+// Beside a sensor that can be used; alone they are refused.
+TEST_F(CheckTest, SensorsThatAreLeftOut) {
+  const std::string sphere = "<shape type=\"sphere\"/>";
+  const std::string plain = load_scene(write(sphere)).fingerprint;
+  for (const auto& [body, way] :
+       {std::pair(R"(<sensor type="batch"/>)" + sphere, "one by one at the top level"),
+        std::pair(R"(<sensor type="radiancemeter"/>)" + sphere, "octrad query"),
+        std::pair(std::string(R"(<shape type="sphere"><sensor type="irradiancemeter"/></shape>)"),
+                  "octrad query gives values")}) {
+    const Scene scene = load_scene(write(body));
+    EXPECT_EQ(scene.fingerprint, plain) << body;
+    EXPECT_EQ(scene.cameras.size(), 1u);
+    EXPECT_NE(join(scene.assumed).find(way), std::string::npos) << join(scene.assumed);
+  }
+  EXPECT_EQ(mistakes(R"(<sensor type="perspectiv"/>)" + sphere).size(), 1u);  // a mistake in writing
+  const std::string alone =
+      folder_.write("alone.xml", "<scene version=\"3.0.0\">" + sphere + "<sensor type=\"distant\"/></scene>");
+  const auto refused = check_scene_file(alone).refused;
+  ASSERT_EQ(refused.size(), 1u);
+  EXPECT_NE(refused[0].what.find("use orthographic"), std::string::npos) << refused[0].what;
+}
+
+// Of Mitsuba 3's ADIntegrator; light that is scattered once has one more segment than what is emitted.
+TEST_F(CheckTest, DepthOfDifferentiableIntegrators) {
+  const auto depth = [&](const std::string& type, const std::string& inside = "") {
+    return load_scene(write("<integrator type=\"" + type + "\">" + inside + "</integrator><shape type=\"sphere\"/>"))
+        .max_depth;
+  };
+  for (const char* type : {"prb", "prb_basic", "prb_projective", "prbvolpath"}) EXPECT_EQ(depth(type), 6) << type;
+  EXPECT_EQ(depth("prb", R"(<integer name="max_depth" value="-1"/>)"), -1);
+  EXPECT_EQ(depth("prb", R"(<integer name="max_depth" value="4"/>)"), 4);
+  EXPECT_EQ(depth("direct_projective"), 2);
+  EXPECT_EQ(depth("volpath"), -1);
+}
+
 TEST_F(CheckTest, WaysOutOfMore) {
   const auto says = [&](const std::string& body, const std::string& text) {
     const std::vector<std::string> found = mistakes(body);
@@ -377,9 +410,9 @@ TEST_F(CheckTest, WaysOutOfMore) {
   says(
       R"(<shape type="sphere"><bsdf type="normalmap"><string name="filename" value="n.png"/><bsdf type="diffuse"/></bsdf></shape>)",
       "belongs into a bitmap");
-  says(R"(<shape type="sphere"><sensor type="irradiancemeter"/></shape>)", "octrad query gives values");
   says(R"(<emitter type="avg_sunsky"/><shape type="sphere"/>)", "bake it to a picture");
   says(R"(<luminaire type="point"/><shape type="sphere"/>)", "now called <emitter>");
+  says(R"(<shape type="sphere"><luminaire type="area"/></shape>)", "now called <emitter>");
   says(R"(<sensor type="thinlens"><float name="aperture_radius" value="1e19"/></sensor><shape type="sphere"/>)",
        "up to 1e9");
   // What two objects meet is listed once.

@@ -84,6 +84,16 @@ Transform of_parts(Vec3d translation, std::vector<double> quaternion, Vec3d scal
 
 Vec3d vec(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
+// What a scale of 0 along one axis makes flat is seen (shadows that are drawn, writing): it stays a millionth thick.
+// Only where all three are 0 does a node show nothing.
+Vec3d not_flat(Vec3d scale) {
+  const double largest = std::max({std::fabs(scale.x), std::fabs(scale.y), std::fabs(scale.z)});
+  for (int i = 0; i < 3; ++i) {
+    if (scale[i] == 0.0) scale[i] = 1e-6 * largest;
+  }
+  return scale;
+}
+
 // Cameras and lights of glTF look along -z with x to the right; those of Mitsuba along +z with x to the left.
 std::optional<Transform> view_of(const Transform& node) {
   return Transform::look_at(node.column(3), node.column(3) - node.column(2), node.column(1));
@@ -152,11 +162,21 @@ class GltfReader {
       for (int row = 0; row < 4; ++row) {
         for (int column = 0; column < 4; ++column) t(row, column) = m[static_cast<std::size_t>(4 * column + row)];
       }
+      // Products of matrices in float are off by a few roundings.
+      constexpr double kRounding = 1e-5;
+      const double w = t(3, 3);
+      if (std::fabs(w - 1.0) < kRounding) {
+        for (int row = 0; row < 3; ++row) {
+          if (std::fabs(t(3, row)) < kRounding) t(3, row) = 0.0;
+          for (int column = 0; column < 4; ++column) t(row, column) /= w;
+        }
+        t(3, 3) = 1.0;
+      }
       if (!t.is_affine()) node.fail("the last row of the matrix must be 0 0 0 1");
       return t;
     }
     return of_parts(vec(node.numbers("translation", {0, 0, 0})), node.numbers("rotation", {0, 0, 0, 1}, -2.0, 2.0),
-                    vec(node.numbers("scale", {1, 1, 1})), node);
+                    not_flat(vec(node.numbers("scale", {1, 1, 1}))), node);
   }
 
   // Walks the tree of the scene without calling itself: it may be as deep as the file has nodes.
@@ -330,8 +350,8 @@ class GltfReader {
       primitive.fail("KHR_draco_mesh_compression is not supported" + extension_advice("KHR_draco_mesh_compression"));
     GltfSurface surface;
     surface.material = primitive.index("material", "materials");
-    const int uv_set = materials_.uv_set(surface.material);
     const GltfObject attributes = primitive.object("attributes");
+    const int uv_set = materials_.uv_set(surface.material, attributes);
     surface.uvs = attributes.has("TEXCOORD_" + std::to_string(uv_set));
     if (!surface.uvs && materials_.has_textures(surface.material))
       report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");

@@ -303,8 +303,6 @@ std::string GltfFile::resolve(const std::string& uri, const GltfObject& user) co
   if (file.find('\0') != std::string::npos || path.is_absolute() ||
       (colon != std::string::npos && file.find('/') > colon))
     user.fail("the uri " + shown + " must be a relative path or data:…;base64,…");
-  if (std::find(path.begin(), path.end(), "..") != path.end())
-    user.fail("the uri " + shown + " leaves the folder of the glTF file");
   return description_.resolve(file, user.location());
 }
 

@@ -89,7 +89,7 @@ class GltfFile {
   // Throws where there are others than `components` in each element.
   GltfValues values(int accessor, std::vector<int> components) const;
   std::vector<std::uint32_t> indices(int accessor) const;
-  // Full name of a file that `user` refers to: a relative path that stays in the folder of the glTF file or below.
+  // Full name of a file that `user` refers to by a relative path.
   std::string resolve(const std::string& uri, const GltfObject& user) const;
   static bool is_data(const std::string& uri) { return uri.starts_with("data:"); }
   // The content of a data URI in base64.

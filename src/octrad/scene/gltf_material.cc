@@ -43,7 +43,12 @@ Vec3d specular_factors(const GltfObject& gloss) {
   return {std::min(c[0], 1.0), std::min(c[1], 1.0), std::min(c[2], 1.0)};
 }
 
-double glossiness_of(const GltfObject& gloss) { return gloss.number("glossinessFactor", 1.0, 0.0, 1.0); }
+// A number from 0 to 1; others, which writers of files make, are the nearest of these (note_shares()).
+double share(const GltfObject& object, const char* key, double fallback) {
+  return std::clamp(object.number(key, fallback), 0.0, 1.0);
+}
+
+double glossiness_of(const GltfObject& gloss) { return share(gloss, "glossinessFactor", 1.0); }
 
 double largest_of(Vec3d v) { return std::max({v.x, v.y, v.z}); }
 
@@ -54,7 +59,7 @@ double emissive_strength(const GltfObject& m) {
 }
 
 double transmission_of(const GltfObject& m) {
-  return m.extension("KHR_materials_transmission").number("transmissionFactor", 0.0, 0.0, 1.0);
+  return share(m.extension("KHR_materials_transmission"), "transmissionFactor", 0.0);
 }
 
 double thickness_of(const GltfObject& m) {
@@ -73,8 +78,7 @@ Vec3d left_by_absorption(const GltfObject& m, double scale) {
   if (!(transmission_of(m) > 0.0 && thickness > 0.0 && distance > 0.0)) return Vec3d(1.0);
   // Only what passes is absorbed, and metals let nothing pass.
   const GltfObject pbr = m.object("pbrMetallicRoughness");
-  const double metallic =
-      pbr.object("metallicRoughnessTexture").exists() ? 0.0 : pbr.number("metallicFactor", 1.0, 0.0, 1.0);
+  const double metallic = pbr.object("metallicRoughnessTexture").exists() ? 0.0 : share(pbr, "metallicFactor", 1.0);
   const double share = transmission_of(m) * (1.0 - metallic);
   Vec3d left;
   for (int i = 0; i < 3; ++i)
@@ -118,13 +122,14 @@ std::vector<GltfObject> GltfMaterials::texture_infos(const GltfObject& m) const 
   return all;
 }
 
-int GltfMaterials::uv_set(int index) const {
+int GltfMaterials::uv_set(int index, const GltfObject& attributes) const {
+  const auto accessor = [&](int set) { return attributes.index("TEXCOORD_" + std::to_string(set), "accessors"); };
   int set = -1;
   const GltfObject m = material(index);
   for (const GltfObject& info : texture_infos(m)) {
     const int own =
         info.extension("KHR_texture_transform").integer("texCoord", info.integer("texCoord", 0, 0, 99), 0, 99);
-    if (set >= 0 && own != set) {
+    if (set >= 0 && own != set && (accessor(own) < 0 || accessor(own) != accessor(set))) {
       report_.refuse(m.location(), "textures over two sets of texture coordinates (" + std::to_string(set) + " and " +
                                        std::to_string(own) +
                                        ") on one material are not supported; bake them to one set");
@@ -252,7 +257,10 @@ std::string GltfMaterials::bsdf(const GltfSurface& s) {
 }
 
 void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const GltfSurface& s) {
-  if (noted_.insert(s.material).second) note_extensions(m);
+  if (noted_.insert(s.material).second) {
+    note_shares(m);
+    note_extensions(m);
+  }
   const Location where = m.location();
   Element* parent = description_.root.get();
   Attributes first = {{"id", id}};
@@ -313,9 +321,9 @@ void GltfMaterials::add_base_color(Element& bsdf, const GltfObject& m, const Glt
 
 void GltfMaterials::add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
   const GltfObject pbr = m.object("pbrMetallicRoughness"), mr = pbr.object("metallicRoughnessTexture");
-  const double metallic = pbr.number("metallicFactor", 1.0, 0.0, 1.0);
+  const double metallic = share(pbr, "metallicFactor", 1.0);
   add_base_color(bsdf, m, s);
-  add_scalar(bsdf, "roughness", m, s, pbr.number("roughnessFactor", 1.0, 0.0, 1.0), mr, 1);
+  add_scalar(bsdf, "roughness", m, s, share(pbr, "roughnessFactor", 1.0), mr, 1);
   if (bsdf.get("type") != "principledthin") add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
   else if (metallic > 0.0) report_.assume(m.location(), "thin glass of glTF is not metallic");
   add_ior(bsdf, m);
@@ -391,13 +399,13 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
   }
 
   const GltfObject coat = m.extension("KHR_materials_clearcoat");
-  const double clearcoat = coat.number("clearcoatFactor", 0.0, 0.0, 1.0);
+  const double clearcoat = share(coat, "clearcoatFactor", 0.0);
   if (clearcoat > 0.0 && thin) report_.assume(m.location(), "KHR_materials_clearcoat is left out of thin glass");
   if (clearcoat > 0.0 && !thin) {
     report_.assume(m.location(), "KHR_materials_clearcoat read as the clearcoat of principled, which is weaker");
     add_scalar(bsdf, "clearcoat", m, s, clearcoat, coat.object("clearcoatTexture"), 0);
     // Disney's clearcoat has alpha from 0.1 down to 0.001 as its gloss goes up.
-    const double rough = coat.number("clearcoatRoughnessFactor", 0.0, 0.0, 1.0);
+    const double rough = share(coat, "clearcoatRoughnessFactor", 0.0);
     add_value(bsdf, "clearcoat_gloss", m, std::clamp((0.1 - rough * rough) / 0.099, 0.0, 1.0));
   }
   const GltfObject sheen = m.extension("KHR_materials_sheen");
@@ -415,7 +423,7 @@ void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
   const bool all = eta == 0.0;  // stands for a coat that reflects everything
   if (eta < 1.0) eta = 1.5;
   const GltfObject specular = m.extension("KHR_materials_specular");
-  const double factor = specular.number("specularFactor", 1.0, 0.0, 1.0);
+  const double factor = share(specular, "specularFactor", 1.0);
   const std::vector<double> color = specular.numbers("specularColorFactor", {1, 1, 1}, 0.0, 1e6);
   const double scale = luminance(Vec3f(Vec3d(color[0], color[1], color[2])));
   const bool scaled = factor != 1.0 || scale != 1.0;
@@ -428,6 +436,24 @@ void GltfMaterials::add_ior(Element& bsdf, const GltfObject& m) {
     eta = (1.0 + std::sqrt(f0)) / (1.0 - std::sqrt(f0));
   }
   add_value(bsdf, "eta", m, std::max(eta, kLeastEta));
+}
+
+// Numbers that share() reads as others.
+void GltfMaterials::note_shares(const GltfObject& m) {
+  const GltfObject pbr = m.object("pbrMetallicRoughness"), gloss = specular_glossiness(m),
+                   coat = m.extension("KHR_materials_clearcoat"),
+                   transmission = m.extension("KHR_materials_transmission"),
+                   specular = m.extension("KHR_materials_specular");
+  const std::pair<const GltfObject&, const char*> numbers[] = {
+      {pbr, "metallicFactor"},     {pbr, "roughnessFactor"},           {gloss, "glossinessFactor"},
+      {coat, "clearcoatFactor"},   {coat, "clearcoatRoughnessFactor"}, {transmission, "transmissionFactor"},
+      {specular, "specularFactor"}};
+  for (const auto& [object, key] : numbers) {
+    const double given = object.number(key, 0.0);
+    if (given < 0.0 || given > 1.0)
+      report_.assume(m.location(), std::string("a ") + key + " of " + number_text(given) + " is read as " +
+                                       (given < 0.0 ? "0" : "1") + ": glTF has it from 0 to 1");
+  }
 }
 
 void GltfMaterials::note_extensions(const GltfObject& m) {

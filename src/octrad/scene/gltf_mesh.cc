@@ -57,7 +57,7 @@ void set_pose(const GltfObject& primitive, const GltfValues& joints, const GltfV
                       m[6] * n.x + m[7] * n.y + m[8] * n.z) *
                 w;
     }
-    if (!(sum > 0.0)) primitive.fail("vertex " + std::to_string(i) + " hangs on no joint");
+    if (!(sum > 0.0)) continue;  // hangs on no joint: stays where it is
     mesh.positions[i] = Vec3f(position / sum);
     if (!mesh.normals.empty()) mesh.normals[i] = Vec3f(normal / sum);
   }
@@ -130,8 +130,9 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
   mesh.normals = vectors(read("NORMAL", {3}, count));
   add_targets(file, primitive, pose.weights, mesh);
   if (pose.skin) set_pose(primitive, read("JOINTS_0", {4}, count), read("WEIGHTS_0", {4}, count), *pose.skin, mesh);
-  const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2}, count);
-  for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[2 * i], uvs.values[2 * i + 1]});
+  const GltfValues uvs = read("TEXCOORD_" + std::to_string(uv_set), {2, 3}, count);
+  const auto width = static_cast<std::size_t>(uvs.components);  // 3 of some writers, of which two count
+  for (std::size_t i = 0; i < uvs.count; ++i) mesh.uvs.push_back({uvs.values[width * i], uvs.values[width * i + 1]});
   GltfValues colors = read("COLOR_0", {3, 4}, count);
   for (float& value : colors.values) value = std::clamp(value, 0.0f, 1.0f);
 

@@ -76,7 +76,8 @@ class GltfMaterials {
   bool is_lamp(int material) const;
   void add_emitter(Element& shape, const GltfSurface& surface);
   // The set of texture coordinates that the material's textures use.
-  int uv_set(int material) const;
+  // `attributes`: of the mesh; sets that are one accessor are one.
+  int uv_set(int material, const GltfObject& attributes) const;
   bool has_normal_map(int material) const;
   bool has_textures(int material) const;
   // Whether colours of vertices that differ can be shown, and by what they are multiplied.
@@ -141,6 +142,7 @@ class GltfMaterials {
   // base_color, roughness, metallic and eta by pbrMetallicRoughness; by KHR_materials_pbrSpecularGlossiness.
   void add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
   void add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
+  void note_shares(const GltfObject& m);
   void note_extensions(const GltfObject& m);
   Source source_of(const GltfObject& image) const;
   std::string picture(const GltfObject& image, const Recipe& recipe, bool& encoded);

@@ -189,6 +189,10 @@ TEST_F(GltfTest, MorphTargetsAndSkins) {
   const Scene posed = load();
   EXPECT_EQ(posed.meshes[0].positions, (std::vector<Vec3f>{{5, -1, 0}, {1, 0, 0}, {2.5f, 0.5f, 0}}));
   EXPECT_EQ(join(posed.assumed).find("skin"), std::string::npos);
+  // A vertex without weights stays where it is.
+  primitive()["attributes"]["WEIGHTS_0"] =
+      add("VEC4", 5126, 3, gltf_bytes<float>({1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(load().meshes[0].positions[2], Vec3f(0, 1, 0));
   json_["skins"][0]["joints"] = {1, 7};
   EXPECT_NE(error().find("joint 1 is not in the scene"), std::string::npos);
 }
@@ -443,9 +447,8 @@ TEST_F(GltfTest, ConvertedToXml) {
   EXPECT_EQ(second.cameras[0].origin, first.cameras[0].origin);
 }
 
-TEST_F(GltfTest, UrisStayInTheFolder) {
-  for (const char* uri : {"../a.bin", "/etc/passwd", "file:///etc/passwd", "http://example.org/a.bin",
-                          "sub/../../a.bin", "%2e%2e/a.bin"}) {
+TEST_F(GltfTest, UrisAreRelativePaths) {
+  for (const char* uri : {"/etc/passwd", "file:///etc/passwd", "http://example.org/a.bin", "\\a.bin"}) {
     json_["buffers"] = {{{"byteLength", 4}, {"uri", uri}}};
     try {
       load_scene(folder_.write("s.gltf", json_.dump()));
@@ -454,6 +457,52 @@ TEST_F(GltfTest, UrisStayInTheFolder) {
       EXPECT_NE(std::string(e.what()).find("s.gltf: buffers[0]: the uri"), std::string::npos) << e.what();
     }
   }
+  // Of a folder beside.
+  std::filesystem::create_directory(folder_.path() / "models");
+  folder_.write("a.bin", binary_);
+  for (const char* uri : {"../a.bin", "sub/../../a.bin", "%2e%2e/a.bin"}) {
+    std::filesystem::create_directory(folder_.path() / "models" / "sub");
+    json_["buffers"] = {{{"byteLength", binary_.size()}, {"uri", uri}}};
+    EXPECT_EQ(load_scene(folder_.write("models/s.gltf", json_.dump())).shapes.size(), 1u) << uri;
+  }
+}
+
+TEST_F(GltfTest, TextThatIsNotUtf8) {
+  json_["nodes"][0]["name"] = "caf";
+  std::string text = json_.dump();
+  text.replace(text.find("caf"), 3, "caf\xe9");
+  try {
+    load_scene(folder_.write("s.gltf", text));
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("not valid JSON: not UTF-8"), std::string::npos) << e.what();
+  }
+}
+
+// What is scaled to nothing along one axis alone is seen.
+TEST_F(GltfTest, FlatNodes) {
+  json_["nodes"][0]["scale"] = {2, 1, 0};
+  const Scene scene = load();
+  ASSERT_EQ(scene.shapes.size(), 1u);
+  EXPECT_EQ(scene.meshes[0].positions[1], Vec3f(2, 0, 0));
+  json_["nodes"][0]["scale"] = {0, 0, 0};
+  EXPECT_NE(error().find("neither a shape"), std::string::npos) << error();
+}
+
+TEST_F(GltfTest, MatricesWithRoundings) {
+  json_["nodes"][0]["matrix"] = {2, 0, 0, 1e-9, 0, 2, 0, 0, 0, 0, 2, 0, 4, 0, 0, 0.9999999};
+  EXPECT_LT(length(load().meshes[0].positions[1] - Vec3f(6, 0, 0)), 1e-5f);
+  json_["nodes"][0]["matrix"] = {2, 0, 0, 0.01, 0, 2, 0, 0, 0, 0, 2, 0, 4, 0, 0, 1};
+  EXPECT_NE(error().find("the last row of the matrix"), std::string::npos);
+}
+
+TEST_F(GltfTest, TextureCoordinatesOfThreeNumbers) {
+  add_picture(255, 128, 64);
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])");
+  primitive()["material"] = 0;
+  const Scene two = load();
+  primitive()["attributes"]["TEXCOORD_0"] = add("VEC3", 5126, 3, gltf_bytes<float>({0, 1, 5, 1, 1, 5, 0, 0, 5}));
+  EXPECT_EQ(load().meshes[0].uvs, two.meshes[0].uvs);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <memory>
+#include <set>
 
 #include "octrad/base/error.h"
 #include "octrad/base/join.h"
@@ -35,6 +36,18 @@ const std::vector<std::string> kSceneTags = {"integrator", "sensor", "bsdf", "te
 
 // Integrators of Mitsuba that find what `path` finds, and those that hold another one.
 const std::vector<std::string> kPathIntegrators = {"path", "direct", "moment", "aov"};
+
+// The max_depth that Mitsuba 3's differentiable integrators have where a scene gives none (its ADIntegrator); -1 of
+// others.
+int default_depth(const std::string& integrator) {
+  static const std::set<std::string> kinds = {"prb", "prb_basic", "prb_projective", "prb_reparam", "prbvolpath"};
+  return kinds.count(integrator) > 0 ? 6 : -1;
+}
+
+// Light that is scattered once.
+bool is_direct(const std::string& integrator) {
+  return integrator == "direct" || integrator == "direct_projective" || integrator == "direct_reparam";
+}
 
 }  // namespace
 
@@ -154,12 +167,9 @@ void SceneBuilder::add_object(const Element& element) {
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});
-    // Of versions before 0.4.
-    const std::string now = element.tag == "camera"      ? ", now called <sensor>"
-                            : element.tag == "luminaire" ? ", now called <emitter>"
-                                                         : did_you_mean(element.tag, known);
-    fail(element.location,
-         "unknown element <" + element.tag + "> at the top level" + now + "; supported: " + join(known));
+    const std::string now = renamed_tag(element.tag);
+    fail(element.location, "unknown element <" + element.tag + "> at the top level" +
+                               (now.empty() ? did_you_mean(element.tag, known) : now) + "; supported: " + join(known));
   }
 }
 
@@ -219,10 +229,14 @@ void SceneBuilder::add_integrator(const Element& element) {
   }
   const std::string& type = params.type();
   if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
-    report().assume(element.location, "integrator \"" + type + "\" read as path");
-  const int depth = params.int_in("max_depth", -1, -1, 1 << 30);
-  if (type == "direct") {
-    report().assume(element.location, "integrator \"direct\" read as path of max_depth 2");
+    report().assume(element.location,
+                    "integrator \"" + type + "\" read as path" +
+                        (default_depth(type) > 0 && !params.given("max_depth")
+                             ? ", of max_depth " + std::to_string(default_depth(type)) + " as in Mitsuba"
+                             : ""));
+  const int depth = params.int_in("max_depth", default_depth(type), -1, 1 << 30);
+  if (is_direct(type)) {
+    report().assume(element.location, "integrator \"" + type + "\" read as path of max_depth 2");
     scene_.max_depth = 2;
   } else if (nested.empty()) {
     scene_.max_depth = depth;
@@ -305,7 +319,7 @@ void SceneBuilder::load_files() {
   for (const BitmapJob& job : bitmaps_) {
     if (job.negative > 0)
       report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.negative) +
-                                     " negative values of radiance, read as 0");
+                                     " negative values, read as 0");
     if (job.beyond > 0)
       report().assume(job.where, "the picture " + job.path + " has " + std::to_string(job.beyond) +
                                      " values a little below 0 or above 1, read as 0 and 1");

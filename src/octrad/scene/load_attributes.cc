@@ -7,6 +7,7 @@
 #include "octrad/base/frame.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
+#include "octrad/image/tonemap_math.h"
 #include "octrad/scene/builder.h"
 
 namespace octrad {
@@ -64,6 +65,7 @@ int SceneBuilder::attribute_texture(const Element& element, TextureRole role) {
   use.where = params.where("name");
   use.scale = params.get_float("scale", 1.0f);
   use.role = role;
+  use.srgb = element.old;
   params.finish();
   if (!use.name.starts_with("vertex_") && !use.name.starts_with("face_"))
     fail(use.where, "the name of a mesh attribute begins with vertex_ or face_, not \"" + use.name + "\"");
@@ -129,7 +131,11 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
     const Range range = range_of(use.role);
     const auto value = [&](std::size_t index) {
       const float* v = found->values.data() + index * static_cast<std::size_t>(found->channels);
-      Vec3f color = (found->channels == 1 ? Vec3f(v[0]) : Vec3f(v[0], v[1], v[2])) * use.scale;
+      Vec3f color = found->channels == 1 ? Vec3f(v[0]) : Vec3f(v[0], v[1], v[2]);
+      if (use.srgb) {
+        for (int c = 0; c < 3; ++c) color[c] = decode_srgb(found->bytes ? color[c] / 255.0f : color[c]);
+      }
+      color = color * use.scale;
       if (is_scalar(use.role)) color = Vec3f(found->channels == 1 ? color.x : luminance(color));
       for (int c = 0; c < 3; ++c) {
         if (!range.holds(color[c], range.high <= 1.0f ? 1e-3f : 0.0f))

@@ -66,7 +66,17 @@ void SceneBuilder::add_sensor(const Element& element) {
   Params params(description_, element, scene_.warnings);
   const std::vector<std::string>& kinds = camera_kind_names();
   const auto kind = std::find(kinds.begin(), kinds.end(), params.type());
-  if (kind == kinds.end()) params.fail_type(kinds, "", sensor_advice(params.type()));
+  if (kind == kinds.end()) {
+    const std::string advice = sensor_advice(params.type());
+    const auto& all = description_.root->children;
+    const bool others = std::any_of(all.begin(), all.end(), [&](const auto& e) {
+      return e->tag == "sensor" && std::find(kinds.begin(), kinds.end(), e->get("type")) != kinds.end();
+    });
+    if (advice.empty() || !others) params.fail_type(kinds, "", advice);
+    report().assume(element.location, params.what() + " is left out beside the others" + advice);
+    if (description_.understood) description_.understood->left_out.insert(&element);
+    return;
+  }
   Camera camera;
   camera.kind = static_cast<CameraKind>(kind - kinds.begin());
   const bool lens = camera.kind == CameraKind::thinlens, orthographic = camera.kind == CameraKind::orthographic;

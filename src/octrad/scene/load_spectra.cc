@@ -145,6 +145,10 @@ std::optional<Vec3f> SceneBuilder::constant_value(const Element& element, Textur
     report().assume(element.location, "a reflectance above 1 is read as 1 (Mitsuba 0.6 scaled it down)");
     *value = {std::min(value->x, 1.0f), std::min(value->y, 1.0f), std::min(value->z, 1.0f)};
   }
+  constexpr float kRounding = 1e-3f;  // of what exporters computed
+  for (int c = 0; c < 3 && range.high <= 1.0f; ++c) {
+    if (range.holds((*value)[c], kRounding)) (*value)[c] = std::clamp((*value)[c], range.low, range.high);
+  }
   if (!range.holds(value->x) || !range.holds(value->y) || !range.holds(value->z)) {
     const std::string* text = element.find("value");
     fail(element.location,

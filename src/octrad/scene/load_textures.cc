@@ -245,6 +245,10 @@ void SceneBuilder::load_bitmap(std::size_t number) {
         }
       }
       for (int c = 0; c < 3; ++c) {
+        if (role == TextureRole::reflectance && v[c] < range.low - kOvershoot) {  // of another gamut
+          v[c] = range.low;
+          ++job.negative;
+        }
         if (range.holds(v[c], range.high <= 1.0f ? kTolerance : 0.0f)) continue;
         if (range.high > 1.0f || !range.holds(v[c], kOvershoot))
           fail(job.where, "the picture " + job.path + " has the value " + number_text(v[c]) + ": " + range.text);

@@ -14,6 +14,7 @@ struct MeshAttribute {
   std::string name;  // vertex_... or face_...
   int channels = 1;
   std::vector<float> values;  // [vertices or triangles][channels]
+  bool bytes = false;         // of uchar, from 0 to 255
 };
 
 // A mesh as its file holds it, in object space.

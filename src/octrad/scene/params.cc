@@ -237,6 +237,10 @@ Transform parse_transform(const Element& element, std::vector<std::string>& warn
   return result;
 }
 
+std::string renamed_tag(const std::string& tag) {
+  return tag == "camera" ? ", now called <sensor>" : tag == "luminaire" ? ", now called <emitter>" : "";
+}
+
 const Element& follow_reference(const Description& description, const Element& element) {
   if (element.tag != "ref") return element;
   check_attributes(element, {"id", "name"});
@@ -286,9 +290,11 @@ void Params::check_child(std::size_t i, std::set<std::string_view>& names) const
     known.push_back("ref");
     const bool operation = child.tag == "translate" || child.tag == "scale" || child.tag == "rotate" ||
                            child.tag == "matrix" || child.tag == "lookat";
-    fail(child.location,
-         "unknown element <" + child.tag + "> inside " + what() +
-             (operation ? "; transform operations stand inside <transform>" : did_you_mean(child.tag, known)));
+    const std::string now = renamed_tag(child.tag);
+    fail(child.location, "unknown element <" + child.tag + "> inside " + what() +
+                             (operation     ? "; transform operations stand inside <transform>"
+                              : now.empty() ? did_you_mean(child.tag, known)
+                                            : now));
   }
   if (is_property(child.tag) && !child.find("name"))
     fail(child.location, "<" + child.tag + "> inside " + what() + " needs a name");
@@ -476,6 +482,11 @@ void Params::finish() {
     const Element& child = *element_.children[i];
     const std::string& name = child.get("name");
     leave_out(child);
+    if (child.tag == "sensor") {
+      report().assume(child.location, "the <sensor> inside " + what() +
+                                          " is left out; octrad query gives values at points of surfaces");
+      continue;
+    }
     // Mitsuba 0.6 warned of these; Mitsuba 3 takes them for mistakes.
     if (element_.old && is_property(child.tag)) {
       report().assume(child.location,
@@ -486,9 +497,6 @@ void Params::finish() {
       const Element& target = follow_reference(description_, child);
       if (target.tag == "medium" || target.tag == "subsurface")
         fail(child.location, "<" + target.tag + "> inside " + what() + kNoMedia);
-      if (target.tag == "sensor")
-        fail(child.location,
-             "<sensor> inside " + what() + " is not supported; octrad query gives values at points of surfaces");
       if (!name.empty())
         fail(child.location,
              "unknown parameter \"" + name + "\" of " + what() + did_you_mean(name, parameters) + supported);

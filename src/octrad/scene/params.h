@@ -112,6 +112,9 @@ Vec3d parse_vector(const Element& element, Vec3d fallback, const std::vector<std
 // The element that a <ref> names (or the element itself when it is none).
 const Element& follow_reference(const Description& description, const Element& element);
 
+// For messages: how Mitsuba has called an element since version 0.4; empty where it has its name still.
+std::string renamed_tag(const std::string& tag);
+
 // <rgb value="..."> as linear RGB: one number, three numbers, or #rrggbb (sRGB encoded).
 Vec3f parse_rgb(const Element& element);
 

@@ -129,6 +129,8 @@ class PbrtReader {
         {"Integrator", &R::integrator},
         {"SurfaceIntegrator", &R::integrator},
         {"Sampler", &R::skip},
+        {"Renderer", &R::skip},  // of pbrt-v2
+        {"VolumeIntegrator", &R::skip},
         {"Accelerator", &R::skip},
         {"Option", &R::option},
         {"ColorSpace", &R::color_space},

@@ -71,6 +71,13 @@ void add_infinite(const PbrtObject& l, const Transform& ctm, bool old, PbrtMater
   if (l.text(name, "").empty()) {  // also as exporters write it where there is none
     // Of radiance 1 everywhere a surface receives pi.
     if (l.has("illuminance")) factor = factor * (l.number("illuminance", 1.0, 0.0) / std::numbers::pi);
+    for (const auto& known : description.root->children) {
+      if (known->tag != "emitter" || known->get("type") != "constant") continue;
+      Element& radiance = *known->child("radiance");  // several add up
+      const auto sum = parse_numbers(radiance.get("value"));
+      radiance.set("value", three_numbers(factor + Vec3d((*sum)[0], (*sum)[1], (*sum)[2])));
+      return;
+    }
     Element& e = add_element(*description.root, where, "emitter", {{"type", "constant"}});
     add_pbrt_value(e, where, "rgb", "radiance", three_numbers(factor));
     return;

@@ -37,6 +37,8 @@ struct PbrtTexture {
   double gamma = 0.0;    // by which its values are encoded; 0: as the file's format says
   double gain = 1.0;     // of its values before they are inverted
   bool invert = false, nearest = false;
+  // One number of each of its pixels: their alpha where not all are opaque, else the mean of their colour (pbrt-v4).
+  bool number = false;
   std::string wrap = "repeat";
   double scale[2] = {1, 1}, offset[2] = {0, 0};  // of the texture coordinates
   std::shared_ptr<const PbrtMix> mix;            // of which the picture is made instead of a file

@@ -274,6 +274,34 @@ TEST_F(PbrtTest, Textures) {
 }
 
 // Every field of a checkerboard, colours and numbers, against pbrt's rule: the parity of floor(s) + floor(t).
+// Version 4: alpha where not all is opaque, else the mean of the colour. Version 3, and Mitsuba: luminance.
+TEST_F(PbrtTest, NumbersOfPictures) {
+  const auto number = [&](const std::string& file, bool old, const std::string& more = "") {
+    const std::string body = "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"" + file + "\"" + more +
+                             "\nMaterial \"" + (old ? "matte\" \"texture sigma\" \"r\"" : "diffuse\"") +
+                             "\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1] "
+                             "\"integer indices\" [0 1 2] \"texture alpha\" \"r\"\n";
+    const Scene scene = old ? load_old(body) : load(body);
+    for (const Material& m : scene.materials) {
+      if (m.opacity >= 0) return scene.textures[static_cast<std::size_t>(m.opacity)].pixels.at(0).x;
+    }
+    return -1.0f;
+  };
+  Image picture(2, 1, {"R", "G", "B", "A"});
+  for (int x = 0; x < 2; ++x) {
+    picture.set_rgb(x, 0, {1, 0, 0});
+    picture.at(x, 0, 3) = 1.0f;
+  }
+  write_exr((folder_.path() / "opaque.exr").string(), picture);
+  picture.at(0, 0, 3) = 0.25f;
+  write_exr((folder_.path() / "alpha.exr").string(), picture);
+  EXPECT_NEAR(number("alpha.exr", false), 0.25f, 1e-6f);
+  EXPECT_NEAR(number("opaque.exr", false), 1.0f / 3.0f, 1e-6f);
+  EXPECT_NEAR(number("opaque.exr", false, " \"float scale\" .5"), 0.5f / 3.0f, 1e-6f);
+  EXPECT_NEAR(number("alpha.exr", true), luminance(Vec3f(1, 0, 0)), 1e-6f);
+  EXPECT_NEAR(number("alpha.exr", true, " \"float scale\" .5"), 0.5f * luminance(Vec3f(1, 0, 0)), 1e-6f);
+}
+
 TEST_F(PbrtTest, Checkerboards) {
   const Scene scene = load(
       "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 3 \"float vscale\" 5 \"float udelta\" .2 \"float "

@@ -267,6 +267,21 @@ TEST_F(PbrtTest, Environments) {
   }
 }
 
+TEST_F(PbrtTest, SkiesAddUp) {
+  const Scene scene = load("LightSource \"infinite\" \"float scale\" 1\nLightSource \"infinite\" \"rgb L\" [1 0 .5]\n" +
+                           std::string(kPbrtSphere));
+  ASSERT_EQ(scene.environments.size(), 1u);
+  EXPECT_EQ(scene.environments[0].pixels.at(0), Vec3f(2, 1, 1.5f));
+}
+
+// Directives of version 2 that change nothing here.
+TEST_F(PbrtTest, VersionTwo) {
+  EXPECT_EQ(load_scene(folder_.write("s.pbrt", "Renderer \"sampler\"\nVolumeIntegrator \"single\"\nWorldBegin\n" +
+                                                   std::string(kPbrtSphere) + "WorldEnd\n"))
+                .shapes.size(),
+            1u);
+}
+
 TEST_F(PbrtTest, RoundShapes) {
   const auto area = [&](const std::string& shape) {
     const Scene scene = load(shape);

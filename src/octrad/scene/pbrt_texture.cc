@@ -40,6 +40,17 @@ Vec3d mixture(const PbrtMix& mix, Vec3d a, Vec3d b, Vec3d amount) {
   return mix.product ? a * b : a * (Vec3d(1.0) - share) + b * share;
 }
 
+// The alpha channel, where a pixel is not opaque; else -1.
+int used_alpha(const Image& image) {
+  const int alpha = image.channel("A");
+  for (int y = 0; y < image.height && alpha >= 0; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      if (image.at(x, y, alpha) < 1.0f) return alpha;
+    }
+  }
+  return -1;
+}
+
 // The colours of a picture, with its factors.
 Image linear_picture(const PbrtTexture& t) {
   const std::vector<std::string> rgb = {"R", "G", "B"};
@@ -49,14 +60,16 @@ Image linear_picture(const PbrtTexture& t) {
     const LinearValues linear(in);
     ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
     Image out(in.width, in.height, rgb);
+    const int alpha = t.number ? used_alpha(in) : -1;
     for (int y = 0; y < in.height; ++y) {
       for (int x = 0; x < in.width; ++x) {
         Vec3d v;
         for (int c = 0; c < 3; ++c) {
-          const float stored = in.at(x, y, from[static_cast<std::size_t>(c)]);
+          const float stored = in.at(x, y, alpha >= 0 ? alpha : from[static_cast<std::size_t>(c)]);
           v[c] = t.gamma == 0.0 ? linear(stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
           v[c] = std::max(0.0, t.invert ? 1.0 - t.gain * v[c] : t.gain * v[c]);
         }
+        if (t.number) v = Vec3d(channel_mean(v));
         out.set_rgb(x, y, Vec3f(v * t.value));
       }
     }
@@ -113,7 +126,8 @@ Image linear_picture(const PbrtTexture& t) {
 // What the picture is made of.
 std::string text_of(const PbrtTexture& t) {
   std::string text = std::to_string(static_cast<int>(t.kind)) + (t.invert ? " inverted " : " ") +
-                     (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma) + " " + number_text(t.gain);
+                     (t.number ? "number " : "") + (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma) +
+                     " " + number_text(t.gain);
   for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z})
     text += " " + number_text(v);
   text += " " + t.file;
@@ -288,7 +302,11 @@ PbrtTexture PbrtMaterials::named_texture(const std::string& name, bool number, c
 PbrtTexture PbrtMaterials::evaluate(const PbrtObject& object, bool number) {
   const std::string& type = object.type();
   if (type == "constant") return texture(object, "value", number, Vec3d(1.0));
-  if (type == "imagemap") return picture(object);
+  if (type == "imagemap") {
+    PbrtTexture t = picture(object);
+    t.number = number && !old_;
+    return t;
+  }
   if (type == "scale") {
     const bool v3 = object.has("tex1") || object.has("tex2");
     PbrtTexture a = texture(object, v3 ? "tex1" : "tex", number, Vec3d(1.0));
@@ -376,7 +394,7 @@ PbrtTexture PbrtMaterials::mixed(const PbrtObject& object, PbrtMix mix) const {
   }
   t.files = files;
   t.value = Vec3d(1.0);
-  t.invert = t.nearest = false;
+  t.invert = t.nearest = t.number = false;
   t.gamma = 0.0;
   t.gain = 1.0;
   t.file.clear();
@@ -466,12 +484,16 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
       constant(e, "color0", number ? t.other : t.value);
       constant(e, "color1", number ? t.value : t.other);
     } else {
-      const bool plain = !t.mix && t.value == Vec3d(1.0) && t.gain == 1.0 && !t.invert && map == PbrtMap::none &&
-                         (t.gamma == 0.0 || t.gamma == 1.0);
+      const bool plain = !t.mix && !t.number && t.value == Vec3d(1.0) && t.gain == 1.0 && !t.invert &&
+                         map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
       std::string file = t.file;
       if (!plain) {
         BuiltPicture built;
-        built.read = [t, number, color, map] {
+        // Of colours version 3 takes the luminance, as Mitsuba does of a picture that is left as it is.
+        const auto one_number = [old = old_](Vec3d v) {
+          return old ? static_cast<double>(luminance(Vec3f(v))) : channel_mean(v);
+        };
+        built.read = [t, number, color, map, one_number] {
           const MemoryScope scope;
           const Image in = linear_picture(t);
           ask_memory(in.pixel_count() * 3 * sizeof(float), "a texture");
@@ -481,7 +503,7 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
             for (int x = 0; x < in.width; ++x) {
               Vec3d v(in.rgb(x, y));
               if (color) v = clamped(v);
-              if (number) out.at(x, y, 0) = static_cast<float>(pbrt_map(map, channel_mean(v)));
+              if (number) out.at(x, y, 0) = static_cast<float>(pbrt_map(map, one_number(v)));
               else out.set_rgb(x, y, Vec3f(v));
             }
           }

@@ -337,8 +337,10 @@ class PlyReader {
       MeshAttribute attribute{name, 0, {}};
       for (std::size_t j = 0; j < channels.size(); ++j) {
         const Property& property = element.properties[j];
-        if (!property.list && attribute.channels < 3 && attribute_of(property.name) == name.substr(kind.size()))
+        if (!property.list && attribute.channels < 3 && attribute_of(property.name) == name.substr(kind.size())) {
           channels[j] = {mesh_.attributes.size(), attribute.channels++};
+          attribute.bytes = property.type == Type::uint8;
+        }
       }
       if (attribute.channels == 0) continue;
       if (attribute.channels == 2)

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <set>
 
+#include "octrad/base/lower_case.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
 #include "octrad/scene/make_element.h"
@@ -90,8 +92,9 @@ void upgrade_spectrum(Element& e, SceneReport& report) {
 
 void upgrade_uv(Element& e) {
   const std::unique_ptr<Element> parts[4] = {take(e, "uoffset"), take(e, "voffset"), take(e, "uscale"),
-                                             take(e, "vscale")};
-  if (!parts[0] && !parts[1] && !parts[2] && !parts[3]) return;
+                                             take(e, "vscale")},
+                                 both = take(e, "uvscale");
+  if (!parts[0] && !parts[1] && !parts[2] && !parts[3] && !both) return;
   const auto operation = [&](const char* tag, const Element* x, const Element* y, const char* fallback) {
     auto o = std::make_unique<Element>();
     o->tag = tag;
@@ -104,7 +107,8 @@ void upgrade_uv(Element& e) {
   transform->location = e.location;
   transform->attributes.emplace_back("name", "to_uv");
   transform->children.push_back(operation("translate", parts[0].get(), parts[1].get(), "0"));
-  transform->children.push_back(operation("scale", parts[2].get(), parts[3].get(), "1"));
+  const std::string fallback = both ? both->get("value") : "1";
+  transform->children.push_back(operation("scale", parts[2].get(), parts[3].get(), fallback.c_str()));
   e.children.push_back(std::move(transform));
 }
 
@@ -162,6 +166,8 @@ void upgrade_film(Element& e, SceneReport& report) {
 
 void upgrade_shape(Element& e, SceneReport& report) {
   for (const char* name : {"collapse", "load_materials"}) take(e, name);
+  if (const std::unique_ptr<Element> srgb = take(e, "srgb"); srgb && srgb->get("value") == "false")
+    report.assume(srgb->location, "srgb false is not used: colours of vertices are read as sRGB");
   if (e.get("type") == "obj" && !child_with_tag(e, "bsdf") && !child_with_tag(e, "ref") &&
       !child_with_tag(e, "emitter"))
     report.assume(e.location, "an obj without a bsdf is grey, as in Mitsuba 3: materials of .mtl files are not read");
@@ -387,18 +393,27 @@ void upgrade_normalmap(Element& e) {
   }
 }
 
+// Words of a list, which Mitsuba 0.6 took in any case.
+bool is_choice(const std::string& parameter) {
+  static const std::set<std::string> names = {"filter_type", "wrap_mode",    "wrap_mode_u",      "wrap_mode_v",
+                                              "variant",     "distribution", "fov_axis",         "pixel_format",
+                                              "file_format", "variant",      "component_format", "tonemap_method"};
+  return names.count(parameter) > 0;
+}
+
 void upgrade_object(Element& e, SceneReport& report) {
   for (const auto& c : e.children) {
     for (auto& [attribute, value] : c->attributes) {
       if (attribute == "name") value = snake_case(value);
     }
+    if (c->tag == "string" && is_choice(c->get("name"))) c->set("value", lower_case(c->get("value")));
   }
   const std::string type = e.get("type");
   if (e.tag == "texture") {
     upgrade_uv(e);
     if (type == "bitmap") upgrade_bitmap(e, report);
     if (type == "vertexcolors") {
-      report.assume(e.location, "texture \"vertexcolors\" read as mesh_attribute \"vertex_color\"");
+      report.assume(e.location, "texture \"vertexcolors\" read as mesh_attribute \"vertex_color\", of colours in sRGB");
       e.children.clear();
       e.children.push_back(make_property("string", "name", "vertex_color", e));
       e.set("type", "mesh_attribute");
@@ -467,6 +482,15 @@ void upgrade_element(Element& element, SceneReport& report) {
 }
 
 void downgrade_element(Element& element, SceneReport& report) {
+  if (element.tag == "rfilter" && element.get("type") == "box") {  // Mitsuba 2
+    const Element* radius = element.child("radius");
+    if (radius && number_or(radius, 0.0) == 0.5) take(element, "radius");
+  }
+  if (element.tag == "emitter" && element.get("type") == "smootharea") {
+    report.assume(element.location, "emitter \"smootharea\" read as area: its edges do not fade");
+    take(element, "blur_size");
+    element.set("type", "area");
+  }
   if (element.tag == "texture" && element.get("type") == "bitmap") {
     if (const Element* c = element.child("max_anisotropy"); c && c->tag == "integer") take(element, "max_anisotropy");
     Element* filter = element.child("filter_type");

@@ -6,6 +6,7 @@
 #include "octrad/base/error.h"
 #include "octrad/base/folder_test_helper.h"
 #include "octrad/base/join.h"
+#include "octrad/image/tonemap_math.h"
 #include "octrad/scene/files_test_helper.h"
 #include "octrad/scene/load.h"
 
@@ -81,6 +82,14 @@ TEST_F(UpgradeTest, UnusedParameters) {
   EXPECT_THROW(load(R"(<bsdf type="diffuse"><bsdf type="diffuse"/></bsdf>)", "0.6.0"), InputError);
 }
 
+TEST_F(UpgradeTest, WordsInAnyCase) {
+  same(
+      R"(<bsdf type="roughconductor"><string name="distribution" value="GGX"/><float name="alpha" value="0.2"/></bsdf>)",
+      R"(<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="0.2"/></bsdf>)");
+  assumes(R"(<bsdf type="roughdielectric"><string name="distribution" value="Phong"/></bsdf>)",
+          "\"phong\" read as beckmann");
+}
+
 TEST_F(UpgradeTest, Textures) {
   folder_.write("p.pfm", std::string("PF\n1 1\n-1.0\n") + std::string(12, '\0'));
   const auto texture = [](const std::string& inside) {
@@ -95,11 +104,51 @@ TEST_F(UpgradeTest, Textures) {
       texture(
           R"(<string name="filterType" value="trilinear"/><string name="wrapModeU" value="clamp"/><string name="wrapModeV" value="clamp"/>)"),
       texture(R"(<string name="wrap_mode" value="clamp"/>)"));
+  same(texture(R"(<float name="uvscale" value="3"/><float name="vscale" value="2"/>)"),
+       texture(R"(<transform name="to_uv"><scale x="3" y="2"/></transform>)"));
   assumes(texture(R"(<string name="filterType" value="ewa"/>)"), "\"ewa\" read as bilinear");
+  assumes(texture(R"(<string name="filterType" value="EWA"/>)"), "\"ewa\" read as bilinear");
+  assumes(texture(R"(<string name="wrapMode" value="Zero"/>)"), "\"zero\" read as clamp");
   assumes(texture(R"(<string name="wrapModeU" value="clamp"/><string name="wrapModeV" value="repeat"/>)"),
           "wrap_mode_u");
   assumes(texture(R"(<float name="gamma" value="1.8"/>)"), "gamma 1.8");
   EXPECT_NO_THROW(load(texture(R"(<float name="gamma" value="1"/>)"), "0.6.0"));
+}
+
+// As Mitsuba 0.6's ply: colours are sRGB, bytes are shares of 255.
+TEST_F(UpgradeTest, ColorsOfVertices) {
+  const auto red = [&](const std::string& type, const std::string& value) {
+    std::string ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    for (const char* channel : {"red", "green", "blue"}) ply += "property " + type + " " + channel + "\n";
+    ply += "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    for (const char* place : {"0 0 0 ", "1 0 0 ", "0 1 0 "}) ply += place + value + " " + value + " " + value + "\n";
+    folder_.write("c.ply", ply + "3 0 1 2\n");
+    const Scene scene = load(
+        R"(<shape type="ply"><string name="filename" value="c.ply"/><bsdf type="diffuse"><texture type="vertexcolors" name="reflectance"/></bsdf></shape>)",
+        "0.6.0");
+    return scene.textures.back().pixels.at(0).x;
+  };
+  const float expected = decode_srgb(128.0f / 255.0f);
+  EXPECT_NEAR(red("uchar", "128"), expected, 1e-6f);
+  EXPECT_NEAR(red("float", std::to_string(128.0 / 255.0)), expected, 1e-5f);
+}
+
+// What files of Mitsuba 2 have, and version 3 has not.
+TEST_F(UpgradeTest, VersionTwo) {
+  const auto film = [](const std::string& radius) {
+    return "<sensor type=\"perspective\"><film type=\"hdrfilm\"><rfilter type=\"box\">" + radius +
+           "</rfilter></film></sensor>";
+  };
+  EXPECT_EQ(load(film(R"(<float name="radius" value="0.5"/>)"), "2.0.0").fingerprint,
+            load(film(""), "2.0.0").fingerprint);
+  EXPECT_THROW(load(film(R"(<float name="radius" value="0.7"/>)"), "2.0.0"), InputError);
+  const auto light = [](const std::string& type, const std::string& inside) {
+    return "<shape type=\"rectangle\"><emitter type=\"" + type + "\"><rgb name=\"radiance\" value=\"2\"/>" + inside +
+           "</emitter></shape>";
+  };
+  const Scene smooth = load(light("smootharea", R"(<float name="blur_size" value="0.1"/>)"), "2.0.0");
+  EXPECT_EQ(smooth.fingerprint, load(light("area", ""), "2.0.0").fingerprint);
+  EXPECT_NE(join(smooth.assumed).find("\"smootharea\" read as area"), std::string::npos);
 }
 
 TEST_F(UpgradeTest, Colours) {
