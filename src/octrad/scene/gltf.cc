@@ -126,12 +126,13 @@ class GltfReader {
     if (!has_light_ && lamp_ >= 0) {
       report_.assume(
           file_->item("materials", lamp_).location(),
-          "no light from all sides is added, because a lamp lights the scene: an emissive material without a texture, "
-          "or brighter than 1. To have one, convert the file to XML and add <emitter type=\"constant\"/>");
+          "no light from all sides is added, because a lamp lights the scene: an emissive material without a texture "
+          "that is no dimmer than 0.5, or one brighter than 1. To have one, convert the file to XML and add <emitter type=\"constant\"/>");
     } else if (!has_light_) {
       report_.assume(here,
                      "the file has no light: one that is the same from all sides is added. Punctual lights and lamps "
-                     "keep it away: emissive materials without a texture, or brighter than 1");
+                     "keep it away: emissive materials without a texture that are no dimmer than 0.5, or brighter "
+                     "than 1");
       Element& light = add_element(root(), here, "emitter", {{"type", "constant"}});
       add_element(light, here, "float", {{"name", "radiance"}, {"value", "1"}});
     }

@@ -173,7 +173,8 @@ bool GltfMaterials::is_lamp(int index) const {
   if (is_unlit(m)) return false;
   const std::vector<double> c = emissive_factors(m);
   const double brightest = highest(c) * emissive_strength(m);
-  return brightest > 0.0 && (brightest > 1.0 + 1e-4 || !m.object("emissiveTexture").exists());
+  constexpr double kDim = 0.5;  // a signal lamp of a device
+  return m.object("emissiveTexture").exists() ? brightest > 1.0 + 1e-4 : brightest >= kDim;
 }
 
 // Each side in a mesh of its own would take the alpha of a half-transparent surface twice; and models with a glowing

@@ -296,7 +296,8 @@ TEST_F(GltfTest, LampsAndTexturesThatShine) {
   EXPECT_TRUE(sky(R"({"emissiveTexture": {"index": 0}})"));  // of black
   EXPECT_TRUE(sky(R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})"));
   EXPECT_TRUE(sky(R"({"emissiveFactor": [1.00001, 1, 1], "emissiveTexture": {"index": 0}})"));  // rounded
-  EXPECT_FALSE(sky(R"({"emissiveFactor": [0.1, 0, 0]})"));
+  EXPECT_TRUE(sky(R"({"emissiveFactor": [0.1, 0, 0]})"));  // a signal lamp of a device
+  EXPECT_FALSE(sky(R"({"emissiveFactor": [0.5, 0, 0]})"));
   EXPECT_FALSE(sky(R"({"emissiveFactor": [2, 1, 1], "emissiveTexture": {"index": 0}})"));
   const char* bright = R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0},
     "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5}}})";
