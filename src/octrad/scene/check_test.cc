@@ -400,6 +400,11 @@ TEST_F(CheckTest, DepthOfDifferentiableIntegrators) {
   EXPECT_EQ(depth("volpath"), -1);
 }
 
+TEST_F(CheckTest, WhatStandsInARefusedShape) {
+  expect_begins(mistakes("<shape type=\"sdfgrid\"><bsdf type=\"disney\"/></shape><shape type=\"cube\"/>"),
+                {"2:23 bsdf \"disney\" is not supported", "2:1 shape \"sdfgrid\" is not supported"});
+}
+
 TEST_F(CheckTest, WaysOutOfMore) {
   const auto says = [&](const std::string& body, const std::string& text) {
     const std::vector<std::string> found = mistakes(body);

@@ -70,7 +70,14 @@ void SceneBuilder::add_shape(const Element& element) {
 
 Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group) {
   const std::string& type = params.type();
-  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) params.fail_type(kShapes, shape_advice(type));
+  if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) {
+    if (report().collects()) {  // what is wrong inside is listed too
+      for (const Element* bsdf : params.nested("bsdf")) {
+        if ((texture_kinds(*bsdf) & kUsesAttributes) == 0) report().attempt(bsdf->location, [&] { material(*bsdf); });
+      }
+    }
+    params.fail_type(kShapes, shape_advice(type));
+  }
   if (type == "shapegroup" || type == "instance" || type == "merge")
     fail(params.location(), "a shapegroup cannot hold another one, an instance or a merge");
   shape_meter_.add(kShapeBytes);
