@@ -72,8 +72,8 @@ class GltfMaterials {
   // Whether it shines from the back as from the front, and is thought of as open.
   bool emits_from_both_sides(int material) const;
   // Whether its emission is meant to light the scene, and not to be seen in it: it has no texture and half of the
-  // brightness of white at least, or is brighter than what a picture shows, 1. Emissive textures of that brightness paint
-  // displays and glowing parts of models, as dim materials do.
+  // brightness of white at least, or is brighter than what a picture shows, 1. Emissive textures of that brightness
+  // paint displays and glowing parts of models, as dim materials do.
   bool is_lamp(int material) const;
   void add_emitter(Element& shape, const GltfSurface& surface);
   // The set of texture coordinates that the material's textures use.
