@@ -127,7 +127,8 @@ class GltfReader {
       report_.assume(
           file_->item("materials", lamp_).location(),
           "no light from all sides is added, because a lamp lights the scene: an emissive material without a texture "
-          "that is no dimmer than 0.5, or one brighter than 1. To have one, convert the file to XML and add <emitter type=\"constant\"/>");
+          "that is no dimmer than 0.5, or one brighter than 1. To have one, convert the file to XML and add "
+          "<emitter type=\"constant\"/>");
     } else if (!has_light_) {
       report_.assume(here,
                      "the file has no light: one that is the same from all sides is added. Punctual lights and lamps "

@@ -395,9 +395,9 @@ void upgrade_normalmap(Element& e) {
 
 // Words of a list, which Mitsuba 0.6 took in any case.
 bool is_choice(const std::string& parameter) {
-  static const std::set<std::string> names = {"filter_type", "wrap_mode",    "wrap_mode_u",      "wrap_mode_v",
-                                              "variant",     "distribution", "fov_axis",         "pixel_format",
-                                              "file_format", "variant",      "component_format", "tonemap_method"};
+  static const std::set<std::string> names = {"filter_type", "wrap_mode",       "wrap_mode_u", "wrap_mode_v",
+                                              "variant",     "distribution",    "fov_axis",    "pixel_format",
+                                              "file_format", "component_format"};
   return names.count(parameter) > 0;
 }
 
