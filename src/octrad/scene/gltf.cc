@@ -74,16 +74,6 @@ Transform rotation(const std::vector<double>& q) {
   return t;
 }
 
-Transform of_parts(Vec3d translation, std::vector<double> quaternion, Vec3d scale, const GltfObject& user) {
-  double l = 0.0;
-  for (const double v : quaternion) l += v * v;
-  if (!(l > 0.0) || !std::isfinite(l)) user.fail("the rotation must be a quaternion of length 1");
-  for (double& v : quaternion) v /= std::sqrt(l);
-  return Transform::translate(translation) * rotation(quaternion) * Transform::scale(scale);
-}
-
-Vec3d vec(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
-
 // What a scale of 0 along one axis makes flat is seen (shadows that are drawn, writing): it stays a millionth thick.
 // Only where all three are 0 does a node show nothing.
 Vec3d not_flat(Vec3d scale) {
@@ -93,6 +83,16 @@ Vec3d not_flat(Vec3d scale) {
   }
   return scale;
 }
+
+Transform of_parts(Vec3d translation, std::vector<double> quaternion, Vec3d scale, const GltfObject& user) {
+  double l = 0.0;
+  for (const double v : quaternion) l += v * v;
+  if (!(l > 0.0) || !std::isfinite(l)) user.fail("the rotation must be a quaternion of length 1");
+  for (double& v : quaternion) v /= std::sqrt(l);
+  return Transform::translate(translation) * rotation(quaternion) * Transform::scale(not_flat(scale));
+}
+
+Vec3d vec(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
 // Cameras and lights of glTF look along -z with x to the right; those of Mitsuba along +z with x to the left.
 std::optional<Transform> view_of(const Transform& node) {
@@ -178,7 +178,7 @@ class GltfReader {
       return t;
     }
     return of_parts(vec(node.numbers("translation", {0, 0, 0})), node.numbers("rotation", {0, 0, 0, 1}, -2.0, 2.0),
-                    not_flat(vec(node.numbers("scale", {1, 1, 1}))), node);
+                    vec(node.numbers("scale", {1, 1, 1})), node);
   }
 
   // Walks the tree of the scene without calling itself: it may be as deep as the file has nodes.

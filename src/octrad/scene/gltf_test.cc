@@ -160,6 +160,11 @@ TEST_F(GltfTest, NodesAndInstances) {
   scene = load();
   ASSERT_EQ(scene.placements.size(), 2u);
   EXPECT_EQ(scene.placements[1].point({0, 0, 0}), Vec3f(0, 0, 2));
+  json_["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] =  // one of them flat
+      add("VEC3", 5126, 2, gltf_bytes<float>({1, 1, 1, 3, 1, 0}));
+  scene = load();
+  ASSERT_EQ(scene.placements.size(), 2u);
+  EXPECT_EQ(scene.placements[1].point({1, 0, 0}), Vec3f(3, 0, 2));
 }
 
 TEST_F(GltfTest, MorphTargetsAndSkins) {

@@ -35,7 +35,7 @@ const std::vector<std::string> kSceneTags = {"integrator", "sensor", "bsdf", "te
 }
 
 // Integrators of Mitsuba that find what `path` finds, and those that hold another one.
-const std::vector<std::string> kPathIntegrators = {"path", "direct", "moment", "aov"};
+const std::vector<std::string> kPathIntegrators = {"path", "moment", "aov"};
 
 // The max_depth that Mitsuba 3's differentiable integrators have where a scene gives none (its ADIntegrator); -1 of
 // others.
@@ -228,18 +228,17 @@ void SceneBuilder::add_integrator(const Element& element) {
     add_integrator(inner);
   }
   const std::string& type = params.type();
-  if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
-    report().assume(element.location,
-                    "integrator \"" + type + "\" read as path" +
-                        (default_depth(type) > 0 && !params.given("max_depth")
-                             ? ", of max_depth " + std::to_string(default_depth(type)) + " as in Mitsuba"
-                             : ""));
-  const int depth = params.int_in("max_depth", default_depth(type), -1, 1 << 30);
+  const int usual = default_depth(type), depth = params.int_in("max_depth", usual, -1, 1 << 30);
   if (is_direct(type)) {
     report().assume(element.location, "integrator \"" + type + "\" read as path of max_depth 2");
     scene_.max_depth = 2;
-  } else if (nested.empty()) {
-    scene_.max_depth = depth;
+  } else {
+    if (std::find(kPathIntegrators.begin(), kPathIntegrators.end(), type) == kPathIntegrators.end())
+      report().assume(element.location, "integrator \"" + type + "\" read as path" +
+                                            (usual > 0 && !params.given("max_depth")
+                                                 ? ", of max_depth " + std::to_string(usual) + " as in Mitsuba"
+                                                 : ""));
+    if (nested.empty()) scene_.max_depth = depth;
   }
   const bool hide = params.get_bool("hide_emitters", false);
   if (nested.empty()) scene_.hide_emitters = hide;

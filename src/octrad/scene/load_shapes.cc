@@ -72,9 +72,7 @@ Shape SceneBuilder::read_shape(Params& params, SphereJob& sphere, bool in_group)
   const std::string& type = params.type();
   if (std::find(kShapes.begin(), kShapes.end(), type) == kShapes.end()) {
     if (report().collects()) {  // what is wrong inside is listed too
-      for (const Element* bsdf : params.nested("bsdf")) {
-        if ((texture_kinds(*bsdf) & kUsesAttributes) == 0) report().attempt(bsdf->location, [&] { material(*bsdf); });
-      }
+      for (const Element* bsdf : params.nested("bsdf")) report().attempt(bsdf->location, [&] { add_object(*bsdf); });
     }
     params.fail_type(kShapes, shape_advice(type));
   }

@@ -15,8 +15,8 @@ namespace octrad {
 // What changes more than names is noted in `report`, and what has no counterpart refused there, with the way out.
 void upgrade_element(Element& element, SceneReport& report);
 
-// Changes an element of another file: filters of textures by mip maps, and what belongs to them in sensors, which
-// Mitsuba has after 3.9. Noted in `report` where pictures may differ.
+// Changes an element of another file: what Mitsuba 2 had and 3 has not, and filters of textures by mip maps, with what
+// belongs to them in sensors, which Mitsuba has after 3.9. Noted in `report` where pictures may differ.
 void downgrade_element(Element& element, SceneReport& report);
 
 // "toWorld" -> "to_world", "intIOR" -> "int_ior".
