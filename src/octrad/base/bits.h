@@ -28,6 +28,16 @@ OCTRAD_HD inline float float_of(std::uint32_t bits) {
 #endif
 }
 
+// `yes` or `no`, without a branch: for choices that cannot be predicted.
+OCTRAD_HD inline float choose(bool choice, float yes, float no) {
+#if defined(__CUDA_ARCH__)
+  return choice ? yes : no;
+#else
+  const std::uint32_t mask = 0u - static_cast<std::uint32_t>(choice);
+  return float_of((bits_of(yes) & mask) | (bits_of(no) & ~mask));
+#endif
+}
+
 // A number in [0, 1) of the upper 24 bits.
 OCTRAD_HD inline float unit_float(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
 

@@ -16,5 +16,13 @@ TEST(Circle, PointsAreCosinesAndSines) {
   }
 }
 
+TEST(Circle, ArcsAreWithinAnEighthOfATurn) {
+  for (int i = -5000; i <= 5000; ++i) {
+    const float angle = static_cast<float>(i) / 5000.0f * 0.25f * kPi;
+    EXPECT_NEAR(arc_point(angle).x, std::cos(static_cast<double>(angle)), 1e-7) << angle;
+    EXPECT_NEAR(arc_point(angle).y, std::sin(static_cast<double>(angle)), 1e-7) << angle;
+  }
+}
+
 }  // namespace
 }  // namespace octrad

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "octrad/base/bits.h"
+#include "octrad/base/circle_math.h"
 #include "octrad/base/owen_math.h"
 #include "octrad/base/vec.h"
 
@@ -104,7 +105,8 @@ class Rng {
 OCTRAD_HD inline Vec3f uniform_direction(Vec2f u) {
   const float z = 1.0f - 2.0f * u.x;
   const float r = std::sqrt(std::fmax(0.0f, 1.0f - z * z));
-  return {r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z};
+  const Vec2f around = circle_point(u.y);
+  return {r * around.x, r * around.y, z};
 }
 
 }  // namespace octrad

@@ -147,11 +147,13 @@ OCTRAD_HD inline Vec3<T> normalize(Vec3<T> a) {
 }
 template <typename T>
 OCTRAD_HD constexpr T min_component(Vec3<T> a) {
-  return a.x < a.y ? (a.x < a.z ? a.x : a.z) : (a.y < a.z ? a.y : a.z);
+  const T xy = a.x < a.y ? a.x : a.y;
+  return xy < a.z ? xy : a.z;
 }
 template <typename T>
 OCTRAD_HD constexpr T max_component(Vec3<T> a) {
-  return a.x > a.y ? (a.x > a.z ? a.x : a.z) : (a.y > a.z ? a.y : a.z);
+  const T xy = a.x > a.y ? a.x : a.y;
+  return xy > a.z ? xy : a.z;
 }
 template <typename T>
 OCTRAD_HD constexpr Vec3<T> min(Vec3<T> a, Vec3<T> b) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "octrad/base/folder_test_helper.h"
+#include "octrad/base/rng.h"
 #include "octrad/geometry/tracer.h"
 #include "octrad/scene/load.h"
 
@@ -52,6 +53,36 @@ const Vec3f kSlanted = normalize(Vec3f(-0.3f, -0.2f, -1.0f));
 const std::string kFlip = R"(<boolean name="flip_normals" value="true"/>)";
 const std::string kPlaced =
     R"(<scale x="2" y="3"/><rotate x="1" angle="40"/><rotate y="1" angle="25"/><translate x="0.1"/></transform></shape>)";
+
+// What a mesh says of its normals (TriangleMesh::flat) changes nothing but rounding.
+TEST_F(InteractionTest, FlatMeshesNeedNoNormals) {
+  const std::string flip = R"(<boolean name="flip_normals" value="true"/>)",
+                    turned = R"(<transform name="to_world"><scale x="-2" y="3" z="1"/><rotate x="1" angle="40"/></transform>)",
+                    group = R"(<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/>)";
+  for (const std::string& shapes :
+       {R"(<shape type="cube">)" + turned + "</shape>", R"(<shape type="cube">)" + turned + flip + "</shape>",
+        group + turned + "</shape>"}) {
+    Scene scene = load_scene(
+        folder_.write("s.xml", R"(<scene version="3.0.0"><sensor type="perspective"/>)" + shapes + "</scene>"));
+    const auto tracer = make_embree_tracer(scene);
+    Rng rng(3, RngPurpose::test, 8);
+    for (int i = 0; i < 100; ++i) {
+      const Vec3f o = uniform_direction(rng.uniform2()) * 9.0f, d = normalize(-o);
+      const Hit h = tracer->intersect(o, d, 0.0f, 1e30f);
+      ASSERT_TRUE(h.valid());
+      std::vector<SurfaceInteraction> found;
+      for (const bool flat : {true, false}) {
+        for (TriangleMesh& m : scene.meshes) {
+          EXPECT_FALSE(m.normals.empty());
+          m.flat = flat;
+        }
+        found.push_back(interact(scene, h, o, d));
+      }
+      EXPECT_LT(length(found[0].shading_normal - found[1].shading_normal), 1e-5f);
+      EXPECT_EQ(found[0].geometric_normal, found[1].geometric_normal);
+    }
+  }
+}
 
 TEST_F(InteractionTest, TrianglesWithAndWithoutUv) {
   const Vec3f o{0.7f, 0.3f, 4};

@@ -15,7 +15,7 @@ OCTRAD_HD inline Vec3f offset_origin(Vec3f position, Vec3f geometric_normal, Vec
   constexpr float kEpsilon = 1500.0f / 16777216.0f;
   const float largest = greater(std::fabs(position.x), greater(std::fabs(position.y), std::fabs(position.z)));
   const float magnitude = (1.0f + largest) * kEpsilon;
-  return position + geometric_normal * (dot(geometric_normal, direction) < 0.0f ? -magnitude : magnitude);
+  return position + geometric_normal * std::copysign(magnitude, dot(geometric_normal, direction));
 }
 
 }  // namespace octrad

@@ -9,7 +9,7 @@
 namespace octrad {
 
 inline MeshView mesh_view(const TriangleMesh& mesh) {
-  const Vec3f* normals = mesh.normals.empty() ? nullptr : mesh.normals.data();
+  const Vec3f* normals = mesh.normals.empty() || mesh.flat ? nullptr : mesh.normals.data();
   const Vec2f* uvs = mesh.uvs.empty() ? nullptr : mesh.uvs.data();
   return {mesh.positions.data(), normals, uvs, mesh.triangles.data(), mesh.flip_normals, nullptr};
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "octrad/base/rng.h"
 #include "octrad/geometry/interaction_math.h"
 
 namespace octrad {
@@ -77,8 +78,7 @@ OCTRAD_HD inline Vec2f uniform_triangle(Vec2f u) {
 }
 
 OCTRAD_HD inline Vec3f uniform_sphere(const Sphere& sphere, Vec2f u) {
-  const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
-  return sphere.center + Vec3f(r * std::cos(phi), r * std::sin(phi), z) * sphere.radius;
+  return sphere.center + uniform_direction(u) * sphere.radius;
 }
 
 OCTRAD_HD inline SurfaceInteraction sample_surface(const SurfaceSamplerView& view, float u_pick, Vec2f u) {

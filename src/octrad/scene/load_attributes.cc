@@ -166,6 +166,7 @@ void SceneBuilder::place_attributes(MeshJob& job, const std::vector<MeshAttribut
   }
   TriangleMesh apart;
   apart.flip_normals = mesh.flip_normals;
+  apart.flat = mesh.flat;
   apart.one_sided = mesh.one_sided;
   for (std::size_t i = 0; i < triangles; ++i) {
     const auto x = static_cast<float>(2 * (i % columns)), y = static_cast<float>(2 * (i / columns));

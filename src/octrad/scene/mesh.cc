@@ -41,7 +41,22 @@ std::vector<Vec3f> smooth_normals(const std::vector<Vec3f>& positions, const std
   return normals;
 }
 
-TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options) {
+namespace {
+
+// Whether the normals of all vertices are those of the faces around them, up to the rounding of files.
+bool has_normals_of_faces(const TriangleMesh& mesh) {
+  for (const Vec3i& t : mesh.triangles) {
+    const auto x = static_cast<std::size_t>(t.x), y = static_cast<std::size_t>(t.y), z = static_cast<std::size_t>(t.z);
+    const Vec3d p(mesh.positions[x]),
+        face = normalize(cross(Vec3d(mesh.positions[y]) - p, Vec3d(mesh.positions[z]) - p));  // not finite: no area
+    for (const std::size_t vertex : {x, y, z}) {
+      if (length(Vec3d(mesh.normals[vertex]) - face) > 1e-5) return false;
+    }
+  }
+  return true;
+}
+
+TriangleMesh placed_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options) {
   TriangleMesh mesh;
   mesh.flip_normals = options.flip_normals;
   mesh.one_sided = options.one_sided;
@@ -79,6 +94,14 @@ TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOpti
       mesh.normals[i] = computed[i];
     }
   }
+  return mesh;
+}
+
+}  // namespace
+
+TriangleMesh place_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options) {
+  TriangleMesh mesh = placed_mesh(std::move(raw), to_world, options);
+  mesh.flat = !mesh.normals.empty() && has_normals_of_faces(mesh);
   return mesh;
 }
 

@@ -103,6 +103,20 @@ TEST(Obj, FileNormalsAreCarriedByTheInverseTranspose) {
   EXPECT_GT(n.z, 0.0f);
 }
 
+TEST(Mesh, FlatWhereNormalsAreThoseOfTheFaces) {
+  const Transform mirrored = Transform::scale({-2, 1, 3}), tiny = Transform::scale({1e-12, 1e-12, 1e-12});
+  for (const Transform& t : {Transform(), mirrored, tiny}) {
+    EXPECT_TRUE(placed(make_cube(), {}, t).flat);
+    EXPECT_TRUE(placed(make_cube(), {.flip_normals = true}, t).flat);
+    EXPECT_TRUE(placed(make_rectangle(), {}, t).flat);
+    EXPECT_TRUE(placed(obj(kQuad + "f 1 2 3\nf 1 2 2\n"), {}, t).flat) << "a triangle without area has no normal";
+    EXPECT_FALSE(placed(obj(kQuad + "f 1 2 3\nf 1 3 4\n"), {}, t).flat) << "a bent edge";
+    EXPECT_FALSE(placed(obj(kQuad + "vn 0 0.001 1\nf 1//1 2//1 3//1\n"), {}, t).flat);
+    EXPECT_FALSE(placed(obj(kQuad + "vn 0 0 -1\nf 1//1 2//1 3//1\n"), {}, t).flat) << "normals say the other side";
+  }
+  EXPECT_FALSE(placed(obj(kQuad + "f 1 2 3\n"), {.face_normals = true}).flat) << "there are no normals";
+}
+
 TEST(Obj, MissingNormalsAreComputed) {
   const TriangleMesh mesh = placed(obj(kQuad + "vn 0 1 0\nf 1//1 2//1 3//1\nf 1 3 4\n"));
   ASSERT_EQ(mesh.normals.size(), 6u);

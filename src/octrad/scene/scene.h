@@ -27,6 +27,7 @@ struct TriangleMesh {
   std::vector<Vec3i> triangles;  // vertex indices
   bool flip_normals = false;     // geometric normal is -(p1-p0)x(p2-p0)
   bool one_sided = false;        // rays along (p1-p0)x(p2-p0) pass: they are inside a curve
+  bool flat = false;             // normals are those of the faces, so that hit points need not look them up
 };
 
 struct Shape {

@@ -75,7 +75,8 @@ struct Plan {
     primitives = layout.add(t.bvh.primitives.data(), t.bvh.primitives.size());
     for (const TriangleMesh& m : t.scene.meshes) {
       meshes.push_back({layout.add(m.positions.data(), m.positions.size()),
-                        layout.add(m.normals.data(), m.normals.size()), layout.add(m.uvs.data(), m.uvs.size()),
+                        layout.add(m.normals.data(), m.flat ? 0 : m.normals.size()),
+                        layout.add(m.uvs.data(), m.uvs.size()),
                         layout.add(m.triangles.data(), m.triangles.size())});
     }
     spheres = layout.add(t.scene.spheres.data(), t.scene.spheres.size());

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "octrad/base/vec.h"
+#include "octrad/base/rng.h"
 #include "octrad/shading/place_grid_math.h"
 
 namespace octrad {
@@ -235,8 +235,7 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
   using namespace environment_detail;
   EnvironmentSample s;
   if (e.height < 2) {
-    const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
-    s.direction = {r * std::cos(phi), r * std::sin(phi), z};
+    s.direction = uniform_direction(u);
     s.pdf = 0.25f * kInvPi;
     s.radiance = environment_radiance(e, s.direction);
     return s;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "octrad/base/frame.h"
+#include "octrad/base/rng.h"
 #include "octrad/geometry/interaction_math.h"
 #include "octrad/scene/texture_math.h"
 #include "octrad/shading/delta_lights_math.h"
@@ -28,6 +29,7 @@ struct LightRecord {
   const LightTriangle* triangles = nullptr;
   const float* cdf = nullptr;  // [triangle_count] of triangle areas, last entry 1
   int triangle_count = 0;
+  bool parallelogram = false;  // which the first triangle's edges span, alone
   float inv_area = 0.0f;
   float pick = 0.0f;  // probability of this emitter
   float side = 1.0f;  // of a sphere; -1: emits inwards
@@ -134,6 +136,8 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   float density = 1.0f;
   if (l.grid != nullptr) {
     density = sample_grid(l, u, i, b);
+  } else if (l.parallelogram) {
+    b = u;
   } else {
     i = pick_entry(l.cdf, l.triangle_count, u.x);
     const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
@@ -168,17 +172,16 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
     const float range = one_minus_cos_max(radius, distance2);
     const float one_minus_cos = u.x * range, cos = 1.0f - one_minus_cos;
     const float sin2 = one_minus_cos * (1.0f + cos);
-    const float sin = std::sqrt(std::max(0.0f, sin2)), phi = 2.0f * kPi * u.y;
+    const Vec2f across = circle_point(u.y) * std::sqrt(std::max(0.0f, sin2));
     const Frame frame = make_frame(d / std::sqrt(distance2));
-    s.direction = frame.to_world({sin * std::cos(phi), sin * std::sin(phi), cos});
+    s.direction = frame.to_world({across.x, across.y, cos});
     // Nearer root of |x + t w - c| = r with h = r^2 - (distance sin)^2.
     const float h = std::max(0.0f, radius * radius - distance2 * sin2);
     s.distance = std::sqrt(distance2) * cos - std::sqrt(h);
     s.pdf = pick / (2.0f * kPi * range);
   } else {
     if (l.side > 0.0f) return s;  // inside (or on) a sphere that emits outwards
-    const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
-    const Vec3f n{r * std::cos(phi), r * std::sin(phi), z};
+    const Vec3f n = uniform_direction(u);
     const Vec3f e = center + n * radius - x;
     s.distance = length(e);
     if (!(s.distance > 0.0f)) return s;

@@ -380,16 +380,14 @@ TEST(Lights, VertexNormalsDecideWhichSideEmits) {
   }
 }
 
-// Directions drawn on a mesh of unequal triangles follow the density that a ray finds there.
-TEST(Lights, MeshSamplesFollowTheirDensity) {
+// Directions drawn on a mesh that emits follow the density that a ray finds there.
+void expect_samples_by_density(const TriangleMesh& mesh, bool parallelogram) {
   SceneMaker maker;
-  TriangleMesh m;
-  m.positions = {{-1, -1, 1}, {1, -1, 1.2f}, {-1, 1, 1.4f}, {1.5f, 1.5f, 0.6f}, {-0.5f, 2.5f, 0.8f}};
-  m.triangles = {{0, 2, 1}, {1, 2, 3}, {3, 2, 4}};
-  maker.scene.meshes.push_back(m);
+  maker.scene.meshes.push_back(mesh);
   maker.shape(Shape::Kind::mesh, 0, maker.diffuse(Vec3f(0.5f)), Vec3f(1.0f));
   const auto tracer = make_embree_tracer(maker.scene);
   const Lights lights(maker.scene);
+  EXPECT_EQ(lights.view().area[0].parallelogram, parallelogram);
   const Vec3f x{0.1f, 0.2f, 0.0f};
   const auto result = testing::chi_square(
       [&](Rng& rng, Vec3f& w) {
@@ -404,6 +402,32 @@ TEST(Lights, MeshSamplesFollowTheirDensity) {
       100000, 11, 24, 36, 16);
   EXPECT_GT(result.p_value, 0.001) << result.text;
   EXPECT_NEAR(result.integral, 1.0, 0.01);
+}
+
+TEST(Lights, MeshSamplesFollowTheirDensity) {
+  TriangleMesh m;
+  m.positions = {{-1, -1, 1}, {1, -1, 1.2f}, {-1, 1, 1.4f}, {1.5f, 1.5f, 0.6f}, {-0.5f, 2.5f, 0.8f}};
+  m.triangles = {{0, 2, 1}, {1, 2, 3}, {3, 2, 4}};
+  expect_samples_by_density(m, false);
+  m.triangles.pop_back();
+  SCOPED_TRACE("two triangles, no parallelogram");
+  expect_samples_by_density(m, false);
+}
+
+// Whichever corners the two triangles begin with, and whether they share vertices.
+TEST(Lights, ParallelogramsAreDrawnAsOne) {
+  TriangleMesh m;
+  m.positions = {{-1, -1, 1}, {1, -1, 1.2f}, {-0.5f, 1, 1.4f}, {1.5f, 1, 1.6f}};
+  const auto turned = [](Vec3i t, int by) { return Vec3i{t[by % 3], t[(by + 1) % 3], t[(by + 2) % 3]}; };
+  for (int i = 0; i < 9; ++i) {
+    SCOPED_TRACE(i);
+    m.triangles = {turned({0, 2, 1}, i / 3), turned({1, 2, 3}, i % 3)};
+    expect_samples_by_density(m, true);
+  }
+  TriangleMesh apart = m;
+  apart.positions.insert(apart.positions.end(), m.positions.begin(), m.positions.end());
+  apart.triangles[1] = {1 + 4, 2 + 4, 3 + 4};
+  expect_samples_by_density(apart, true);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "octrad/base/bits.h"
 #include "octrad/scene/measured_tables.h"
 #include "octrad/scene/texture_math.h"
 #include "octrad/shading/bsdf_types.h"
@@ -74,12 +75,12 @@ OCTRAD_HD inline void assign_slot(Bsdf& b, int slot, Vec3f value) {
 OCTRAD_HD inline void parameters_at(const TextureView* textures, const MaterialRecord& record, Vec2f uv, Bsdf& b) {
   b = record.constant;
   if (b.record != nullptr) b.uv = uv;
-  if (record.textured == 0) return;
 #if defined(__CUDA_ARCH__)
 #pragma unroll 1
 #endif
-  for (int slot = 0; slot < kMaterialSlots; ++slot) {
-    if (record.textured >> slot & 1u) assign_slot(b, slot, evaluate_texture(textures[record.textures[slot]], uv));
+  for (std::uint32_t left = record.textured; left != 0; left &= left - 1) {
+    const auto slot = static_cast<int>(lowest_bit(left));
+    assign_slot(b, slot, evaluate_texture(textures[record.textures[slot]], uv));
   }
 }
 

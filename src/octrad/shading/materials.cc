@@ -215,10 +215,8 @@ Bsdf Materials::at(int index, Vec2f uv) const {
 
 void Materials::prefetch(int index, Vec2f uv) const {
   const MaterialRecord& r = view_.records[index];
-  if (r.textured == 0) return;
-  for (int i = 0; i < kMaterialSlots; ++i) {
-    if ((r.textured >> i & 1u) == 0) continue;
-    const TextureView& texture = view_.textures[r.textures[i]];
+  for (std::uint32_t left = r.textured; left != 0; left &= left - 1) {
+    const TextureView& texture = view_.textures[r.textures[lowest_bit(left)]];
     if (texture.tiles != nullptr) CompactTexture::prefetch(texture, uv);
   }
 }

@@ -91,11 +91,10 @@ struct Microfacet {
 
   // Dupuy & Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
   OCTRAD_HD static Vec3f sample_visible_ggx(Vec3f p, Vec2f u) {
-    const float phi = 2.0f * kPi * u.x;
     const float z = (1.0f - u.y) * (1.0f + p.z) - p.z;
     const float r2 = 1.0f - z * z;
-    const float r = std::sqrt(r2 > 0.0f ? r2 : 0.0f);
-    return Vec3f(r * std::cos(phi), r * std::sin(phi), z) + p;
+    const Vec2f across = circle_point(u.x) * std::sqrt(r2 > 0.0f ? r2 : 0.0f);
+    return Vec3f(across.x, across.y, z) + p;
   }
 
   // Slopes of unit roughness seen from p: along p's azimuth the density is (1 - s tan) exp(-s^2) for s < cot, whose
@@ -139,14 +138,14 @@ struct Microfacet {
 
   // Density D cos (Walter et al. 2007, equations 28-29 and 35-36, stretched for anisotropy).
   OCTRAD_HD Vec3f sample_all(Vec2f u) const {
-    const float phi = 2.0f * kPi * u.y;
     float r;  // length of the slope at unit roughness
     if (distribution == MicrofacetDistribution::beckmann) {
       r = std::sqrt(-std::log(1.0f - u.x));
     } else {
       r = std::sqrt(u.x / (1.0f - u.x));
     }
-    return normalize(Vec3f(r * std::cos(phi) * alpha_u, r * std::sin(phi) * alpha_v, 1.0f));
+    const Vec2f around = circle_point(u.y);
+    return normalize(Vec3f(r * around.x * alpha_u, r * around.y * alpha_v, 1.0f));
   }
 };
 

@@ -258,8 +258,8 @@ OCTRAD_HD inline Vec3f draw_offset_direction(const OffsetRay& offset, const Surf
                                              Rng& rng) {
   if (!draws_offset_direction(offset, point)) return Vec3f(0.0f);
   const Vec2f u = rng.stratified2();
-  const float tangent = offset.spread * point.alpha * std::sqrt(u.x), angle = 2.0f * kPi * u.y;
-  const Vec3f t = make_frame(point.n).to_world({tangent * std::cos(angle), tangent * std::sin(angle), 0.0f});
+  const Vec2f tangent = circle_point(u.y) * (offset.spread * point.alpha * std::sqrt(u.x));
+  const Vec3f t = make_frame(point.n).to_world({tangent.x, tangent.y, 0.0f});
   const float side = dot(point.wo, geometric_normal);
   for (int turn = 0; turn < 2; ++turn) {
     SurfacePoint tilted = point;

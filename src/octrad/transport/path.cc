@@ -57,32 +57,47 @@ class Group {
       for (std::size_t i = 0; i < alive; ++i)
         rays_[i] = {active_[i]->path.origin, active_[i]->path.direction, active_[i]->path.t_max};
       context_.tracer.intersect(std::span(rays_.data(), alive), hits_.data());
-      for (std::size_t i = 0; i < alive; ++i) {
-        Walker& w = *active_[i];
-        w.hit = hits_[i];
-        if (w.path.depth == 0 && context_.hides_emitters()) hide_emitters(w);
-        prefetch_triangle(w.hit);
-        if (environment_) prefetch_light(w);
-      }
       counters_.rays += static_cast<long long>(alive);
+      alive = keep([this](Walker& w, std::size_t i) { return arrive(w, hits_[i]); }, alive);
       for (std::size_t i = 0; i < alive; ++i) {
         prefetch_vertices(active_[i]->hit);
-        if (environment_ && active_[i]->hit.valid())
+        if (environment_)
           context_.lights.prefetch_second(place_of(*active_[i]), active_[i]->numbers.u_pick, active_[i]->numbers.u);
       }
       for (std::size_t i = 0; i < alive; ++i) locate(*active_[i]);
       connections_ = 0;
-      std::size_t kept = 0;
-      for (std::size_t i = 0; i < alive; ++i) {
-        if (active_[i]->hit.valid() && scatter(*active_[i])) active_[kept++] = active_[i];
-      }
-      alive = kept;
+      alive = keep([this](Walker& w, std::size_t) { return scatter(w); }, alive);
       context_.tracer.occluded(std::span(shadow_rays_.data(), connections_), blocked_.data());
       for (std::size_t i = 0; i < connections_; ++i) {
         if (!blocked_[i]) pending_[i].out->radiance += pending_[i].contribution;
       }
       counters_.rays += static_cast<long long>(connections_);
     }
+  }
+
+  // Leaves out the first `count` active paths for which goes_on(path, place) is false; returns how many are left.
+  template <typename Function>
+  std::size_t keep(Function goes_on, std::size_t count) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      Walker* const w = active_[i];
+      active_[kept] = w;
+      kept += goes_on(*w, i) ? 1 : 0;
+    }
+    return kept;
+  }
+
+  // Takes what the ray hit; false where it left the scene.
+  bool arrive(Walker& w, const Hit& hit) {
+    w.hit = hit;
+    if (w.path.depth == 0 && context_.hides_emitters()) hide_emitters(w);
+    if (!w.hit.valid()) {
+      if (environment_) w.out->radiance += path_escape(context_, w.path, w.out->first.valid);
+      return false;
+    }
+    prefetch_triangle(w.hit);
+    if (environment_) prefetch_light(w);
+    return true;
   }
 
   void hide_emitters(Walker& w) {
@@ -92,7 +107,6 @@ class Group {
   }
 
   void prefetch_triangle(const Hit& hit) const {
-    if (!hit.valid()) return;
     const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
     if (shape.kind != Shape::Kind::mesh) return;
     const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
@@ -100,14 +114,13 @@ class Group {
   }
 
   void prefetch_vertices(const Hit& hit) const {
-    if (!hit.valid()) return;
     const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
     if (shape.kind != Shape::Kind::mesh) return;
     const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
     const Vec3i t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
     for (const int vertex : {t.x, t.y, t.z}) {
       prefetch_line(mesh.positions.data() + vertex);
-      if (!mesh.normals.empty()) prefetch_line(mesh.normals.data() + vertex);
+      if (!mesh.normals.empty() && !mesh.flat) prefetch_line(mesh.normals.data() + vertex);
       if (!mesh.uvs.empty()) prefetch_line(mesh.uvs.data() + vertex);
     }
   }
@@ -118,15 +131,10 @@ class Group {
   // Environments are sampled from tables that do not fit into caches: their random numbers are drawn early.
   void prefetch_light(Walker& w) const {
     w.numbers = draw_light_numbers(w.out->rng);
-    if (w.hit.valid()) context_.lights.prefetch_first(place_of(w), w.numbers.u_pick, w.numbers.u);
+    context_.lights.prefetch_first(place_of(w), w.numbers.u_pick, w.numbers.u);
   }
 
-  // The surface that was hit, or the light of the environment.
   void locate(Walker& w) {
-    if (!w.hit.valid()) {
-      if (environment_) w.out->radiance += path_escape(context_, w.path, w.out->first.valid);
-      return;
-    }
     std::construct_at(&w.surface, context_.interact(w.hit, w.path.origin, w.path.direction));
     context_.materials.prefetch(w.surface.material, w.surface.uv);
   }

@@ -94,9 +94,9 @@ struct ClearCoat {
   }
   OCTRAD_HD Vec3f sample(Vec2f u) const {
     const float a2 = alpha * alpha;
-    const float cos2 = (1.0f - std::pow(a2, 1.0f - u.y)) / (1.0f - a2), phi = 2.0f * kPi * u.x;
-    const float sin = std::sqrt(cos2 < 1.0f ? 1.0f - cos2 : 0.0f);
-    return {std::cos(phi) * sin, std::sin(phi) * sin, std::sqrt(cos2 > 0.0f ? cos2 : 0.0f)};
+    const float cos2 = (1.0f - std::pow(a2, 1.0f - u.y)) / (1.0f - a2);
+    const Vec2f across = circle_point(u.x) * std::sqrt(cos2 < 1.0f ? 1.0f - cos2 : 0.0f);
+    return {across.x, across.y, std::sqrt(cos2 > 0.0f ? cos2 : 0.0f)};
   }
 };
 // Masking in the clear coat: always that of roughness 0.25.
