@@ -28,10 +28,9 @@ SurfaceSampler::SurfaceSampler(const Scene& scene, std::span<const int> shapes) 
     if (!inserted) return at->second;
     const TriangleMesh& mesh = scene.meshes[static_cast<std::size_t>(geometry)];
     std::vector<double> sums;
-    ask_memory(mesh.triangles.size() * (sizeof(double) + sizeof(float)), scene.file);
+    ask_memory(mesh.triangles.size() * (sizeof(double) + sizeof(CdfEntry)), scene.file);
     for (const Vec3i& t : mesh.triangles) sums.push_back(at->second.second += triangle_area(mesh, t));
-    placed_areas_.emplace_back();
-    for (const double s : sums) placed_areas_.back().push_back(static_cast<float>(s / at->second.second));
+    placed_areas_.push_back(make_cdf(sums));
     return at->second;
   };
   std::vector<bool> wanted(scene.shapes.size(), shapes.empty());
@@ -69,7 +68,7 @@ SurfaceSampler::SurfaceSampler(const Scene& scene, std::span<const int> shapes) 
     while (element + 1 < elements_.size() && cumulative_[element] <= start) ++element;
     guide_[i] = static_cast<std::uint32_t>(element);
   }
-  for (const std::vector<float>& areas : placed_areas_)
+  for (const std::vector<CdfEntry>& areas : placed_areas_)
     placed_.push_back({areas.data(), static_cast<int>(areas.size())});
   view_ = {elements_.data(), cumulative_.data(), guide_.data(),  static_cast<std::uint32_t>(elements_.size()),
            total_area,       shapes_.data(),     placed_.data(), static_cast<std::uint32_t>(placed_.size())};

@@ -32,7 +32,7 @@ class SurfaceSampler {
   std::vector<double> cumulative_;
   std::vector<std::uint32_t> guide_;
   std::vector<ShapeView> shapes_;
-  std::vector<std::vector<float>> placed_areas_;
+  std::vector<std::vector<CdfEntry>> placed_areas_;
   std::vector<PlacedMesh> placed_;
   SurfaceSamplerView view_;
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "octrad/base/cdf_math.h"
 #include "octrad/base/rng.h"
 #include "octrad/geometry/interaction_math.h"
 
@@ -18,7 +19,7 @@ struct SurfaceElement {
 
 // Areas of a mesh that instances share, before they place it.
 struct PlacedMesh {
-  const float* cumulative = nullptr;  // [count] share of the area up to and including each triangle
+  const CdfEntry* areas = nullptr;  // [count] of the triangles
   int count = 0;
 };
 
@@ -37,21 +38,10 @@ struct SurfaceSamplerView {
 // The triangle where `u.x` falls, which becomes a new random number: what is left of it, shifted by `rest`, a number
 // that is independent of it.
 OCTRAD_HD inline int pick_placed(const PlacedMesh& mesh, float rest, Vec2f& u) {
-  int first = 0, length = mesh.count;
-  while (length > 0) {
-    const int half = length / 2;
-    if (u.x < mesh.cumulative[first + half]) {
-      length = half;
-    } else {
-      first += half + 1;
-      length -= half + 1;
-    }
-  }
-  first = std::min(first, mesh.count - 1);
-  const float below = first > 0 ? mesh.cumulative[first - 1] : 0.0f, share = mesh.cumulative[first] - below;
-  const float left = (share > 0.0f ? (u.x - below) / share : 0.0f) + rest;
+  const int i = pick_entry(mesh.areas, mesh.count, u.x);
+  const float left = (share_of(mesh.areas, i) > 0.0f ? rest_of(mesh.areas, i, u.x) : 0.0f) + rest;
   u.x = std::min(left - std::floor(left), 0.99999994f);
-  return first;
+  return i;
 }
 
 // `u`: uniform in [0, 1)^2, and so when it is returned.

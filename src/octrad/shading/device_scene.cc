@@ -124,7 +124,7 @@ struct Plan {
       cumulative = layout.add(s.cumulative, s.count);
       guide = layout.add(s.guide, std::size_t{s.count} + 1);
       for (std::uint32_t i = 0; i < s.placed_count; ++i)
-        placed_areas.push_back(layout.add(s.placed[i].cumulative, static_cast<std::size_t>(s.placed[i].count)));
+        placed_areas.push_back(layout.add(s.placed[i].areas, static_cast<std::size_t>(s.placed[i].count)));
       placed_meshes = layout.reserve<PlacedMesh>(s.placed_count);
     }
     shapes = layout.reserve<ShapeView>(t.scene.shapes.size());
@@ -194,8 +194,8 @@ std::vector<LightRecord> place_lights(const LightsView& lights, const std::vecto
   for (std::size_t i = 0; i < records.size(); ++i) {
     records[i].shape = shapes[static_cast<std::size_t>(records[i].shape_index)];
     records[i].triangles = block.at<LightTriangle>(plan.lights[i].triangles);
-    records[i].cdf = block.at<float>(plan.lights[i].cdf);
-    records[i].grid = block.at<float>(plan.lights[i].grid);
+    records[i].cdf = block.at<CdfEntry>(plan.lights[i].cdf);
+    records[i].grid = block.at<CdfEntry>(plan.lights[i].grid);
   }
   return records;
 }
@@ -249,7 +249,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   if (tables.surfaces != nullptr) {
     const SurfaceSamplerView& s = tables.surfaces->view();
     placed.assign(s.placed, s.placed + s.placed_count);
-    for (std::size_t i = 0; i < placed.size(); ++i) placed[i].cumulative = block.at<float>(plan.placed_areas[i]);
+    for (std::size_t i = 0; i < placed.size(); ++i) placed[i].areas = block.at<CdfEntry>(plan.placed_areas[i]);
     plan.layout.pieces[plan.placed_meshes].from = placed.data();
   }
   upload(stream, plan.layout, memory_.data());
@@ -263,7 +263,7 @@ DeviceScene::DeviceScene(Stream& stream, const SceneTables& tables) : stream_(&s
   world_.lights.area = block.at<LightRecord>(place(plan.area_lights));
   world_.lights.textures = block.at<TextureView>(place(plan.textures));
   world_.lights.delta = block.at<DeltaLight>(plan.delta_lights);
-  world_.lights.cdf = block.at<float>(plan.light_cdf);
+  world_.lights.cdf = block.at<CdfEntry>(plan.light_cdf);
   world_.lights.environment.pixels = block.at<Vec3f>(plan.environment_pixels);
   world_.lights.environment.sines = block.at<float>(plan.environment_sines);
   world_.lights.environment.rows = block.at<AliasEntry>(plan.environment_rows);

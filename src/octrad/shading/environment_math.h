@@ -136,12 +136,9 @@ OCTRAD_HD inline int pick_alias(const AliasEntry* table, int count, float& u) {
   const int i = std::min(static_cast<int>(x), count - 1);
   const float rest = std::min(x - static_cast<float>(i), kOneMinus);
   const AliasEntry a = table[i];
-  if (rest < a.keep) {
-    u = std::min(rest / a.keep, kOneMinus);
-    return i;
-  }
-  u = std::min((rest - a.keep) / (1.0f - a.keep), kOneMinus);
-  return a.other;
+  const bool kept = rest < a.keep;
+  u = std::min(choose(kept, rest, rest - a.keep) / choose(kept, a.keep, 1.0f - a.keep), kOneMinus);
+  return kept ? i : a.other;
 }
 
 OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f direction) {
@@ -252,11 +249,11 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
               w11 = e.weight(n, c.y + 1);
   c.fy = sample_linear(w00 + w10, w01 + w11, u.y);
   c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), u.x);
-  const float phi = (static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(e.width) * 2.0f * kPi;
-  const float theta = (static_cast<float>(c.y) + c.fy) / static_cast<float>(e.height - 1) * kPi;
-  const float sin_theta = std::sin(theta);
+  const Vec2f phi = circle_point((static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(e.width));
+  const Vec2f theta = circle_point(0.5f * (static_cast<float>(c.y) + c.fy) / static_cast<float>(e.height - 1));
+  const float sin_theta = theta.y;
   if (!(sin_theta > 0.0f)) return s;
-  s.direction = e.to_world({std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta});
+  s.direction = e.to_world({phi.y * sin_theta, theta.x, -phi.x * sin_theta});
   s.radiance = bilinear_radiance(e, c);
   s.pdf = cell_density(e, p, c) / (2.0f * kPi * kPi * sin_theta);
   if (!e.rotates) {

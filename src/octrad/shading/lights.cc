@@ -13,8 +13,8 @@ namespace {
 
 struct MeshTables {
   std::vector<LightTriangle> triangles;
-  std::vector<float> cdf;
-  std::vector<float> grid;
+  std::vector<CdfEntry> cdf;
+  std::vector<CdfEntry> grid;
 };
 
 // Where two triangles are one parallelogram, the triangle of one of its corners, which spans it.
@@ -37,7 +37,7 @@ std::optional<LightTriangle> spanning_triangle(const TriangleMesh& mesh, const s
 // Fills `tables`, and the members of `l` for mesh lights.
 void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) {
   double area = 0.0;
-  std::vector<double> cdf;
+  std::vector<double> areas;
   for (const Vec3i& t : mesh.triangles) {
     LightTriangle triangle;
     triangle.p0 = mesh.positions[static_cast<std::size_t>(t.x)];
@@ -47,7 +47,7 @@ void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) 
     const double twice = length(n);
     if (twice > 0.0) triangle.normal = Vec3f(n / (mesh.flip_normals ? -twice : twice));
     area += 0.5 * twice;
-    cdf.push_back(area);
+    areas.push_back(area);
     tables.triangles.push_back(triangle);
   }
   // Half of a point's work is saved, and no point of the square is next to one whose light comes from elsewhere.
@@ -57,7 +57,7 @@ void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) 
       l.parallelogram = true;
     }
   }
-  for (const double c : cdf) tables.cdf.push_back(area > 0.0 ? static_cast<float>(c / area) : 1.0f);
+  tables.cdf = make_cdf(areas);
   l.triangles = tables.triangles.data();
   l.cdf = tables.cdf.data();
   l.triangle_count = static_cast<int>(tables.triangles.size());
@@ -103,11 +103,9 @@ void prepare_grid(const TextureView& texture, MeshTables& tables, LightRecord& l
   }
   if (!(sum > 0.0)) return;
   const auto count = static_cast<double>(sums.size());
-  for (std::size_t i = 0; i < sums.size(); ++i) {
-    tables.grid.push_back(
-        static_cast<float>((1.0 - kUniformShare) * sums[i] / sum + kUniformShare * static_cast<double>(i + 1) / count));
-  }
-  tables.grid.back() = 1.0f;
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    sums[i] = (1.0 - kUniformShare) * sums[i] / sum + kUniformShare * static_cast<double>(i + 1) / count;
+  tables.grid = make_cdf(sums);
   l.grid = tables.grid.data();
 }
 
@@ -119,7 +117,7 @@ struct Lights::Impl {
   std::vector<MeshTables> meshes;     // of each area light; empty for spheres
   std::vector<TextureView> textures;  // of the scene, by index
   std::vector<DeltaLight> delta;
-  std::vector<float> cdf;  // of picking
+  std::vector<CdfEntry> cdf;  // of picking
   std::optional<EnvironmentMap> environment;
 
   Vec3f area_radiance(std::size_t i) const {
@@ -175,13 +173,9 @@ Lights::~Lights() = default;
 
 void Lights::set_weights(std::span<const float> weights) {
   assert(weights.size() == static_cast<std::size_t>(view_.count));
-  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
-  double sum = 0.0;
-  impl_->cdf.clear();
-  for (const float w : weights) {
-    sum += static_cast<double>(w);
-    impl_->cdf.push_back(static_cast<float>(sum / total));
-  }
+  std::vector<double> sums(weights.begin(), weights.end());
+  std::partial_sum(sums.begin(), sums.end(), sums.begin());
+  impl_->cdf = make_cdf(sums);
   view_.cdf = impl_->cdf.data();
   for (int i = 0; i < view_.area_count; ++i) impl_->area[static_cast<std::size_t>(i)].pick = light_pick(view_, i);
   if (impl_->environment) view_.environment_pick = light_pick(view_, view_.count - 1);

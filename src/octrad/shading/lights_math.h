@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octrad/base/cdf_math.h"
 #include "octrad/base/frame.h"
 #include "octrad/base/rng.h"
 #include "octrad/geometry/interaction_math.h"
@@ -27,14 +28,14 @@ struct LightRecord {
   int texture = -1;  // of radiance; -1: the same everywhere
   Vec3f radiance;    // times the texture where there is one
   const LightTriangle* triangles = nullptr;
-  const float* cdf = nullptr;  // [triangle_count] of triangle areas, last entry 1
+  const CdfEntry* cdf = nullptr;  // [triangle_count] of triangle areas
   int triangle_count = 0;
   bool parallelogram = false;  // which the first triangle's edges span, alone
   float inv_area = 0.0f;
   float pick = 0.0f;  // probability of this emitter
   float side = 1.0f;  // of a sphere; -1: emits inwards
   // Cells of a parallelogram that shows a picture over [0, 1]^2, drawn by how bright they are.
-  const float* grid = nullptr;  // [grid_side][grid_side] cumulative, last entry 1
+  const CdfEntry* grid = nullptr;  // [grid_side][grid_side]
   int grid_side = 0;
 };
 
@@ -43,8 +44,8 @@ struct LightsView {
   const TextureView* textures = nullptr;
   const DeltaLight* delta = nullptr;
   int area_count = 0, delta_count = 0;
-  int count = 0;               // area lights, lights without extent, the environment
-  const float* cdf = nullptr;  // [count] of the probabilities of picking them, last entry 1
+  int count = 0;                  // area lights, lights without extent, the environment
+  const CdfEntry* cdf = nullptr;  // [count] of the probabilities of picking them
   float environment_pick = 0.0f;
   EnvironmentView environment;                 // without pixels where there is none
   Vec3f environment_factor{1.0f, 1.0f, 1.0f};  // of its radiance; densities do not know it
@@ -81,29 +82,12 @@ OCTRAD_HD inline float one_minus_cos_max(float radius, float distance2) {
   return sin2 / (1.0f + std::sqrt(1.0f - sin2));
 }
 
-// First entry of a cumulative distribution above u, the last one where there is none; count > 0.
-OCTRAD_HD inline int pick_entry(const float* cdf, int count, float u) {
-  if (count <= 2) return count == 2 && u >= cdf[0] ? 1 : 0;
-  int first = 0, length = count;
-  while (length > 0) {
-    const int half = length / 2;
-    if (u < cdf[first + half]) {
-      length = half;
-    } else {
-      first += half + 1;
-      length -= half + 1;
-    }
-  }
-  return std::min(first, count - 1);
-}
-
 // How much likelier a point with these coordinates is drawn than uniformly by area.
 OCTRAD_HD inline float grid_density(const LightRecord& l, Vec2f uv) {
   const auto cell = [&l](float x) {
     return std::max(0, std::min(static_cast<int>(x * static_cast<float>(l.grid_side)), l.grid_side - 1));
   };
-  const int i = cell(uv.y) * l.grid_side + cell(uv.x);
-  return (l.grid[i] - (i > 0 ? l.grid[i - 1] : 0.0f)) * static_cast<float>(l.grid_side * l.grid_side);
+  return share_of(l.grid, cell(uv.y) * l.grid_side + cell(uv.x)) * static_cast<float>(l.grid_side * l.grid_side);
 }
 
 // Barycentric coordinates (b1, b2) of texture coordinates in a triangle, which may lie outside of it.
@@ -117,8 +101,8 @@ OCTRAD_HD inline Vec2f barycentric_of_uv(const MeshView& mesh, int triangle, Vec
 // A point of the grid: triangle and barycentric coordinates. Returns grid_density() there.
 OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle, Vec2f& b) {
   const int i = pick_entry(l.grid, l.grid_side * l.grid_side, u.x);
-  const float below = i > 0 ? l.grid[i - 1] : 0.0f, share = l.grid[i] - below;
-  u.x = share > 0.0f ? std::min((u.x - below) / share, 0.99999994f) : 0.5f;
+  const float share = share_of(l.grid, i);
+  u.x = share > 0.0f ? rest_of(l.grid, i, u.x) : 0.5f;
   const int row = i / l.grid_side, column = i % l.grid_side;
   const auto side = static_cast<float>(l.grid_side);
   const Vec2f uv{(static_cast<float>(column) + u.x) / side, (static_cast<float>(row) + u.y) / side};
@@ -140,10 +124,8 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
     b = u;
   } else {
     i = pick_entry(l.cdf, l.triangle_count, u.x);
-    const float below = i > 0 ? l.cdf[i - 1] : 0.0f;
-    const float share = l.cdf[i] - below;
-    if (!(share > 0.0f)) return s;
-    u.x = std::min((u.x - below) / share, 0.99999994f);
+    if (!(share_of(l.cdf, i) > 0.0f)) return s;
+    u.x = rest_of(l.cdf, i, u.x);
     b = square_to_triangle(u);
   }
   const LightTriangle& t = l.triangles[i];
@@ -203,13 +185,11 @@ OCTRAD_HD inline LightSample sample_sphere(const LightsView& view, const LightRe
 }  // namespace lights_detail
 
 OCTRAD_HD inline int pick_light(const LightsView& view, float u_pick) {
-  return lights_detail::pick_entry(view.cdf, view.count, u_pick);
+  return pick_entry(view.cdf, view.count, u_pick);
 }
 
 // Probability of picking emitter `i`.
-OCTRAD_HD inline float light_pick(const LightsView& view, int i) {
-  return i > 0 ? view.cdf[i] - view.cdf[i - 1] : view.cdf[0];
-}
+OCTRAD_HD inline float light_pick(const LightsView& view, int i) { return share_of(view.cdf, i); }
 
 // Draws a point on emitter `i`, picked with probability `pick`, as seen from `x`.
 OCTRAD_HD inline LightSample sample_picked_light(const LightsView& view, int i, float pick, Vec3f x, Vec2f u) {
