@@ -56,9 +56,10 @@ const std::string kPlaced =
 
 // What a mesh says of its normals (TriangleMesh::flat) changes nothing but rounding.
 TEST_F(InteractionTest, FlatMeshesNeedNoNormals) {
-  const std::string flip = R"(<boolean name="flip_normals" value="true"/>)",
-                    turned = R"(<transform name="to_world"><scale x="-2" y="3" z="1"/><rotate x="1" angle="40"/></transform>)",
-                    group = R"(<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/>)";
+  const std::string
+      flip = R"(<boolean name="flip_normals" value="true"/>)",
+      turned = R"(<transform name="to_world"><scale x="-2" y="3" z="1"/><rotate x="1" angle="40"/></transform>)",
+      group = R"(<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/>)";
   for (const std::string& shapes :
        {R"(<shape type="cube">)" + turned + "</shape>", R"(<shape type="cube">)" + turned + flip + "</shape>",
         group + turned + "</shape>"}) {

@@ -76,8 +76,7 @@ struct Plan {
     for (const TriangleMesh& m : t.scene.meshes) {
       meshes.push_back({layout.add(m.positions.data(), m.positions.size()),
                         layout.add(m.normals.data(), m.flat ? 0 : m.normals.size()),
-                        layout.add(m.uvs.data(), m.uvs.size()),
-                        layout.add(m.triangles.data(), m.triangles.size())});
+                        layout.add(m.uvs.data(), m.uvs.size()), layout.add(m.triangles.data(), m.triangles.size())});
     }
     spheres = layout.add(t.scene.spheres.data(), t.scene.spheres.size());
     for (std::size_t i = 0; i < t.materials.texture_count(); ++i) {

@@ -141,18 +141,14 @@ void EnvironmentMap::build_alias(const double* weights, int count, AliasEntry* o
   }
 }
 
-void EnvironmentMap::prefetch_table(Vec3f p, Vec2f u) const {
-  if (view_.parts == nullptr) return;
-  const EnvironmentRow row = pick_row(view_, p, u.y);
-  const int x = row.x0 + static_cast<int>(u.x * static_cast<float>(row.columns));
-  prefetch_line(cells_.data() + static_cast<std::size_t>(row.y) * static_cast<std::size_t>(view_.width) + x);
+void EnvironmentMap::prefetch_table(const EnvironmentPick& pick) const {
+  const int x = pick.x + static_cast<int>(pick.u.x * static_cast<float>(pick.columns));
+  prefetch_line(cells_.data() + static_cast<std::size_t>(pick.y) * static_cast<std::size_t>(view_.width) + x);
 }
 
-void EnvironmentMap::prefetch_pixels(Vec3f p, Vec2f u) const {
-  if (view_.parts == nullptr) return;
-  const EnvironmentRow picked = pick_row(view_, p, u.y);
-  const std::size_t x = static_cast<std::size_t>(pick_column(view_, picked, u.x)),
-                    y = static_cast<std::size_t>(picked.y), w = static_cast<std::size_t>(view_.width);
+void EnvironmentMap::prefetch_pixels(const EnvironmentPick& pick) const {
+  const std::size_t x = static_cast<std::size_t>(pick.x), y = static_cast<std::size_t>(pick.y),
+                    w = static_cast<std::size_t>(view_.width);
   for (const std::size_t row : {y * w, (y + 1) * w}) {  // two pixels each, which may lie in two lines
     prefetch_line(view_.pixels + row + x);
     prefetch_line(&view_.pixels[row + (x + 1 == w ? 0 : x + 1)].z);

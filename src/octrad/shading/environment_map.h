@@ -45,9 +45,9 @@ class EnvironmentMap {
     return environment_radiance(view_, p, direction, density);
   }
   Sample sample(Vec3f p, Vec2f u) const { return sample_environment(view_, p, u); }
-  // Start loading what sample(p, u) will read: first the table entry, then (once that is there) the pixels.
-  void prefetch_table(Vec3f p, Vec2f u) const;
-  void prefetch_pixels(Vec3f p, Vec2f u) const;
+  // Start loading what pick_column() will read of a picked row, and sample_cell() of a cell.
+  void prefetch_table(const EnvironmentPick& pick) const;
+  void prefetch_pixels(const EnvironmentPick& pick) const;
   // The tables as environment_math.h reads them.
   const EnvironmentView& view() const { return view_; }
 

@@ -163,9 +163,9 @@ OCTRAD_HD inline int environment_part(const EnvironmentView& e, Vec3f direction)
 
 namespace environment_detail {
 
-// Density in (u, v) at a point of a cell, seen from `p`.
-OCTRAD_HD inline float cell_density(const EnvironmentView& e, Vec3f p, const Cell& c) {
-  return e.densities[e.places.place(p) * kEnvironmentParts + e.part(c.x, c.y)] * bilinear_weight(e, c);
+// Density in (u, v) at a point of a cell, seen from a place.
+OCTRAD_HD inline float cell_density(const EnvironmentView& e, int place, const Cell& c) {
+  return e.densities[place * kEnvironmentParts + e.part(c.x, c.y)] * bilinear_weight(e, c);
 }
 
 // Where a direction looks in a map of two rows and more, and what makes densities in (u, v) there those per solid
@@ -195,7 +195,7 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f p, V
     return environment_radiance(e, direction);
   }
   const Look look(e, direction);
-  density = look.per_solid_angle(cell_density(e, p, look.cell));
+  density = look.per_solid_angle(cell_density(e, e.places.place(p), look.cell));
   return bilinear_radiance(e, look.cell);
 }
 
@@ -203,33 +203,66 @@ OCTRAD_HD inline Vec3f environment_radiance(const EnvironmentView& e, Vec3f p, V
 OCTRAD_HD inline float environment_pdf(const EnvironmentView& e, Vec3f p, Vec3f direction) {
   if (e.height < 2) return 0.25f * kInvPi;
   const environment_detail::Look look(e, direction);
-  return look.per_solid_angle(environment_detail::cell_density(e, p, look.cell));
+  return look.per_solid_angle(environment_detail::cell_density(e, e.places.place(p), look.cell));
 }
 
-// Cells of a row that are in one part.
-struct EnvironmentRow {
-  int x0, columns, y;
+// A cell of a map of two rows and more, drawn for light that arrives at a place: its row (pick_row()), then its column.
+struct EnvironmentPick {
+  int place = 0;
+  int x = 0, y = 0;  // the cell; before its column is drawn, the first of `columns` in that row that are in one part
+  int columns = 0;
+  Vec2f u;  // what is left of the random numbers
 };
 
-// The row that `u` draws for light that arrives at `p`; `u` is replaced by its uniform remainder.
-OCTRAD_HD inline EnvironmentRow pick_row(const EnvironmentView& e, Vec3f p, float& u) {
-  const int part = pick_alias(e.parts + e.places.place(p) * kEnvironmentParts, kEnvironmentParts, u);
+OCTRAD_HD inline EnvironmentPick pick_row(const EnvironmentView& e, Vec3f p, Vec2f u) {
+  EnvironmentPick pick;
+  pick.place = e.places.place(p);
+  pick.u = u;
+  const int part = pick_alias(e.parts + pick.place * kEnvironmentParts, kEnvironmentParts, pick.u.y);
   const int column = part % kEnvironmentColumns, row = part / kEnvironmentColumns;
-  const int x0 = e.first_column(column), y0 = e.first_row(row);
-  const int columns = e.first_column(column + 1) - x0, rows = e.first_row(row + 1) - y0;
+  const int y0 = e.first_row(row), rows = e.first_row(row + 1) - y0;
+  pick.x = e.first_column(column);
+  pick.columns = e.first_column(column + 1) - pick.x;
   const AliasEntry* table = e.rows + static_cast<std::size_t>(y0) * kEnvironmentColumns + column * rows;
-  return {x0, columns, y0 + pick_alias(table, rows, u)};
+  pick.y = y0 + pick_alias(table, rows, pick.u.y);
+  return pick;
 }
 
-// The cell of a row that `u` draws, likewise.
-OCTRAD_HD inline int pick_column(const EnvironmentView& e, const EnvironmentRow& row, float& u) {
-  const std::size_t first = static_cast<std::size_t>(row.y) * static_cast<std::size_t>(e.width);
-  return row.x0 + pick_alias(e.cells + first + row.x0, row.columns, u);
+OCTRAD_HD inline void pick_column(const EnvironmentView& e, EnvironmentPick& pick) {
+  const std::size_t first = static_cast<std::size_t>(pick.y) * static_cast<std::size_t>(e.width);
+  pick.x += pick_alias(e.cells + first + pick.x, pick.columns, pick.u.x);
 }
 
-// Draws a direction for light that arrives at `p`.
-OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, Vec3f p, Vec2f u) {
+// A direction of the bilinear density inside the cell.
+OCTRAD_HD inline EnvironmentSample sample_cell(const EnvironmentView& e, const EnvironmentPick& pick) {
   using namespace environment_detail;
+  EnvironmentSample s;
+  Cell c;
+  c.x = pick.x;
+  c.y = pick.y;
+  const int n = c.x + 1 == e.width ? 0 : c.x + 1;
+  const float w00 = e.weight(c.x, c.y), w10 = e.weight(n, c.y), w01 = e.weight(c.x, c.y + 1),
+              w11 = e.weight(n, c.y + 1);
+  c.fy = sample_linear(w00 + w10, w01 + w11, pick.u.y);
+  c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), pick.u.x);
+  const Vec2f phi = circle_point((static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(e.width));
+  const Vec2f theta = circle_point(0.5f * (static_cast<float>(c.y) + c.fy) / static_cast<float>(e.height - 1));
+  const float sin_theta = theta.y;
+  if (!(sin_theta > 0.0f)) return s;
+  s.direction = e.to_world({phi.y * sin_theta, theta.x, -phi.x * sin_theta});
+  s.radiance = bilinear_radiance(e, c);
+  s.pdf = cell_density(e, pick.place, c) / (2.0f * kPi * kPi * sin_theta);
+  if (!e.rotates) {
+    s.direction = normalize(s.direction);
+    Vec3f d = e.to_map(s.direction);
+    s.pdf *= e.normalize_in_map(d);
+  }
+  return s;
+}
+
+// Draws a direction for light that arrives at `p`: a part, a cell in it in proportion to its integral (its four
+// corners' mean), then a point in it. The remainder of each random number is used again.
+OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, Vec3f p, Vec2f u) {
   EnvironmentSample s;
   if (e.height < 2) {
     s.direction = uniform_direction(u);
@@ -238,30 +271,9 @@ OCTRAD_HD inline EnvironmentSample sample_environment(const EnvironmentView& e, 
     return s;
   }
   if (e.parts == nullptr) return s;  // black
-  // A part, a cell in it in proportion to its integral (its four corners' mean), then a point of the bilinear density
-  // inside it. The remainder of each random number is used again.
-  const EnvironmentRow row = pick_row(e, p, u.y);
-  Cell c;
-  c.y = row.y;
-  c.x = pick_column(e, row, u.x);
-  const int n = c.x + 1 == e.width ? 0 : c.x + 1;
-  const float w00 = e.weight(c.x, c.y), w10 = e.weight(n, c.y), w01 = e.weight(c.x, c.y + 1),
-              w11 = e.weight(n, c.y + 1);
-  c.fy = sample_linear(w00 + w10, w01 + w11, u.y);
-  c.fx = sample_linear(lerp(w00, w01, c.fy), lerp(w10, w11, c.fy), u.x);
-  const Vec2f phi = circle_point((static_cast<float>(c.x) + c.fx + 0.5f) / static_cast<float>(e.width));
-  const Vec2f theta = circle_point(0.5f * (static_cast<float>(c.y) + c.fy) / static_cast<float>(e.height - 1));
-  const float sin_theta = theta.y;
-  if (!(sin_theta > 0.0f)) return s;
-  s.direction = e.to_world({phi.y * sin_theta, theta.x, -phi.x * sin_theta});
-  s.radiance = bilinear_radiance(e, c);
-  s.pdf = cell_density(e, p, c) / (2.0f * kPi * kPi * sin_theta);
-  if (!e.rotates) {
-    s.direction = normalize(s.direction);
-    Vec3f d = e.to_map(s.direction);
-    s.pdf *= e.normalize_in_map(d);
-  }
-  return s;
+  EnvironmentPick pick = pick_row(e, p, u);
+  pick_column(e, pick);
+  return sample_cell(e, pick);
 }
 
 }  // namespace octrad

@@ -124,10 +124,6 @@ struct Lights::Impl {
     const Texture& texture = scene.textures[static_cast<std::size_t>(scene.area_lights[i].radiance)];
     return texture.kind == Texture::Kind::constant ? texture.color0 : Vec3f(1.0f);
   }
-
-  bool picks_environment(const LightsView& view, float u_pick) const {
-    return environment && pick_light(view, u_pick) >= view.area_count + view.delta_count;
-  }
 };
 
 Lights::Lights(const Scene& scene) : impl_(new Impl{scene, {}, {}, {}, scene.delta_lights, {}, {}}) {
@@ -211,12 +207,21 @@ Vec3f Lights::environment(Vec3f x, Vec3f direction, float& pdf) const {
   return light_environment(view_, x, direction, pdf);
 }
 
-void Lights::prefetch_first(Vec3f x, float u_pick, Vec2f u) const {
-  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_table(x, u);
+Lights::Draw Lights::begin(Vec3f x, float u_pick, Vec2f u) const {
+  Draw draw{u_pick, u, false, {}};
+  const EnvironmentView& map = view_.environment;
+  draw.in_map = map.parts != nullptr && pick_light(view_, u_pick) >= view_.area_count + view_.delta_count;
+  if (draw.in_map) {
+    draw.pick = pick_row(map, x, u);
+    impl_->environment->prefetch_table(draw.pick);
+  }
+  return draw;
 }
 
-void Lights::prefetch_second(Vec3f x, float u_pick, Vec2f u) const {
-  if (impl_->picks_environment(view_, u_pick)) impl_->environment->prefetch_pixels(x, u);
+void Lights::go_on(Draw& draw) const {
+  if (!draw.in_map) return;
+  pick_column(view_.environment, draw.pick);
+  impl_->environment->prefetch_pixels(draw.pick);
 }
 
 }  // namespace octrad

@@ -27,10 +27,20 @@ class Lights {
   ~Lights();
   // Draws a point on an emitter as seen from `x`.
   LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
-  // Start loading what sample() will read for these numbers: call the first some hundred cycles before the second, and
-  // that as long before sample(). They do nothing for lights that need little.
-  void prefetch_first(Vec3f x, float u_pick, Vec2f u) const;
-  void prefetch_second(Vec3f x, float u_pick, Vec2f u) const;
+  // sample() in three steps, of which each starts to load what the next will read: some hundred cycles should lie
+  // between them. `x` may be a little off in the first.
+  struct Draw {
+    float u_pick = 0.0f;
+    Vec2f u;
+    bool in_map = false;  // a direction of an environment, from `pick`
+    EnvironmentPick pick;
+  };
+  Draw begin(Vec3f x, float u_pick, Vec2f u) const;
+  void go_on(Draw& draw) const;
+  LightSample finish(const Draw& draw, Vec3f x) const {
+    return draw.in_map ? environment_light(view_, view_.environment_pick, sample_cell(view_.environment, draw.pick))
+                       : sample_light(view_, x, draw.u_pick, draw.u);
+  }
   // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
   Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;
   float pdf(Vec3f x, const SurfaceInteraction& surface) const;

@@ -191,6 +191,16 @@ OCTRAD_HD inline int pick_light(const LightsView& view, float u_pick) {
 // Probability of picking emitter `i`.
 OCTRAD_HD inline float light_pick(const LightsView& view, int i) { return share_of(view.cdf, i); }
 
+OCTRAD_HD inline LightSample environment_light(const LightsView& view, float pick, const EnvironmentSample& e) {
+  LightSample s;
+  s.direction = e.direction;
+  s.distance = kEnvironmentDistance;
+  s.radiance = e.radiance * view.environment_factor;
+  s.pdf = pick * e.pdf;
+  s.valid = e.pdf > 0.0f;
+  return s;
+}
+
 // Draws a point on emitter `i`, picked with probability `pick`, as seen from `x`.
 OCTRAD_HD inline LightSample sample_picked_light(const LightsView& view, int i, float pick, Vec3f x, Vec2f u) {
   if (i < view.area_count) {
@@ -200,14 +210,7 @@ OCTRAD_HD inline LightSample sample_picked_light(const LightsView& view, int i, 
   }
   if (i - view.area_count < view.delta_count)
     return sample_delta_light(view.delta[i - view.area_count], view.textures, pick, x);
-  LightSample s;
-  const EnvironmentSample e = sample_environment(view.environment, x, u);
-  s.direction = e.direction;
-  s.distance = kEnvironmentDistance;
-  s.radiance = e.radiance * view.environment_factor;
-  s.pdf = pick * e.pdf;
-  s.valid = e.pdf > 0.0f;
-  return s;
+  return environment_light(view, pick, sample_environment(view.environment, x, u));
 }
 
 // Draws a point on an emitter as seen from `x`.

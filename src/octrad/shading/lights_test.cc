@@ -141,9 +141,6 @@ TEST(EnvironmentMap, ConstantIsConstantAndBlackIsHarmless) {
   EXPECT_EQ(map.radiance({0, 1, 0}), Vec3f(2.0f, 3.0f, 4.0f));
   Environment black = e;
   black.pixels.assign(64 * 64, Vec3f(0.0f));
-  const EnvironmentMap dark(black);
-  dark.prefetch_table(Vec3f(0.0f), {0.5f, 0.5f});
-  dark.prefetch_pixels(Vec3f(0.0f), {0.5f, 0.5f});
   EXPECT_EQ(EnvironmentMap(black).sample(Vec3f(0.0f), {0.5f, 0.5f}).pdf, 0.0f);
   EXPECT_EQ(EnvironmentMap(black).pdf(Vec3f(0.0f), {0, 0, 1}), 0.0f);
 }
@@ -303,6 +300,29 @@ TEST(Lights, WeightsOfTheFile) {
   EXPECT_FLOAT_EQ(light_pick(lights.view(), 2), 0.5f);
   EXPECT_EQ(lights.environment_pdf(Vec3f(0.0f), {0, 0, 1}), 0.0f);
   EXPECT_GT(max_component(lights.environment({0, 0, 1})), 0.0f) << "BSDF rays find it";
+}
+
+// Draws in steps are those in one.
+TEST(Lights, DrawsInStepsAreSamples) {
+  SceneMaker maker = four_emitters();
+  const Lights lights(maker.scene);
+  const Vec3f x{0.1f, -0.2f, 0.3f};
+  Rng rng(5, RngPurpose::test, 6);
+  int in_map = 0;
+  for (int i = 0; i < 500; ++i) {
+    const float pick = rng.uniform();
+    const Vec2f u = rng.uniform2();
+    Lights::Draw draw = lights.begin(x, pick, u);
+    lights.go_on(draw);
+    in_map += draw.in_map ? 1 : 0;
+    const LightSample s = lights.finish(draw, x), expected = lights.sample(x, pick, u);
+    EXPECT_EQ(s.valid, expected.valid);
+    EXPECT_EQ(s.direction, expected.direction);
+    EXPECT_EQ(s.distance, expected.distance);
+    EXPECT_EQ(s.radiance, expected.radiance);
+    EXPECT_EQ(s.pdf, expected.pdf);
+  }
+  EXPECT_GT(in_map, 50);
 }
 
 TEST(Lights, DensityOfHitAgreesWithSampling) {

@@ -16,7 +16,7 @@ constexpr std::size_t kGroup = 128;
 struct Walker {
   PathSample* out = nullptr;
   PathState path;
-  LightNumbers numbers{};
+  Lights::Draw light;  // begun early where there is an environment
   Hit hit;
   SurfaceInteraction surface;
 };
@@ -61,8 +61,7 @@ class Group {
       alive = keep([this](Walker& w, std::size_t i) { return arrive(w, hits_[i]); }, alive);
       for (std::size_t i = 0; i < alive; ++i) {
         prefetch_vertices(active_[i]->hit);
-        if (environment_)
-          context_.lights.prefetch_second(place_of(*active_[i]), active_[i]->numbers.u_pick, active_[i]->numbers.u);
+        if (environment_) context_.lights.go_on(active_[i]->light);
       }
       for (std::size_t i = 0; i < alive; ++i) locate(*active_[i]);
       connections_ = 0;
@@ -96,7 +95,7 @@ class Group {
       return false;
     }
     prefetch_triangle(w.hit);
-    if (environment_) prefetch_light(w);
+    if (environment_) w.light = begin_light(w.path.origin + w.path.direction * w.hit.t, w.out->rng);
     return true;
   }
 
@@ -125,13 +124,10 @@ class Group {
     }
   }
 
-  // About where the ray ends.
-  static Vec3f place_of(const Walker& w) { return w.path.origin + w.path.direction * w.hit.t; }
-
   // Environments are sampled from tables that do not fit into caches: their random numbers are drawn early.
-  void prefetch_light(Walker& w) const {
-    w.numbers = draw_light_numbers(w.out->rng);
-    context_.lights.prefetch_first(place_of(w), w.numbers.u_pick, w.numbers.u);
+  Lights::Draw begin_light(Vec3f x, Rng& rng) const {
+    const LightNumbers numbers = draw_light_numbers(rng);
+    return context_.lights.begin(x, numbers.u_pick, numbers.u);
   }
 
   void locate(Walker& w) {
@@ -145,8 +141,11 @@ class Group {
       std::construct_at(&shadow_rays_[connections_], ray);
       std::construct_at(&pending_[connections_++], PendingConnection{&out, contribution});
     };
-    return path_scatter(context_, limits_, environment_, w.surface, w.hit.t, w.numbers, w.path, out.rng, out.radiance,
-                        out.first, connect);
+    const auto sample_light = [&](Vec3f x, Rng& rng) {
+      return context_.lights.finish(environment_ ? w.light : begin_light(x, rng), x);
+    };
+    return path_scatter(context_, limits_, w.surface, w.hit.t, sample_light, w.path, out.rng, out.radiance, out.first,
+                        connect);
   }
 
   const TransportContext& context_;

@@ -140,7 +140,8 @@ struct Scatter : Kernel {
     const bool known = memory.valid[i] != 0;
     first.valid = known;
     const SurfaceInteraction surface = world.interact(hit, state.origin, state.direction);
-    const bool goes_on = path_scatter(world, limits, environment, surface, hit.t, numbers, state, rng, radiance, first,
+    const auto sample_light = [&](Vec3f x, Rng& r) { return sample_light_of_path(world, numbers, x, r); };
+    const bool goes_on = path_scatter(world, limits, surface, hit.t, sample_light, state, rng, radiance, first,
                                       QueueConnection{memory, shadow_count, i});
     memory.samples.set_radiance(i, radiance);
     if (!known && first.valid) {
@@ -214,7 +215,8 @@ struct Finish : Kernel {
       const SurfaceInteraction surface = world.interact(hit, state.origin, state.direction);
       Connection connection;
       bool any = false;
-      goes_on = path_scatter(world, limits, environment, surface, hit.t, numbers, state, rng, radiance, first,
+      const auto sample_light = [&](Vec3f x, Rng& r) { return sample_light_of_path(world, numbers, x, r); };
+      goes_on = path_scatter(world, limits, surface, hit.t, sample_light, state, rng, radiance, first,
                              KeepConnection{&connection, &any});
       if (!any) continue;
       ++rays;

@@ -41,6 +41,14 @@ OCTRAD_HD inline LightNumbers draw_light_numbers(Rng& rng) {
   return numbers;
 }
 
+// The light sample of a vertex. Where there is an environment, its numbers are drawn as soon as the hit is known, so
+// that memory can be loaded early: `early` are these.
+template <typename World>
+OCTRAD_HD inline LightSample sample_light_of_path(const World& world, const LightNumbers& early, Vec3f x, Rng& rng) {
+  const LightNumbers numbers = world.has_environment() ? early : draw_light_numbers(rng);
+  return world.sample_light(x, numbers.u_pick, numbers.u);
+}
+
 // A shadow ray, and its contribution if it is unoccluded.
 struct Connection {
   RayQuery ray;
@@ -59,14 +67,13 @@ OCTRAD_HD inline Vec3f path_escape(const World& world, const PathState& path, bo
 }
 
 // Emission, next-event estimation and the next direction at the surface that the path hit after `distance`. False where
-// the path ends. `environment`: the world's; such worlds' light numbers are drawn right after the hit is known (they
-// are used to load memory early), those of others here. `connect` gets at most one Connection: connect(ray,
-// contribution).
+// the path ends. sample_light(x, rng): a light sample as seen from `x`. `connect` gets at most one Connection:
+// connect(ray, contribution).
 OCTRAD_HD_OR_HOST
-template <typename World, typename Connect>
-OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits, bool environment,
-                                   const SurfaceInteraction& surface, float distance, LightNumbers numbers,
-                                   PathState& path, Rng& rng, Vec3f& radiance, FirstHit& first, Connect connect) {
+template <typename World, typename SampleLight, typename Connect>
+OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits, const SurfaceInteraction& surface,
+                                   float distance, SampleLight sample_light, PathState& path, Rng& rng, Vec3f& radiance,
+                                   FirstHit& first, Connect connect) {
   if (surface.emitter >= 0) {
     const Vec3f emitted = world.emitted(surface, -path.direction);
     if (max_component(emitted) > 0.0f) {
@@ -85,8 +92,7 @@ OCTRAD_HD inline bool path_scatter(const World& world, const PathLimits& limits,
   if (last || (point.black && bsdf.opacity >= 1.0f)) return false;
 
   if (!is_delta_bsdf(bsdf) && world.has_lights()) {
-    if (!environment) numbers = draw_light_numbers(rng);
-    const LightSample light = world.sample_light(surface.position, numbers.u_pick, numbers.u);
+    const LightSample light = sample_light(surface.position, rng);
     if (light.valid) {
       const BsdfValue f = evaluate_bsdf<World::kModels>(bsdf, wo, point.to_local(light.direction));
       if (max_component(f.value) > 0.0f) {
