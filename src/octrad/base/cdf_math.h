@@ -1,9 +1,8 @@
-// Drawing one of many by their shares with one random number: for host and device.
+// Drawing one of many by their shares with one random number, from a table of make_cdf() (base/cdf.h): for host and
+// device.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <vector>
 
 #include "octrad/base/hd.h"
 
@@ -31,20 +30,6 @@ OCTRAD_HD inline int pick_entry(const CdfEntry* cdf, int count, float u) {
 OCTRAD_HD inline float rest_of(const CdfEntry* cdf, int i, float u) {
   const float rest = (u - sum_before(cdf, i)) / share_of(cdf, i);
   return rest < 0.99999994f ? rest : 0.99999994f;
-}
-
-// The table of entries whose weights have these sums, in order. Where nothing has a weight, the first one has all.
-inline std::vector<CdfEntry> make_cdf(const std::vector<double>& sums) {
-  std::vector<CdfEntry> cdf(sums.size());
-  const double total = sums.empty() ? 0.0 : sums.back(), n = static_cast<double>(sums.size());
-  for (std::size_t i = 0; i < cdf.size(); ++i) cdf[i].sum = total > 0.0 ? static_cast<float>(sums[i] / total) : 1.0f;
-  std::uint32_t entry = 0;
-  for (std::size_t i = 0; i < cdf.size(); ++i) {
-    const double start = static_cast<double>(i) * (1.0 - 1e-6) / n;  // pick_entry() rounds
-    while (entry + 1 < cdf.size() && static_cast<double>(cdf[entry].sum) <= start) ++entry;
-    cdf[i].first = entry;
-  }
-  return cdf;
 }
 
 }  // namespace octrad

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "octrad/base/cdf_math.h"
+#include "octrad/base/cdf.h"
 #include "octrad/base/rng.h"
 
 namespace octrad {
@@ -54,7 +54,7 @@ TEST(Cdf, PicksTheFirstEntryAboveTheNumber) {
 }
 
 TEST(Cdf, WithoutWeightsTheFirstEntryHasAll) {
-  const std::vector<CdfEntry> cdf = make_cdf({0.0, 0.0, 0.0, 0.0});
+  const std::vector<CdfEntry> cdf = make_cdf(std::vector<double>(4, 0.0));
   for (const float u : {0.0f, 0.3f, 0.99999994f}) EXPECT_EQ(pick_entry(cdf.data(), 4, u), 0);
   EXPECT_TRUE(make_cdf({}).empty());
 }

@@ -4,6 +4,7 @@
 #include <map>
 #include <numbers>
 
+#include "octrad/base/cdf.h"
 #include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/geometry/shape_view.h"

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "octrad/base/cdf.h"
 #include "octrad/geometry/shape_view.h"
 #include "octrad/shading/environment_map.h"
 
