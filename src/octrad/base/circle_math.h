@@ -15,7 +15,7 @@ OCTRAD_HD inline Vec2f arc_point(float angle) {
   return {c, angle * s};
 }
 
-// (cos, sin) of 2 pi u, u >= 0, to a few 1e-7 up to one turn.
+// (cos, sin) of 2 pi u, u >= 0, to a few 1e-7.
 OCTRAD_HD inline Vec2f circle_point(float u) {
   const int quarter = static_cast<int>(4.0f * u + 0.5f);  // down: it is not negative
   const Vec2f p = arc_point(0.5f * kPi * (4.0f * u - static_cast<float>(quarter)));

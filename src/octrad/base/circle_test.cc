@@ -8,7 +8,7 @@ namespace octrad {
 namespace {
 
 TEST(Circle, PointsAreCosinesAndSines) {
-  for (int i = 0; i <= 10000; ++i) {
+  for (int i = 0; i <= 12000; ++i) {
     const float u = static_cast<float>(i) / 10000.0f;
     const double phi = 2.0 * 3.14159265358979323846 * static_cast<double>(u);
     EXPECT_NEAR(circle_point(u).x, std::cos(phi), 4e-7) << u;

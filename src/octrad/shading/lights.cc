@@ -51,7 +51,7 @@ void prepare_mesh(const TriangleMesh& mesh, MeshTables& tables, LightRecord& l) 
     areas.push_back(area);
     tables.triangles.push_back(triangle);
   }
-  // Half of a point's work is saved, and no point of the square is next to one whose light comes from elsewhere.
+  // No triangle has to be picked then, and close points of the square stay close.
   if (l.shape.mesh.normals == nullptr && l.texture < 0) {
     if (const auto spanning = spanning_triangle(mesh, tables.triangles)) {
       tables.triangles[0] = *spanning;
