@@ -17,7 +17,8 @@ OCTRAD_HD inline Vec2f arc_point(float angle) {
 
 // (cos, sin) of 2 pi u, u >= 0, to a few 1e-7.
 OCTRAD_HD inline Vec2f circle_point(float u) {
-  const int quarter = static_cast<int>(4.0f * u + 0.5f);  // down: it is not negative
+  const float turned = 4.0f * u + 0.5f;
+  const int quarter = static_cast<int>(turned);  // down: it is not negative
   const Vec2f p = arc_point(0.5f * kPi * (4.0f * u - static_cast<float>(quarter)));
   const bool odd = (quarter & 1) != 0;
   const auto sign = [](int bit) { return static_cast<std::uint32_t>(bit & 2) << 30; };

@@ -92,8 +92,8 @@ OCTRAD_HD inline float sample_linear(float a, float b, float u) {
   if (std::fabs(a - b) < 1e-4f * s) {  // nearly constant: avoid cancellation
     return u;
   }
-  const float x = u * s / (a + std::sqrt(lerp(a * a, b * b, u)));
-  return std::min(x, 1.0f);
+  const float scale = a + std::sqrt(lerp(a * a, b * b, u));
+  return scale > 0.0f ? std::min(u * s / scale, 1.0f) : 0.0f;  // 0: u and a are
 }
 
 OCTRAD_HD inline Vec2f direction_to_uv(Vec3f d) {
