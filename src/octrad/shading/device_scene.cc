@@ -6,6 +6,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "octrad/geometry/shape_view.h"
+
 namespace octrad {
 namespace {
 
@@ -75,7 +77,7 @@ struct Plan {
     primitives = layout.add(t.bvh.primitives.data(), t.bvh.primitives.size());
     for (const TriangleMesh& m : t.scene.meshes) {
       meshes.push_back({layout.add(m.positions.data(), m.positions.size()),
-                        layout.add(m.normals.data(), m.flat ? 0 : m.normals.size()),
+                        layout.add(m.normals.data(), mesh_view(m).normals != nullptr ? m.normals.size() : 0),
                         layout.add(m.uvs.data(), m.uvs.size()), layout.add(m.triangles.data(), m.triangles.size())});
     }
     spheres = layout.add(t.scene.spheres.data(), t.scene.spheres.size());

@@ -115,12 +115,12 @@ class Group {
   void prefetch_vertices(const Hit& hit) const {
     const Shape& shape = context_.scene.shapes[static_cast<std::size_t>(hit.shape)];
     if (shape.kind != Shape::Kind::mesh) return;
-    const TriangleMesh& mesh = context_.scene.meshes[static_cast<std::size_t>(shape.geometry)];
-    const Vec3i t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
+    const MeshView mesh = mesh_view(context_.scene.meshes[static_cast<std::size_t>(shape.geometry)]);
+    const Vec3i t = mesh.triangles[hit.primitive];
     for (const int vertex : {t.x, t.y, t.z}) {
-      prefetch_line(mesh.positions.data() + vertex);
-      if (!mesh.normals.empty() && !mesh.flat) prefetch_line(mesh.normals.data() + vertex);
-      if (!mesh.uvs.empty()) prefetch_line(mesh.uvs.data() + vertex);
+      prefetch_line(mesh.positions + vertex);
+      if (mesh.normals != nullptr) prefetch_line(mesh.normals + vertex);
+      if (mesh.uvs != nullptr) prefetch_line(mesh.uvs + vertex);
     }
   }
 
@@ -142,7 +142,7 @@ class Group {
       std::construct_at(&pending_[connections_++], PendingConnection{&out, contribution});
     };
     const auto sample_light = [&](Vec3f x, Rng& rng) {
-      return context_.lights.finish(environment_ ? w.light : begin_light(x, rng), x);
+      return environment_ ? context_.lights.finish(w.light, x) : sample_light_of_path(context_, {}, x, rng);
     };
     return path_scatter(context_, limits_, w.surface, w.hit.t, sample_light, w.path, out.rng, out.radiance, out.first,
                         connect);
