@@ -76,17 +76,28 @@ count() {
       sed 's/^/             /'
   fi
 }
-# add NAME COMMAND...: something for run_added, which runs as many at once as there are processors and counts the results.
+# add NAME COMMAND...: something for run_added, which runs as many at once as there are processors, in this order, and
+# counts each when it ends. So what runs for longest is added first.
 names=() commands=()
 add() { names+=("$1"); shift; commands+=("$(printf '%q ' "$@")"); }
 run_added() {
   local i
+  local -A running=()
+  count_ended() {
+    for i in "${!running[@]}"; do
+      [ -e "$logs/$i.status" ] || continue
+      unset "running[$i]"
+      count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"
+    done
+  }
+  rm -f "$logs"/*.status
   for i in "${!names[@]}"; do
-    while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; done
-    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.status") &
+    while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; count_ended; done
+    running[$i]=1
+    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.ended"; mv "$logs/$i.ended" "$logs/$i.status") &
   done
   wait
-  for i in "${!names[@]}"; do count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"; done
+  count_ended
   names=() commands=()
 }
 check() { add "$@"; run_added; }
@@ -113,60 +124,57 @@ TARGETS=all scripts/build.sh build-test -DOCTRAD_CUDA=auto -DOCTRAD_ASSERTS=ON -
   { tail -n 60 "$logs/build"; fatal "the build"; }
 export OCTRAD_BUILD=$PWD/build-test OCTRAD=$PWD/build-test/octrad
 
-step "Unit tests"
+step "Tests, and what clang and nvcc say of the sources"
 # What fuzzing starts from, of every reader of files; test_fuzz reads it.
 "$python" tests/fuzz/make_seeds.py "$OCTRAD" "$logs/seeds" >"$logs/make_seeds" 2>&1 || { tail "$logs/make_seeds"; fatal "tests/fuzz/make_seeds.py"; }
 export OCTRAD_FUZZ_SEEDS=$logs/seeds
-# Large programs first: they run for longest, and no processor should wait for one at the end.
+# What takes long first: the command line, and of the programs the large ones.
+add "command line" "$python" tests/cli/run.py "$OCTRAD"
+if [ $fast = 0 ]; then
+  add "tests/check_clang.py" "$python" tests/check_clang.py
+  if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
+fi
 programs=$(cd build-test && ls -S test_*)
 for program in $programs; do add "$program" "build-test/$program"; done
-run_added
-
-step "Tests across modules"
-add "command line" "$python" tests/cli/run.py "$OCTRAD"
-slow="tests/test_templates.py tests/test_examples.py"
-for script in $slow tests/test_*.py; do
+for script in tests/test_templates.py tests/test_examples.py tests/test_*.py; do
   [[ " ${names[*]} " == *" $script "* ]] || add "$script" "$python" "$script"
 done
-run_added
-
-step "Host and device headers under nvcc"
 nvcc=$(command -v nvcc || ls /usr/local/cuda/bin/nvcc 2>/dev/null || true)
 if [ -n "$nvcc" ]; then
   unit=$logs/math_headers.cu
   (cd src && find . -name '*_math.h' | sort | sed 's|^\./|#include "|; s|$|"|') >"$unit"
-  check "nvcc: $(wc -l <"$unit") headers" "$nvcc" -std=c++17 --expt-relaxed-constexpr -arch=sm_75 -Isrc -c "$unit" -o "$logs/math_headers.o"
+  add "nvcc: $(wc -l <"$unit") headers" "$nvcc" -std=c++17 --expt-relaxed-constexpr -arch=sm_75 -Isrc -c "$unit" -o "$logs/math_headers.o"
 else
   skip "nvcc is not installed"
 fi
+[ $fast = 1 ] || add "rays: own tree against Embree, a million in each shared scene" \
+  env OCTRAD_TEST_RAYS=1000000 build-test/test_geometry --gtest_filter='*Bvh8SharedScenes*'
+run_added
 
-# sanitizer FOLDER NAME SANITIZERS PROGRAM...: builds these test programs with sanitizers and runs them. By clang, which
-# takes two thirds of g++'s time for it, and whose warnings are errors here too.
-sanitizer() {
-  local folder=$1 name=$2 program compiler=()
+# build_with FOLDER NAME SANITIZERS PROGRAM...: builds these test programs with sanitizers. By clang, which takes two
+# thirds of g++'s time for it, and whose warnings are errors here too.
+build_with() {
+  local folder=$1 name=$2 compiler=()
   if command -v clang++ >/dev/null; then compiler=(-DCMAKE_CXX_COMPILER=clang++ -DOCTRAD_WERROR=ON); fi
   step "Build with the $name"
   TARGETS="${*:4}" scripts/build.sh "$folder" -DOCTRAD_ASSERTS=ON -DOCTRAD_TESTS=ON -DOCTRAD_CUDA=off -DOCTRAD_SANITIZE="$3" "${compiler[@]}" \
     -DCMAKE_CXX_FLAGS_RELEASE=-O1 >"$logs/$folder" 2>&1 || { tail -n 60 "$logs/$folder"; fatal "the build"; }
-  step "Unit tests with the $name"
-  for program in "${@:4}"; do
+}
+# add_from FOLDER FILTER PROGRAM...: their tests, those that GoogleTest's filter takes.
+add_from() {
+  local program
+  for program in "${@:3}"; do
     # The viewer's server, by a client that sends it anything: tests/cli.
     if [ "$program" = view_server ]; then
-      add "$folder/view_server" env OCTRAD_VIEW_SERVER="$PWD/$folder/view_server" "$python" tests/cli/run.py "$OCTRAD" test_view.Malformed test_view.Stream \
+      add "$1/view_server" env OCTRAD_VIEW_SERVER="$PWD/$1/view_server" "$python" tests/cli/run.py "$OCTRAD" test_view.Malformed test_view.Stream \
         test_live.Edits
     else
-      add "$folder/$program" "$folder/$program"
+      add "$1/$program" env GTEST_FILTER="$2" "$1/$program"
     fi
   done
-  run_added
 }
 
 if [ $fast = 0 ]; then
-  step "clang: the sources of the program, and headers alone; clang-tidy"
-  add "tests/check_clang.py" "$python" tests/check_clang.py
-  if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
-  run_added
-
   if [ $long = 1 ]; then
     step "Fuzzing: every reader of files for a minute"
     check "scripts/fuzz.sh" scripts/fuzz.sh
@@ -175,17 +183,21 @@ if [ $fast = 0 ]; then
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick
 
-  step "Rays: own tree against Embree, a million in each shared scene"
-  check "rays" env OCTRAD_TEST_RAYS=1000000 build-test/test_geometry --gtest_filter='*Bvh8SharedScenes*'
-
+  threaded="test_train test_render test_transport view_server"
+  # shellcheck disable=SC2086
+  build_with build-sanitize "address and undefined-behaviour sanitizers" address,undefined $programs view_server
+  # shellcheck disable=SC2086
+  build_with build-thread "thread sanitizer" thread $threaded
+  step "Unit tests with sanitizers"
   # Tests that take minutes with sanitizers leave themselves out.
   export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
+  export TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
   # Large scenes run the same code as small ones, for minutes; that they are read stays.
-  export GTEST_FILTER='-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*'
   # shellcheck disable=SC2086
-  sanitizer build-sanitize "address and undefined-behaviour sanitizers" address,undefined $programs view_server
-  export GTEST_FILTER='-*Shared*:*LosslessObjects*' TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
-  sanitizer build-thread "thread sanitizer" thread test_train test_render test_transport view_server
+  add_from build-thread '-*Shared*:*LosslessObjects*' $threaded
+  # shellcheck disable=SC2086
+  add_from build-sanitize '-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*' $programs view_server
+  run_added
 fi
 
 finish

@@ -8,6 +8,7 @@
 
 #include "octrad/base/error.h"
 #include "octrad/base/rng.h"
+#include "octrad/base/sanitized_test_helper.h"
 #include "octrad/device/stream_test_helper.h"
 #include "octrad/device/tuning_keys.h"
 #include "octrad/geometry/bvh8.h"
@@ -253,6 +254,7 @@ TEST_P(RenderOnStream, MaskedPicturesArePartsOfTheWhole) {
   } parts[] = {{{}, 37, large}, {{}, 37, 100}, {{10, 5, 20, 11}, 37, large}, {{10, 5, 20, 11}, 37, 100},
                {{}, 1, large},  {{}, 1, 100}};
   for (const char* filter : {"box", "gaussian"}) {
+    if (testing::sanitized() && std::string_view(filter) == "box") continue;  // the one that reaches over pixels is enough
     Box box(filter);
     for (const char* integrator : {"path", "lhs", "disparity"}) {
       for (const auto& [crop, step, samples] : parts) {
