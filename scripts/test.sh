@@ -80,16 +80,17 @@ count() {
 # counts each when it ends. So what runs for longest is added first.
 names=() commands=()
 add() { names+=("$1"); shift; commands+=("$(printf '%q ' "$@")"); }
+declare -A running=()
+count_ended() {
+  local i
+  for i in "${!running[@]}"; do
+    [ -e "$logs/$i.status" ] || continue
+    unset "running[$i]"
+    count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"
+  done
+}
 run_added() {
   local i
-  local -A running=()
-  count_ended() {
-    for i in "${!running[@]}"; do
-      [ -e "$logs/$i.status" ] || continue
-      unset "running[$i]"
-      count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"
-    done
-  }
   rm -f "$logs"/*.status
   for i in "${!names[@]}"; do
     while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; count_ended; done
