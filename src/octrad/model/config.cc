@@ -242,6 +242,8 @@ const std::vector<Key>& keys() {
              "share of these directions, at rough points, that are drawn by what arrived before; 0: by the BSDF alone"),
       flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
       number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
+      flag("train.area_falls", &C::train_area_falls,
+           "of train.sampler = mixture: points by area become walks as rates fall, as their cube (adam.decay)"),
       number("train.far_ends", &C::train_far_ends, {0, 1},
              "share of points where rays of the last step ended, drawn by what the cache's response contributed; falls "
              "as the cube of the rates (adam.decay)"),

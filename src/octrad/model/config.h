@@ -101,6 +101,7 @@ struct Config {
   double train_guide = 0.5;           // share of these at rough points that are drawn by what arrived before
   bool train_quarters = false;        // halve N and double M every quarter
   double train_walks = 0.9;           // share of points from camera walks; the rest is area-uniform
+  bool train_area_falls = true;       // fewer points by area as the rates fall
   double train_far_ends = 0.3;        // share of points that are ends of the last step's rays, drawn by contribution
   double train_view_share = 0.0;      // share of points on the primary hits of the scene's view
   double train_keep_direction = 0.0;  // share of walk vertices that keep the walk's own wo

@@ -32,6 +32,7 @@ Config preset(const std::string& name) {
   c.train_points = 65536;
   c.train_first_points = 8192;
   c.train_directions = 32;
+  c.train_area_falls = false;
   c.train_far_ends = 0.0;
   c.nr_width = 256;
   c.ncr_width = 128;

@@ -33,7 +33,7 @@ TraceCounts BatchSource::draw(unsigned long long stream, const ScheduleState& s,
   points_.resize(n);
   targets_.resize(n);
   const auto far_ends = static_cast<std::size_t>(s.far_ends);
-  sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())));
+  sampler_.sample(stream, shading_, std::span(far_ends_).first(std::min(far_ends, far_ends_.size())), s.by_area);
   if (changed_)
     changed_->replace(stream, std::span(shading_).last(static_cast<std::size_t>(changed_share_ * s.points)));
   RhsOptions rhs(rhs_rules(config_));

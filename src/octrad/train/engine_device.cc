@@ -25,6 +25,7 @@ namespace {
 // What one step reads, in device memory.
 struct StepInput {
   unsigned long long step = 0;
+  double by_area = 1.0;
   StepConstants constants;
 };
 
@@ -143,7 +144,9 @@ class DeviceEngine : public TrainEngine {
 
   void step(long long step, const ScheduleState& s) override {
     StepInput input;
+    by_area_ = s.by_area;
     input.step = static_cast<unsigned long long>(step);
+    input.by_area = by_area(step);
     input.constants = {static_cast<float>(s.epsilon), static_cast<float>(s.rate_scale),
                        static_cast<float>(s.network_scale)};
     launch(stream_, 1, SetStep{{}, input, input_.data()});
@@ -308,6 +311,14 @@ class DeviceEngine : public TrainEngine {
   // Where the points of the step's group are: groups take turns where they are drawn ahead.
   int buffer_of(long long step) const { return ahead_ ? static_cast<int>(group_of(step) % 2) : 0; }
 
+  // Of the step's group. Where the budget is in steps that of the first step of the largest group, so that it depends
+  // neither on a group's size nor on when it is drawn.
+  double by_area(long long step) const {
+    if (config_.train_steps <= 0) return by_area_;
+    const long long first = step - step % kStepsBetweenReports;
+    return schedule(config_, first, std::min(1.0, static_cast<double>(first) / config_.train_steps)).by_area;
+  }
+
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.
   // `graph`: replayed, else launch by launch and timed, with nothing beside it. Where points are drawn ahead, a sibling
   // of the stream draws the next group while this one is taken from.
@@ -332,13 +343,14 @@ class DeviceEngine : public TrainEngine {
     ahead_->wait(*before);
     StepInput input;
     input.step = static_cast<unsigned long long>(step);
+    input.by_area = by_area(step);
     launch(*ahead_, 1, SetStep{{}, input, ahead_input_.data()});
     draw(*ahead_, ahead_input_.data(), step, graph);
     ready_ = ahead_->record();
   }
   void draw(Stream& stream, const StepInput* input, long long step, bool graph) {
     const int steps = group_steps(last_points_, options_), buffer = buffer_of(step);
-    const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, buffer); };
+    const auto work = [&] { lhs_.draw(&input->step, last_points_, steps, buffer, &input->by_area); };
     if (graph) {
       run_or_replay(stream, draw_graphs_, std::pair{last_points_, buffer}, work);
       return;
@@ -375,6 +387,7 @@ class DeviceEngine : public TrainEngine {
   Stream& stream_;
   StageTimes times_;
   long long next_timed_ = -1;  // step; below 0 before the first
+  double by_area_ = 1.0;       // of the last step
   const Config config_;
   const DeviceEngineOptions options_;
   std::unique_ptr<Stream> ahead_;  // draws left-hand-side points; null: stream_ does

@@ -24,7 +24,9 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
   }
   s.rate_scale = decay * std::min(1.0, static_cast<double>(step + 1) / std::max(1, config.adam_warmup));
   // As the cube of the rates: none below half of the rates. In eighths: devices record a step anew for each.
-  s.far_ends = static_cast<int>(config.train_far_ends * s.points * std::floor(8.0 * decay * decay * decay) / 8.0);
+  const double left = std::floor(8.0 * decay * decay * decay) / 8.0;
+  s.far_ends = static_cast<int>(config.train_far_ends * s.points * left);
+  if (config.train_area_falls && config.train_sampler == TrainSampler::mixture) s.by_area = left;
   s.network_scale = s.rate_scale;
   if (config.field == "octaoctree" && config.adam_rate_budget > 0) {
     const double steps = config.train_steps > 0 ? config.train_steps

@@ -10,6 +10,7 @@ namespace octrad {
 struct ScheduleState {
   int points = 0, directions = 0;
   int far_ends = 0;                        // of the points: where rays of the last step ended
+  double by_area = 1.0;                    // what is left of the share of points by area
   double epsilon = 0.0, rate_scale = 1.0;  // of tables' learning rates
   double network_scale = 1.0;              // of networks': rate_scale, and adam.rate.budget
 };

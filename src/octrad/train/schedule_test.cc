@@ -64,13 +64,24 @@ TEST(Schedule, BatchesGrowFromTheFirstPoints) {
 }
 
 // They fall as the cube of the rates, in eighths, but do not wait for the warm-up.
-TEST(Schedule, FarEnds) {
+TEST(Schedule, FarEndsAndPointsByArea) {
   Config config = preset("cpu");
   EXPECT_EQ(config.train_far_ends, 0.3);
   EXPECT_EQ(schedule(config, 0, 0.0).far_ends, 153);      // of 512
   EXPECT_EQ(schedule(config, 9000, 0.3).far_ends, 153);   // rates fall from here
   EXPECT_EQ(schedule(config, 19500, 0.65).far_ends, 19);  // of a half and 1 %
   EXPECT_EQ(schedule(config, 20400, 0.68).far_ends, 0);
+  // Points by area too.
+  EXPECT_EQ(schedule(config, 9000, 0.3).by_area, 1.0);
+  EXPECT_EQ(schedule(config, 19500, 0.65).by_area, 0.125);
+  EXPECT_EQ(schedule(config, 20400, 0.68).by_area, 0.0);
+  for (const auto& [key, value] :
+       {std::pair{"train.area_falls", "false"}, {"train.sampler", "area"}, {"train.sampler", "walks"}}) {
+    Config other = config;
+    set(other, key, value);
+    EXPECT_EQ(schedule(other, 30000, 1.0).by_area, 1.0) << key << " " << value;
+  }
+  EXPECT_EQ(schedule(preset("default"), 30000, 1.0).by_area, 1.0);
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 0);
   config.adam_decay_start = 1.0;
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 153);

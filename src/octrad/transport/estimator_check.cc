@@ -181,18 +181,24 @@ CheckResult check_left_hand_sides(Stream& stream, const PreparedScene& scene, co
   DeviceLhs lhs(stream, scene.world(stream), options, sampler.views(), sampler.fresh_poses(), n,
                 n * static_cast<std::size_t>(group), rounds, nullptr, offset);
   DeviceArray<unsigned long long> step(stream, std::span<const unsigned long long>(&first, 1), "check");
+  const auto steps = static_cast<unsigned long long>(group);
+  // Another one for every second group.
+  const auto by_area = [&](unsigned long long s) { return s / steps % 2 == 0 ? 1.0 : 0.4; };
+  const double share = by_area(first);
+  DeviceArray<double> by_area_of_group(stream, std::span<const double>(&share, 1), "check");
   // Once as they are: a device loads kernels when they are first launched, which must not be recorded.
-  lhs.draw(step.data(), n, group);
+  lhs.draw(step.data(), n, group, 0, by_area_of_group.data());
   lhs.take(step.data(), n, group);
   lhs.take_missing();
-  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group); }),
+  const auto draw = stream.capture([&] { lhs.draw(step.data(), n, group, 0, by_area_of_group.data()); }),
              take = stream.capture([&] { lhs.take(step.data(), n, group); });
   CheckErrors errors;
-  const auto steps = static_cast<unsigned long long>(group);
   for (unsigned long long s = first; s <= first + steps; ++s) {
     std::vector<ShadingPoint> expected(n);
-    sampler.sample(s, expected);
+    const double left = by_area(s);
+    sampler.sample(s, expected, {}, left);
     step.upload(std::span<const unsigned long long>(&s, 1));
+    by_area_of_group.upload(std::span<const double>(&left, 1));
     if (s == first || s % steps == 0) stream.replay(*draw);
     stream.replay(*take);
     const std::vector<ShadingPoint> found = fetch(stream, lhs.points(), n);

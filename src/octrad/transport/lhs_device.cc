@@ -82,11 +82,13 @@ struct Start : Kernel {
   LhsOptions options;
   LhsPoses poses;
   const unsigned long long* step;
+  const double* by_area;
   std::uint32_t points, steps;
   Queue queue;
   OCTRAD_HD void operator()(std::uint32_t item) const {
     const std::uint32_t slice = item / points;
-    LhsDraw draw(options, *step - *step % steps + slice, item - slice * points);
+    const double share = by_area != nullptr ? *by_area : 1.0;
+    LhsDraw draw(options, *step - *step % steps + slice, item - slice * points, share);
     queue.push(lhs_start_try(poses, draw), item);
     memory.store(item, draw);
   }
@@ -267,7 +269,7 @@ std::size_t DeviceLhs::bytes(std::size_t most, std::size_t most_ahead, int buffe
   return most * point + std::max(most, most_ahead) * (static_cast<std::size_t>(buffers) * point + draw);
 }
 
-void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, int buffer) {
+void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, int buffer, const double* by_area) {
   using namespace lhs_kernels;
   check(n, steps);
   const std::size_t items = n * static_cast<std::size_t>(steps);
@@ -284,6 +286,7 @@ void DeviceLhs::draw(const unsigned long long* step, std::size_t n, int steps, i
                options_,
                poses,
                step,
+               by_area,
                static_cast<std::uint32_t>(n),
                static_cast<std::uint32_t>(steps),
                queue(0)});

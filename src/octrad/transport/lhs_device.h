@@ -27,9 +27,9 @@ class DeviceLhs {
             bool fresh_poses, std::size_t most, std::size_t most_ahead = 0, int rounds = -1, Stream* drawing = nullptr,
             const OffsetRay& offset = {});
 
-  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory). Can be recorded, as can the
-  // others.
-  void draw(const unsigned long long* step, std::size_t n, int steps, int buffer = 0);
+  // Draws points 0 .. n - 1 of every step of the group of step *step (device memory), *by_area (too; null: 1) as of
+  // LhsSampler::sample(). Can be recorded, as can the others.
+  void draw(const unsigned long long* step, std::size_t n, int steps, int buffer = 0, const double* by_area = nullptr);
   // Makes those of step *step the current points. Its group must have been drawn with the same n and steps.
   void take(const unsigned long long* step, std::size_t n, int steps, int buffer = 0);
   // The first `count` current points become these far ends, where there is one.

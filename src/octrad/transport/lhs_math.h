@@ -110,12 +110,12 @@ struct LhsDraw {
   std::uint32_t legs = 0;    // of the pose walk
   std::uint32_t passed = 0;  // masks since the last vertex
 
-  // Point `i` of step `step`.
-  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i)
+  // Point `i` of step `step`; `by_area`: as of LhsSampler::sample().
+  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i, double by_area = 1.0)
       : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
     const double choice = rng.uniform();
     if (choice < options.view) kind = LhsKind::view;
-    else if (choice < options.view + options.walks) kind = LhsKind::walk;
+    else if (choice < 1.0 - (1.0 - (options.view + options.walks)) * by_area) kind = LhsKind::walk;
   }
   OCTRAD_HD explicit LhsDraw(const Rng& generator) : rng(generator) {}
 };
@@ -268,8 +268,9 @@ OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, 
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses,
-                                unsigned long long step, unsigned long long i, ShadingPoint& point) {
-  LhsDraw draw(options, step, i);
+                                unsigned long long step, unsigned long long i, ShadingPoint& point,
+                                double by_area = 1.0) {
+  LhsDraw draw(options, step, i, by_area);
   const LhsNext next = lhs_start_try(poses, draw);
   return lhs_finish(world, options, poses, next, draw, point);
 }

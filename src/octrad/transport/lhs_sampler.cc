@@ -37,8 +37,8 @@ LhsSampler::LhsSampler(const PreparedScene& scene, const LhsOptions& options, co
   for (const Camera& camera : poses_) views_.push_back(camera.own_view());
 }
 
-void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
-                        std::span<const FarEnd> far_ends) const {
+void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const FarEnd> far_ends,
+                        double by_area) const {
   const SampledWorld world{context_, surfaces_};
   const LhsPoses poses{views_.data(), static_cast<std::uint32_t>(views_.size()), fresh_poses_};
   parallel_blocks(points.size(), 16, [&](std::size_t begin, std::size_t end) {
@@ -46,7 +46,7 @@ void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
     run_flat([&] {
       for (std::size_t i = begin; i < end; ++i) {
         if (i < far_ends.size() && far_ends[i].hit.valid()) points[i] = shade_far_end(world, far_ends[i]);
-        else all = lhs_point(world, options_, poses, step, i, points[i]) && all;
+        else all = lhs_point(world, options_, poses, step, i, points[i], by_area) && all;
       }
     });
     if (!all) throw InputError(no_lhs_point());

@@ -18,8 +18,10 @@ class LhsSampler {
   LhsSampler(const PreparedScene& scene, const LhsOptions& options, const std::vector<Camera>& cameras = {});
 
   // The points of step `step`; masks decided, never black. Point i is far_ends[i] where that is valid, and drawn
-  // otherwise. Parallel; same bits at any thread count.
-  void sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const FarEnd> far_ends = {}) const;
+  // otherwise. Of the points by area the share `by_area` is, the others are walks. Parallel; same bits at any thread
+  // count.
+  void sample(unsigned long long step, std::span<ShadingPoint> points, std::span<const FarEnd> far_ends = {},
+              double by_area = 1.0) const;
 
   const std::vector<Camera>& poses() const { return poses_; }
   // The poses as lhs_point() takes them, and whether every walk starts from a fresh pose instead.
