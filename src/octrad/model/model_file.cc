@@ -46,6 +46,7 @@ ModelInfo info_of(const TensorReader& in) {
     if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
     if (!config.contains("/train/average"_json_pointer)) info.config.train_average = 0.0;
     if (!config.contains("/train/guide"_json_pointer)) info.config.train_guide = 0.0;
+    if (!config.contains("/train/area_falls"_json_pointer)) info.config.train_area_falls = false;
     if (!config.contains("/train/far_ends"_json_pointer)) info.config.train_far_ends = 0.0;
     if (!config.contains("/adam/rate/budget"_json_pointer)) info.config.adam_rate_budget = 0;
     if (!config.contains("/render/offset_spread"_json_pointer))

@@ -88,6 +88,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   info.config.train_average = 0.0;
   info.config.adam_rate_budget = 0;
   info.config.train_far_ends = 0.0;
+  info.config.train_area_falls = false;
   for (const char* preset_name : {"cpu", "paper"}) {
     const TensorReader in(file);
     TensorWriter out;
@@ -99,7 +100,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
         config["preset"] = info.config.preset = preset_name;
         EXPECT_EQ(config["render"].erase("offset_spread"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
-        EXPECT_EQ(config["train"].erase("average") + config["train"].erase("far_ends"), 2u);
+        for (const char* newer : {"average", "far_ends", "area_falls"}) EXPECT_EQ(config["train"].erase(newer), 1u);
         EXPECT_EQ(config["adam"]["rate"].erase("budget"), 1u);
         text = config.dump();
       }
