@@ -55,7 +55,7 @@ using StepShape = std::tuple<int, int, int, int>;  // points, directions, far en
 
 // Steps in a group of those with `points` points: enough points to keep a GPU busy, a power of two.
 int group_steps(std::size_t points, const DeviceEngineOptions& options) {
-  int steps = std::clamp(options.group_steps, 1, kStepsBetweenReports);
+  int steps = std::clamp(options.group_steps, 1, kDrawnTogether);
   const auto ahead = static_cast<std::size_t>(options.tuning.points_ahead);
   while (steps > 1 && points * static_cast<std::size_t>(steps) > ahead) steps /= 2;
   return steps;
@@ -311,12 +311,9 @@ class DeviceEngine : public TrainEngine {
   // Where the points of the step's group are: groups take turns where they are drawn ahead.
   int buffer_of(long long step) const { return ahead_ ? static_cast<int>(group_of(step) % 2) : 0; }
 
-  // Of the step's group. Where the budget is in steps that of the first step of the largest group, so that it depends
-  // neither on a group's size nor on when it is drawn.
+  // Of a step that may be drawn before its time: where the budget is in seconds, that of the last step.
   double by_area(long long step) const {
-    if (config_.train_steps <= 0) return by_area_;
-    const long long first = step - step % kStepsBetweenReports;
-    return schedule(config_, first, std::min(1.0, static_cast<double>(first) / config_.train_steps)).by_area;
+    return config_.train_steps > 0 ? schedule(config_, step, 0.0).by_area : by_area_;
   }
 
   // Left-hand-side points of the step's group, unless they are there. Points drawn for another shape are no longer.

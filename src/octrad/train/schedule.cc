@@ -6,6 +6,21 @@
 
 namespace octrad {
 
+namespace {
+
+// What multiplies the rates at a fraction of the budget, but for the warm-up.
+double decay_at(const Config& config, double fraction) {
+  if (fraction <= config.adam_decay_start || config.adam_decay_start >= 1.0) return 1.0;
+  const double t = std::min(1.0, (fraction - config.adam_decay_start) / (1.0 - config.adam_decay_start));
+  return config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
+}
+
+// What is left of points that are drawn by the cube of the rates: none below half of the rates. In eighths: devices
+// record a step anew for each.
+double left_of_points(double decay) { return std::floor(8.0 * decay * decay * decay) / 8.0; }
+
+}  // namespace
+
 ScheduleState schedule(const Config& config, long long step, double fraction) {
   ScheduleState s;
   const int quarter = std::clamp(static_cast<int>(fraction * 4.0), 0, 3);
@@ -17,16 +32,14 @@ ScheduleState schedule(const Config& config, long long step, double fraction) {
   }
   if (config.train_first_points > 0) s.points = std::min(s.points, std::max(64, config.train_first_points) << quarter);
   s.epsilon = config.loss_epsilon_first * std::pow(config.loss_epsilon_last / config.loss_epsilon_first, quarter / 3.0);
-  double decay = 1.0;
-  if (fraction > config.adam_decay_start && config.adam_decay_start < 1.0) {
-    const double t = std::min(1.0, (fraction - config.adam_decay_start) / (1.0 - config.adam_decay_start));
-    decay = config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
-  }
+  const double decay = decay_at(config, fraction);
   s.rate_scale = decay * std::min(1.0, static_cast<double>(step + 1) / std::max(1, config.adam_warmup));
-  // As the cube of the rates: none below half of the rates. In eighths: devices record a step anew for each.
-  const double left = std::floor(8.0 * decay * decay * decay) / 8.0;
-  s.far_ends = static_cast<int>(config.train_far_ends * s.points * left);
-  if (config.train_area_falls && config.train_sampler == TrainSampler::mixture) s.by_area = left;
+  s.far_ends = static_cast<int>(config.train_far_ends * s.points * left_of_points(decay));
+  if (config.train_area_falls && config.train_sampler == TrainSampler::mixture) {
+    const long long first = step - step % kDrawnTogether;
+    const double drawn_at = config.train_steps > 0 ? static_cast<double>(first) / config.train_steps : fraction;
+    s.by_area = left_of_points(decay_at(config, drawn_at));
+  }
   s.network_scale = s.rate_scale;
   if (config.field == "octaoctree" && config.adam_rate_budget > 0) {
     const double steps = config.train_steps > 0 ? config.train_steps

@@ -6,6 +6,10 @@
 
 namespace octrad {
 
+// Steps whose left-hand-side points a device draws at once, at most: what they are drawn by changes only where step
+// numbers are multiples of this, if the budget is in steps.
+inline constexpr int kDrawnTogether = 16;
+
 // Batch shape and loss epsilon at a fraction of the budget.
 struct ScheduleState {
   int points = 0, directions = 0;

@@ -82,6 +82,18 @@ TEST(Schedule, FarEndsAndPointsByArea) {
     EXPECT_EQ(schedule(other, 30000, 1.0).by_area, 1.0) << key << " " << value;
   }
   EXPECT_EQ(schedule(preset("default"), 30000, 1.0).by_area, 1.0);
+  Config counted = config;  // changes where a device may begin to draw
+  counted.train_steps = 100;
+  double before = 1.0;
+  for (int step = 0; step < 110; ++step) {
+    const double now = schedule(counted, step, 0.0).by_area;
+    EXPECT_LE(now, before);
+    if (step % 16 != 0) {
+      EXPECT_EQ(now, before) << step;
+    }
+    before = now;
+  }
+  EXPECT_EQ(before, 0.0);
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 0);
   config.adam_decay_start = 1.0;
   EXPECT_EQ(schedule(config, 30000, 1.0).far_ends, 153);
