@@ -81,9 +81,11 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
   scene_.placements.resize(mark.placements);
   placed_at_.resize(mark.placements);
   for (; group_order_.size() > mark.groups; group_order_.pop_back()) groups_.erase(group_order_.back());
-  scene_.meshes.resize(mark.meshes);
-  // Those with attributes of the meshes that are gone.
-  std::erase_if(materials_, [&](const auto& made) { return made.first.second >= static_cast<int>(mark.meshes); });
+  if (scene_.meshes.size() > mark.meshes) {
+    scene_.meshes.resize(mark.meshes);
+    // Those with attributes of the meshes that are gone.
+    std::erase_if(materials_, [&](const auto& made) { return made.first.second >= static_cast<int>(mark.meshes); });
+  }
   mesh_jobs_.resize(mark.mesh_jobs);
   scene_.spheres.resize(mark.spheres);
   scene_.environments.resize(mark.environments);
