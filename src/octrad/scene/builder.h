@@ -38,7 +38,7 @@ class SceneBuilder {
   }
   struct Mark {
     std::size_t lights, delta_lights, projectors, shapes, placements, groups, meshes, mesh_jobs, spheres, environments,
-        bitmaps, open;
+        bitmaps, open, materials;
     bool in_shape;
   };
   Mark mark() const;

@@ -58,19 +58,13 @@ std::vector<std::pair<std::string, std::vector<std::string>>> plugin_types() {
 }
 
 SceneBuilder::Mark SceneBuilder::mark() const {
-  return {scene_.area_lights.size(),
-          scene_.delta_lights.size(),
-          projectors_.size(),
-          scene_.shapes.size(),
-          scene_.placements.size(),
-          group_order_.size(),
-          scene_.meshes.size(),
-          mesh_jobs_.size(),
-          scene_.spheres.size(),
-          scene_.environments.size(),
-          bitmaps_.size(),
-          open_materials_.size(),
-          in_shape_};
+  return {scene_.area_lights.size(), scene_.delta_lights.size(),
+          projectors_.size(),        scene_.shapes.size(),
+          scene_.placements.size(),  group_order_.size(),
+          scene_.meshes.size(),      mesh_jobs_.size(),
+          scene_.spheres.size(),     scene_.environments.size(),
+          bitmaps_.size(),           open_materials_.size(),
+          materials_.size(),         in_shape_};
 }
 
 void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
@@ -81,11 +75,10 @@ void SceneBuilder::roll_back(const Mark& mark, const Element& element) {
   scene_.placements.resize(mark.placements);
   placed_at_.resize(mark.placements);
   for (; group_order_.size() > mark.groups; group_order_.pop_back()) groups_.erase(group_order_.back());
-  if (scene_.meshes.size() > mark.meshes) {
-    scene_.meshes.resize(mark.meshes);
-    // Those with attributes of the meshes that are gone.
+  scene_.meshes.resize(mark.meshes);
+  // Those with attributes of the meshes that are gone.
+  if (materials_.size() > mark.materials)
     std::erase_if(materials_, [&](const auto& made) { return made.first.second >= static_cast<int>(mark.meshes); });
-  }
   mesh_jobs_.resize(mark.mesh_jobs);
   scene_.spheres.resize(mark.spheres);
   scene_.environments.resize(mark.environments);
