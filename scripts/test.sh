@@ -84,7 +84,7 @@ declare -A running=()
 count_ended() {
   local i
   for i in "${!running[@]}"; do
-    [ -e "$logs/$i.status" ] || continue
+    [ -s "$logs/$i.status" ] || continue  # has ended
     unset "running[$i]"
     count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"
   done
@@ -95,7 +95,7 @@ run_added() {
   for i in "${!names[@]}"; do
     while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; count_ended; done
     running[$i]=1
-    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.ended"; mv "$logs/$i.ended" "$logs/$i.status") &
+    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.status") &
   done
   wait
   count_ended
@@ -135,8 +135,8 @@ if [ $fast = 0 ]; then
   add "tests/check_clang.py" "$python" tests/check_clang.py
   if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
 fi
-programs=$(cd build-test && ls -S test_*)
-for program in $programs; do add "$program" "build-test/$program"; done
+mapfile -t programs < <(cd build-test && ls -S test_*)
+for program in "${programs[@]}"; do add "$program" "build-test/$program"; done
 for script in tests/test_templates.py tests/test_examples.py tests/test_*.py; do
   [[ " ${names[*]} " == *" $script "* ]] || add "$script" "$python" "$script"
 done
@@ -184,20 +184,16 @@ if [ $fast = 0 ]; then
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick
 
-  threaded="test_train test_render test_transport view_server"
-  # shellcheck disable=SC2086
-  build_with build-sanitize "address and undefined-behaviour sanitizers" address,undefined $programs view_server
-  # shellcheck disable=SC2086
-  build_with build-thread "thread sanitizer" thread $threaded
+  threaded=(test_train test_render test_transport view_server)
+  build_with build-sanitize "address and undefined-behaviour sanitizers" address,undefined "${programs[@]}" view_server
+  build_with build-thread "thread sanitizer" thread "${threaded[@]}"
   step "Unit tests with sanitizers"
   # Tests that take minutes with sanitizers leave themselves out.
   export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
   export TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
+  add_from build-thread '-*Shared*:*LosslessObjects*' "${threaded[@]}"
   # Large scenes run the same code as small ones, for minutes; that they are read stays.
-  # shellcheck disable=SC2086
-  add_from build-thread '-*Shared*:*LosslessObjects*' $threaded
-  # shellcheck disable=SC2086
-  add_from build-sanitize '-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*' $programs view_server
+  add_from build-sanitize '-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*' "${programs[@]}" view_server
   run_added
 fi
 

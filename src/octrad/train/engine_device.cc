@@ -35,7 +35,7 @@ struct SetStep : Kernel {
   OCTRAD_HD void operator()(std::uint32_t) const { *to = value; }
 };
 
-constexpr int kStepsBetweenReports = 16;
+constexpr int kStepsBetweenReports = kDrawnTogether;
 // Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a
 // graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;

@@ -5,7 +5,6 @@
 #include <numbers>
 
 namespace octrad {
-
 namespace {
 
 // What multiplies the rates at a fraction of the budget, but for the warm-up.
@@ -15,8 +14,8 @@ double decay_at(const Config& config, double fraction) {
   return config.adam_decay_to + (1.0 - config.adam_decay_to) * 0.5 * (1.0 + std::cos(t * std::numbers::pi));
 }
 
-// What is left of points that are drawn by the cube of the rates: none below half of the rates. In eighths: devices
-// record a step anew for each.
+// What is left of far ends and of points by area. As the cube of the rates: none below half of the rates. In eighths:
+// devices record a step anew for each.
 double left_of_points(double decay) { return std::floor(8.0 * decay * decay * decay) / 8.0; }
 
 }  // namespace

@@ -111,7 +111,7 @@ struct LhsDraw {
   std::uint32_t passed = 0;  // masks since the last vertex
 
   // Point `i` of step `step`; `by_area`: as of LhsSampler::sample().
-  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i, double by_area = 1.0)
+  OCTRAD_HD LhsDraw(const LhsOptions& options, unsigned long long step, unsigned long long i, double by_area)
       : rng(options.seed, RngPurpose::walk, mix64(step + 1) ^ i) {
     const double choice = rng.uniform();
     if (choice < options.view) kind = LhsKind::view;
@@ -268,8 +268,7 @@ OCTRAD_HD inline bool lhs_finish(const World& world, const LhsOptions& options, 
 OCTRAD_HD_OR_HOST
 template <typename World>
 OCTRAD_HD inline bool lhs_point(const World& world, const LhsOptions& options, const LhsPoses& poses,
-                                unsigned long long step, unsigned long long i, ShadingPoint& point,
-                                double by_area = 1.0) {
+                                unsigned long long step, unsigned long long i, double by_area, ShadingPoint& point) {
   LhsDraw draw(options, step, i, by_area);
   const LhsNext next = lhs_start_try(poses, draw);
   return lhs_finish(world, options, poses, next, draw, point);

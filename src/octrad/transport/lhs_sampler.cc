@@ -46,7 +46,7 @@ void LhsSampler::sample(unsigned long long step, std::span<ShadingPoint> points,
     run_flat([&] {
       for (std::size_t i = begin; i < end; ++i) {
         if (i < far_ends.size() && far_ends[i].hit.valid()) points[i] = shade_far_end(world, far_ends[i]);
-        else all = lhs_point(world, options_, poses, step, i, points[i], by_area) && all;
+        else all = lhs_point(world, options_, poses, step, i, by_area, points[i]) && all;
       }
     });
     if (!all) throw InputError(no_lhs_point());

@@ -37,6 +37,28 @@ TEST(LhsSampler, PointsLieOnSurfacesWithTheViewerOnTheirSide) {
   }
 }
 
+TEST(LhsSampler, PointsByAreaBecomeWalks) {
+  const FurnaceScene setup(furnace(kGrey, "", R"(<shape type="sphere"><float name="radius" value="0.3"/></shape>)"));
+  LhsOptions mixed, walks;
+  mixed.walks = 0.2;
+  walks.walks = 1.0;
+  std::vector<ShadingPoint> points(300), expected(300);
+  const auto equal = [&] {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      count += points[i].surface.position == expected[i].surface.position && points[i].wo == expected[i].wo;
+    return count;
+  };
+  LhsSampler(setup.prepared, walks).sample(5, expected);
+  const LhsSampler sampler(setup.prepared, mixed);
+  sampler.sample(5, points, {}, 0.0);
+  EXPECT_EQ(equal(), 300u);
+  sampler.sample(5, points, {}, 0.5);  // a share of .6 is walks
+  EXPECT_NEAR(static_cast<double>(equal()), 180.0, 30.0);
+  sampler.sample(5, points);
+  EXPECT_NEAR(static_cast<double>(equal()), 60.0, 28.0);
+}
+
 // The sensor is behind a lamp that it does not see.
 TEST(LhsSampler, WalksPassHiddenEmitters) {
   for (const bool hide : {false, true}) {
