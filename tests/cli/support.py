@@ -191,6 +191,19 @@ def read_safetensors(path):
     return metadata, {name: raw[8 + size + t["data_offsets"][0]:8 + size + t["data_offsets"][1]] for name, t in header.items()}
 
 
+def edit_metadata(path, change):
+    """Writes a model anew with what `change` makes of its metadata, without checksums, as the oldest ones are."""
+    with open(path, "rb") as file:
+        raw = file.read()
+    size = struct.unpack("<Q", raw[:8])[0]
+    header = json.loads(raw[8:8 + size])
+    header["__metadata__"].pop("octrad.checksums")
+    change(header["__metadata__"])
+    text = json.dumps(header).encode()
+    with open(path, "wb") as out:
+        out.write(struct.pack("<Q", len(text)) + text + raw[8 + size:])
+
+
 def start(*arguments, program=None):
     """A process to send signals to, also where the tests run under nohup; its error output is kept."""
     return subprocess.Popen([program or PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,

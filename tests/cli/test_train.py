@@ -10,7 +10,7 @@ import time
 import unittest
 
 from exr import read_exr
-from support import FIXED, PATIENCE, ROOM, SMALL, Case, holds, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
+from support import FIXED, PATIENCE, ROOM, SMALL, Case, edit_metadata, holds, measured, on_terminal, read_safetensors, run, start, wait_for, write_pfm
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 FIELDS = {"steps", "seconds", "lhs_samples", "rhs_queries", "rhs_queries_per_s", "loss", "validation_mape", "model", "memory_estimate_bytes", "memory_peak_bytes"}
@@ -265,11 +265,31 @@ class Train(Case):
         self.assertEqual(self.train("--resume", "--steps", 4, "-D", "render.bounce_below=0.2")["steps"], 4)
         other = self.write("other.xml", ROOM.replace("8, 8, 8", "9, 8, 8"))
         self.fails(2, "another scene", "train", other, "-o", self.model, *SMALL, "--resume", "--steps", 9)
-        turned = self.write("turned.xml", ROOM.replace('target="0, ', 'target="0.01, '))
-        self.assertNotEqual(open(turned).read(), ROOM)
+        other_view = ROOM.replace('target="0, ', 'target="0.01, ')
+        self.assertNotEqual(other_view, ROOM)
+        turned = self.write("turned.xml", other_view)
         self.fails(2, "sensors", "train", turned, "-o", self.model, *SMALL, "--resume", "--steps", 9)
         self.train("--steps", 3, "--no-optimizer")
         self.fails(2, "--no-optimizer", "train", self.scene, "-o", self.model, *SMALL, "--resume", "--steps", 9)
+
+    def test_resume_of_a_model_that_is_older_than_a_key(self):
+        """Naming the preset again, which has learnt the key since, changes nothing: the run goes on as it was."""
+        self.train("--steps", 3, "-D", "train.area_falls=false", "-D", "train.average=0")
+
+        def forget(metadata):
+            config = json.loads(metadata["config"])
+            del config["train"]["area_falls"], config["train"]["average"]
+            metadata["config"] = json.dumps(config)
+
+        edit_metadata(self.model, forget)
+        words = ("train", self.scene, "-o", self.model, *SMALL[:-1], "--resume", "--steps", 4, "--preset", "cpu")
+        self.fails(1, "train.area_falls was false", *words, "-D", "train.area_falls=true")
+        for _ in range(2):
+            self.assertIn("goes on as before them: train.area_falls=false train.average=0", self.ok(*words).err)
+            config = self.ok("info", self.model, "--json").json()["metadata"]["config"]["train"]
+            self.assertEqual((config["area_falls"], config["average"]), (False, 0))
+        self.train("--steps", 3, "-D", "train.area_falls=false")
+        self.fails(1, "train.area_falls was false", *words)
 
     def test_no_optimizer_is_smaller_and_renders_the_same(self):
         self.train("--steps", 5)

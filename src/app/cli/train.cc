@@ -48,7 +48,8 @@ void apply_options(Config& config, const TrainVerbOptions& o, const CommonOption
   if (o.steps >= 0) set(config, "train.steps", std::to_string(o.steps));
 }
 
-// The configuration of a resumed run is the model's; only budgets, and keys of pictures alone, may be new.
+// The configuration of a resumed run is the model's; only budgets, and keys of pictures alone, may be new. Keys that
+// are newer than the model stay as they are there, also where a preset, which may have changed since, is named again.
 Config resumed_config(const Model& model, const TrainVerbOptions& o, const CommonOptions& common) {
   Config wanted = model.info.config;
   if (!o.config.preset.empty() || !o.config.file.empty()) {
@@ -58,19 +59,31 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   }
   apply_options(wanted, o, common);
   if (wanted.target_scale == 0.0) wanted.target_scale = model.info.config.target_scale;  // chosen by the first run
-  const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted);
+  const std::vector<ConfigKey> was = describe(model.info.config), now = describe(wanted),
+                               of_preset = describe(preset(wanted.preset));
+  const auto has = [](const auto& list, const std::string& key) {
+    return std::find(list.begin(), list.end(), key) != list.end();
+  };
+  std::vector<std::string> given;
+  for (const auto& [key, value] : o.config.config_definitions()) given.push_back(key);
+  std::string kept;
   static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every"};
   for (std::size_t i = 0; i < was.size(); ++i) {
     const std::string& key = was[i].key;
     const bool of_pictures = key.starts_with("render.") && key != "render.delta" && key != "render.trace_below";
-    if (was[i].value == now[i].value || of_pictures ||
-        std::find(kMayChange.begin(), kMayChange.end(), key) != kMayChange.end())
+    if (was[i].value == now[i].value || of_pictures || has(kMayChange, key)) continue;
+    if (has(model.info.state.newer_keys, key) && now[i].value == of_preset[i].value && !has(given, key)) {
+      set(wanted, key, was[i].value);
+      kept += fmt::format(" {}={}", key, was[i].value);
       continue;
+    }
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time, "
         "checkpoint.every, and render.* but render.delta and render.trace_below may change)",
         key, was[i].value, o.output, now[i].value));
   }
+  if (!kept.empty())
+    log_info("{} is older than these keys of preset {}, and goes on as before them:{}", o.output, wanted.preset, kept);
   return wanted;
 }
 

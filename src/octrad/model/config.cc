@@ -431,6 +431,13 @@ std::string text_of(const nlohmann::json& value, const std::string& key) {
   throw UsageError(fmt::format("{} must be a number, a text or true/false, not {}", key, value.type_name()));
 }
 
+// In the nested object of a configuration.
+nlohmann::json::json_pointer place_of(const Key& key) {
+  std::string path = "/" + key.name;
+  std::replace(path.begin(), path.end(), '.', '/');
+  return nlohmann::json::json_pointer(path);
+}
+
 }  // namespace
 
 std::optional<Bounds3f> given_bounds(const Config& config) { return parse_box(config.octree_bounds); }
@@ -465,13 +472,19 @@ std::string get(const Config& config, const std::string& name) { return text_of(
 nlohmann::json to_json(const Config& config) {
   nlohmann::json out = nlohmann::json::object();
   for (const Key& key : keys()) {
-    std::string path = "/" + key.name;
-    std::replace(path.begin(), path.end(), '.', '/');
-    nlohmann::json& place = out[nlohmann::json::json_pointer(path)];
+    nlohmann::json& place = out[place_of(key)];
     if (const auto* choice = std::get_if<Choice>(&key.member)) place = choice->get(config);
     else visit_value(config, key, [&](const auto& value) { place = value; });
   }
   return out;
+}
+
+std::vector<std::string> keys_missing_in(const nlohmann::json& object) {
+  std::vector<std::string> missing;
+  for (const Key& key : keys()) {
+    if (!object.contains(place_of(key))) missing.push_back(key.name);
+  }
+  return missing;
 }
 
 std::vector<ConfigKey> describe(const Config& config) {

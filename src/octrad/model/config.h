@@ -166,6 +166,8 @@ void apply(Config& config, const nlohmann::json& object, const std::string& wher
 
 // The resolved configuration as a nested JSON object, durations in seconds; apply() reads it back exactly.
 nlohmann::json to_json(const Config& config);
+// The keys that such an object of an earlier version does not have.
+std::vector<std::string> keys_missing_in(const nlohmann::json& object);
 
 // Which surfaces rays pass: rays of pictures (render.delta, render.trace_below), and rays of right-hand sides, which
 // pass perfect mirrors in any case.

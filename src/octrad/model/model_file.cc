@@ -40,17 +40,20 @@ ModelInfo info_of(const TensorReader& in) {
   try {
     const nlohmann::json config = parse_json(text("config"), in.file());
     apply(info.config, config, in.file());
-    // What models of earlier versions do not know.
-    if (!config.contains("/lookup/reflected"_json_pointer)) info.config.lookup_reflected = Reflected::none;
-    if (!config.contains("/lookup/coats"_json_pointer)) info.config.lookup_coats = Coats::joined;
-    if (!config.contains("/lookup/rough_offset"_json_pointer)) info.config.lookup_rough_offset = true;
-    if (!config.contains("/train/average"_json_pointer)) info.config.train_average = 0.0;
-    if (!config.contains("/train/guide"_json_pointer)) info.config.train_guide = 0.0;
-    if (!config.contains("/train/area_falls"_json_pointer)) info.config.train_area_falls = false;
-    if (!config.contains("/train/far_ends"_json_pointer)) info.config.train_far_ends = 0.0;
-    if (!config.contains("/adam/rate/budget"_json_pointer)) info.config.adam_rate_budget = 0;
-    if (!config.contains("/render/offset_spread"_json_pointer))
-      info.config.render_offset_spread = preset(info.config.preset).render_offset_spread;
+    // What models of earlier versions do not know, where the default is another than what was done before.
+    info.state.newer_keys = keys_missing_in(config);
+    for (const std::string& key : info.state.newer_keys) {
+      Config& c = info.config;
+      if (key == "lookup.reflected") c.lookup_reflected = Reflected::none;
+      if (key == "lookup.coats") c.lookup_coats = Coats::joined;
+      if (key == "lookup.rough_offset") c.lookup_rough_offset = true;
+      if (key == "train.average") c.train_average = 0.0;
+      if (key == "train.guide") c.train_guide = 0.0;
+      if (key == "train.area_falls") c.train_area_falls = false;
+      if (key == "train.far_ends") c.train_far_ends = 0.0;
+      if (key == "adam.rate.budget") c.adam_rate_budget = 0;
+      if (key == "render.offset_spread") c.render_offset_spread = preset(c.preset).render_offset_spread;
+    }
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();
@@ -64,6 +67,7 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.rhs_queries = count("rhs_queries");
     info.state.loss = state.value("loss", -1.0);  // older files have neither
     info.state.sensors = state.value("sensors", std::string());
+    for (const auto& key : state.value("newer_keys", std::vector<std::string>())) info.state.newer_keys.push_back(key);
   } catch (const nlohmann::json::exception& e) {
     throw InputError(in.file() + ": broken model header: " + e.what());
   } catch (const UsageError& e) {
@@ -186,6 +190,7 @@ void save_model(const std::string& file, RadianceField& field, const ModelInfo& 
                           {"rhs_queries", info.state.rhs_queries}};
   if (info.state.loss >= 0.0) state["loss"] = info.state.loss;
   if (!info.state.sensors.empty()) state["sensors"] = info.state.sensors;
+  if (!info.state.newer_keys.empty()) state["newer_keys"] = info.state.newer_keys;
   out.metadata("state", state.dump());
   field.save(out);
   if (optimizer && trained != nullptr) {

@@ -20,6 +20,8 @@ struct TrainingState {
   long long lhs_samples = 0, rhs_queries = 0;
   double loss = -1.0;   // smoothed (train/schedule.h); below 0 before the first step
   std::string sensors;  // sensors_fingerprint() of what walks start from; empty: not known
+  // Of the configuration: the run began before there were such keys, and they mean what was done then.
+  std::vector<std::string> newer_keys;
   bool has_other_sensors(const std::string& fingerprint) const { return !sensors.empty() && sensors != fingerprint; }
   // Points of the next step (train.far_ends), kept with the optimiser's state: origin, direction, t, u and v of each
   // ray; shape and primitive that it hit, -1 for no point, and the lobe (Lobe as a number).

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <list>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "octrad/base/error.h"
 #include "octrad/model/field_test_helper.h"
@@ -76,6 +77,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   const auto field = make_field(info.config, testing::shell(3));
   save_model(file, *field, info, false);
   EXPECT_EQ(load_model(file).info.config, info.config);
+  EXPECT_TRUE(load_model(file).info.state.newer_keys.empty());
   // Scenes may be in any unit of radiance.
   for (const float exposure : {3e-25f, 3e7f, 1e25f}) {
     field->set_target_scale(exposure);
@@ -109,7 +111,11 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     for (const std::string& name : in.names()) copy_tensor(in, name, tensors, out);
     out.write(file + ".older");
     info.config.render_offset_spread = preset(preset_name).render_offset_spread;
-    EXPECT_EQ(load_model(file + ".older").info.config, info.config);
+    const ModelInfo older = load_model(file + ".older").info;
+    EXPECT_EQ(older.config, info.config);
+    EXPECT_EQ(std::set<std::string>(older.state.newer_keys.begin(), older.state.newer_keys.end()),
+              (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "render.offset_spread",
+                                     "train.area_falls", "train.average", "train.far_ends"}));
     std::filesystem::remove(file + ".older");
   }
   std::filesystem::remove(file);
