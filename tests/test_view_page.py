@@ -330,6 +330,11 @@ class ViewPage(Case):
         page.screenshot("edited.png")
         page.js("document.getElementById('material-reset').click()")
         page.wait("!viewer.training.scene.materials.some(m => m.edit.color)")
+        # All lights, by a slider that is let go at once, as the keyboard and a click on it do.
+        put("#all-lights", "1")
+        put("#all-lights", "1", "change")
+        page.wait("viewer.training.scene.lights[0].factor[0] === 0.5")
+        self.assertEqual(page.js("document.getElementById('all-lights').value"), "0")
 
     def test_windows(self):
         url = self.serve("--compare", "path")

@@ -142,6 +142,22 @@ class Watching(Live):
         self.ok("train", self.path("room.xml"), "-o", self.path("alone.octrad"), *options)
         self.assertEqual(read_safetensors(self.path("m.octrad"))[1], read_safetensors(self.path("alone.octrad"))[1])
 
+    def test_a_finished_model_that_is_trained_on(self):
+        """Checkpoints are written after the end, too, and edits are learnt after a stop."""
+        model, output = self.path("m.octrad"), self.path("n.octrad")
+        self.ok("train", self.write("room.xml", ROOM), "-o", model, "-D", "train.steps=20", "-D", "checkpoint.every=50ms", *SMALL)
+        viewer = self.viewer(self.serve("view", "--model", model, "--train", "-o", output))
+        self.assertIsNone(self.status(viewer)["saved"])
+        viewer.send("train", do="start")
+        self.status(viewer, lambda s: s["saved"] is not None and s["saved"] > 20)
+        self.assertTrue(os.path.exists(output))
+        viewer.send("train", do="stop")
+        stopped = self.status(viewer, lambda s: s["state"] == "stopped")
+        self.assertEqual((stopped["change"], stopped["ends"]), (0, False))
+        viewer.send("edit", lights=[{"light": 0, "factor": [1, 0.5, 1]}])
+        self.status(viewer, lambda s: s["state"] == "idle" and 0 < s["change"] < 0.9)
+        self.assertEqual(self.status(viewer, lambda s: s["change"] == 0)["state"], "idle")
+
     def test_options(self):
         scene = self.write("room.xml", ROOM)
         self.fails(1, "--port", "train", scene, "-o", self.path("m.octrad"), "--port", "0")

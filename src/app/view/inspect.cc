@@ -56,6 +56,7 @@ nlohmann::json inspect(const Studio& studio, const View& view, double x, double 
   out["position"] = vector_json(surface.position);
   out["distance"] = length(surface.position - view.camera.origin);
   out["shape"] = shape.id;
+  out["material_number"] = surface.material;  // -1: none
   out["material"] =
       surface.material >= 0 ? scene.materials[static_cast<std::size_t>(surface.material)].id : std::string();
   out["normal"] = vector_json(viewed_normal(shading));

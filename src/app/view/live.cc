@@ -284,6 +284,7 @@ void LiveTraining::apply_edits() {
     ++refusals_;
   }
   if (!changed) return;
+  if (state_ == State::stopped) state_ = State::idle;  // which learns it
   trainer_.scene_changed(all);
   ++scene_number_;
   ++field_number_;
@@ -306,7 +307,6 @@ void LiveTraining::take_commands() {
 void LiveTraining::save() {
   try {
     trainer_.untimed([&] { trainer_.checkpoint(true); });
-    saved_step_ = trainer_.state().step;
     trouble_.clear();
   } catch (const IoError& error) {
     trouble_ = error.what();
@@ -340,6 +340,7 @@ void LiveTraining::note_step() {
 void LiveTraining::tell() {
   const TrainProgress p = trainer_.progress();
   const Config& config = trainer_.config();
+  const long long saved = trainer_.saved_step();
   static const char* const kNames[] = {"idle", "running", "paused", "stopped"};
   nlohmann::json status = {
       {"type", "training"},
@@ -356,10 +357,11 @@ void LiveTraining::tell() {
       {"points_per_s", p.points_per_second},
       {"queries_per_s", p.queries_per_second},
       {"change", static_cast<double>(trainer_.change_steps_left()) / static_cast<double>(Trainer::kChangeSteps)},
-      {"saved", saved_step_ < 0 ? nlohmann::json() : nlohmann::json(saved_step_)},
+      {"saved", saved < 0 ? nlohmann::json() : nlohmann::json(saved)},
       {"saves", options_.saves},
+      {"ends", options_.ends},
       {"share", share_},
-      {"error", trouble_}};
+      {"error", trouble_.empty() ? trainer_.not_saved() : trouble_}};
   const std::lock_guard lock(mutex_);
   status_ = std::move(status);
 }

@@ -96,8 +96,7 @@ class LiveTraining {
   double credit_ = 0.0;    // seconds that pictures may take
   double share_ = 0.0;     // of the time that they took lately
   double spacing_ = 0.0;   // seconds between two points of the curves
-  long long saved_step_ = -1;
-  std::string trouble_;  // why the last save failed, or an edit was refused
+  std::string trouble_;    // why what was asked for last failed: a save, or an edit
   std::vector<Vec3f> points_;
   std::size_t next_point_ = 0;
 };

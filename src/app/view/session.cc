@@ -34,9 +34,11 @@ constexpr std::size_t kMostJobs = 4;
 constexpr int kMostPathFrames = 20000;
 constexpr std::size_t kMostPicks = 32;                        // that wait
 constexpr auto kBetweenLooks = 50ms, kBetweenStatus = 250ms;  // at a live training
+constexpr auto kAlive = 15s;                                  // between two signs of life at least
 
-std::string error_text(const std::string& why) {
-  return json_text({{"type", "error"}, {"message", why.substr(0, 500)}});
+// `input`: of the camera that was refused; null: something else was.
+std::string error_text(const std::string& why, const nlohmann::json& input = nullptr) {
+  return json_text({{"type", "error"}, {"message", why.substr(0, 500)}, {"input", input}});
 }
 
 }  // namespace
@@ -199,13 +201,15 @@ void Session::tell_state() {
 }
 
 void Session::message(ClientId client, const std::string& text) {
+  nlohmann::json message;
   try {
-    const nlohmann::json message = parse_json(text, "message");
+    message = parse_json(text, "message");
     if (!message.is_object() || !message.contains("type") || !message["type"].is_string())
       throw InputError("a message is an object with a \"type\"");
     handle(client, message);
   } catch (const std::exception& error) {
-    server_->send(client, error_text(error.what()));
+    const bool number = message.is_object() && message.contains("input") && message["input"].is_number_integer();
+    server_->send(client, error_text(error.what(), number ? message["input"] : nlohmann::json()));
   }
 }
 
@@ -376,14 +380,14 @@ void Session::download(const std::string& path, std::function<void(Download)> an
 void Session::work() {
   std::string told;
   long long refusals = 0;
+  Stopwatch since_alive;
   while (true) {
     std::function<void()> job;
     bool watched = false;
     {
       std::unique_lock lock(mutex_);
       const auto due = [&] { return stopping_ || !jobs_.empty(); };
-      if (live_ != nullptr) work_.wait_for(lock, kBetweenStatus, due);
-      else work_.wait(lock, due);
+      work_.wait_for(lock, live_ != nullptr ? kBetweenStatus : kAlive, due);
       if (stopping_) return;
       watched = !clients_.empty();
       if (!jobs_.empty()) {
@@ -392,6 +396,10 @@ void Session::work() {
       }
     }
     if (job) job();
+    if (watched && since_alive.seconds() >= std::chrono::duration<double>(kAlive).count()) {
+      server_->broadcast(R"({"type":"alive"})");
+      since_alive = {};
+    }
     if (live_ == nullptr || !watched) continue;
     if (const long long now = live_->refusals(); now != std::exchange(refusals, now))
       server_->broadcast(json_text(live_->scene()));
@@ -567,7 +575,7 @@ void Session::make_picture(const Wanted& wanted, bool moving, bool training) {
   } else if (training) {
     const View view = view_of(state, quick_scale(state));
     if (!sample(wanted, view, true, stop)) return;
-    took(a_.last_pass_seconds() + (state.b ? b_.last_pass_seconds() : 0.0), view);
+    took(a_.last_sample_seconds() + (state.b ? b_.last_sample_seconds() : 0.0), view);
     done(false);
     publish(wanted, false, true);
   } else if (wanted.film != film_done_ || !still_) {

@@ -44,8 +44,10 @@ void SideRenderer::show(const Side& side, const View& view) {
 bool SideRenderer::add_pass(const std::function<bool()>& stop) {
   if (!renderer_) return true;
   const Stopwatch watch;
-  if (!renderer_->add_samples(next_pass(renderer_->samples(), renderer_->largest_pass()), stop)) return false;
+  const int before = renderer_->samples();
+  if (!renderer_->add_samples(next_pass(before, renderer_->largest_pass()), stop)) return false;
   pass_seconds_ = watch.seconds();
+  pass_samples_ = std::max(1, renderer_->samples() - before);
   seconds_ += pass_seconds_;
   const SampleCounts counts = renderer_->take_counts();
   queries_per_second_ = static_cast<double>(counts.queries) / std::max(pass_seconds_, 1e-9);

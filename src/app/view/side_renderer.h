@@ -58,6 +58,7 @@ class SideRenderer {
   bool add_pass(const std::function<bool()>& stop);
   bool finished() const;
   double last_pass_seconds() const { return pass_seconds_; }
+  double last_sample_seconds() const { return pass_seconds_ / pass_samples_; }  // of one a pixel
   double last_queries_per_second() const { return queries_per_second_; }
   double last_rays_per_second() const { return rays_per_second_; }
   // The film as it is: all channels, denoised, where the integrator is, and with metadata.
@@ -71,6 +72,7 @@ class SideRenderer {
   Studio& studio_;
   Side side_;
   std::unique_ptr<Renderer> renderer_;
+  int pass_samples_ = 1;
   double seconds_ = 0.0, pass_seconds_ = 0.0, queries_per_second_ = 0.0, rays_per_second_ = 0.0;
 };
 

@@ -476,7 +476,10 @@ void WebServer::Impl::accept() {
 void WebServer::Impl::open(ClientId id, const std::shared_ptr<Client>& client) {
   clients[id] = client;
   handler.opened(id);
-  if (newest) client->publish(newest);
+  // After the texts of opened(), which are posted.
+  post([client](Impl& impl) {
+    if (impl.newest) client->publish(impl.newest);
+  });
 }
 
 void WebServer::Impl::close(ClientId id) {

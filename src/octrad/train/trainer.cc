@@ -128,6 +128,7 @@ class Trainer::Run {
     if (options.reference) {
       validation_ = std::make_unique<Validation>(scene.context(), *options.reference, config, 8192, 2);
     }
+    was_done_ = done();
     earlier_seconds_ = state_.seconds;
     first_samples_ = state_.lhs_samples;
     first_queries_ = state_.rhs_queries;
@@ -143,6 +144,8 @@ class Trainer::Run {
   }
 
   void step();
+  long long saved_step() const { return has_saved_ ? saved_step_ : -1; }
+  const std::string& not_saved() const { return not_saved_; }
   bool done() const { return (fraction() >= 1.0 || out_of_time()) && change_steps_left() == 0; }
   void untimed(const std::function<void()>& work);
   RadianceField& field() {
@@ -183,10 +186,13 @@ class Trainer::Run {
   double bytes_ = 0.0;
   double exposure_ = 1.0;                            // of the field: the unit of the loss's epsilon
   long long saved_step_ = -1;                        // what the file holds; -1: nothing of this run
+  bool has_saved_ = false;                           // in this run
+  std::string not_saved_;                            // why the last checkpoint failed
   double earlier_seconds_ = 0.0;                     // of the runs that this one continues
   long long first_samples_ = 0, first_queries_ = 0;  // of the runs before
   WorkClock clock_;
   bool started_ = false;
+  bool was_done_ = false;  // after the step before
   double between_validations_ = 0.0, next_validation_ = 0.0, next_progress_ = 0.0, next_checkpoint_ = 0.0;  // seconds
   double mape_ = -1.0;
   int waiting_ = 0;  // steps launched and not yet collected
@@ -229,6 +235,8 @@ void Trainer::Run::checkpoint(bool optimizer) {
     save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
   }
   saved_step_ = state_.step;
+  has_saved_ = true;
+  not_saved_.clear();
   if (options_.saved) options_.saved(options_.output, state_.step);
 }
 
@@ -247,7 +255,8 @@ void Trainer::Run::try_checkpoint() {
     checkpoint(true);
   } catch (const IoError& error) {
     if (!options_.not_saved) throw;
-    options_.not_saved(error.what(), state_.step);
+    not_saved_ = error.what();
+    options_.not_saved(not_saved_, state_.step);
   }
 }
 
@@ -365,7 +374,9 @@ void Trainer::Run::report() {
     options_.progress(progress());
     next_progress_ = seconds + 0.2;
   }
-  if (seconds >= next_checkpoint_ && fraction() < 1.0) {
+  const bool ends = done() && !was_done_;  // its result is saved anyway; steps after it are not
+  was_done_ = done();
+  if (seconds >= next_checkpoint_ && !ends) {
     try_checkpoint();
     clock_.back_to(seconds);
     next_checkpoint_ = seconds + config_.checkpoint_seconds;
@@ -474,6 +485,8 @@ const Config& Trainer::config() const { return run_->config(); }
 std::vector<SurfacePoint> Trainer::last_points() { return run_->last_points(); }
 void Trainer::checkpoint(bool optimizer) { run_->checkpoint(optimizer); }
 void Trainer::scene_changed(const SceneChange& change) { run_->scene_changed(change); }
+long long Trainer::saved_step() const { return run_->saved_step(); }
+const std::string& Trainer::not_saved() const { return run_->not_saved(); }
 long long Trainer::change_steps_left() const { return run_->change_steps_left(); }
 bool Trainer::is_dark() const { return run_->is_dark(); }
 TrainResult Trainer::finish(bool interrupted) { return run_->finish(interrupted); }

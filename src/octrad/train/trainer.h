@@ -87,6 +87,9 @@ class Trainer {
   std::vector<SurfacePoint> last_points();
   // Writes `output` as it is. Throws IoError.
   void checkpoint(bool optimizer);
+  // The step of the last checkpoint that this object wrote, -1: none; why the last one failed, empty: it did not.
+  long long saved_step() const;
+  const std::string& not_saved() const;
 
   // The scene's lights or materials have been edited (PreparedScene::set_light_factor ...), between steps. What is the
   // same for all of the emission, a factor, is applied at once: radiance is linear in it. The rest is learnt in the

@@ -67,13 +67,14 @@ export class TrainingPanel {
   showStatus() {
     const s = this.status;
     const state = s.finished && s.state === "idle" ? "finished" : s.state;
-    const rows = [["training", s.change > 0 ? `${state === "running" ? state : "learning the change"}, ${Math.round(100 * (1 - s.change))} % of the change` : state],
+    const rows = [["training", s.change > 0 ? `${s.state === "idle" ? "learning the change" : state}, ${Math.round(100 * (1 - s.change))} % of the change` : state],
       ["step", s.steps >= s.step ? `${s.step} of ${s.steps}` : String(s.step)], ["time", s.budget >= s.seconds ? `${clock(s.seconds)} of ${clock(s.budget)}` : clock(s.seconds)],
       ["loss", s.loss < 0 ? "–" : short(s.loss)], ["validation MAPE", s.mape < 0 ? "–" : short(s.mape)], ["learning rate", `${short(s.rate)} of the configured`],
       ["points", rate(s.points_per_s)], ["queries", rate(s.queries_per_s)], ["time for pictures", `${Math.round(100 * s.share)} %`],
       ["saved", s.saved === null ? "not yet" : `step ${s.saved}`]];
     if (s.error) rows.push(["trouble", s.error]);
     get("training-status").replaceChildren(...rows.map(row => element("tr", {}, ...row.map(cell => element("td", {}, cell)))));
+    document.querySelector("[data-train=stop]").title = (s.saves ? "saves, and " : "") + (s.ends ? "ends when the last page is closed" : "takes no more steps");
     this.enable();
   }
 
@@ -168,18 +169,19 @@ export class TrainingPanel {
     this.later("light" + i, () => ({ type: "edit", lights: [{ light: i, factor: factorOf(now) }] }));
   }
 
-  // All lights, by so many stops from where they were when the slider was taken.
+  // All lights, by so many stops from where they were when the slider was taken; at most 500 in one message.
   scaleAll(stops) {
     this.base ??= this.scene.lights.map(light => light.factor);
-    this.later("all", () => ({ type: "edit", lights: this.base.map((factor, light) => ({ light, factor: factor.map(v => +(v * 2 ** stops).toPrecision(6)) })) }));
+    const lights = this.base.map((factor, light) => ({ light, factor: factor.map(v => +(v * 2 ** stops).toPrecision(6)) }));
+    for (let i = 0; i < lights.length; i += 500)
+      this.later("all" + i, () => ({ type: "edit", lights: lights.slice(i, i + 500) }));
   }
 
   // --- materials
 
-  choose(name) {
-    const found = this.scene && this.scene.materials.find(m => m.name === name);
-    if (!found) return;
-    this.material = found.material;
+  choose(material) {
+    if (!this.scene || !this.scene.materials.some(m => m.material === material)) return;
+    this.material = material;
     this.showMaterial();
   }
 

@@ -56,9 +56,23 @@ class Viewer {
     const socket = this.socket = new WebSocket(`ws://${location.host}/stream?token=${encodeURIComponent(token)}`);
     socket.binaryType = "arraybuffer";
     let opened = false;
+    this.heard = performance.now();
     socket.onopen = () => { opened = true; this.retry = 1000; this.say(""); };
-    socket.onmessage = event => typeof event.data === "string" ? this.told(JSON.parse(event.data)) : this.received(event.data, connection);
+    socket.onmessage = event => {
+      this.heard = performance.now();
+      if (typeof event.data === "string") this.told(JSON.parse(event.data));
+      else this.received(event.data, connection);
+    };
     socket.onclose = () => this.lost(opened ? "The connection ended." : "The program takes no more viewers.");
+  }
+
+  // The server says something every 15 s at least. A connection that has died, of a computer that slept for example, is
+  // not always closed.
+  listenForLife() {
+    if (!this.socket || this.socket.readyState !== WebSocket.OPEN || performance.now() - this.heard < 40000) return;
+    this.socket.onclose = this.socket.onmessage = null;
+    this.socket.close();
+    this.lost("Nothing has come for 40 s.");
   }
 
   lost(why) {
@@ -94,6 +108,7 @@ class Viewer {
       this.state = message;
       if (!this.camera || (!had && this.controls)) this.camera = copyOf(message.camera);
       this.show();
+      if (this.frame) this.statistics();
     } else if (message.type === "pick") {
       const resolve = this.asked.get(message.id);
       this.asked.delete(message.id);
@@ -104,6 +119,7 @@ class Viewer {
       this.playing = { frames: message.frames, fps: message.fps, start: null };
     } else if (message.type === "error") {
       this.say(message.message, true);
+      if (message.input !== null && this.frame) this.camera = copyOf(this.frame.camera);  // back to one that was accepted
     }
   }
 
@@ -176,6 +192,7 @@ class Viewer {
     step = normalize(step).map(v => v * way);
     this.camera.origin = add(this.camera.origin, step);
     this.camera.target = add(this.camera.target, step);
+    this.pivot = null;
     this.moved();
   }
 
@@ -185,6 +202,7 @@ class Viewer {
   look(right, upwards) {
     const { forward, vertical, hand } = axes(this.camera);
     this.camera.target = add(this.camera.origin, turned(forward, vertical, hand * right, upwards));
+    this.pivot = null;
     this.moved();
   }
 
@@ -245,6 +263,7 @@ class Viewer {
     else if (n !== p.shown) {
       p.shown = n;
       this.camera = copyOf(p.frames[n]);
+      this.pivot = null;
       this.unsent = true;
     }
   }
@@ -290,6 +309,7 @@ class Viewer {
     }
     const divider = get("divider");
     divider.hidden = mode !== "split";
+    divider.setAttribute("aria-valuenow", Math.round(100 * this.split));
     Object.assign(divider.style, { left: `${p.x + p.w * this.split}px`, top: `${p.y}px`, height: `${p.h}px` });
     const name = side => this.frame[side] ? `${this.frame[side].integrator}${this.frame[side].samples > 0 ? `, ${this.frame[side].samples} spp` : ""}` : "";
     get("label-a").hidden = !b || mode === "b" || mode === "errors";
@@ -306,8 +326,12 @@ class Viewer {
       ["rays", rate(f.a.rays_per_s + (f.b ? f.b.rays_per_s : 0))], ["memory", bytes(f.memory)],
       ["viewers", this.state ? this.state.clients : ""]];
     get("statistics").replaceChildren(...rows.map(row => element("tr", {}, ...row.map(cell => element("td", {}, String(cell))))));
-    const role = !this.state ? "not connected" : this.controls ? "" : "watching · ";
-    get("status").textContent = `${role}${f.a.integrator} ${f.width} x ${f.height}, ${f.a.samples} spp`;
+    this.showRole();
+  }
+
+  showRole() {
+    const f = this.frame, role = this.controls ? "" : "watching · ";
+    if (f && this.state) get("status").textContent = `${role}${f.a.integrator} ${f.width} x ${f.height}, ${f.a.samples} spp`;
   }
 
   // --- the panel
@@ -365,6 +389,7 @@ class Viewer {
     for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", () => this.savePicture(button.dataset.save));
     if (matchMedia("(max-width: 700px)").matches) this.togglePanel();
     new ResizeObserver(() => this.draw()).observe(stage);
+    setInterval(() => this.listenForLife(), 5000);
   }
 
   togglePanel() {
@@ -521,7 +546,7 @@ class Viewer {
       query.features.forEach((features, level) => row(`features ${level + 1}`, list(features)));
     }
     get("inspected").replaceChildren(element("table", {}, ...rows));
-    if (found.material) this.training.choose(found.material);
+    this.training.choose(found.material_number);
     if (get("panel").hidden) this.togglePanel();
     get("inspected").scrollIntoView({ block: "nearest" });
   }
@@ -555,9 +580,10 @@ class Viewer {
     if (!asks && command.max_depth !== undefined) words.push("--max-depth", String(command.max_depth));
     for (const d of [...command.definitions, ...(asks ? command.model_definitions : [])]) words.push("-D", d);
     if (command.seed !== undefined) words.push("--seed", String(command.seed));
-    // Other cameras than perspective ones have no options, and options mirror as the first sensor does: what Save JSON
-    // writes is named.
-    if ((c.type && c.type !== "perspective") || !c.mirrored !== !this.hello.sensors[0].mirrored) words.push("--camera", "camera.json");
+    // Other cameras than perspective ones have no options, and options mirror and clip as the first sensor does: what
+    // Save JSON writes is named.
+    const first = this.hello.sensors[0], other = key => c[key] !== undefined && c[key] !== first[key];
+    if ((c.type && c.type !== "perspective") || !c.mirrored !== !first.mirrored || other("near_clip") || other("far_clip")) words.push("--camera", "camera.json");
     else words.push(`--origin=${c.origin}`, `--target=${c.target}`, `--up=${c.up}`, "--fov", String(c.fov), "--fov-axis", c.fov_axis || "x");
     words.push("--width", String(this.state.width), "--height", String(this.state.height), "--spp", String(this.frame ? this.frame[side].samples : 4), "-o", "view.exr");
     return words.map(quoted).join(" ");
@@ -570,7 +596,7 @@ class Viewer {
     text.select();
     try {
       await navigator.clipboard.writeText(text.value);
-      this.say("Copied.", true);
+      this.say("Copied." + (this.hello.training ? " It renders the model as it was saved last, and the scene of the file." : ""), true);
     } catch { /* it is there to be copied by hand */ }
   }
 
@@ -596,6 +622,7 @@ class Viewer {
         const at = this.at(event);
         if (at && this.clicks === "white") this.white(at);
         else if (at) this.inspect(at);
+        if (at && this.clicks === "inspect") this.arm(null);
         return;
       }
       try { canvas.setPointerCapture(event.pointerId); } catch { /* a pointer of a test */ }
@@ -611,6 +638,7 @@ class Viewer {
         Object.assign(before, { x: event.clientX, y: event.clientY });
         const closer = Math.hypot(p.x - q.x, p.y - q.y) - apart, unit = this.pace() / 150;
         this.shift(-dx * unit / 2, dy * unit / 2, closer * unit);
+        this.pivot = null;
         return;
       }
       Object.assign(before, { x: event.clientX, y: event.clientY });
@@ -639,6 +667,12 @@ class Viewer {
       }
     }, { passive: false });
     const divider = get("divider");
+    divider.addEventListener("keydown", event => {
+      const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
+      if (!step) return;
+      this.split = clamp(this.split + step, 0.02, 0.98);
+      this.draw();
+    });
     divider.addEventListener("pointerdown", event => divider.setPointerCapture(event.pointerId));
     divider.addEventListener("pointermove", event => {
       if (!divider.hasPointerCapture(event.pointerId)) return;
@@ -648,10 +682,12 @@ class Viewer {
     });
     const moves = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE", "ShiftLeft", "ShiftRight"];
     document.addEventListener("keydown", event => {
-      if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog")) return;
+      // Sliders, boxes and colours take no letters.
+      const typed = "input:not([type=range], [type=checkbox], [type=color]), select, textarea, dialog";
+      if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest(typed)) return;
       if (moves.includes(event.code)) {
         this.held.add(event.code);
-        this.playing = null;
+        if (event.code.startsWith("Key")) this.playing = null;
         return;
       }
       if (event.repeat && !["[", "]"].includes(event.key)) return;
@@ -662,19 +698,20 @@ class Viewer {
   }
 
   key(event) {
-    if (event.key === "?" || event.key === "h") return get("help").showModal();
-    if (event.key === "m") return this.togglePanel();
-    if (event.key === "i") return this.arm(this.clicks === "inspect" ? null : "inspect");
-    if (event.key === "Escape") { this.playing = null; return this.arm(null); }
-    if (event.key === "f" && this.state && this.state.b) return this.compare(this.mode === "a" ? "b" : "a");
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;  // Shift is for speed
+    if (key === "?" || key === "h") return get("help").showModal();
+    if (key === "m") return this.togglePanel();
+    if (key === "i") return this.arm(this.clicks === "inspect" ? null : "inspect");
+    if (key === "Escape") { this.playing = null; return this.arm(null); }
+    if (key === "f" && this.state && this.state.b) return this.compare(this.mode === "a" ? "b" : "a");
     if (!this.controls) return;
-    if (event.key === "o") this.setDrive(this.drive === "fly" ? "orbit" : "fly");
-    else if (event.key === "c") this.toggleCompare();
-    else if (event.key === "x" && this.state.b) this.compare(this.mode === "errors" ? "split" : "errors");
-    else if (event.key === "k") this.addKey();
-    else if (event.key === "p") this.preview();
-    else if (event.key === "[" || event.key === "]") this.set({ exposure: clamp(this.state.exposure + (event.key === "]" ? 0.25 : -0.25), -20, 20) });
-    else if (/^[1-9]$/.test(event.key) && this.hello.sensors[event.key - 1]) this.go(this.hello.sensors[event.key - 1]);
+    if (key === "o") this.setDrive(this.drive === "fly" ? "orbit" : "fly");
+    else if (key === "c") this.toggleCompare();
+    else if (key === "x" && this.state.b) this.compare(this.mode === "errors" ? "split" : "errors");
+    else if (key === "k") this.addKey();
+    else if (key === "p") this.preview();
+    else if (key === "[" || key === "]") this.set({ exposure: clamp(this.state.exposure + (key === "]" ? 0.25 : -0.25), -20, 20) });
+    else if (/^[1-9]$/.test(key) && this.hello.sensors[key - 1]) this.go(this.hello.sensors[key - 1]);
   }
 }
 
