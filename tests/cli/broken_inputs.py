@@ -270,7 +270,8 @@ MEASURED = measured_file(0)
 for name, data, message in (
         ("empty", b"", "not a measured material"), ("another-file", b"ply\nformat ascii 1.0\n", "not a measured material"), ("version", MEASURED[:12] + b"\2" + MEASURED[13:], "version 2.0 are not supported"),
         ("header", MEASURED[:50], "ends early"), ("half", MEASURED[:5000], "is cut off"), ("endless-list", MEASURED[:14] + b"\xff" * 4 + MEASURED[18:], "ends early"),
-        ("spectra", measured_file(0, wavelengths=((2,), (400, 700), False)), "_rgb.bsdf"), ("no-normals", measured_file(0, ndf=None), 'no tensor "ndf"'),
+        ("no-spectra", measured_file(0, wavelengths=((2,), (400, 700), False)), 'no tensor "spectra"'),
+        ("wavelengths", measured_file(0, wavelengths=((2,), (700, 400), False), spectra=((1, 5, 2, 8, 8), [0.5] * 640, False)), "must ascend"), ("no-normals", measured_file(0, ndf=None), 'no tensor "ndf"'),
         ("bytes", measured_file(0, ndf=((9, 16), bytes(144), True)), "does not fit"), ("shape", measured_file(0, vndf=((1, 4, 2, 2), [1] * 16, False)), "does not fit"),
         ("huge", measured_file(0, ndf=((2 ** 40, 2 ** 40), [1], False)), "larger than the file"), ("hollow", measured_file(0, ndf=((0, 16), [], False)), "is empty"),
         ("narrow", measured_file(0, ndf=((9, 1), [1] * 9, False)), "two points"), ("oblong", measured_file(0, luminance=((1, 5, 2, 3), [1] * 30, False)), "as high as it is wide"),
@@ -584,9 +585,9 @@ cost("parameters-at-each-dollar", scene(SENSOR + CUBE + repeated('<default name=
 cost("dollars-in-a-name", scene('<default name="a\\$b" value="1"/>'), 2, "has no $")
 cost("long-name", scene('<default name="' + "a" * 201 + '" value="1"/>'), 2, "at most 200 characters")
 MEASURED_ONE = '<bsdf type="measured"{}><string name="filename" value="m.bsdf"/></bsdf>'
-cost("measured-names", scene(SENSOR + CUBE + '<shape type="sphere">' + MEASURED_ONE.format("") + "</shape>"), 2, "no colours",
+cost("measured-names", scene(SENSOR + CUBE + '<shape type="sphere">' + MEASURED_ONE.format("") + "</shape>"), 2, 'no tensor "phi_i"',
      m_bsdf=MEASURED[:14] + struct.pack("<I", 600000) + b"".join(struct.pack("<H4sHBQ", 4, str(i).encode()[:4], 0, 1, 0) for i in range(600000)))
-cost("measured-dimensions", scene(SENSOR + CUBE + '<shape type="sphere">' + MEASURED_ONE.format("") + "</shape>"), 2, "no colours",
+cost("measured-dimensions", scene(SENSOR + CUBE + '<shape type="sphere">' + MEASURED_ONE.format("") + "</shape>"), 2, 'no tensor "phi_i"',
      m_bsdf=MEASURED[:14] + struct.pack("<I", 20) + (struct.pack("<H1sHBQ", 1, b"a", 65535, 1, 0) + struct.pack("<Q", 1) * 65535) * 20)
 cost("measured-often", scene(SENSOR + CUBE + repeated('<shape type="sphere"><float name="radius" value="1e-4"/>' + MEASURED_ONE.format(' id="m{}"') + "</shape>", 5000)), 0,
      m_bsdf=measured_file(0, ndf=((1000, 1000), bytes(1000000), False)))

@@ -27,7 +27,9 @@ const std::set<std::string> kExtensions = {"EXT_mesh_gpu_instancing",
                                            "EXT_texture_webp",
                                            "KHR_lights_punctual",
                                            "KHR_materials_pbrSpecularGlossiness",
+                                           "KHR_materials_anisotropy",
                                            "KHR_materials_clearcoat",
+                                           "KHR_materials_diffuse_transmission",
                                            "KHR_materials_emissive_strength",
                                            "KHR_materials_ior",
                                            "KHR_materials_sheen",
@@ -36,6 +38,7 @@ const std::set<std::string> kExtensions = {"EXT_mesh_gpu_instancing",
                                            "KHR_materials_unlit",
                                            "KHR_materials_volume",
                                            "KHR_mesh_quantization",
+                                           "KHR_node_visibility",
                                            "KHR_texture_transform"};
 
 std::string extension_advice(const std::string& extension) {
@@ -184,11 +187,17 @@ class GltfReader {
   // Walks the tree of the scene without calling itself: it may be as deep as the file has nodes.
   void place_nodes() {
     const int scene = file_->root().index("scene", "scenes");
-    std::vector<std::pair<int, Transform>> open;
-    const auto push = [&](const std::vector<std::uint64_t>& nodes, const GltfObject& owner, const Transform& parent) {
+    struct Open {
+      int node;
+      Transform parent;
+      bool hidden;  // by KHR_node_visibility of a node above
+    };
+    std::vector<Open> open;
+    const auto push = [&](const std::vector<std::uint64_t>& nodes, const GltfObject& owner, const Transform& parent,
+                          bool hidden = false) {
       for (auto at = nodes.rbegin(); at != nodes.rend(); ++at) {
         if (*at >= file_->count("nodes")) owner.fail("node " + std::to_string(*at) + " does not exist");
-        open.emplace_back(static_cast<int>(*at), parent);
+        open.push_back({static_cast<int>(*at), parent, hidden});
       }
     };
     if (file_->count("scenes") > 0) {
@@ -211,20 +220,23 @@ class GltfReader {
     }
     std::set<int> seen;
     while (!open.empty()) {
-      const auto [index, parent] = open.back();
+      const auto [index, parent, above] = open.back();
       open.pop_back();
       const GltfObject node = file_->item("nodes", index);
       if (!seen.insert(index).second) node.fail("the node stands in the tree twice, or contains itself");
       const Transform to_world = parent * local(node);
       if (!to_world.is_affine()) node.fail("the transform of the node is not finite");
       world_.emplace(index, to_world);
-      add_node(index, node, to_world);
-      push(node.sizes("children"), node, to_world);
+      const GltfObject visibility = node.extension("KHR_node_visibility");
+      const bool hidden = above || (visibility.exists() && visibility.has("visible") && !visibility.flag("visible"));
+      add_node(index, node, to_world, hidden);
+      push(node.sizes("children"), node, to_world, hidden);
     }
   }
 
-  void add_node(int index, const GltfObject& node, const Transform& to_world) {
-    if (const int mesh = node.index("mesh", "meshes"); mesh >= 0) {
+  // Of a hidden node its camera alone.
+  void add_node(int index, const GltfObject& node, const Transform& to_world, bool hidden) {
+    if (const int mesh = node.index("mesh", "meshes"); mesh >= 0 && !hidden) {
       const GltfObject instancing = node.extension("EXT_mesh_gpu_instancing");
       if (node.has("skin") || node.has("weights")) posed_.emplace_back(index, to_world);
       else if (instancing.exists()) add_instances(mesh, instancing.object("attributes"), to_world);
@@ -233,7 +245,7 @@ class GltfReader {
     if (const int camera = node.index("camera", "cameras"); camera >= 0)
       add_camera(file_->item("cameras", camera), node, to_world);
     const GltfObject light = node.extension("KHR_lights_punctual");
-    if (light.exists()) add_light(light, to_world);
+    if (light.exists() && !hidden) add_light(light, to_world);
   }
 
   // A mesh in a pose of its own. A skin stands where its joints are, wherever the node is.

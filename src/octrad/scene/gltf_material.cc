@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "octrad/base/number_text.h"
@@ -60,6 +61,10 @@ double emissive_strength(const GltfObject& m) {
 
 double transmission_of(const GltfObject& m) {
   return share(m.extension("KHR_materials_transmission"), "transmissionFactor", 0.0);
+}
+
+double diffuse_transmission_of(const GltfObject& m) {
+  return share(m.extension("KHR_materials_diffuse_transmission"), "diffuseTransmissionFactor", 0.0);
 }
 
 double thickness_of(const GltfObject& m) {
@@ -292,7 +297,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     add_element(*parent, where, "rgb", {{"name", "reflectance"}, {"value", "0"}});
     return;
   }
-  const bool transmits = transmission_of(m) > 0.0;
+  const bool diffuses = diffuse_transmission_of(m) > 0.0, transmits = diffuses || transmission_of(m) > 0.0;
   if (m.flag("doubleSided") && !transmits) nest("twosided");
   if (const GltfObject normal = m.object("normalTexture"); textured(normal, s)) {
     Recipe recipe;
@@ -304,7 +309,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       add_element(*parent, where, "rgb", {{"name", "normalmap"}, {"value", "0.5, 0.5, 1"}});
     }
   }
-  const bool thin = transmits && !(thickness_of(m) > 0.0);
+  const bool thin = transmits && (diffuses || !(thickness_of(m) > 0.0));
   nest(thin ? "principledthin" : "principled");
   add_model(*parent, m, s);
 }
@@ -324,10 +329,30 @@ void GltfMaterials::add_metallic_roughness(Element& bsdf, const GltfObject& m, c
   const GltfObject pbr = m.object("pbrMetallicRoughness"), mr = pbr.object("metallicRoughnessTexture");
   const double metallic = share(pbr, "metallicFactor", 1.0);
   add_base_color(bsdf, m, s);
-  add_scalar(bsdf, "roughness", m, s, share(pbr, "roughnessFactor", 1.0), mr, 1);
+  if (!add_anisotropy(bsdf, m, textured(mr, s)))
+    add_scalar(bsdf, "roughness", m, s, share(pbr, "roughnessFactor", 1.0), mr, 1);
   if (bsdf.get("type") != "principledthin") add_scalar(bsdf, "metallic", m, s, metallic, mr, 2);
-  else if (metallic > 0.0) report_.assume(m.location(), "thin glass of glTF is not metallic");
+  else if (metallic > 0.0) report_.assume(m.location(), "a thin surface that light passes is not metallic");
   add_ior(bsdf, m);
+}
+
+// KHR_materials_anisotropy: alpha is that of the roughness across the tangent, and nearer to 1 along it. Of constants
+// alone, and along u; false where there is none. principled divides and multiplies alpha by sqrt(1 - .9 anisotropic).
+bool GltfMaterials::add_anisotropy(Element& bsdf, const GltfObject& m, bool rough_picture) {
+  const GltfObject extension = m.extension("KHR_materials_anisotropy");
+  const double strength = share(extension, "anisotropyStrength", 0.0);
+  if (!(strength > 0.0)) return false;
+  const double turn = std::remainder(extension.number("anisotropyRotation", 0.0), std::numbers::pi);
+  const bool thin = bsdf.get("type") == "principledthin";
+  if (rough_picture || thin || std::fabs(turn) > 1e-3 || extension.object("anisotropyTexture").exists()) {
+    report_.assume(m.location(), "KHR_materials_anisotropy with a texture, a rotation or transmission is left out");
+    return false;
+  }
+  const double rough = share(m.object("pbrMetallicRoughness"), "roughnessFactor", 1.0);
+  const double across = std::max(rough * rough, 1e-4), along = across + (1.0 - across) * strength * strength;
+  add_value(bsdf, "roughness", m, std::pow(along * across, 0.25));
+  add_value(bsdf, "anisotropic", m, std::min((1.0 - across / along) / 0.9, 1.0));
+  return true;
 }
 
 void GltfMaterials::add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
@@ -392,6 +417,13 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
   const GltfObject transmission = m.extension("KHR_materials_transmission");
   const double through = transmission_of(m);
   if (through > 0.0) add_scalar(bsdf, "spec_trans", m, s, through, transmission.object("transmissionTexture"), 0);
+  if (const double diffuse = diffuse_transmission_of(m); diffuse > 0.0 && thin) {
+    // Of principledthin 2 is all.
+    report_.assume(m.location(),
+                   "KHR_materials_diffuse_transmission read as that of principledthin, in the base colour, without its "
+                   "textures");
+    add_value(bsdf, "diff_trans", m, 2.0 * diffuse);
+  }
   if (absorbs(s.material)) {
     report_.assume(
         m.location(),
@@ -459,9 +491,10 @@ void GltfMaterials::note_shares(const GltfObject& m) {
 
 void GltfMaterials::note_extensions(const GltfObject& m) {
   static const std::set<std::string> kRead = {
-      "KHR_materials_ior",      "KHR_materials_transmission",          "KHR_materials_clearcoat",
-      "KHR_materials_specular", "KHR_materials_emissive_strength",     "KHR_materials_volume",
-      "KHR_materials_sheen",    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"};
+      "KHR_materials_ior",        "KHR_materials_transmission",          "KHR_materials_clearcoat",
+      "KHR_materials_specular",   "KHR_materials_emissive_strength",     "KHR_materials_volume",
+      "KHR_materials_sheen",      "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit",
+      "KHR_materials_anisotropy", "KHR_materials_diffuse_transmission"};
   for (const std::string& name : m.object("extensions").keys()) {
     if (kRead.count(name) == 0) report_.assume(m.location(), "the material's extension " + name + " is left out");
   }

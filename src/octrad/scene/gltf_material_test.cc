@@ -406,6 +406,31 @@ TEST_F(GltfTest, LampsOfTwoSides) {
   }
 }
 
+TEST_F(GltfTest, AnisotropyAndDiffuseTransmission) {
+  primitive()["material"] = 0;
+  json_["materials"] = Json::parse(R"([{"pbrMetallicRoughness": {"roughnessFactor": 0.4},
+    "extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 0.5}}}])");
+  Json& extensions = json_["materials"][0]["extensions"];
+  const auto extra = [](const Scene& scene, int parameter) {
+    return static_cast<double>(value(scene, material(scene).extra[parameter]).x);
+  };
+  Scene scene = load();
+  // As principled makes alpha of them: r^2 over and times sqrt(1 - .9 a).
+  const double r2 = std::pow(extra(scene, ExtraParameter::roughness), 2),
+               aspect = std::sqrt(1.0 - 0.9 * extra(scene, ExtraParameter::anisotropic));
+  EXPECT_NEAR(r2 / aspect, 0.16 + 0.84 * 0.25, 1e-5);
+  EXPECT_NEAR(r2 * aspect, 0.16, 1e-5);
+  extensions["KHR_materials_anisotropy"]["anisotropyRotation"] = 1.0;
+  scene = load();
+  EXPECT_NE(join(scene.assumed).find("KHR_materials_anisotropy with a"), std::string::npos);
+  EXPECT_NEAR(extra(scene, ExtraParameter::roughness), 0.4, 1e-6);
+  extensions = Json::parse(R"({"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.8}})");
+  json_["extensionsRequired"] = {"KHR_materials_diffuse_transmission"};
+  scene = load();
+  EXPECT_EQ(material(scene).type, BsdfType::principledthin);
+  EXPECT_NEAR(extra(scene, ExtraParameter::diff_trans), 1.6, 1e-6);
+}
+
 // Grey surfaces scatter as before, both diffusely and straight on; coloured ones are metals, or not.
 TEST(GltfSpecularGlossiness, Formula) {
   for (const double diffuse : {0.0, 0.2, 0.7, 1.0}) {

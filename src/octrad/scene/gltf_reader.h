@@ -142,6 +142,7 @@ class GltfMaterials {
   void add_ior(Element& bsdf, const GltfObject& m);
   // base_color, roughness, metallic and eta by pbrMetallicRoughness; by KHR_materials_pbrSpecularGlossiness.
   void add_metallic_roughness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
+  bool add_anisotropy(Element& bsdf, const GltfObject& m, bool rough_picture);
   void add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s);
   void note_shares(const GltfObject& m);
   void note_extensions(const GltfObject& m);

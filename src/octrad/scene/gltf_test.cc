@@ -510,5 +510,21 @@ TEST_F(GltfTest, TextureCoordinatesOfThreeNumbers) {
   EXPECT_EQ(load().meshes[0].uvs, two.meshes[0].uvs);
 }
 
+// A hidden node and what hangs on it is not there, lights included; cameras look all the same.
+TEST_F(GltfTest, HiddenNodes) {
+  json_["extensionsRequired"] = {"KHR_node_visibility"};
+  json_["cameras"] = Json::parse(R"([{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}])");
+  json_["nodes"] =
+      Json::parse(R"([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 1]}, {"children": [1, 3]}, {"camera": 0}])");
+  json_["scenes"][0]["nodes"] = {0, 2};
+  EXPECT_EQ(load().shapes.size(), 2u);
+  json_["nodes"][2]["extensions"]["KHR_node_visibility"]["visible"] = false;
+  Scene scene = load();
+  EXPECT_EQ(scene.shapes.size(), 1u);
+  EXPECT_EQ(scene.cameras.size(), 1u);
+  json_["nodes"][2]["extensions"]["KHR_node_visibility"] = Json::object();
+  EXPECT_EQ(load().shapes.size(), 2u);
+}
+
 }  // namespace
 }  // namespace octrad

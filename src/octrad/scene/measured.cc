@@ -12,6 +12,7 @@
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/scene/source.h"
+#include "octrad/scene/spectrum.h"
 
 namespace octrad {
 namespace {
@@ -27,8 +28,8 @@ struct Tensor {
 };
 
 constexpr int kByteTensor = 1, kFloatTensor = 10;  // types of a tensor's items
-constexpr std::string_view kTensors[] = {"phi_i", "theta_i",   "ndf",      "sigma",      "vndf",
-                                         "rgb",   "luminance", "jacobian", "wavelengths"};
+constexpr std::string_view kTensors[] = {"phi_i", "theta_i",   "ndf",      "sigma",       "vndf",
+                                         "rgb",   "luminance", "jacobian", "wavelengths", "spectra"};
 constexpr std::size_t kMostDimensions = 5;
 constexpr std::uint64_t kMostFloats = std::uint64_t{1} << 28;
 constexpr float kLargest = 1e10f;  // of what is measured: products of two stay finite
@@ -41,8 +42,7 @@ class MeasuredReader {
   MeasuredMaterial read() {
     MeasuredMaterial m;
     MeasuredLayout& l = m.layout;
-    if (tensors_.count("wavelengths") > 0 || tensors_.count("rgb") == 0)
-      fail_at(0, "the file holds spectra, or no colours: take the one whose name ends in _rgb.bsdf");
+    const bool spectral = tensors_.count("wavelengths") > 0;
     const Tensor &phi = floats("phi_i", {0}), &theta = floats("theta_i", {0});
     const Tensor &normals = floats("ndf", {0, 0}), &area = floats("sigma", {0, 0});
     const std::uint64_t nodes_phi = phi.count, nodes_theta = theta.count;
@@ -50,12 +50,15 @@ class MeasuredReader {
     const Tensor& luminance = floats("luminance", {nodes_phi, nodes_theta, 0, 0});
     const std::uint64_t side = luminance.shape[2];
     if (luminance.shape[3] != side) fail_at(luminance.at, "luminance must be as high as it is wide");
-    const Tensor& rgb = floats("rgb", {nodes_phi, nodes_theta, 3, side, side});
+    const Tensor& wavelengths = spectral ? floats("wavelengths", {0}) : phi;
+    const Tensor& colors = spectral ? floats("spectra", {nodes_phi, nodes_theta, wavelengths.count, side, side})
+                                    : floats("rgb", {nodes_phi, nodes_theta, 3, side, side});
+    const std::uint64_t color_count = nodes_phi * nodes_theta * 3 * side * side;
     const Tensor& jacobian = tensor("jacobian", kByteTensor, {1});
     // Densities have their integrals beside them.
     const auto with_integrals = [](const Tensor& t) { return 2 * t.count + t.count / t.shape.back(); };
     const std::uint64_t total = phi.count + theta.count + normals.count + area.count + with_integrals(visible) +
-                                with_integrals(luminance) + rgb.count;
+                                with_integrals(luminance) + color_count;
     if (total > kMostFloats)
       fail_at(0, "the tables take " + std::to_string(total) + " numbers; at most " + std::to_string(kMostFloats));
     ask_memory(total * sizeof(float), name_);
@@ -73,7 +76,8 @@ class MeasuredReader {
     add_density(m, visible, "vndf", l.visible_normals);
     add_density(m, luminance, "luminance", l.luminance);
     l.rgb = place(m);
-    append(m, rgb, "rgb");
+    if (spectral) append_spectra(m, colors, wavelengths);
+    else append(m, colors, "rgb");
     return m;
   }
 
@@ -167,6 +171,36 @@ class MeasuredReader {
       float& value = m.data[i];
       if (!(std::fabs(value) <= kLargest)) fail_at(t.at, "a value of \"" + name + "\" is not finite, or above 1e10");
       if (!may_be_negative) value = std::max(value, 0.0f);
+    }
+  }
+
+  // The colours of spectra under D65, as those of a surface are (scene/spectrum.h).
+  void append_spectra(MeasuredMaterial& m, const Tensor& spectra, const Tensor& wavelengths) const {
+    const std::size_t count = wavelengths.count, texels = spectra.shape[3] * spectra.shape[4];
+    std::vector<float> nm(count);
+    std::memcpy(nm.data(), bytes_.data() + wavelengths.begin, count * sizeof(float));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!std::isfinite(nm[i]) || (i > 0 && !(nm[i] > nm[i - 1])))
+        fail_at(wavelengths.at, "the values of \"wavelengths\" must ascend");
+    }
+    if (count < 2) fail_at(wavelengths.at, "there must be two wavelengths at least");
+    const std::vector<Vec3d> weights = rgb_weights(std::vector<double>(nm.begin(), nm.end()));
+    std::vector<Vec3d> sums(texels);
+    for (std::size_t node = 0; node < spectra.shape[0] * spectra.shape[1]; ++node) {
+      std::fill(sums.begin(), sums.end(), Vec3d(0.0));
+      for (std::size_t i = 0; i < count; ++i) {
+        const char* from = bytes_.data() + spectra.begin + (node * count + i) * texels * sizeof(float);
+        for (std::size_t texel = 0; texel < texels; ++texel) {
+          float value;
+          std::memcpy(&value, from + texel * sizeof value, sizeof value);
+          if (!(std::fabs(value) <= kLargest))
+            fail_at(spectra.at, "a value of \"spectra\" is not finite, or above 1e10");
+          sums[texel] += weights[i] * static_cast<double>(std::max(value, 0.0f));
+        }
+      }
+      for (int c = 0; c < 3; ++c) {
+        for (const Vec3d& sum : sums) m.data.push_back(static_cast<float>(std::max(sum[c], 0.0)));
+      }
     }
   }
 

@@ -13,8 +13,8 @@ struct MeasuredMaterial {
   std::vector<float> data;
 };
 
-// Reads the content of a tensor file of version 1.0 with the colours of RGB variants (names end in `_rgb.bsdf`). Throws
-// InputError with the name, and MemoryError.
+// Reads the content of a tensor file of version 1.0 with the colours of RGB variants (names end in `_rgb.bsdf`), or
+// with spectra (`_spec.bsdf`). Throws InputError with the name, and MemoryError.
 MeasuredMaterial parse_measured(const std::string& name, const std::string& bytes);
 MeasuredMaterial read_measured_file(const std::string& file);
 

@@ -10,6 +10,7 @@
 #include "octrad/base/folder_test_helper.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/sample_measured.h"
+#include "octrad/scene/spectrum.h"
 
 namespace octrad {
 namespace {
@@ -69,6 +70,19 @@ TEST(Measured, NegativeAndDark) {
   EXPECT_EQ(m.data[m.layout.rgb + 1], whole.data[whole.layout.rgb + 1]);
   expect_density(m, m.layout.luminance);
   EXPECT_EQ(m.data[m.layout.luminance.values], m.data[m.layout.luminance.values + 63]);
+}
+
+TEST(Measured, Spectra) {
+  const MeasuredMaterial m = parse_measured("m", testing::measured_sample_file(0, true)),
+                         colors = parse_measured("m", testing::measured_sample_file(0));
+  ASSERT_EQ(m.data.size(), colors.data.size());
+  EXPECT_EQ(m.layout.rgb, colors.layout.rgb);
+  const Vec3f expected = spectrum_rgb({{400, 500, 600, 700}, {0.2, 0.4, 0.8, 0.6}}, SpectrumUse::index);
+  // The first and the last texel of the first node, and the last of the last: its luminance before it was normalised.
+  for (const auto& [texel, bright] : {std::pair(0u, 1.0f), {63u, 1.75f}, {4 * 3 * 64 + 63u, 2.15f}}) {
+    for (unsigned c = 0; c < 3; ++c)
+      EXPECT_NEAR(m.data[m.layout.rgb + texel + 64 * c], expected[static_cast<int>(c)] * bright, 1e-5f) << texel << c;
+  }
 }
 
 TEST(Measured, InScenes) {

@@ -23,6 +23,9 @@
 namespace octrad {
 namespace {
 
+// Texture coordinates of a PLY file: the first of the two.
+constexpr const char* kCoordinates[] = {"u", "s", "texture_u", "texture_s"};
+
 constexpr std::size_t kMostIncludes = 1000, kMostIncludeDepth = 16, kMostStates = 10000, kMostShapes = 4'000'000;
 constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000, kMostIncludedAgain = 100'000'000;
 constexpr std::uint64_t kObjectBytes = 3000;  // of the elements of one, about
@@ -523,6 +526,9 @@ class PbrtReader {
     double area = -1.0, grow = 0.0;
     std::string mesh, file, back;
     bool faces = false;  // without normals of its own
+    const PbrtObject* const m = state_.material.get();
+    const bool textured =
+        s.has_textures() || (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)));
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;
@@ -531,18 +537,29 @@ class PbrtReader {
     } else if (type == "plymesh") {
       file = absolute_path(description_.resolve(s.text("filename", ""), s.where("filename")));
       try {
-        if (ending_of(file) == ".gz" || both || measured) {
+        const bool packed = ending_of(file) == ".gz";
+        const std::set<std::string> has = packed ? std::set<std::string>() : ply_properties(file);
+        const bool coordinates = std::any_of(std::begin(kCoordinates), std::end(kCoordinates),
+                                             [&](const char* name) { return has.count(name) > 0; });
+        if (packed || both || measured || (textured && !coordinates)) {
           std::error_code code;
-          std::string& known = made_[std::filesystem::weakly_canonical(file, code).string()];
+          const std::string identity = std::filesystem::weakly_canonical(file, code).string();
+          std::string& known = made_[identity];
           if (known.empty()) known = keep(read_pbrt_ply(file));
           mesh = known;
+          if (textured && description_.built_mesh(known)->uvs.empty()) {
+            std::string& apart = made_["with coordinates " + identity];
+            if (apart.empty()) apart = keep(with_own_uvs(*description_.built_mesh(known)));
+            mesh = apart;
+          }
           if (both) {
-            const double apart = to_front(front_share(*description_.built_mesh(known)));
-            back = moved(known, -apart);
-            mesh = moved(known, apart);
+            const std::string at_rest = mesh;
+            const double apart = to_front(front_share(*description_.built_mesh(at_rest)));
+            back = moved(at_rest, -apart);
+            mesh = moved(at_rest, apart);
           }
         } else {
-          faces = !ply_has_normals(file);
+          faces = has.count("nx") == 0;
         }
       } catch (const InputError& error) {
         fail(s.where("filename"), error.what());
@@ -560,11 +577,7 @@ class PbrtReader {
           fail(where, s.what() +
                           " is not supported; supported: trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, "
                           "disk, cylinder, cone, paraboloid, hyperboloid, curve");
-        const PbrtObject* m = state_.material.get();
-        if (raw->uvs.empty() && type == "trianglemesh" &&
-            (s.has_textures() ||
-             (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)))))
-          *raw = with_own_uvs(*raw);
+        if (raw->uvs.empty() && textured && (type == "trianglemesh" || type == "loopsubdiv")) *raw = with_own_uvs(*raw);
         if (both) {
           const double apart = to_front(front_share(*raw));
           back = keep(moved_along_normals(*raw, -apart));

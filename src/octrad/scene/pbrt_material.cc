@@ -134,21 +134,17 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     parent = &nest(*parent, where, type, labels);
     labels.clear();
   };
-  PbrtTexture opacity = alpha;
+  const auto cut = [&](const PbrtTexture& opacity, PbrtMap map) {
+    if (opacity.is_constant() && pbrt_map(map, channel_mean(opacity.value)) >= 1.0) return;
+    wrap("mask");
+    add(*parent, where, "opacity", opacity, Role::share, map);
+  };
+  cut(alpha, old_ ? PbrtMap::old_cut : PbrtMap::none);
   if (m.type() == "uber" && m.has("opacity")) {
     const PbrtTexture own = texture(m, "opacity", false, Vec3d(1.0));
-    if (own.is_constant()) {
-      opacity.value = opacity.value * channel_mean(own.value);
-    } else if (alpha.is_constant()) {
-      opacity = own;
-      opacity.value = opacity.value * alpha.value.x;
-    } else {
+    if (own.is_constant() || alpha.is_constant()) cut(own, PbrtMap::none);
+    else
       report_.assume(m.where("opacity"), "of two textures that cut holes, alpha and opacity, the second is left out");
-    }
-  }
-  if (!opacity.is_constant() || opacity.value.x < 1.0) {
-    wrap("mask");
-    add(*parent, where, "opacity", opacity, Role::number);
   }
   if (is_opaque(m)) wrap("twosided");
   parts_turn_ = !is_opaque(m);
@@ -162,7 +158,13 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
   }
   for (const char* name : {"displacement", "bumpmap"}) {
     if (!m.has(name)) continue;
-    PbrtTexture height = texture(m, name, true, Vec3d(0.0));
+    PbrtTexture height;
+    try {
+      height = texture(m, name, true, Vec3d(0.0));
+    } catch (const InputError& error) {
+      report_.assume(m.where(name), std::string("a displacement is left out: ") + error.what());
+      continue;
+    }
     if (height.is_constant()) continue;
     if (height.kind != PbrtTexture::Kind::picture) {
       report_.assume(m.where(name), "a displacement that is no picture is left out");
@@ -171,7 +173,7 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     wrap("bumpmap");
     const double scale = height.value.x;
     height.value = Vec3d(1.0);
-    add(*parent, m.where(name), "arbitrary", height, Role::number);
+    add(*parent, m.where(name), "arbitrary", height, Role::height);
     add_number(*parent, m.where(name), "scale", scale);
   }
   add_model(*parent, m, labels);
@@ -502,7 +504,7 @@ void PbrtMaterials::add_mix(Element& parent, const PbrtObject& m, const Attribut
   const auto [a, b] = parts(m);
   Element& e = nest(parent, m.location(), "blendbsdf", labels);
   // The share of the second; in version 3 the amount is that of the first.
-  add(e, m.where("amount"), "weight", texture(m, "amount", v4, Vec3d(0.5)), Role::number);
+  add(e, m.where("amount"), "weight", texture(m, "amount", v4, Vec3d(0.5)), Role::share);
   add_part(e, v4 ? *a : *b);
   add_part(e, v4 ? *b : *a);
 }

@@ -18,10 +18,11 @@ namespace octrad {
 // What is done with the values of a texture: of roughnesses pbrt makes the alpha of microfacets.
 enum class PbrtMap {
   none,
-  root,           // alpha of a roughness, pbrt-v4
-  fourth_root,    // the roughness of principled, whose square is alpha
-  old_alpha,      // alpha of a roughness, pbrt-v3
-  old_alpha_root  // and the roughness of principled
+  root,            // alpha of a roughness, pbrt-v4
+  fourth_root,     // the roughness of principled, whose square is alpha
+  old_alpha,       // alpha of a roughness, pbrt-v3
+  old_alpha_root,  // and the roughness of principled
+  old_cut          // what pbrt-v3 cuts out: where alpha is 0
 };
 double pbrt_map(PbrtMap map, double value);
 
@@ -113,7 +114,8 @@ class PbrtMaterials {
   PbrtTexture mixed(const PbrtObject& object, PbrtMix mix) const;
   std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
 
-  enum class Role { color, number, radiance };
+  // A number is at least 0, a share from 0 to 1, a height any.
+  enum class Role { color, number, share, height, radiance };
   void add(Element& parent, const Location& where, const std::string& name, const PbrtTexture& t, Role role,
            PbrtMap map = PbrtMap::none);
   void add_color(Element& bsdf, const std::string& name, const PbrtObject& m, std::string_view parameter,

@@ -277,12 +277,16 @@ TEST_F(PbrtTest, Textures) {
 // Version 4: alpha where not all is opaque, else the mean of the colour. Version 3, and Mitsuba: luminance.
 TEST_F(PbrtTest, NumbersOfPictures) {
   const auto number = [&](const std::string& file, bool old, const std::string& more = "") {
-    const std::string body = "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"" + file + "\"" + more +
-                             "\nMaterial \"" + (old ? "matte\" \"texture sigma\" \"r\"" : "diffuse\"") +
-                             "\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1] "
-                             "\"integer indices\" [0 1 2] \"texture alpha\" \"r\"\n";
+    const std::string body =
+        "Texture \"r\" \"float\" \"imagemap\" \"string filename\" \"" + file + "\"" + more + "\nMaterial \"" +
+        (old ? "metal\" \"texture roughness\" \"r\" \"bool remaproughness\" \"false\"" : "diffuse\"") +
+        "\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1] "
+        "\"integer indices\" [0 1 2]" +
+        (old ? "\n" : " \"texture alpha\" \"r\"\n");
     const Scene scene = old ? load_old(body) : load(body);
     for (const Material& m : scene.materials) {
+      if (old && m.type == BsdfType::roughconductor)
+        return scene.textures[static_cast<std::size_t>(m.alpha_u)].pixels.at(0).x;
       if (m.opacity >= 0) return scene.textures[static_cast<std::size_t>(m.opacity)].pixels.at(0).x;
     }
     return -1.0f;
@@ -396,6 +400,66 @@ TEST_F(PbrtTest, CheckerboardsOfTextures) {
               checks("\"float uscale\" 4", of_picture),
           "not in step");
   refused(checks(numbers, two, "d") + checks("\"float uscale\" 3", "\"texture tex1\" \"d\""), "in two ways");
+}
+
+// Shares beyond [0, 1] are its ends; heights may be below 0, and one that cannot be read is left out.
+TEST_F(PbrtTest, NumbersBeyondTheirRange) {
+  const std::string sphere = "Material \"diffuse\"\nShape \"sphere\" \"float alpha\" ",
+                    plain = "Material \"diffuse\"\n" + kPbrtSphere;
+  EXPECT_EQ(load(sphere + "1.5\n").fingerprint, load(plain).fingerprint);
+  EXPECT_EQ(load(sphere + "-1\n").fingerprint, load(sphere + "0\n").fingerprint);
+  const std::string mix =
+      "MakeNamedMaterial \"a\" \"string type\" \"diffuse\"\nMakeNamedMaterial \"b\" \"string type\" \"conductor\"\n"
+      "Material \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" ";
+  EXPECT_EQ(load(mix + "1.5\n" + kPbrtSphere).fingerprint, load(mix + "1\n" + kPbrtSphere).fingerprint);
+  Image picture(2, 1, {"Y"});
+  picture.at(0, 0, 0) = 0.5f;
+  picture.at(1, 0, 0) = -0.25f;
+  write_exr((folder_.path() / "p.exr").string(), picture);
+  const auto image = [](const char* scale) {
+    return std::string(
+               "Texture \"p\" \"float\" \"imagemap\" \"string filename\" \"p.exr\" \"string filter\" \"point\" \"float scale\" ") +
+           scale + "\n";
+  };
+  const auto values = [](const Scene& scene, int texture) {
+    const TextureView t = texture_view(scene.textures[static_cast<std::size_t>(texture)]);
+    return std::pair(evaluate_texture(t, {0.25f, 0.5f}).x, evaluate_texture(t, {0.75f, 0.5f}).x);
+  };
+  const Scene cut = load(image("3") + "Material \"diffuse\"\nShape \"sphere\" \"texture alpha\" \"p\"\n");
+  EXPECT_EQ(values(cut, cut.materials[1].opacity), std::pair(1.0f, 0.0f));
+  const Scene high = load(image("-3") + "Material \"diffuse\" \"texture displacement\" \"p\"\n" + kPbrtSquare);
+  EXPECT_EQ(values(high, high.materials[1].bump), std::pair(-1.5f, 0.75f));
+  const Scene left =
+      load("Texture \"w\" \"float\" \"wrinkled\"\nMaterial \"diffuse\" \"texture displacement\" \"w\"\n" + kPbrtSphere);
+  assumes(left, "a displacement is left out");
+  EXPECT_EQ(left.fingerprint, load(plain).fingerprint);
+  // The encoding is that of formats that hold what a screen shows.
+  const Scene linear = load(
+      "Texture \"p\" \"float\" \"imagemap\" \"string filename\" \"p.exr\" \"string encoding\" \"gamma 2.2\"\n"
+      "Material \"conductor\" \"texture roughness\" \"p\" \"bool remaproughness\" false\n" +
+      kPbrtSquare);
+  EXPECT_FLOAT_EQ(values(linear, linear.materials[1].alpha_u).first, 0.5f);
+}
+
+// Version 3 cuts out where alpha is 0 alone, and its spectra go on as they end.
+TEST_F(PbrtTest, AlphaAndSpectraOfVersionThree) {
+  const std::string plain = "Material \"matte\"\n" + kPbrtSphere,
+                    sphere = "Material \"matte\"\nShape \"sphere\" \"float alpha\" ";
+  EXPECT_EQ(load_old(sphere + ".25\n").fingerprint, load_old(plain).fingerprint);
+  EXPECT_FLOAT_EQ(load_old(sphere + "0\n")
+                      .textures.at(static_cast<std::size_t>(load_old(sphere + "0\n").materials[1].opacity))
+                      .color0.x,
+                  0.0f);
+  const auto color = [this](const std::string& spectrum) {
+    const Scene scene = load_old("Material \"matte\" \"spectrum Kd\" [" + spectrum + "]\n" + kPbrtSphere);
+    return Vec3d(scene.textures.at(static_cast<std::size_t>(scene.materials[1].reflectance)).color0);
+  };
+  const Vec3d whole = color("300 .3 400 .6 410 .65 415 .8 500 .2 600 .1 900 .1");
+  expect_near(color("300 .3 400 .6 410 .65 415 .8 500 .2 600 .1"), whole);
+  expect_near(color("600 .1 500 .2 415 .8 410 .65 400 .6 300 .3"), whole);
+  EXPECT_GT(whole.x, 0.09);
+  fails("WorldBegin\nMaterial \"diffuse\" \"spectrum reflectance\" [600 .1 500 .2]\n" + kPbrtSphere, "2:20",
+        "must increase");
 }
 
 }  // namespace

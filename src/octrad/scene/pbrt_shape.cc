@@ -270,16 +270,17 @@ RawMesh read_pbrt_ply(const std::string& file) {
   return mesh;
 }
 
-bool ply_has_normals(const std::string& file) {
+std::set<std::string> ply_properties(const std::string& file) {
   const InputFile input(file);
   std::string head(static_cast<std::size_t>(std::min<std::uint64_t>(input.size(), 1 << 16)), '\0');
   input.read(head.data(), head.size(), 0);
   head.resize(std::min(head.find("end_header"), head.size()));
+  std::set<std::string> names;
   for (std::size_t at = head.find("\nproperty"); at != std::string::npos; at = head.find("\nproperty", at + 1)) {
     const std::string line = head.substr(at + 1, head.find_first_of("\r\n", at + 1) - at - 1);
-    if (line.ends_with(" nx")) return true;
+    names.insert(line.substr(line.rfind(' ') + 1));
   }
-  return false;
+  return names;
 }
 
 RawMesh with_own_uvs(const RawMesh& mesh) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 
 #include "octrad/scene/curves.h"
@@ -25,8 +26,8 @@ Curves pbrt_curves(const PbrtObject& shape, const Transform& to_world, SceneRepo
 
 // The content of a PLY file that may be compressed by gzip (its name then ends in .gz): with v turned over.
 RawMesh read_pbrt_ply(const std::string& file);
-// Whether a plain PLY file says that its vertices have normals.
-bool ply_has_normals(const std::string& file);
+// What a plain PLY file says that its vertices, or other elements, have: "nx", "u" ...
+std::set<std::string> ply_properties(const std::string& file);
 
 // Each triangle with vertices of its own, at (0, 0), (1, 0) and (1, 1) of the texture, where pbrt has no others.
 RawMesh with_own_uvs(const RawMesh& mesh);

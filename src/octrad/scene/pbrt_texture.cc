@@ -7,6 +7,7 @@
 #include "octrad/base/number_text.h"
 #include "octrad/base/read_decimal.h"
 #include "octrad/image/io.h"
+#include "octrad/image/tonemap.h"
 #include "octrad/scene/named_materials.h"
 #include "octrad/scene/pbrt_material.h"
 #include "octrad/scene/picture_values.h"
@@ -51,8 +52,8 @@ int used_alpha(const Image& image) {
   return -1;
 }
 
-// The colours of a picture, with its factors.
-Image linear_picture(const PbrtTexture& t) {
+// The colours of a picture, with its factors; of numbers, which may be below 0.
+Image linear_picture(const PbrtTexture& t, bool numbers) {
   const std::vector<std::string> rgb = {"R", "G", "B"};
   if (!t.mix) {
     const Image in = read_image(t.file);
@@ -61,13 +62,15 @@ Image linear_picture(const PbrtTexture& t) {
     ask_memory(in.pixel_count() * 3 * sizeof(float), t.file);
     Image out(in.width, in.height, rgb);
     const int alpha = t.number ? used_alpha(in) : -1;
+    const bool encoded = t.gamma != 0.0 && is_display_referred(in);  // other formats hold numbers as they are
     for (int y = 0; y < in.height; ++y) {
       for (int x = 0; x < in.width; ++x) {
         Vec3d v;
         for (int c = 0; c < 3; ++c) {
           const float stored = in.at(x, y, alpha >= 0 ? alpha : from[static_cast<std::size_t>(c)]);
-          v[c] = t.gamma == 0.0 ? linear(stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
-          v[c] = std::max(0.0, t.invert ? 1.0 - t.gain * v[c] : t.gain * v[c]);
+          v[c] = !encoded ? linear(stored) : std::pow(std::max(static_cast<double>(stored), 0.0), t.gamma);
+          v[c] = t.invert ? 1.0 - t.gain * v[c] : t.gain * v[c];
+          if (t.invert || !numbers) v[c] = std::max(0.0, v[c]);
         }
         if (t.number) v = Vec3d(channel_mean(v));
         out.set_rgb(x, y, Vec3f(v * t.value));
@@ -87,7 +90,7 @@ Image linear_picture(const PbrtTexture& t) {
       pictures[i] = Image(1, 1, rgb);
       pictures[i].set_rgb(0, 0, Vec3f(parts[i]->value));
     } else {
-      pictures[i] = linear_picture(*parts[i]);
+      pictures[i] = linear_picture(*parts[i], numbers || parts[i] == &mix.amount);
       if (!first) first = parts[i];
     }
     size[0] = std::max(size[0], pictures[i].width * mix.repeats[0]);
@@ -152,6 +155,7 @@ double pbrt_map(PbrtMap map, double value) {
     case PbrtMap::fourth_root: return std::sqrt(std::sqrt(std::max(value, 0.0)));
     case PbrtMap::old_alpha: return old_alpha(value);
     case PbrtMap::old_alpha_root: return std::sqrt(std::max(old_alpha(value), 0.0));
+    case PbrtMap::old_cut: return value == 0.0 ? 0.0 : 1.0;
   }
   return value;
 }
@@ -209,7 +213,8 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
     if (p->type != "xyz") return v;
     return rgb_of_xyz(v);
   }
-  const auto rgb = [&](const Spectrum& spectrum) {
+  const auto rgb = [&](Spectrum spectrum) {
+    if (old_) spectrum = held_at_ends(std::move(spectrum));
     return use == SpectrumUse::emission && !old_ ? normalized_light(spectrum, p->where)
                                                  : Vec3d(spectrum_rgb(spectrum, use));
   };
@@ -227,10 +232,13 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
   }
   if (p->numbers.size() == 1) return Vec3d(p->numbers[0]);
   if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
+  std::vector<std::pair<double, double>> pairs;
+  for (std::size_t i = 0; i < p->numbers.size(); i += 2) pairs.emplace_back(p->numbers[i], p->numbers[i + 1]);
+  if (old_) std::sort(pairs.begin(), pairs.end());  // version 3 takes any order
   std::vector<double> wavelengths, values;
-  for (std::size_t i = 0; i < p->numbers.size(); i += 2) {
-    wavelengths.push_back(p->numbers[i]);
-    values.push_back(p->numbers[i + 1]);
+  for (const auto& [wavelength, value] : pairs) {
+    wavelengths.push_back(wavelength);
+    values.push_back(value);
   }
   return rgb(make_spectrum(std::move(wavelengths), std::move(values), p->where));
 }
@@ -454,9 +462,12 @@ void PbrtMaterials::add_number(Element& parent, const Location& where, const std
 void PbrtMaterials::add(Element& parent, const Location& where, const std::string& name, const PbrtTexture& t,
                         Role role, PbrtMap map) {
   using Kind = PbrtTexture::Kind;
-  const bool number = role == Role::number, color = role == Role::color;
+  const bool number = role != Role::color && role != Role::radiance, color = role == Role::color;
+  const auto used = [role, map](double value) {  // of a number
+    return pbrt_map(map, role == Role::share ? std::clamp(value, 0.0, 1.0) : value);
+  };
   const auto constant = [&](Element& e, const std::string& key, Vec3d value) {
-    if (number) return add_number(e, where, key, pbrt_map(map, channel_mean(value)));
+    if (number) return add_number(e, where, key, used(channel_mean(value)));
     add_element(e, where, "rgb", {{"name", key}, {"value", three_numbers(color ? clamped(value) : value)}});
   };
   if (t.kind == Kind::constant) return constant(parent, name, t.value);
@@ -493,9 +504,9 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
         const auto one_number = [old = old_](Vec3d v) {
           return old ? static_cast<double>(luminance(Vec3f(v))) : channel_mean(v);
         };
-        built.read = [t, number, color, map, one_number] {
+        built.read = [t, role, number, color, used, one_number] {
           const MemoryScope scope;
-          const Image in = linear_picture(t);
+          const Image in = linear_picture(t, number);
           ask_memory(in.pixel_count() * 3 * sizeof(float), "a texture");
           Image out(in.width, in.height,
                     number ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B"});
@@ -503,8 +514,12 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
             for (int x = 0; x < in.width; ++x) {
               Vec3d v(in.rgb(x, y));
               if (color) v = clamped(v);
-              if (number) out.at(x, y, 0) = static_cast<float>(pbrt_map(map, one_number(v)));
-              else out.set_rgb(x, y, Vec3f(v));
+              if (!number) {
+                out.set_rgb(x, y, Vec3f(v));
+                continue;
+              }
+              const double value = one_number(v);
+              out.at(x, y, 0) = static_cast<float>(used(role == Role::number ? std::max(value, 0.0) : value));
             }
           }
           return out;

@@ -66,7 +66,7 @@ const std::vector<PluginKindHelp> kPluginHelp = {
           "roughnesses between 0 and 1, the tilt within ±90, the indices must differ; for curves"},
          {{"measured"},
           "`filename`: of the [RGL material database](https://rgl.epfl.ch/materials), the file whose name ends in "
-          "`_rgb.bsdf`; light from the front is reflected, the back is black"},
+          "`_rgb.bsdf` or `_spec.bsdf`, whose spectra become colours under D65; light from the front is reflected, the back is black"},
          {{"null"}, "none: light passes"},
          {{"blendbsdf"}, "`weight` of the second (to be given), two bsdfs, which may be blends: eight in all"},
          {{"twosided"}, "one bsdf, or two for front and back; nothing that lets light through"},

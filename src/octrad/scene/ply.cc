@@ -278,9 +278,9 @@ class PlyReader {
 
   void read_vertices(const PlyElement& element) {
     // Where each property goes: 0-2 position, 3-5 normal, 6-7 uv, -1 nowhere.
-    static const std::pair<const char*, int> kTargets[] = {{"x", 0},  {"y", 1},  {"z", 2},         {"nx", 3},
-                                                           {"ny", 4}, {"nz", 5}, {"u", 6},         {"v", 7},
-                                                           {"s", 6},  {"t", 7},  {"texture_u", 6}, {"texture_v", 7}};
+    static const std::pair<const char*, int> kTargets[] = {
+        {"x", 0}, {"y", 1}, {"z", 2}, {"nx", 3},        {"ny", 4},        {"nz", 5},        {"u", 6},
+        {"v", 7}, {"s", 6}, {"t", 7}, {"texture_u", 6}, {"texture_v", 7}, {"texture_s", 6}, {"texture_t", 7}};
     std::vector<int> targets;
     bool have[8] = {};
     for (const Property& property : element.properties) {

@@ -52,7 +52,7 @@ Vec3d direction(double theta, double phi) {
 
 }  // namespace
 
-std::string measured_sample_file(int part) {
+std::string measured_sample_file(int part, bool spectra) {
   constexpr double pi = 3.14159265358979323846;
   constexpr int kTheta = 5, kWidth = 16, kHeight = 9, kSide = 8;
   const bool isotropic = part == 0 || part == 8;
@@ -83,6 +83,7 @@ std::string measured_sample_file(int part) {
   const std::uint64_t nodes = phi.shape[0];
   SampleTensor vndf{"vndf", {nodes, kTheta, kHeight, kWidth}, {}},
       luminance{"luminance", {nodes, kTheta, kSide, kSide}, {}}, rgb{"rgb", {nodes, kTheta, 3, kSide, kSide}, {}};
+  if (spectra) rgb = {"spectra", {nodes, kTheta, 4, kSide, kSide}, {}};
   const double tint[] = {0.8, 0.6, 0.4};
   for (const double p_o : phi.values) {
     for (int j = 0; j < kTheta; ++j) {
@@ -99,7 +100,10 @@ std::string measured_sample_file(int part) {
       for (int y = 0; y < kSide; ++y) {
         for (int x = 0; x < kSide; ++x) luminance.values.push_back(bright(x, y));
       }
-      for (int c = 0; c < 3; ++c) {
+      for (const double share : {0.2, 0.4, 0.8, 0.6}) {
+        for (int i = 0; spectra && i < kSide * kSide; ++i) rgb.values.push_back(share * bright(i % kSide, i / kSide));
+      }
+      for (int c = 0; c < 3 && !spectra; ++c) {
         for (int y = 0; y < kSide; ++y) {
           for (int x = 0; x < kSide; ++x) {
             const double color = tint[c] * (1.0 + 0.2 * (c - 1) * x / (kSide - 1));
@@ -109,15 +113,17 @@ std::string measured_sample_file(int part) {
       }
     }
   }
-  return tensor_file({{"description", {1}, {'-'}, true},
-                      {"jacobian", {1}, {part == 8 ? 0.0 : 1.0}, true},
-                      phi,
-                      theta,
-                      ndf,
-                      sigma,
-                      vndf,
-                      luminance,
-                      rgb});
+  std::vector<SampleTensor> tensors = {{"description", {1}, {'-'}, true},
+                                       {"jacobian", {1}, {part == 8 ? 0.0 : 1.0}, true},
+                                       phi,
+                                       theta,
+                                       ndf,
+                                       sigma,
+                                       vndf,
+                                       luminance,
+                                       rgb};
+  if (spectra) tensors.push_back({"wavelengths", {4}, {400.0, 500.0, 600.0, 700.0}});
+  return tensor_file(tensors);
 }
 
 }  // namespace octrad::testing

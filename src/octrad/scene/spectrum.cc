@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
@@ -22,27 +24,35 @@ double table_at(const float* table, double wavelength) {
   return (1.0 - w) * static_cast<double>(table[i]) + w * static_cast<double>(table[i + 1]);
 }
 
-double value_at(const Spectrum& s, double wavelength) {
-  if (wavelength < s.wavelengths.front() || wavelength > s.wavelengths.back()) return 0.0;
-  const auto above = std::upper_bound(s.wavelengths.begin(), s.wavelengths.end(), wavelength);
-  const auto i = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(above - s.wavelengths.begin() - 1, 0,
-                                                                     static_cast<std::ptrdiff_t>(s.values.size()) - 2));
-  const double w = (wavelength - s.wavelengths[i]) / (s.wavelengths[i + 1] - s.wavelengths[i]);
-  return (1.0 - w) * s.values[i] + w * s.values[i + 1];
+// Which two samples a wavelength lies between: the first, and how much of the second. nullopt outside.
+std::optional<std::pair<std::size_t, double>> place_in(const std::vector<double>& wavelengths, double wavelength) {
+  if (wavelength < wavelengths.front() || wavelength > wavelengths.back()) return std::nullopt;
+  const auto above = std::upper_bound(wavelengths.begin(), wavelengths.end(), wavelength);
+  const auto i = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
+      above - wavelengths.begin() - 1, 0, static_cast<std::ptrdiff_t>(wavelengths.size()) - 2));
+  return std::pair(i, (wavelength - wavelengths[i]) / (wavelengths[i + 1] - wavelengths[i]));
 }
 
-Vec3d integrate(const Spectrum& s, bool d65) {
-  constexpr int kSteps = 1000;
-  Vec3d xyz(0.0);
+constexpr int kSteps = 1000;
+constexpr double kStep = (kLast - kFirst) / kSteps * kCieNormalization;
+
+// step(wavelength, X, Y and Z there, what lights there) at each step of an integral.
+template <typename Step>
+void integrate(bool d65, Step step) {
   for (int i = 0; i < kSteps; ++i) {
     const double wavelength = kFirst + i * (kLast - kFirst) / (kSteps - 1);
-    double y = value_at(s, wavelength);
-    if (y == 0.0) continue;
-    if (d65) y *= table_at(kD65, wavelength) * kD65Normalization;
-    xyz += Vec3d(table_at(kCieX, wavelength), table_at(kCieY, wavelength), table_at(kCieZ, wavelength)) * y;
+    step(wavelength, Vec3d(table_at(kCieX, wavelength), table_at(kCieY, wavelength), table_at(kCieZ, wavelength)),
+         d65 ? table_at(kD65, wavelength) * kD65Normalization : 1.0);
   }
-  xyz = xyz * ((kLast - kFirst) / kSteps * kCieNormalization);
-  return rgb_of_xyz(xyz);
+}
+
+Vec3d rgb_of(const Spectrum& s, bool d65) {
+  Vec3d sum(0.0);
+  integrate(d65, [&](double wavelength, Vec3d xyz, double light) {
+    const auto at = place_in(s.wavelengths, wavelength);
+    if (at) sum += xyz * (((1.0 - at->second) * s.values[at->first] + at->second * s.values[at->first + 1]) * light);
+  });
+  return rgb_of_xyz(sum * kStep);
 }
 
 }  // namespace
@@ -59,7 +69,7 @@ std::vector<std::string> spectrum_types() {
 }
 
 Vec3f spectrum_rgb(const Spectrum& spectrum, SpectrumUse use, bool* clamped) {
-  const Vec3d rgb = integrate(spectrum, use != SpectrumUse::emission);
+  const Vec3d rgb = rgb_of(spectrum, use != SpectrumUse::emission);
   Vec3f out;
   for (int c = 0; c < 3; ++c) {
     double v = std::max(rgb[c], 0.0);
@@ -68,6 +78,18 @@ Vec3f spectrum_rgb(const Spectrum& spectrum, SpectrumUse use, bool* clamped) {
     out[c] = static_cast<float>(v);
   }
   return out;
+}
+
+std::vector<Vec3d> rgb_weights(const std::vector<double>& wavelengths) {
+  std::vector<Vec3d> weights(wavelengths.size(), Vec3d(0.0));
+  integrate(true, [&](double wavelength, Vec3d xyz, double light) {
+    const auto at = place_in(wavelengths, wavelength);
+    if (!at) return;
+    weights[at->first] += xyz * ((1.0 - at->second) * light);
+    weights[at->first + 1] += xyz * (at->second * light);
+  });
+  for (Vec3d& w : weights) w = rgb_of_xyz(w * kStep);
+  return weights;
 }
 
 // XYZ (1, 1, 1).
@@ -82,6 +104,18 @@ Spectrum make_spectrum(std::vector<double> wavelengths, std::vector<double> valu
     if (!(wavelengths[i] > wavelengths[i - 1])) fail(where, "the wavelengths of a spectrum must increase");
   }
   return {std::move(wavelengths), std::move(values)};
+}
+
+Spectrum held_at_ends(Spectrum s) {
+  if (s.wavelengths.front() > kFirst) {
+    s.wavelengths.insert(s.wavelengths.begin(), kFirst);
+    s.values.insert(s.values.begin(), s.values.front());
+  }
+  if (s.wavelengths.back() < kLast) {
+    s.wavelengths.push_back(kLast);
+    s.values.push_back(s.values.back());
+  }
+  return s;
 }
 
 Spectrum parse_spectrum(const std::string& text, const Location& where) {

@@ -25,6 +25,9 @@ enum class SpectrumUse {
 // 1000 steps (core/spectrum.cpp: spectrum_list_to_srgb). Negative channels become 0. `clamped`, where not null, is set
 // when a channel was out of range.
 Vec3f spectrum_rgb(const Spectrum& spectrum, SpectrumUse use, bool* clamped = nullptr);
+// What each value of a spectrum at these wavelengths, at least two that increase, adds to its colour under D65: their
+// sum, before anything is clamped, is that of spectrum_rgb().
+std::vector<Vec3d> rgb_weights(const std::vector<double>& wavelengths);
 // spectrum_rgb() of a spectrum of ones, which emits.
 Vec3f equal_energy_rgb();
 
@@ -34,6 +37,8 @@ Spectrum parse_spectrum(const std::string& text, const Location& where);
 Spectrum read_spectrum(const std::string& file);
 // Wavelengths must increase; at least two.
 Spectrum make_spectrum(std::vector<double> wavelengths, std::vector<double> values, const Location& where);
+// With the values at its ends held for all wavelengths that are seen.
+Spectrum held_at_ends(Spectrum spectrum);
 // Radiance of a black body at `kelvin` by Planck's law, in W m^-2 sr^-1 nm^-1: at a wavelength in nm, and as a
 // spectrum.
 double blackbody_radiance(double nm, double kelvin);
