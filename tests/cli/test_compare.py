@@ -155,7 +155,8 @@ class Compare(Case):
         self.fails(2, "3 frames", "compare", ref, wrong, "--temporal")
         self.fails(2, "folders of frames", "compare", ref, self.same, "--temporal")
         self.fails(3, "none", "compare", ref, self.path("none"), "--temporal")
-        self.fails(1, "--temporal", "compare", ref, flicker, "--temporal", "--csv", "a.csv")
+        for options in (("--csv", "a.csv"), ("--flip-ppd", 5), ("--lpips-net", "squeeze"), ("--lpips-weights", "none")):
+            self.fails(1, "has no meaning", "compare", ref, flicker, "--temporal", *options)
 
     def test_errors_by_roughness(self):
         a, b = self.rooms(1, 2)

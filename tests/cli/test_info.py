@@ -4,7 +4,7 @@ import os
 import struct
 import unittest
 
-from support import Case, write_hdr, write_safetensors
+from support import ROOM, Case, write_hdr, write_safetensors
 
 
 class Info(Case):
@@ -40,6 +40,16 @@ class Info(Case):
         self.fails(1, "expected key=value", "info", "--keys", "-D", "octree.levels")
         self.fails(1, "1 … 9", "info", "--keys", "-D", "octree.levels=10")
         self.fails(1, 'did you mean "paper"', "info", "--keys", "--preset", "papre")
+        self.fails(1, "levels", "info", "--keys", "-D", "levels=5")
+        self.fails(1, "belongs to a scene", "info", "--keys", "--check")
+        self.assertEqual(self.ok("info", "--keys", "--json", "--seed", 7).json()["config"]["seed"], 7)
+        scene = self.write("room.xml", ROOM)
+        for options in (("--preset", "paper"), ("--sampled",), ("-D", "octree.levels=5")):
+            self.fails(1, "looks at the scene alone", "info", scene, "--check", *options)
+        self.assertIn("train.walks has no effect here: it needs train.sampler = mixture",
+                      self.ok("info", scene, "--preset", "paper", "-D", "train.walks=0.5").err)
+        self.assertIn("target.demodulate has no effect", self.ok("info", scene, "--preset", "paper", "-D", "target.demodulate=albedo").err)
+        self.assertEqual(self.ok("info", scene, "-D", "train.walks=0.5").err, "")
         self.fails(3, "none.json", "info", "--keys", "--config", self.path("none.json"))
         file = self.write("c.json", '{\n  "octree": {"levels": 5,}\n}')
         self.fails(2, "c.json:2:26: not valid JSON", "info", "--keys", "--config", file)

@@ -151,9 +151,19 @@ class Resume(Case):
         part, whole = ("--width", 32, "--height", 24, "--crop", "0,0,16,12"), ("--width", 16, "--height", 12)
         for made, other in ((part, whole), (whole, part)):
             self.render("--spp", 4, *made)
-            self.assertNotIn("resumed_spp", self.render("--spp", 4, "--resume", *made), "it was finished")
+            self.assertEqual(self.render("--spp", 4, "--resume", *made)["resumed_spp"], 4, "it was finished")
             self.assertEqual(self.render("--spp", 4, "--resume", *other)["resumed_spp"], 0)
             os.remove(self.out + ".state")
+
+    def test_a_finished_picture(self):
+        """It is left alone where all settings are its own, and the log says so."""
+        self.render("--spp", 4, "--rr-depth", 2)
+        log = self.path("log.jsonl")
+        self.assertEqual(self.render("--spp", 4, "--rr-depth", 2, "--resume", "--log-json", log)["resumed_spp"], 4)
+        with open(log) as lines:
+            done = [json.loads(line) for line in lines][-1]
+        self.assertEqual((done["event"], done["spp"], done["resumed_spp"]), ("done", 4, 4))
+        self.assertEqual(self.render("--spp", 4, "--rr-depth", 3, "--resume")["resumed_spp"], 0)
 
     def test_other_settings_are_refused(self):
         self.render("--spp", 4, "--resume")

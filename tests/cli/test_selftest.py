@@ -32,6 +32,11 @@ class Selftest(Case):
                 self.assertLessEqual(check["p50"], check["p99"])
                 self.assertLessEqual(check["above"], check["allowed_above"])
 
+    def test_what_has_no_meaning_is_refused(self):
+        self.fails(1, "octree.levels", "selftest", "--only", "sort", "-D", "octree.levels=5")
+        self.fails(1, "none is given", "selftest", "--only", "sort", "-D", "foo=3")
+        self.fails(1, "none is given", "selftest", "--only", "sort", "--permissive")
+
     def test_the_seed_is_fresh_and_repeats(self):
         def run(*options):
             return self.ok("selftest", "--device", "cpu", "--no-benchmarks", "--only", "sum", "--json", *options).json()

@@ -401,6 +401,8 @@ void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
   for (const auto& [key, value] : options.config_definitions()) {
     if (ignores_key(field_entry(config.field), key))
       log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
+    else if (const std::string needed = unmet_condition(config, key); !needed.empty())
+      log_warning(fmt::format("-D {} has no effect here: it needs {}", key, needed));
   }
 }
 

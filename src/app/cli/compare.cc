@@ -500,8 +500,9 @@ void add_compare(Program& program) {
   verb->add_flag("--temporal", options->temporal,
                  "REF and IMG are folders of frames: the error of the change from frame to frame");
   verb->callback([&program, verb, options, aux, below, above, by_roughness] {
-    for (const char* other : {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux",
-                              "--csv", "--latex", "--html", "--errors"}) {
+    for (const char* other :
+         {"--reference-b", "--mask", "--alpha-below", "--alpha-above", "--by-roughness", "--aux", "--csv", "--latex",
+          "--html", "--errors", "--flip-ppd", "--lpips-net", "--lpips-weights"}) {
       if (options->temporal && verb->get_option(other)->count() > 0)
         throw UsageError(fmt::format("--temporal measures sequences of frames, where {} has no meaning", other));
     }

@@ -254,7 +254,8 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
 
 // Counts, bounds, lights, and the size of the cache that training would make.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
-  const Config config = options.config.resolve();
+  Config config = options.config.resolve();
+  if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
   const FieldEntry& field = field_entry(config.field);
   const bool octree = field.cell_levels(config) > 0;
   if (options.sampled && !octree)
@@ -443,14 +444,29 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
     return info_plugins(common, options.plugins);
   }
   if (options.keys && !options.file.empty()) throw UsageError("--keys lists the configuration and takes no FILE");
-  if (options.keys && options.sampled) throw UsageError("--sampled belongs to a scene");
-  if (options.keys) return info_keys(common, options.config.resolve());
+  for (const auto& [given, name] :
+       {std::pair(options.sampled, "--sampled"), {options.check, "--check"}, {common.permissive, "--permissive"}}) {
+    if (options.keys && given) throw UsageError(fmt::format("{} belongs to a scene", name));
+  }
+  if (options.keys && !options.config.scene_definitions().empty())
+    throw UsageError(fmt::format("-D {}: no such configuration key; --keys without it lists them",
+                                 options.config.scene_definitions().begin()->first));
+  if (options.keys) {
+    Config config = options.config.resolve();
+    if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+    return info_keys(common, config);
+  }
   const std::string extension = ending_of(options.file);
   const bool scene = extension == ".xml" || extension == ".gltf" || extension == ".glb" || extension == ".pbrt";
   if (options.check && !scene) throw UsageError("--check belongs to a scene (.xml, .gltf, .glb, .pbrt)");
   if (options.check && common.permissive)
     throw UsageError("--check lists what --permissive would replace; give one of them");
-  if (options.check) return info_check(common, options);
+  if (options.check) {
+    if (options.sampled || !options.config.preset.empty() || !options.config.file.empty())
+      throw UsageError("--check looks at the scene alone: --preset, --config and --sampled have no meaning");
+    options.config.refuse_config_definitions("--check looks at the scene alone");
+    return info_check(common, options);
+  }
   if (scene) return info_scene(common, options);
   if (common.permissive) throw UsageError("--permissive belongs to a scene");
   if (options.sampled) throw UsageError("--sampled belongs to a scene");

@@ -74,6 +74,8 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   std::string scene;
   if (rays.offset.traced && !asked.has_offsets && std::any_of(points.begin(), points.end(), has_offset))
     scene = trace_offsets(common, o, model.info, rays.offset, asked);
+  else if (!o.scene.empty() || !o.definitions.scene_definitions().empty())
+    log_warning("--scene and -D are not used: no offset of these points is traced");
   RadianceField& field = *model.field;
 
   const Stopwatch watch;

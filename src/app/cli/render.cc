@@ -167,7 +167,11 @@ void render_picture(RenderSession& s) {
     result.seconds = metadata_value(*image, "octrad.render", "seconds", 0.0);
     result.samples = view.wanted_pixels() * result.spp;
     result.image = std::move(*image);
-    print_picture(s, result, s.report(result, view), std::nullopt, "; was finished");
+    nlohmann::json report = s.report(result, view);
+    report["resumed_spp"] = result.spp;
+    s.log_event("done", report);
+    print_picture(s, result, report, std::nullopt, "; was finished");
+    if (s.log) s.log->finish();
     return;
   }
   s.start(view);

@@ -131,6 +131,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
   if (model) {
     check_scene(o.model, model->info, scene().file, scene().fingerprint, o.force);
     config = model_config(model->info, o.definitions);
+    warn_of_ignored_keys(o.definitions, config);
   } else {
     o.definitions.refuse_config_definitions(fmt::format("--integrator {} has no configuration keys", o.integrator));
   }
@@ -199,7 +200,10 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
   report::PictureOrigin origin{scene(), view, settings.film, o.integrator};
   origin.spp = result.spp;
-  if (integrator.uses_depth) origin.max_depth = settings.max_depth;
+  if (integrator.uses_depth) {
+    origin.max_depth = settings.max_depth;
+    origin.rr_depth = settings.rr_depth;
+  }
   origin.seed = seed;
   origin.seconds = result.seconds;
   if (model) {
@@ -243,6 +247,8 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
   if (text("octrad.camera") != report::camera_json(view.camera).dump()) return "camera";
   if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
+  // Older pictures do not say it.
+  if (integrator.uses_depth && number("rr_depth", settings.rr_depth) != settings.rr_depth) return "rr_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
   if (mask_of(image) != report::mask_hash(view)) return "mask";
   const std::string hash = report::view_hash(view, settings.film);

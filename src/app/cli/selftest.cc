@@ -191,6 +191,10 @@ void selftest_verb(const CommonOptions& common, const SelftestOptions& o) {
   if (!o.output.empty()) require_writable(o.output);
   refuse_input_as_output("-o", o.output, {o.scene});
   require_a_match(o);
+  o.definitions.refuse_config_definitions("selftest trains configurations of its own");
+  if (o.scene.empty() && !o.definitions.scene_definitions().empty())
+    throw UsageError("-D sets parameters of a SCENE, and none is given");
+  if (o.scene.empty() && common.permissive) throw UsageError("--permissive belongs to a SCENE, and none is given");
   const Stopwatch watch;
   const DeviceChoice choice = common.choose_device();
   std::unique_ptr<Stream> stream = choice.make_stream(o.definitions.tuning());

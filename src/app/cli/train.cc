@@ -328,7 +328,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   options.deterministic = o.deterministic;
   if (stream) {
     options.max_memory = static_cast<double>(common.memory_budget(*stream));
-    options.used_memory = 0.0;
+    options.used_memory = static_cast<double>(scene.bytes_to_upload(*stream));
   }
   options.cameras = std::move(cameras);
   options.resume = resumed ? &*resumed : nullptr;

@@ -116,7 +116,7 @@ std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVer
   options.stream = stream;
   options.resume = &resumed;
   options.max_memory = static_cast<double>(stream != nullptr ? common.memory_budget(*stream) : common.memory_budget());
-  if (stream == nullptr) options.used_memory = static_cast<double>(resident_bytes());
+  options.used_memory = static_cast<double>(stream != nullptr ? scene.bytes_to_upload(*stream) : resident_bytes());
   options.saved = [](const std::string& file, long long step) {
     log_info("saved {} at step {}", file, format_count(step));
   };

@@ -69,6 +69,7 @@ void add_origin(Image& image, const PictureOrigin& origin) {
                            {"max_depth", origin.max_depth},
                            {"seed", origin.seed},
                            {"seconds", origin.seconds}};
+  if (origin.rr_depth >= 0) render["rr_depth"] = origin.rr_depth;
   if (view.mask) render["mask"] = mask_hash(view);
   render["view"] = view_hash(view, origin.film);
   metadata["octrad.render"] = render.dump();

@@ -29,6 +29,7 @@ struct PictureOrigin {
   std::string integrator;
   int spp = 0;
   int max_depth = -1;  // -1 also where the integrator traces no paths
+  int rr_depth = -1;   // likewise
   unsigned long long seed = 0;
   double seconds = 0.0;  // of sampling
   // Null without a model.

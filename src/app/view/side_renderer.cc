@@ -81,7 +81,10 @@ std::shared_ptr<const Picture> SideRenderer::picture() {
   const IntegratorInfo& info = renderer_->integrator();
   report::PictureOrigin origin{studio_.scene.scene(), picture->view, studio_.settings.film, side_.integrator};
   origin.spp = picture->samples;
-  if (info.uses_depth) origin.max_depth = studio_.settings.max_depth;
+  if (info.uses_depth) {
+    origin.max_depth = studio_.settings.max_depth;
+    origin.rr_depth = studio_.settings.rr_depth;
+  }
   origin.seed = studio_.settings.seed;
   origin.seconds = seconds_;
   if (info.needs_model) {

@@ -157,7 +157,8 @@ const std::vector<Key>& keys() {
       flag("lookup.rough_offset", &C::lookup_rough_offset,
            "rough surfaces have a disparity too; otherwise it is 0 there"),
 
-      number("disparity.levels", &C::disparity_levels, {1, 16}, "levels of the disparity predictor's hash grid"),
+      number("disparity.levels", &C::disparity_levels, {1, 16},
+             "levels of the disparity predictor's hash grid; disparity.* needs lookup.offset = predicted"),
       number("disparity.features", &C::disparity_features, kFeatureCounts, "features per level: 2, 4 or 8"),
       number("disparity.log2_table", &C::disparity_log2_table, {10, 24}, "log2 of the entries a level may have"),
       number("disparity.base", &C::disparity_base, {2, 512}, "resolution of the coarsest level"),
@@ -224,24 +225,27 @@ const std::vector<Key>& keys() {
       choice("target.emission", &C::target_emission,
              {{"outside", TargetEmission::outside}, {"inside", TargetEmission::inside}},
              "own emission added outside the network, or learned"),
-      choice("target.demodulate", &C::target_demodulate,
-             {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
-             "albedo: the network predicts radiance / albedo on rough surfaces, with lookup.coats = split on all"),
+      choice(
+          "target.demodulate", &C::target_demodulate,
+          {{"none", TargetDemodulation::none}, {"albedo", TargetDemodulation::albedo}},
+          "albedo: the network predicts radiance / albedo on rough surfaces, with lookup.coats = split on all; needs target.emission = outside"),
       number("target.scale", &C::target_scale, {0, 1e30},
              "exposure of the network's output; 0: chosen from the first batches and stored"),
 
       duration("train.time", &C::train_seconds, {0, kAny, true},
-               "train for this long; setting it sets train.steps to 0"),
+               "train for this long; setting it sets train.steps to 0 (of both in one file the steps count)"),
       number("train.steps", &C::train_steps, {0, 100000000}, "train this many steps; 0: until train.time is over"),
       number("train.points", &C::train_points, {64, 1 << 20}, "N, left-hand-side points a step"),
       number(
           "train.first_points", &C::train_first_points, {0, 1 << 20},
           "at most so many points a step in the first quarter of the budget, twice as many in each next; 0: no limit"),
       number("train.directions", &C::train_directions, {1, 4096}, "M, right-hand-side directions a point"),
-      number("train.guide", &C::train_guide, {0, 0.95},
-             "share of these directions, at rough points, that are drawn by what arrived before; 0: by the BSDF alone"),
-      flag("train.quarters", &C::train_quarters, "halve N and double M after every quarter of the steps"),
-      number("train.walks", &C::train_walks, {0, 1}, "share of points from camera walks; the rest is uniform by area"),
+      number(
+          "train.guide", &C::train_guide, {0, 0.95},
+          "share of these directions, at roughness 0.3 and more, that are drawn by what arrived before; 0: by the BSDF alone"),
+      flag("train.quarters", &C::train_quarters, "halve N, down to 64, and double M after every quarter of the budget"),
+      number("train.walks", &C::train_walks, {0, 1},
+             "of train.sampler = mixture: share of points from camera walks; the rest is uniform by area"),
       flag("train.area_falls", &C::train_area_falls,
            "of train.sampler = mixture: points by area become walks as rates fall, as their cube (adam.decay)"),
       number("train.far_ends", &C::train_far_ends, {0, 1},
@@ -312,7 +316,7 @@ const std::vector<Key>& keys() {
              "roughness below which render.highlights may take one bounce; perfect mirrors: render.delta"),
       number(
           "render.offset_spread", &C::render_offset_spread, {0, 2},
-          "pictures: random tilt of the normal for the ray that finds what a glossy surface reflects; tan(tilt) is at most this times alpha; 0: none"),
+          "pictures: random tilt of the normal for the ray that finds what a glossy surface reflects; tan(tilt) is at most this times alpha; 0: none; needs lookup.offset = traced and lookup.reflected = features"),
       number("seed", &C::seed, {0, 9e15}, "of every random number"),
   };
   return table;
@@ -477,6 +481,21 @@ nlohmann::json to_json(const Config& config) {
     else visit_value(config, key, [&](const auto& value) { place = value; });
   }
   return out;
+}
+
+std::string unmet_condition(const Config& c, const std::string& key) {
+  const bool outside = c.target_emission == TargetEmission::outside;
+  if ((key == "train.walks" || key == "train.area_falls") && c.train_sampler != TrainSampler::mixture)
+    return "train.sampler = mixture";
+  if (key == "train.poses" && c.train_sampler == TrainSampler::area) return "a train.sampler with walks";
+  if (key == "train.poses" && !c.train_cameras.empty()) return "no train.cameras";
+  if ((key == "target.demodulate" || key == "lookup.coats") && !outside) return "target.emission = outside";
+  if (key == "render.trace_below" && (!outside || c.render_delta != DeltaSurfaces::trace))
+    return "render.delta = trace and target.emission = outside";
+  if (key == "render.offset_spread" &&
+      (c.lookup_offset != LookupOffset::traced || c.lookup_reflected != Reflected::features))
+    return "lookup.offset = traced and lookup.reflected = features";
+  return "";
 }
 
 std::vector<std::string> keys_missing_in(const nlohmann::json& object) {

@@ -176,6 +176,10 @@ FollowRules rhs_rules(const Config& config);
 // Whether each lobe of a coated surface is a point of its own (lookup.coats).
 bool split_coats(const Config& config);
 
+// What a key has an effect with, where that is not so; empty where it has one. (Fields that do not use a key:
+// ignores_key().)
+std::string unmet_condition(const Config& config, const std::string& key);
+
 // Every key with its current value and one line of help, grouped as the struct is.
 struct ConfigKey {
   std::string key, value, accepted, help;

@@ -10,6 +10,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
+#include "octrad/base/memory_limit.h"
 #include "octrad/base/work_clock.h"
 #include "octrad/model/field_registry.h"
 #include "octrad/scene/fingerprint.h"
@@ -68,8 +69,7 @@ double check_memory(const TrainOptions& options, const Config& config, const std
                           format_bytes(options.used_memory + needed));
   }
   if (options.resume) advice = "a run that continues keeps the sizes of its model";
-  require_memory(static_cast<std::uint64_t>(std::max(0.0, options.max_memory)),
-                 options.stream ? "training (beside the scene)" : "training", parts, advice);
+  require_memory(static_cast<std::uint64_t>(std::max(0.0, options.max_memory)), "training", parts, advice);
   return bytes;
 }
 
@@ -101,7 +101,12 @@ class Trainer::Run {
       const DomainFit fit = fit_domain(scene, config, options.cameras);
       if (options.placed) options.placed(fit);
       const FieldDomain domain = field_domain(scene.scene(), config, fit.box);
-      bytes_ = check_memory(options, config, cell_counts(domain));
+      const std::vector<long long> cells = cell_counts(domain);
+      bytes_ = check_memory(options, config, cells);
+      // The computer holds what checkpoints of a training on a device are written from.
+      if (options.stream != nullptr)
+        ask_memory(static_cast<std::uint64_t>(estimate_model_file_size(config, cells).total),
+                   "the model in the computer's memory");
       field = make_field(config, domain);
       if (config.train_average > 0.0) averages = make_field(config, domain);
       const double scale = config.target_scale > 0.0 ? config.target_scale : mean_direct_light(*batches, config_);
@@ -355,7 +360,7 @@ void Trainer::Run::step() {
   state_.lhs_samples += s.points;
   average();
   if (change_ends_ == state_.step) engine_->scene_changed(nullptr, 0.0);
-  if (++waiting_ < engine_->steps_between_reports() && fraction() < 1.0) return;
+  if (++waiting_ < engine_->steps_between_reports() && !done()) return;
   settle();
   report();
 }
