@@ -290,13 +290,13 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   refuse_input_as_output("-o", o.output, inputs);
   refuse_input_as_output("--log-json", common.log_json, inputs);
   refuse_input_as_output("--log-json", common.log_json, {o.output});
-  warn_of_ignored_keys(o.config, config);
   const double validate_every = o.validate_every.empty() ? 0.0 : parse_duration(o.validate_every);
   if (!o.validate_every.empty() && validate_every <= 0.0) throw UsageError("--validate-every must be above 0");
 
   std::uint64_t held = 0;
   std::optional<Model> resumed = open_resumed(o, held);
   if (resumed) config = resumed_config(*resumed, o, common);
+  warn_of_ignored_keys(o.config, config);
 
   const DeviceChoice device = common.choose_device(config.field);
   const std::unique_ptr<Stream> stream = device.make_stream(o.config.tuning());

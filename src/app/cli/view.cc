@@ -45,6 +45,7 @@ std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scen
     Model model = load_model(file, o.train && models.empty());
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
     ViewerModel made{file, model.info, model_config(model.info, o.definitions)};
+    if (models.empty()) warn_of_ignored_keys(o.definitions, made.config);
     made.own = std::move(model.field);
     made.trained = std::move(model.trained);
     made.field = made.own.get();

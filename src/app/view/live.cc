@@ -307,10 +307,8 @@ void LiveTraining::take_commands() {
 void LiveTraining::save() {
   try {
     trainer_.untimed([&] { trainer_.checkpoint(true); });
-    trouble_.clear();
   } catch (const IoError& error) {
-    trouble_ = error.what();
-    log_warning(trouble_);
+    log_warning(error.what());
   }
 }
 
@@ -361,7 +359,7 @@ void LiveTraining::tell() {
       {"saves", options_.saves},
       {"ends", options_.ends},
       {"share", share_},
-      {"error", trouble_.empty() ? trainer_.not_saved() : trouble_}};
+      {"error", trainer_.not_saved().empty() ? trouble_ : trainer_.not_saved()}};
   const std::lock_guard lock(mutex_);
   status_ = std::move(status);
 }

@@ -96,7 +96,7 @@ class LiveTraining {
   double credit_ = 0.0;    // seconds that pictures may take
   double share_ = 0.0;     // of the time that they took lately
   double spacing_ = 0.0;   // seconds between two points of the curves
-  std::string trouble_;    // why what was asked for last failed: a save, or an edit
+  std::string trouble_;    // why the last edit was refused
   std::vector<Vec3f> points_;
   std::size_t next_point_ = 0;
 };

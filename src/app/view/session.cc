@@ -34,7 +34,7 @@ constexpr std::size_t kMostJobs = 4;
 constexpr int kMostPathFrames = 20000;
 constexpr std::size_t kMostPicks = 32;                        // that wait
 constexpr auto kBetweenLooks = 50ms, kBetweenStatus = 250ms;  // at a live training
-constexpr auto kAlive = 15s;                                  // between two signs of life at least
+constexpr auto kAlive = 15s;  // between two signs of life, if nothing else is done meanwhile
 
 // `input`: of the camera that was refused; null: something else was.
 std::string error_text(const std::string& why, const nlohmann::json& input = nullptr) {

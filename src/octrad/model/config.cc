@@ -488,7 +488,7 @@ std::string unmet_condition(const Config& c, const std::string& key) {
   if ((key == "train.walks" || key == "train.area_falls") && c.train_sampler != TrainSampler::mixture)
     return "train.sampler = mixture";
   if (key == "train.poses" && c.train_sampler == TrainSampler::area) return "a train.sampler with walks";
-  if (key == "train.poses" && !c.train_cameras.empty()) return "no train.cameras";
+  if (key == "train.poses" && !c.train_cameras.empty()) return "train.cameras to be empty";
   if ((key == "target.demodulate" || key == "lookup.coats") && !outside) return "target.emission = outside";
   if (key == "render.trace_below" && (!outside || c.render_delta != DeltaSurfaces::trace))
     return "render.delta = trace and target.emission = outside";

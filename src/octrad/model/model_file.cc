@@ -49,9 +49,12 @@ ModelInfo info_of(const TensorReader& in) {
       if (key == "lookup.rough_offset") c.lookup_rough_offset = true;
       if (key == "train.average") c.train_average = 0.0;
       if (key == "train.guide") c.train_guide = 0.0;
+      if (key == "train.first_points") c.train_first_points = 0;
       if (key == "train.area_falls") c.train_area_falls = false;
       if (key == "train.far_ends") c.train_far_ends = 0.0;
       if (key == "adam.rate.budget") c.adam_rate_budget = 0;
+      if (key == "loss.power") c.loss_power = 2.0;
+      if (key == "render.trace_below") c.render_trace_below = 0.0;
       if (key == "render.offset_spread") c.render_offset_spread = preset(c.preset).render_offset_spread;
     }
     const nlohmann::json scene = parse_json(text("scene"), in.file());

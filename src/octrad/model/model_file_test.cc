@@ -91,7 +91,9 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   info.config.adam_rate_budget = 0;
   info.config.train_far_ends = 0.0;
   info.config.train_area_falls = false;
-  for (const char* preset_name : {"cpu", "paper"}) {
+  info.config.loss_power = 2.0;
+  info.config.render_trace_below = 0.0;
+  for (const char* preset_name : {"cpu", "default", "paper"}) {
     const TensorReader in(file);
     TensorWriter out;
     Tensors tensors;
@@ -100,9 +102,11 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
         config["preset"] = info.config.preset = preset_name;
-        EXPECT_EQ(config["render"].erase("offset_spread"), 1u);
+        EXPECT_EQ(config["render"].erase("offset_spread") + config["render"].erase("trace_below"), 2u);
+        EXPECT_EQ(config["loss"].erase("power"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
-        for (const char* newer : {"average", "far_ends", "area_falls"}) EXPECT_EQ(config["train"].erase(newer), 1u);
+        for (const char* newer : {"average", "far_ends", "area_falls", "first_points"})
+          EXPECT_EQ(config["train"].erase(newer), 1u);
         EXPECT_EQ(config["adam"]["rate"].erase("budget"), 1u);
         text = config.dump();
       }
@@ -114,8 +118,9 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     const ModelInfo older = load_model(file + ".older").info;
     EXPECT_EQ(older.config, info.config);
     EXPECT_EQ(std::set<std::string>(older.state.newer_keys.begin(), older.state.newer_keys.end()),
-              (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "render.offset_spread",
-                                     "train.area_falls", "train.average", "train.far_ends"}));
+              (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "loss.power",
+                                     "render.offset_spread", "render.trace_below", "train.area_falls", "train.average",
+                                     "train.far_ends", "train.first_points"}));
     std::filesystem::remove(file + ".older");
   }
   std::filesystem::remove(file);

@@ -17,10 +17,10 @@ OctaOctreeOptions octree_options(const Config& config) {
 }
 
 constexpr std::string_view kOctaOctreeKeys[] = {
-    "octree.levels",    "octree.features", "octree.occupancy",    "octree.interpolation", "octa.",
-    "lookup.direction", "lookup.offset",   "lookup.rough_offset", "lookup.reflected",     "lookup.rough_direction",
-    "disparity.",       "decoder.width",   "decoder.hidden",      "decoder.output",       "adam.rate.features",
-    "adam.rate.budget"};
+    "octree.levels",    "octree.features",     "octree.occupancy",    "octree.interpolation", "octa.",
+    "lookup.direction", "lookup.offset",       "lookup.rough_offset", "lookup.reflected",     "lookup.rough_direction",
+    "disparity.",       "decoder.width",       "decoder.hidden",      "decoder.output",       "adam.rate.features",
+    "adam.rate.budget", "render.offset_spread"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                           bool training) {

@@ -67,6 +67,8 @@ double diffuse_transmission_of(const GltfObject& m) {
   return share(m.extension("KHR_materials_diffuse_transmission"), "diffuseTransmissionFactor", 0.0);
 }
 
+bool lets_light_pass(const GltfObject& m) { return transmission_of(m) > 0.0 || diffuse_transmission_of(m) > 0.0; }
+
 double thickness_of(const GltfObject& m) {
   return m.extension("KHR_materials_volume").number("thicknessFactor", 0.0, 0.0);
 }
@@ -187,7 +189,7 @@ bool GltfMaterials::is_lamp(int index) const {
 bool GltfMaterials::emits_from_both_sides(int index) const {
   const GltfObject m = material(index);
   return m.flag("doubleSided") && m.text("alphaMode", "OPAQUE") != "BLEND" && emits(index) &&
-         (is_unlit(m) || (is_lamp(index) && !(transmission_of(m) > 0.0)));
+         (is_unlit(m) || (is_lamp(index) && !lets_light_pass(m)));
 }
 
 GltfMaterials::Coverage GltfMaterials::coverage(const GltfObject& m, const GltfSurface& s) const {
@@ -297,7 +299,7 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     add_element(*parent, where, "rgb", {{"name", "reflectance"}, {"value", "0"}});
     return;
   }
-  const bool diffuses = diffuse_transmission_of(m) > 0.0, transmits = diffuses || transmission_of(m) > 0.0;
+  const bool transmits = lets_light_pass(m);
   if (m.flag("doubleSided") && !transmits) nest("twosided");
   if (const GltfObject normal = m.object("normalTexture"); textured(normal, s)) {
     Recipe recipe;
@@ -309,8 +311,8 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       add_element(*parent, where, "rgb", {{"name", "normalmap"}, {"value", "0.5, 0.5, 1"}});
     }
   }
-  const bool thin = transmits && (diffuses || !(thickness_of(m) > 0.0));
-  nest(thin ? "principledthin" : "principled");
+  const bool thick = transmission_of(m) > 0.0 && thickness_of(m) > 0.0;
+  nest(transmits && !thick ? "principledthin" : "principled");
   add_model(*parent, m, s);
 }
 
@@ -358,6 +360,8 @@ bool GltfMaterials::add_anisotropy(Element& bsdf, const GltfObject& m, bool roug
 void GltfMaterials::add_specular_glossiness(Element& bsdf, const GltfObject& m, const GltfSurface& s) {
   const Location where = m.location();
   const bool thin = bsdf.get("type") == "principledthin";
+  if (m.extension("KHR_materials_anisotropy").exists())
+    report_.assume(where, "KHR_materials_anisotropy is left out beside KHR_materials_pbrSpecularGlossiness");
   const GltfObject gloss = specular_glossiness(m);
   const GltfObject diffuse_texture = base_texture(m), specular_texture = gloss.object("specularGlossinessTexture");
   GltfSpecularPictures surface;
@@ -417,7 +421,10 @@ void GltfMaterials::add_model(Element& bsdf, const GltfObject& m, const GltfSurf
   const GltfObject transmission = m.extension("KHR_materials_transmission");
   const double through = transmission_of(m);
   if (through > 0.0) add_scalar(bsdf, "spec_trans", m, s, through, transmission.object("transmissionTexture"), 0);
-  if (const double diffuse = diffuse_transmission_of(m); diffuse > 0.0 && thin) {
+  const double diffuse = diffuse_transmission_of(m);
+  if (diffuse > 0.0 && !thin)
+    report_.assume(m.location(), "KHR_materials_diffuse_transmission is left out of glass with a thickness");
+  if (diffuse > 0.0 && thin) {
     // Of principledthin 2 is all.
     report_.assume(m.location(),
                    "KHR_materials_diffuse_transmission read as that of principledthin, in the base colour, without its "
@@ -476,11 +483,13 @@ void GltfMaterials::note_shares(const GltfObject& m) {
   const GltfObject pbr = m.object("pbrMetallicRoughness"), gloss = specular_glossiness(m),
                    coat = m.extension("KHR_materials_clearcoat"),
                    transmission = m.extension("KHR_materials_transmission"),
-                   specular = m.extension("KHR_materials_specular");
+                   specular = m.extension("KHR_materials_specular"),
+                   anisotropy = m.extension("KHR_materials_anisotropy"),
+                   diffuse = m.extension("KHR_materials_diffuse_transmission");
   const std::pair<const GltfObject&, const char*> numbers[] = {
-      {pbr, "metallicFactor"},     {pbr, "roughnessFactor"},           {gloss, "glossinessFactor"},
-      {coat, "clearcoatFactor"},   {coat, "clearcoatRoughnessFactor"}, {transmission, "transmissionFactor"},
-      {specular, "specularFactor"}};
+      {pbr, "metallicFactor"},      {pbr, "roughnessFactor"},           {gloss, "glossinessFactor"},
+      {coat, "clearcoatFactor"},    {coat, "clearcoatRoughnessFactor"}, {transmission, "transmissionFactor"},
+      {specular, "specularFactor"}, {anisotropy, "anisotropyStrength"}, {diffuse, "diffuseTransmissionFactor"}};
   for (const auto& [object, key] : numbers) {
     const double given = object.number(key, 0.0);
     if (given < 0.0 || given > 1.0)

@@ -517,10 +517,14 @@ TEST_F(GltfTest, HiddenNodes) {
   json_["nodes"] =
       Json::parse(R"([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 1]}, {"children": [1, 3]}, {"camera": 0}])");
   json_["scenes"][0]["nodes"] = {0, 2};
+  json_["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = 0;
+  json_["extensions"] = Json::parse(R"({"KHR_lights_punctual": {"lights": [{"type": "point"}]}})");
   EXPECT_EQ(load().shapes.size(), 2u);
+  EXPECT_EQ(load().delta_lights.size(), 1u);
   json_["nodes"][2]["extensions"]["KHR_node_visibility"]["visible"] = false;
   Scene scene = load();
   EXPECT_EQ(scene.shapes.size(), 1u);
+  EXPECT_TRUE(scene.delta_lights.empty());
   EXPECT_EQ(scene.cameras.size(), 1u);
   json_["nodes"][2]["extensions"]["KHR_node_visibility"] = Json::object();
   EXPECT_EQ(load().shapes.size(), 2u);

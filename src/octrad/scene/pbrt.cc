@@ -527,8 +527,9 @@ class PbrtReader {
     std::string mesh, file, back;
     bool faces = false;  // without normals of its own
     const PbrtObject* const m = state_.material.get();
-    const bool textured =
-        s.has_textures() || (m && (m->has_textures() || m->type() == "mix" || materials_.is_promise(state_.material)));
+    const bool textured = s.has_textures() || (state_.light && state_.light->has("filename")) ||
+                          (m && (m->has_textures() || m->has("normalmap") || m->type() == "mix" ||
+                                 materials_.is_promise(state_.material)));
     if (is_round(s)) {
       const double scale = length(state_.ctm.column(0)), radius = s.number("radius", 1.0, 1e-9, 1e9);
       area = 4.0 * std::numbers::pi * radius * radius * scale * scale;

@@ -162,6 +162,7 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     try {
       height = texture(m, name, true, Vec3d(0.0));
     } catch (const InputError& error) {
+      if (!has_texture(m, name, true)) throw;  // a name that is not known, or a parameter of another kind
       report_.assume(m.where(name), std::string("a displacement is left out: ") + error.what());
       continue;
     }

@@ -108,13 +108,14 @@ class PbrtMaterials {
   PbrtTexture texture(const PbrtObject& object, std::string_view name, bool number, Vec3d fallback);
   // Where the file has a texture, the fallback with a note.
   double constant_number(const PbrtObject& object, std::string_view name, double fallback);
+  bool has_texture(const PbrtObject& object, std::string_view name, bool number) const;
   PbrtTexture named_texture(const std::string& name, bool number, const PbrtParameter& user);
   PbrtTexture evaluate(const PbrtObject& object, bool number);
   PbrtTexture picture(const PbrtObject& object);
   PbrtTexture mixed(const PbrtObject& object, PbrtMix mix) const;
   std::optional<Vec3d> named_spectrum(const std::string& name, SpectrumUse use) const;
 
-  // A number is at least 0, a share from 0 to 1, a height any.
+  // A number of a picture is at least 0, a share from 0 to 1, a height any.
   enum class Role { color, number, share, height, radiance };
   void add(Element& parent, const Location& where, const std::string& name, const PbrtTexture& t, Role role,
            PbrtMap map = PbrtMap::none);

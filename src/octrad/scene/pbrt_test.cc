@@ -606,5 +606,32 @@ TEST_F(PbrtTest, ParametersThatAreLeftOut) {
   EXPECT_TRUE(quiet.assumed.empty()) << join(quiet.assumed, "\n");
 }
 
+// Without texture coordinates each triangle has (0, 0), (1, 0) and (1, 1), where something shows them: whatever the
+// shape is read from.
+TEST_F(PbrtTest, MeshesWithoutCoordinates) {
+  write_exr((folder_.path() / "p.exr").string(), Image(2, 2, {"R", "G", "B"}));
+  const auto ply = [](const std::string& names, const std::string& values) {
+    return "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n" + names +
+           "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0" + values + "\n1 0 0" + values +
+           "\n0 1 0" + values + "\n3 0 1 2\n";
+  };
+  folder_.write("bare.ply", ply("", ""));
+  folder_.write("st.ply", ply("property float texture_s\nproperty float texture_t\n", " .25 .125"));
+  const std::string textured =
+      "Texture \"p\" \"spectrum\" \"imagemap\" \"string filename\" \"p.exr\"\nMaterial \"diffuse\" \"texture reflectance\" \"p\"\n";
+  const std::string points = "\"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 2]\n";
+  const std::string from_file = "Shape \"plymesh\" \"string filename\" \"bare.ply\"\n";
+  const auto uvs = [this](const std::string& world) { return load(world).meshes.at(0).uvs; };
+  const std::vector<Vec2f> corners = uvs(textured + "Shape \"trianglemesh\" " + points);
+  ASSERT_EQ(corners.size(), 3u);
+  EXPECT_EQ(corners[1].x, 1.0f);
+  EXPECT_EQ(uvs(textured + from_file), corners);
+  EXPECT_EQ(uvs("Material \"diffuse\" \"string normalmap\" \"p.exr\"\n" + from_file), corners);
+  EXPECT_EQ(uvs(textured + "Shape \"loopsubdiv\" \"integer levels\" 0 " + points), corners);
+  EXPECT_TRUE(uvs("Material \"diffuse\"\n" + from_file).empty());
+  EXPECT_EQ(uvs(textured + "Shape \"plymesh\" \"string filename\" \"st.ply\"\n"),
+            (std::vector<Vec2f>(3, Vec2f{0.25f, 0.875f})));
+}
+
 }  // namespace
 }  // namespace octrad

@@ -234,7 +234,7 @@ std::optional<Vec3d> PbrtMaterials::color(const PbrtObject& object, std::string_
   if (p->numbers.size() % 2 != 0) fail(p->where, "a spectrum is pairs of a wavelength and a value");
   std::vector<std::pair<double, double>> pairs;
   for (std::size_t i = 0; i < p->numbers.size(); i += 2) pairs.emplace_back(p->numbers[i], p->numbers[i + 1]);
-  if (old_) std::sort(pairs.begin(), pairs.end());  // version 3 takes any order
+  if (old_) std::sort(pairs.begin(), pairs.end());  // version 3 takes any order; of files it must be this one
   std::vector<double> wavelengths, values;
   for (const auto& [wavelength, value] : pairs) {
     wavelengths.push_back(wavelength);
@@ -253,6 +253,11 @@ PbrtTexture PbrtMaterials::texture(const PbrtObject& object, std::string_view na
   if (number) t.value = Vec3d(object.number(name, fallback.x));
   else t.value = color(object, name, SpectrumUse::reflectance).value_or(fallback);
   return t;
+}
+
+bool PbrtMaterials::has_texture(const PbrtObject& object, std::string_view name, bool number) const {
+  const PbrtParameter* p = object.find(name);
+  return p && p->type == "texture" && p->texts.size() == 1 && objects_.count({number, p->texts[0]}) > 0;
 }
 
 const PbrtMaterials::Object* PbrtMaterials::defined(const Definitions& all, std::size_t serial) const {
@@ -495,8 +500,8 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
       constant(e, "color0", number ? t.other : t.value);
       constant(e, "color1", number ? t.value : t.other);
     } else {
-      const bool plain = !t.mix && !t.number && t.value == Vec3d(1.0) && t.gain == 1.0 && !t.invert &&
-                         map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
+      const bool plain = role != Role::share && !t.mix && !t.number && t.value == Vec3d(1.0) && t.gain == 1.0 &&
+                         !t.invert && map == PbrtMap::none && (t.gamma == 0.0 || t.gamma == 1.0);
       std::string file = t.file;
       if (!plain) {
         BuiltPicture built;

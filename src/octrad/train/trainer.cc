@@ -53,7 +53,8 @@ double check_memory(const TrainOptions& options, const Config& config, const std
   const MemoryEstimate estimate = memory_estimate(options);
   std::vector<MemoryPart> parts = estimate(config, cells);
   const auto bytes = static_cast<double>(total_bytes(parts));
-  parts.push_back({"the program and the scene, in memory already", static_cast<std::uint64_t>(options.used_memory)});
+  parts.push_back({options.stream ? "the scene" : "the program and the scene, in memory already",
+                   static_cast<std::uint64_t>(options.used_memory)});
   std::string advice;
   auto changes = field_entry(config.field).smaller(config);
   if (config.train_points > 1024) changes.emplace_back("train.points", std::to_string(config.train_points / 2));
@@ -237,7 +238,12 @@ void Trainer::Run::checkpoint(bool optimizer) {
   };
   {
     const Lit lit(*this);
-    save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
+    try {
+      save_model(options_.output, field(), info, optimizer, optimizer ? engine_->trained() : nullptr);
+    } catch (const IoError& error) {
+      not_saved_ = error.what();
+      throw;
+    }
   }
   saved_step_ = state_.step;
   has_saved_ = true;
@@ -260,8 +266,7 @@ void Trainer::Run::try_checkpoint() {
     checkpoint(true);
   } catch (const IoError& error) {
     if (!options_.not_saved) throw;
-    not_saved_ = error.what();
-    options_.not_saved(not_saved_, state_.step);
+    options_.not_saved(error.what(), state_.step);
   }
 }
 
@@ -379,7 +384,7 @@ void Trainer::Run::report() {
     options_.progress(progress());
     next_progress_ = seconds + 0.2;
   }
-  const bool ends = done() && !was_done_;  // its result is saved anyway; steps after it are not
+  const bool ends = done() && !was_done_;  // its result is saved; steps after it are not
   was_done_ = done();
   if (seconds >= next_checkpoint_ && !ends) {
     try_checkpoint();

@@ -173,6 +173,7 @@ export class TrainingPanel {
   scaleAll(stops) {
     this.base ??= this.scene.lights.map(light => light.factor);
     const lights = this.base.map((factor, light) => ({ light, factor: factor.map(v => +(v * 2 ** stops).toPrecision(6)) }));
+    lights.forEach(({ light, factor }) => { this.scene.lights[light].factor = factor; });  // the next move may begin here
     for (let i = 0; i < lights.length; i += 500)
       this.later("all" + i, () => ({ type: "edit", lights: lights.slice(i, i + 500) }));
   }

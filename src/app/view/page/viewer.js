@@ -66,13 +66,13 @@ class Viewer {
     socket.onclose = () => this.lost(opened ? "The connection ended." : "The program takes no more viewers.");
   }
 
-  // The server says something every 15 s at least. A connection that has died, of a computer that slept for example, is
-  // not always closed.
+  // The server says something every 30 s at least, behind the frame that it is sending. A connection that has died, of a
+  // computer that slept for example, is not always closed.
   listenForLife() {
-    if (!this.socket || this.socket.readyState !== WebSocket.OPEN || performance.now() - this.heard < 40000) return;
+    if (!this.socket || this.socket.readyState !== WebSocket.OPEN || performance.now() - this.heard < 120000) return;
     this.socket.onclose = this.socket.onmessage = null;
     this.socket.close();
-    this.lost("Nothing has come for 40 s.");
+    this.lost("Nothing has come for two minutes.");
   }
 
   lost(why) {
