@@ -392,6 +392,10 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
   return out;
 }
 
+void set_seed(Config& config, const CommonOptions& common) {
+  if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+}
+
 std::string empty_lookups_text(long long count) {
   return fmt::format("{} look-ups of an octree level found no occupied cell and had features of 0",
                      format_count(count));

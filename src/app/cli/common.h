@@ -167,6 +167,9 @@ struct ConfigOptions {
   std::map<std::string, std::string> scene_definitions() const;
 };
 
+// Makes `--seed`, where it is given, that of the configuration.
+void set_seed(Config& config, const CommonOptions& common);
+
 // A value of what octrad wrote into a picture: `key` of the JSON object in the attribute `name`. `fallback` where there
 // is none, or one of another type.
 template <typename T>

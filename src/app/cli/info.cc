@@ -255,7 +255,7 @@ nlohmann::json camera_json(const Camera& c, const Film& film) {
 // Counts, bounds, lights, and the size of the cache that training would make.
 void info_scene(const CommonOptions& common, const InfoOptions& options) {
   Config config = options.config.resolve();
-  if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+  set_seed(config, common);
   const FieldEntry& field = field_entry(config.field);
   const bool octree = field.cell_levels(config) > 0;
   if (options.sampled && !octree)
@@ -453,7 +453,7 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
                                  options.config.scene_definitions().begin()->first));
   if (options.keys) {
     Config config = options.config.resolve();
-    if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+    set_seed(config, common);
     return info_keys(common, config);
   }
   const std::string extension = ending_of(options.file);

@@ -43,7 +43,7 @@ struct TrainVerbOptions {
 // Options that have configuration keys of their own are applied last: they are what the user sees first.
 void apply_options(Config& config, const TrainVerbOptions& o, const CommonOptions& common) {
   if (!o.field.empty()) set(config, "field", o.field);
-  if (common.has_seed()) set(config, "seed", std::to_string(common.seed));
+  set_seed(config, common);
   if (!o.time.empty()) set(config, "train.time", o.time);
   if (o.steps >= 0) set(config, "train.steps", std::to_string(o.steps));
 }

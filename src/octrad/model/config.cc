@@ -492,8 +492,7 @@ std::string unmet_condition(const Config& c, const std::string& key) {
   if ((key == "target.demodulate" || key == "lookup.coats") && !outside) return "target.emission = outside";
   if (key == "render.trace_below" && (!outside || c.render_delta != DeltaSurfaces::trace))
     return "render.delta = trace and target.emission = outside";
-  if (key == "render.offset_spread" &&
-      (c.lookup_offset != LookupOffset::traced || c.lookup_reflected != Reflected::features))
+  if (key == "render.offset_spread" && !looks_up_reflected(c))
     return "lookup.offset = traced and lookup.reflected = features";
   return "";
 }

@@ -50,15 +50,13 @@ class MeasuredReader {
     const Tensor& luminance = floats("luminance", {nodes_phi, nodes_theta, 0, 0});
     const std::uint64_t side = luminance.shape[2];
     if (luminance.shape[3] != side) fail_at(luminance.at, "luminance must be as high as it is wide");
-    const Tensor& wavelengths = spectral ? floats("wavelengths", {0}) : phi;
-    const Tensor& colors = spectral ? floats("spectra", {nodes_phi, nodes_theta, wavelengths.count, side, side})
-                                    : floats("rgb", {nodes_phi, nodes_theta, 3, side, side});
-    const std::uint64_t color_count = nodes_phi * nodes_theta * 3 * side * side;
+    const std::uint64_t channels = spectral ? floats("wavelengths", {0}).count : 3;
+    const Tensor& colors = floats(spectral ? "spectra" : "rgb", {nodes_phi, nodes_theta, channels, side, side});
     const Tensor& jacobian = tensor("jacobian", kByteTensor, {1});
     // Densities have their integrals beside them.
     const auto with_integrals = [](const Tensor& t) { return 2 * t.count + t.count / t.shape.back(); };
     const std::uint64_t total = phi.count + theta.count + normals.count + area.count + with_integrals(visible) +
-                                with_integrals(luminance) + color_count;
+                                with_integrals(luminance) + colors.count / channels * 3;
     if (total > kMostFloats)
       fail_at(0, "the tables take " + std::to_string(total) + " numbers; at most " + std::to_string(kMostFloats));
     ask_memory(total * sizeof(float), name_);
@@ -76,7 +74,7 @@ class MeasuredReader {
     add_density(m, visible, "vndf", l.visible_normals);
     add_density(m, luminance, "luminance", l.luminance);
     l.rgb = place(m);
-    if (spectral) append_spectra(m, colors, wavelengths);
+    if (spectral) append_spectra(m, colors);
     else append(m, colors, "rgb");
     return m;
   }
@@ -162,6 +160,10 @@ class MeasuredReader {
 
   static std::uint32_t place(const MeasuredMaterial& m) { return static_cast<std::uint32_t>(m.data.size()); }
 
+  void require_measured(float value, const Tensor& t, const std::string& name) const {
+    if (!(std::fabs(value) <= kLargest)) fail_at(t.at, "a value of \"" + name + "\" is not finite, or above 1e10");
+  }
+
   // Its values; what noise leaves of negative ones is 0.
   void append(MeasuredMaterial& m, const Tensor& t, const std::string& name, bool may_be_negative = false) const {
     const std::size_t begin = m.data.size();
@@ -169,13 +171,14 @@ class MeasuredReader {
     std::memcpy(m.data.data() + begin, bytes_.data() + t.begin, t.count * sizeof(float));
     for (std::size_t i = begin; i < m.data.size(); ++i) {
       float& value = m.data[i];
-      if (!(std::fabs(value) <= kLargest)) fail_at(t.at, "a value of \"" + name + "\" is not finite, or above 1e10");
+      require_measured(value, t, name);
       if (!may_be_negative) value = std::max(value, 0.0f);
     }
   }
 
   // The colours of spectra under D65, as those of a surface are (scene/spectrum.h).
-  void append_spectra(MeasuredMaterial& m, const Tensor& spectra, const Tensor& wavelengths) const {
+  void append_spectra(MeasuredMaterial& m, const Tensor& spectra) const {
+    const Tensor& wavelengths = floats("wavelengths", {0});
     const std::size_t count = wavelengths.count, texels = spectra.shape[3] * spectra.shape[4];
     std::vector<float> nm(count);
     std::memcpy(nm.data(), bytes_.data() + wavelengths.begin, count * sizeof(float));
@@ -193,8 +196,7 @@ class MeasuredReader {
         for (std::size_t texel = 0; texel < texels; ++texel) {
           float value;
           std::memcpy(&value, from + texel * sizeof value, sizeof value);
-          if (!(std::fabs(value) <= kLargest))
-            fail_at(spectra.at, "a value of \"spectra\" is not finite, or above 1e10");
+          require_measured(value, spectra, "spectra");
           sums[texel] += weights[i] * static_cast<double>(std::max(value, 0.0f));
         }
       }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "octrad/scene/scene.h"
 #include "octrad/scene/transform.h"
@@ -40,6 +41,8 @@ RawMesh parse_obj(const std::string& name, const std::string& text);
 // NAME_1, NAME_2, or r, g, b for the name "color". Those that the file lacks are left out.
 RawMesh read_ply(const std::string& file, const std::vector<std::string>& attributes = {});
 RawMesh parse_ply(const std::string& name, const std::string& bytes, const std::vector<std::string>& attributes = {});
+// Whether a property of vertices is the first texture coordinate.
+bool is_ply_coordinate(std::string_view property);
 
 // The content of a binary little-endian PLY file of the mesh; of its attributes those named vertex_color.
 std::string ply_bytes(const RawMesh& mesh);

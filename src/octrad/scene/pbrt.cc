@@ -23,9 +23,6 @@
 namespace octrad {
 namespace {
 
-// Texture coordinates of a PLY file: the first of the two.
-constexpr const char* kCoordinates[] = {"u", "s", "texture_u", "texture_s"};
-
 constexpr std::size_t kMostIncludes = 1000, kMostIncludeDepth = 16, kMostStates = 10000, kMostShapes = 4'000'000;
 constexpr std::uint64_t kMostIncludedBytes = 1'000'000'000, kMostIncludedAgain = 100'000'000;
 constexpr std::uint64_t kObjectBytes = 3000;  // of the elements of one, about
@@ -540,8 +537,7 @@ class PbrtReader {
       try {
         const bool packed = ending_of(file) == ".gz";
         const std::set<std::string> has = packed ? std::set<std::string>() : ply_properties(file);
-        const bool coordinates = std::any_of(std::begin(kCoordinates), std::end(kCoordinates),
-                                             [&](const char* name) { return has.count(name) > 0; });
+        const bool coordinates = std::any_of(has.begin(), has.end(), is_ply_coordinate);
         if (packed || both || measured || (textured && !coordinates)) {
           std::error_code code;
           const std::string identity = std::filesystem::weakly_canonical(file, code).string();

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <string_view>
+#include <utility>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/memory_limit.h"
@@ -16,6 +18,12 @@
 
 namespace octrad {
 namespace {
+
+// Where the properties of vertices go: 0-2 position, 3-5 normal, 6-7 uv.
+constexpr int kFirstCoordinate = 6;
+constexpr std::pair<std::string_view, int> kTargets[] = {
+    {"x", 0}, {"y", 1}, {"z", 2}, {"nx", 3},        {"ny", 4},        {"nz", 5},        {"u", 6},
+    {"v", 7}, {"s", 6}, {"t", 7}, {"texture_u", 6}, {"texture_v", 7}, {"texture_s", 6}, {"texture_t", 7}};
 
 enum class Type { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
 
@@ -277,10 +285,6 @@ class PlyReader {
   }
 
   void read_vertices(const PlyElement& element) {
-    // Where each property goes: 0-2 position, 3-5 normal, 6-7 uv, -1 nowhere.
-    static const std::pair<const char*, int> kTargets[] = {
-        {"x", 0}, {"y", 1}, {"z", 2}, {"nx", 3},        {"ny", 4},        {"nz", 5},        {"u", 6},
-        {"v", 7}, {"s", 6}, {"t", 7}, {"texture_u", 6}, {"texture_v", 7}, {"texture_s", 6}, {"texture_t", 7}};
     std::vector<int> targets;
     bool have[8] = {};
     for (const Property& property : element.properties) {
@@ -498,6 +502,11 @@ std::string ply_bytes(const RawMesh& mesh) {
     put(&triangle, sizeof triangle);
   }
   return out;
+}
+
+bool is_ply_coordinate(std::string_view property) {
+  return std::any_of(std::begin(kTargets), std::end(kTargets),
+                     [&](const auto& target) { return target.first == property && target.second == kFirstCoordinate; });
 }
 
 }  // namespace octrad

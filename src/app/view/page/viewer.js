@@ -68,7 +68,7 @@ class Viewer {
 
   // The server says something every 30 s at least, behind the frame that it is sending. A connection that has died, of a
   // computer that slept for example, is not always closed.
-  listenForLife() {
+  checkConnection() {
     if (!this.socket || this.socket.readyState !== WebSocket.OPEN || performance.now() - this.heard < 120000) return;
     this.socket.onclose = this.socket.onmessage = null;
     this.socket.close();
@@ -389,7 +389,7 @@ class Viewer {
     for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", () => this.savePicture(button.dataset.save));
     if (matchMedia("(max-width: 700px)").matches) this.togglePanel();
     new ResizeObserver(() => this.draw()).observe(stage);
-    setInterval(() => this.listenForLife(), 5000);
+    setInterval(() => this.checkConnection(), 5000);
   }
 
   togglePanel() {
