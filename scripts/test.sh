@@ -140,6 +140,11 @@ for program in "${programs[@]}"; do add "$program" "build-test/$program"; done
 for script in tests/test_templates.py tests/test_examples.py tests/test_*.py; do
   [[ " ${names[*]} " == *" $script "* ]] || add "$script" "$python" "$script"
 done
+if "$python" -c 'import mitsuba' 2>/dev/null; then
+  add "random materials against Mitsuba" "$python" tests/random_models.py --tests build-test/test_shading
+else
+  skip "mitsuba is not installed for $python: tests/random_models.py"
+fi
 nvcc=$(command -v nvcc || ls /usr/local/cuda/bin/nvcc 2>/dev/null || true)
 if [ -n "$nvcc" ]; then
   unit=$logs/math_headers.cu

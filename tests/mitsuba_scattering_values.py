@@ -295,7 +295,8 @@ inline const char* const kMitsubaOtherBsdfs[] = {""" % mi.__version__)
     print("};\n\n}  // namespace octrad")
 
 
-if sys.argv[1:] == ["--samples"]:
-    print_samples()
-else:
-    print_values()
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--samples"]:
+        print_samples()
+    else:
+        print_values()

@@ -23,7 +23,8 @@ bool scatters_on_both_sides(const Scene& scene, const Material& m) {
   for (const int part : m.blended) {
     if (part < 0) continue;
     const Material& p = scene.materials[static_cast<std::size_t>(part)];
-    if (p.two_sided || scatters_on_both_sides(scene, p)) return true;
+    const bool tilts_to_front = p.bump >= 0 && !p.bump_flips;  // a mapped normal may face who sees the surface's back
+    if (p.two_sided || tilts_to_front || scatters_on_both_sides(scene, p)) return true;
   }
   return false;
 }

@@ -64,14 +64,18 @@ OCTRAD_HD inline ShadingPoint shade(const MaterialsView& materials, const Surfac
   p.front = dot(wo, surface.geometric_normal) > 0.0f;
   const MaterialRecord* record = &seen_record(materials, surface, wo);
   const Vec3f n = surface.shading_normal;
-  const bool two_sided = materials.records[surface.material].constant.two_sided;
-  material_at<kModels>(materials, *record, surface.uv, p.bsdf);
-  p.bsdf.two_sided = two_sided;
+  const MaterialRecord& front = materials.records[surface.material];
+  const bool two_sided = front.constant.two_sided;
   Frame frame = tangent_frame(n, surface.dp_du);
   if (record->bump >= 0) {
     const Vec3f bumped = bumped_normal(materials.textures[record->bump], *record, surface, frame, wo);
     frame = tangent_frame(bumped, frame.s);
+    // Around two sides, the mapped normal decides which is seen.
+    if (front.back >= 0 && !record->bump_mirrored)
+      record = dot(wo, bumped) < 0.0f ? &materials.records[front.back] : &front;
   }
+  material_at<kModels>(materials, *record, surface.uv, p.bsdf);
+  p.bsdf.two_sided = two_sided;
   p.s = frame.s;
   p.t = frame.t;
   const float side = dot(wo, frame.n);
