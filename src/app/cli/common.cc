@@ -218,6 +218,33 @@ bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>&
   return std::find_first_of(a.begin(), a.end(), b.begin(), b.end()) != a.end();
 }
 
+std::string view_difference(const Image& a, const Image& b) {
+  const std::string unknown;
+  const auto told = [](const std::string& x, const std::string& y) { return !x.empty() && !y.empty() && x != y; };
+  const auto text = [&](const Image& image, const char* key) {
+    const auto found = image.metadata.find(key);
+    return found == image.metadata.end() ? unknown : found->second;
+  };
+  const auto value = [&](const Image& image, const char* name, const char* key) {
+    return metadata_value(image, name, key, unknown);
+  };
+  if (told(value(a, "octrad.scene", "fingerprint"), value(b, "octrad.scene", "fingerprint"))) return "their scene";
+  const std::string camera = text(a, "octrad.camera"), other_camera = text(b, "octrad.camera");
+  if (told(camera, other_camera)) return "their camera";
+  for (const char* key : {"displayWindow", "dataWindow.min"}) {
+    const std::string x = text(a, key), y = text(b, key);
+    if (told(x, y) || (x != y && !camera.empty() && !other_camera.empty())) return "their crop";
+  }
+  if (told(value(a, "octrad.render", "view"), value(b, "octrad.render", "view")))
+    return "their filter, clipping planes or principal point";
+  return unknown;
+}
+
+void warn_of_other_view(const std::string& a_file, const Image& a, const std::string& b_file, const Image& b) {
+  if (const std::string what = view_difference(a, b); !what.empty())
+    log_warning(fmt::format("{} and {} differ in {}: they are not pictures of one view", a_file, b_file, what));
+}
+
 nlohmann::json stages_json(const StageSplit& stages) {
   nlohmann::json object = nlohmann::json::object();
   for (const auto& [stage, ms] : stages) object[stage] = ms;
@@ -247,17 +274,20 @@ void refuse_inputs_as_outputs(const std::string& option, std::vector<std::string
     struct stat found {};
     return ::stat(file.c_str(), &found) == 0 ? std::optional(std::pair(found.st_dev, found.st_ino)) : std::nullopt;
   };
+  // Of a file that is not there yet, "x" and "./x" are the same path only when both are absolute.
+  const auto path_of = [&](const std::string& file) {
+    return fs::weakly_canonical(fs::absolute(file, ignored), ignored).string();
+  };
   std::map<std::string, std::string> by_path;
   std::map<std::pair<dev_t, ino_t>, std::string> by_place;
   for (const std::string& input : inputs) {
     if (input.empty()) continue;
-    if (const fs::path path = fs::weakly_canonical(input, ignored); !path.empty())
-      by_path.emplace(path.string(), input);
+    if (const std::string path = path_of(input); !path.empty()) by_path.emplace(path, input);
     if (const auto place = place_of(input)) by_place.emplace(*place, input);
   }
   for (const std::string& output : outputs) {
     const auto place = place_of(output);
-    const auto same_path = by_path.find(fs::weakly_canonical(output, ignored).string());
+    const auto same_path = by_path.find(path_of(output));
     const auto same_place = place ? by_place.find(*place) : by_place.end();
     if (same_path == by_path.end() && same_place == by_place.end()) continue;
     throw UsageError(fmt::format("{} {}: is {} too, which it would overwrite", option, output,

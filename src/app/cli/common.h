@@ -194,6 +194,10 @@ inline std::string mask_of(const Image& image) { return metadata_value(image, "o
 // The seeds of a picture, as far as its metadata say: one, or those of all that `merge` joined.
 std::vector<long long> picture_seeds(const Image& image);
 bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b);
+// In what two pictures differ that are not of one view, as far as their metadata says; else empty.
+std::string view_difference(const Image& a, const Image& b);
+// Warns where there is such a difference.
+void warn_of_other_view(const std::string& a_file, const Image& a, const std::string& b_file, const Image& b);
 
 // What to say of look-ups that found nothing (RadianceField::take_empty_lookups).
 std::string empty_lookups_text(long long count);

@@ -87,6 +87,7 @@ Image read_same_size(const std::string& file, const Image& reference, const Comp
     throw InputError(fmt::format("{} has {} x {} pixels, {} has {} x {}", file, image.width, image.height, o.reference,
                                  reference.width, reference.height));
   }
+  if (file != o.mask) warn_of_other_view(file, image, o.reference, reference);
   return image;
 }
 
@@ -144,6 +145,9 @@ struct SecondReference {
 
 SecondReference read_second(const Image& reference, const CompareOptions& o) {
   SecondReference second = {read_same_size(o.reference_b, reference, o)};
+  if (const std::string what = view_difference(reference, second.image); !what.empty())
+    throw InputError(
+        fmt::format("{} and {} differ in {}: their difference is not their noise", o.reference, o.reference_b, what));
   const auto number_of = [](const Image& image, const char* key) {
     return metadata_value<long long>(image, "octrad.render", key, -1);
   };

@@ -24,7 +24,8 @@ std::vector<std::string> frames_of(const std::string& sequence) {
   std::error_code error;
   if (fs::is_directory(sequence, error)) {
     for (fs::directory_iterator entry(sequence, error), end; !error && entry != end; entry.increment(error)) {
-      if (is_picture_name(entry->path().string())) files.push_back(entry->path().string());
+      const bool hidden = entry->path().filename().string().starts_with('.');  // "._f0.exr" of other systems
+      if (!hidden && is_picture_name(entry->path().string())) files.push_back(entry->path().string());
     }
     if (error) throw IoError(fmt::format("cannot read folder {}: {}", sequence, error.message()));
     std::sort(files.begin(), files.end());

@@ -12,6 +12,7 @@
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/log.h"
 #include "octrad/scene/write_xml.h"
@@ -90,6 +91,19 @@ bool write_all(const std::filesystem::path& folder, const SceneFiles& files, con
   return true;
 }
 
+// Throws UsageError where a file beside the scene file would replace one that belongs to something else: that the scene
+// file which is replaced does not name.
+void refuse_strangers(const std::string& output, const std::filesystem::path& folder, const SceneFiles& files) {
+  std::error_code ignored;
+  const std::string before = std::filesystem::is_regular_file(output, ignored) ? read_file(output) : std::string();
+  for (const auto& [name, bytes] : files.others) {
+    const std::string file = (folder / name).string();
+    if (std::filesystem::exists(file, ignored) && before.find(name) == std::string::npos)
+      throw UsageError(fmt::format(
+          "-o {0}: would replace {1}, which is not a file of {0}; take another name, or remove it", output, file));
+  }
+}
+
 void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   refuse_input_as_output("-o", o.output, {o.scene});
   o.definitions.refuse_tuning();
@@ -104,6 +118,7 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   std::vector<std::string> outputs = {o.output};
   for (const auto& [name, bytes] : files.others) outputs.push_back((folder / name).string());
   refuse_inputs_as_outputs("-o", outputs, scene.other_files);
+  refuse_strangers(o.output, folder, files);
   log_findings(scene);
   if (!write_all(folder, files, o.output)) return;
   if (common.json) {

@@ -34,6 +34,7 @@ std::vector<std::string> option_names(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    for (const std::string& name : option->get_snames()) names.push_back("-" + name);
   }
   return names;
 }
@@ -64,10 +65,15 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   return text + "; see " + help;
 }
 
-// A value without a character is most likely a variable that is not set, and must not count as an option not given.
-void refuse_empty_values(const CLI::App& verb) {
+// A value without a character, or the name of another option, is most likely a variable that is not set. The first must
+// not count as an option not given, and the second not as a file's name.
+void refuse_lost_values(const CLI::App& verb) {
+  const std::vector<std::string> names = option_names(verb);
   for (const CLI::Option* option : verb.get_options()) {
     for (const std::string& value : option->results()) {
+      if (std::find(names.begin(), names.end(), value) != names.end())
+        throw UsageError(fmt::format("{}: the value is missing, and {} is an option; see octrad {} --help",
+                                     option->get_name(), value, verb.get_name()));
       if (value.empty())
         throw UsageError(
             fmt::format("{}: the value is empty; see octrad {} --help", option->get_name(), verb.get_name()));
@@ -105,7 +111,7 @@ int run(int argc, char** argv) {
     return static_cast<int>(ExitCode::usage);
   }
   const CLI::App& chosen = *program.app.get_subcommands().front();
-  refuse_empty_values(chosen);
+  refuse_lost_values(chosen);
   const std::string verb = chosen.get_name();
   program.common.support = {"octrad " + verb, program.devices[verb] == Devices::cuda};
   program.common.apply();

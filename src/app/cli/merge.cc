@@ -64,28 +64,21 @@ void check_alike(const Part& a, const Part& b) {
     throw InputError(fmt::format("{} and {} differ in {}: they are not pictures of one view", a.file, b.file, what));
   };
   if (a.image.width != b.image.width || a.image.height != b.image.height) differ("size");
-  const std::string unknown;
-  for (const auto& [name, key, what] : {std::tuple{"octrad.scene", "fingerprint", "their scene"},
-                                        {"octrad.render", "integrator", "their integrator"}}) {
-    const std::string x = metadata_value(a.image, name, key, unknown), y = metadata_value(b.image, name, key, unknown);
-    if (!x.empty() && !y.empty() && x != y) differ(what);
-  }
+  if (const std::string what = view_difference(a.image, b.image); !what.empty()) differ(what);
+  // Caches of one configuration and step are the same one, whatever the names of their files.
+  const auto cache = [](const Part& p) {
+    const auto config = p.image.metadata.find("octrad.config");
+    return std::pair(config == p.image.metadata.end() ? std::string() : config->second,
+                     metadata_value<long long>(p.image, "octrad.model", "step", -1));
+  };
+  if (cache(a) != cache(b)) differ("their cache");
+  const auto integrator = [](const Part& p) {
+    return metadata_value(p.image, "octrad.render", "integrator", std::string());
+  };
+  if (!integrator(a).empty() && !integrator(b).empty() && integrator(a) != integrator(b)) differ("their integrator");
   const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
   if (mask_of(a.image) != mask_of(b.image)) differ("their mask");
-  const auto text = [](const Part& p, const char* key) {
-    const auto found = p.image.metadata.find(key);
-    return found == p.image.metadata.end() ? std::string() : found->second;
-  };
-  const bool known = !text(a, "octrad.camera").empty() && !text(b, "octrad.camera").empty();
-  if (known && text(a, "octrad.camera") != text(b, "octrad.camera")) differ("their camera");
-  for (const char* key : {"displayWindow", "dataWindow.min"}) {
-    const std::string x = text(a, key), y = text(b, key);
-    if (x != y && (known || (!x.empty() && !y.empty()))) differ("their crop");
-  }
-  const auto view = [](const Part& p) { return metadata_value(p.image, "octrad.render", "view", std::string()); };
-  if (!view(a).empty() && !view(b).empty() && view(a) != view(b))
-    differ("their filter, clipping planes or principal point");
   if (share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
     throw InputError(fmt::format("{} and {} have the same seed: together they know no more than one", a.file, b.file));
 }
@@ -161,6 +154,8 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   Image out = weighted_mean(parts, 0, n);
   // With the halves a and b, mean - b = (a - b) n_a / (n_a + n_b): its variance times n_b / n_a is that of the mean.
   const double share = static_cast<double>(total_spp(parts, half, n)) / static_cast<double>(total_spp(parts, 0, half));
+  const auto not_finite = std::count_if(out.data.begin(), out.data.end(), [](float v) { return !std::isfinite(v); });
+  if (not_finite > 0) log_warning(fmt::format("{}: {} values are not finite", o.output, not_finite));
   const std::string mask = mask_of(out);
   const Metrics noise = reference_noise(out, weighted_mean(parts, half, n), share,
                                         mask.empty() ? std::vector<std::uint8_t>() : nonzero_pixels(out));
@@ -169,6 +164,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
     if (layers.width != out.width || layers.height != out.height)
       throw InputError(fmt::format("{} has {} x {} pixels, the pictures have {} x {}", o.aux, layers.width,
                                    layers.height, out.width, out.height));
+    warn_of_other_view(o.aux, layers, parts.front().file, parts.front().image);
     out = with_layers(out, layers);
   }
   out.metadata["octrad.version"] = kVersion;

@@ -65,7 +65,8 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
   QueryPoints result;
   std::vector<SurfacePoint>& points = result.points;
   std::vector<std::size_t> column;
-  std::size_t begin = 0, columns = 0;
+  std::size_t begin = text.starts_with("\xef\xbb\xbf") ? 3 : 0,
+              columns = 0;  // the mark of UTF-8 that some programs write
   int line_number = 0;
   bool has_normals = false;
   const auto refuse = [&](const std::string& why) {
@@ -85,6 +86,8 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
       columns = cells.size();
       const auto find_column = [&](const std::string& name) {
         const auto found = std::find(cells.begin(), cells.end(), name);
+        if (found != cells.end() && std::find(found + 1, cells.end(), name) != cells.end())
+          refuse(fmt::format("the header has the column \"{}\" twice", name));
         if (found != cells.end()) column.push_back(static_cast<std::size_t>(found - cells.begin()));
         return found != cells.end();
       };

@@ -35,16 +35,21 @@ void time_denoiser(Denoiser& denoiser, const Image& image, const std::string& na
 // What a picture must have in common with the one that it goes on from.
 FilmIdentity identity_of(const RenderSession& s, const View& view) {
   const Crop& c = view.crop;
-  return {{"scene", picture_fingerprint(s.scene())},
-          {"camera", report::whole_camera(view.camera)},
-          {"size", fmt::format("{} x {}, crop {},{},{},{}{}", view.width, view.height, c.x, c.y, c.width, c.height,
-                               view.mask ? ", mask " + report::mask_hash(view) : "")},
-          {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
-          {"seed", std::to_string(s.settings.seed)},
-          {"max_depth", std::to_string(s.settings.max_depth)},
-          {"rr_depth", std::to_string(s.settings.rr_depth)},
-          {"filter", report::filter_text(s.settings.film)},
-          {"device", s.device.name}};
+  FilmIdentity identity = {
+      {"scene", picture_fingerprint(s.scene())},
+      {"camera", report::whole_camera(view.camera)},
+      {"size", fmt::format("{} x {}, crop {},{},{},{}{}", view.width, view.height, c.x, c.y, c.width, c.height,
+                           view.mask ? ", mask " + report::mask_hash(view) : "")},
+      {"integrator", s.integrator.denoised ? "path" : s.o.integrator},
+      {"seed", std::to_string(s.settings.seed)},
+      {"max_depth", std::to_string(s.settings.max_depth)},
+      {"rr_depth", std::to_string(s.settings.rr_depth)},
+      {"filter", report::filter_text(s.settings.film)},
+      {"device", s.device.name}};
+  // Sampling weights of lights choose the random paths, not what the picture shows: no part of the fingerprint.
+  if (const std::vector<float> weights = s.scene().sampling_weights(); !weights.empty())
+    identity["sampling_weights"] = fmt::format("{}", fmt::join(weights, " "));
+  return identity;
 }
 
 // --resume: what the picture goes on from is in a file beside it, kept for runs to more samples.
@@ -52,12 +57,13 @@ class Continuation {
  public:
   Continuation(RenderSession& session, const View& view)
       : session_(session),
-        file_(session.o.output + ".state"),
+        file_(named_by(session.o.output) + ".state"),
         identity_(identity_of(session, view)) {
     if (!session.o.resume) return;
-    if (std::filesystem::exists(session.o.output) && !std::filesystem::is_regular_file(session.o.output))
+    std::error_code error;  // where a name is too long for a state, writing says so
+    if (std::filesystem::exists(session.o.output, error) && !std::filesystem::is_regular_file(session.o.output, error))
       throw UsageError(fmt::format("--resume: {} is not a file that a state could lie beside", session.o.output));
-    if (std::filesystem::exists(file_)) {
+    if (std::filesystem::exists(file_, error)) {
       from_ = read_film_state(file_, identity_);
       if (session.budget.spp > 0 && from_->samples > session.budget.spp)
         throw InputError(fmt::format("{}: has {} samples a pixel already, more than the {} asked for", file_,
@@ -70,21 +76,28 @@ class Continuation {
 
   int samples() const { return from_ ? from_->samples : 0; }
 
-  // The picture on disk, where it has what is asked for and nothing is there to go on from.
+  // The picture on disk, where it has what is asked for.
   std::optional<Image> finished(const View& view) const {
-    if (!session_.o.resume || from_ || session_.budget.spp < 1) return std::nullopt;
+    if (!session_.o.resume) return std::nullopt;
     std::optional<Image> image = on_disk();
-    if (image && session_.difference(*image, view, session_.settings.seed, session_.budget.spp).empty()) return image;
-    if (image) log_info("{}: nothing is there to go on from ({}): it is rendered anew", session_.o.output, file_);
+    if (!image) return std::nullopt;
+    if (image->metadata.contains("octrad.render") && picture_seeds(*image).size() > 1)
+      throw UsageError(
+          fmt::format("--resume: {} was merged from several pictures, which nothing can go on from; take another name",
+                      session_.o.output));
+    if (session_.budget.spp > 0 &&
+        session_.difference(*image, view, session_.settings.seed, session_.budget.spp).empty())
+      return image;
+    if (!from_) log_info("{}: nothing is there to go on from ({}): it is rendered anew", session_.o.output, file_);
     return std::nullopt;
   }
 
-  // Whether the result may replace what is on disk: an interrupted run leaves a picture of more samples alone.
+  // Whether the result may replace what is on disk: with --resume, a picture of more samples stays.
   bool replaces(const RenderResult& result, const View& view) const {
     if (result.spp == 0) return false;  // interrupted in its first pass
-    if (!session_.o.resume || !result.interrupted) return true;
+    if (!session_.o.resume) return true;
     const std::optional<Image> image = on_disk();
-    return !image || !session_.difference(*image, view, session_.settings.seed, result.spp).empty();
+    return !image || !session_.difference(*image, view, session_.settings.seed, result.spp + 1).empty();
   }
 
   // After the picture was written. An interrupted one can be continued even without --resume, unless its state would
@@ -112,6 +125,13 @@ class Continuation {
   }
 
  private:
+  // What a link leads to: the state lies beside the picture itself.
+  static std::string named_by(const std::string& output) {
+    std::error_code error;
+    return std::filesystem::is_symlink(output, error) ? std::filesystem::weakly_canonical(output, error).string()
+                                                      : output;
+  }
+
   // The picture comes first: a disk that is full ends nothing.
   void save(const FilmState& state) {
     try {
@@ -193,11 +213,12 @@ void render_picture(RenderSession& s) {
   }
   s.log_event("done", report);
   print_picture(s, result, report, frames,
-                !result.interrupted ? ""
-                : result.spp == 0   ? "; interrupted before every pixel had a sample: nothing is saved"
-                : !replaces         ? "; interrupted, and kept for --resume: the file has more samples"
-                : goes_on           ? "; interrupted, what was done is saved, and --resume goes on"
-                                    : "; interrupted, what was done is saved");
+                result.interrupted && result.spp == 0
+                    ? "; interrupted before every pixel had a sample: nothing is saved"
+                : !replaces           ? "; kept for --resume beside the file, which has more samples"
+                : !result.interrupted ? ""
+                : goes_on             ? "; interrupted, what was done is saved, and --resume goes on"
+                                      : "; interrupted, what was done is saved");
   continuation.check();
   if (s.log) s.log->finish();
 }

@@ -124,7 +124,7 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
       denoiser(o.denoise ? o.denoiser.make(device.cuda) : nullptr),
       prepared(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive,
                           {{"-o", o.output}, {"--log-json", common.log_json}})),
-      log(common.open_log()),
+      log(common.open_log(o.resume)),
       tev(open_tev(o.tev)),
       progress_(o.integrator) {
   use_huge_pages();

@@ -9,6 +9,7 @@
 #include "app/cli/open_scene.h"
 #include "app/cli/serve.h"
 #include "app/cli/tev_training.h"
+#include "app/report/picture_origin.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -67,7 +68,9 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   std::vector<std::string> given;
   for (const auto& [key, value] : o.config.config_definitions()) given.push_back(key);
   std::string kept;
-  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every"};
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every",
+                                                      // The cameras themselves are compared (check_sensors).
+                                                      "train.cameras"};
   for (std::size_t i = 0; i < was.size(); ++i) {
     const std::string& key = was[i].key;
     const bool of_pictures = key.starts_with("render.") && key != "render.delta" && key != "render.trace_below";
@@ -79,7 +82,7 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
     }
     throw UsageError(fmt::format(
         "--resume: {} was {} in {} and is {} now; a run continues with its own configuration (only train.steps, train.time, "
-        "checkpoint.every, and render.* but render.delta and render.trace_below may change)",
+        "checkpoint.every, the name of train.cameras, and render.* but render.delta and render.trace_below may change)",
         key, was[i].value, o.output, now[i].value));
   }
   if (!kept.empty())
@@ -119,6 +122,14 @@ void check_reference(const std::string& file, const Image& reference, const Scen
         "{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
         metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint, scene.file, expected));
   }
+  const auto camera = reference.metadata.find("octrad.camera");
+  if (camera != reference.metadata.end() && fingerprint == expected && !scene.cameras.empty() &&
+      camera->second != report::camera_json(scene.cameras.front()).dump())
+    log_warning(
+        fmt::format("{} has another camera than the scene's first sensor, whose picture it is compared with", file));
+  const std::string integrator = metadata_value<std::string>(reference, "octrad.render", "integrator", "path");
+  if (integrator != "path" && integrator != "denoised")
+    log_warning(fmt::format("{} is a picture of integrator {}, and no reference", file, integrator));
   const int depth = metadata_value(reference, "octrad.render", "max_depth", -1);
   if (depth >= 0 && metadata_value<std::string>(reference, "octrad.render", "integrator", "") == "path") {
     log_warning(
@@ -254,7 +265,7 @@ nlohmann::json report_json(const TrainVerbOptions& o, const Config& config, cons
       {"model", o.output},
       {"field", config.field},
       {"preset", config.preset},
-      {"interrupted", interrupted()},
+      {"interrupted", result.interrupted},
       {"device", device}};
   report["memory_estimate_bytes"] = static_cast<std::uint64_t>(options.used_memory + result.memory);
   report["memory_peak_bytes"] = peak_resident_bytes();
@@ -376,8 +387,9 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
     done["event"] = "done";
     log->write(done);
   }
-  if (interrupted())
-    log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
+  if (result.interrupted)
+    log_info("interrupted: {} holds step {}{}", o.output, format_count(result.steps),
+             o.no_optimizer ? "" : "; --resume continues it");
   if (common.json) print_json(report);
   else print_result(o.output, result, size);
   if (log) log->finish();

@@ -174,9 +174,11 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   prepared.tracer();  // built before anybody waits for it
 
   std::unique_ptr<Trainer> trainer;
+  long long first_step = 0;
   std::unique_ptr<LiveTraining> live;
   if (o.train) {
     trainer = make_trainer(common, o, prepared, studio.models.front(), stream.get());
+    first_step = trainer->state().step;
     live = std::make_unique<LiveTraining>(prepared, *trainer, LiveTraining::Options{false, !o.output.empty(), false});
   }
   // Pictures have what the training leaves of the memory.
@@ -184,7 +186,9 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   if (o.max_depth >= -1) studio.settings.max_depth = o.max_depth;
   Session session(std::move(studio), std::move(first), command_of(common, o), live.get());
   serve(o.serve, common, session, interrupted);
-  if (trainer && trainer->state().step > 0 && !o.output.empty()) trainer->checkpoint(true);
+  // A model that nothing was added to stays as it is.
+  const bool trained = trainer && trainer->state().step > first_step;
+  if (trained && !o.output.empty()) trainer->checkpoint(true);
 }
 
 }  // namespace

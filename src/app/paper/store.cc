@@ -31,6 +31,10 @@ std::pair<std::uint64_t, std::uint64_t> identity_of(const std::string& folder) {
 
 void Store::open() {
   make_folder("");
+  // Both files are written anew: in a folder of something else they are not ours.
+  if (has("results.json") ? !read("results.json").contains("program") : has("index.html") && !has("rates"))
+    throw InputError(fmt::format("{} holds {} of something else, which a report would replace; take another folder",
+                                 folder_, has("results.json") ? "a results.json" : "an index.html"));
   require_writable(path("results.json"));
   identity_ = identity_of(folder_);
 }

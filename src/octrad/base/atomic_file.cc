@@ -261,6 +261,7 @@ bool WriterLock::take(const std::string& file) {
       const int error = errno;
       if (descriptor_ >= 0) close(std::exchange(descriptor_, -1));
       if (error == EWOULDBLOCK) return false;
+      if (error == ENOENT) fail("write", file, error);  // the working directory was removed
       log_warning(
           fmt::format("{}: {}; nothing keeps another process from writing {} too", lock_, std::strerror(error), file));
       return true;

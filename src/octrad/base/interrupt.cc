@@ -1,5 +1,6 @@
 #include "octrad/base/interrupt.h"
 
+#include <poll.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -16,8 +17,11 @@ static_assert(std::atomic<bool>::is_always_lock_free, "used in a signal handler"
 template <std::size_t N>
 [[noreturn]] void end_at_once(const char (&message)[N]) {
   remove_temporary_files();
-  const ssize_t ignored = write(STDERR_FILENO, message, N - 1);
-  static_cast<void>(ignored);
+  pollfd there = {STDERR_FILENO, POLLOUT, 0};
+  if (poll(&there, 1, 0) == 1) {  // a full pipe would hold the process here
+    const ssize_t ignored = write(STDERR_FILENO, message, N - 1);
+    static_cast<void>(ignored);
+  }
   _exit(130);
 }
 
