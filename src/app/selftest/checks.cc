@@ -113,6 +113,9 @@ CheckResult check_g_buffer(const Context& c) {
     options.split_coats = bounce == Bounce::none;
     cases.push_back({options, bounce != Bounce::all, bounce == Bounce::none});
   }
+  cases.push_back(cases.front());
+  cases.back().options.follow_below = kFollowDelta;
+  cases.back().options.coat_samples = 20.0f;
   return check_first_hits(c.stream, c.open, small_picture(c, 3), cases);
 }
 

@@ -308,6 +308,10 @@ const std::vector<Key>& keys() {
       number(
           "render.trace_below", &C::render_trace_below, {0, 1},
           "roughness below which metals and glass are followed like mirrors; needs render.delta = trace and target.emission = outside"),
+      number(
+          "render.coat_samples", &C::render_coat_samples, {0, 1e6},
+          "coats of roughness alpha are followed like mirrors from this times alpha^2 samples of a pixel on; 0: never; needs render.delta = "
+          "trace and lookup.coats = split"),
       choice(
           "render.highlights", &C::render_highlights,
           {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
@@ -492,6 +496,8 @@ std::string unmet_condition(const Config& c, const std::string& key) {
   if ((key == "target.demodulate" || key == "lookup.coats") && !outside) return "target.emission = outside";
   if (key == "render.trace_below" && (!outside || c.render_delta != DeltaSurfaces::trace))
     return "render.delta = trace and target.emission = outside";
+  if (key == "render.coat_samples" && (!split_coats(c) || c.render_delta != DeltaSurfaces::trace))
+    return "render.delta = trace, lookup.coats = split and target.emission = outside";
   if (key == "render.offset_spread" && !looks_up_reflected(c))
     return "lookup.offset = traced and lookup.reflected = features";
   return "";

@@ -55,6 +55,7 @@ ModelInfo info_of(const TensorReader& in) {
       if (key == "adam.rate.budget") c.adam_rate_budget = 0;
       if (key == "loss.power") c.loss_power = 2.0;
       if (key == "render.trace_below") c.render_trace_below = 0.0;
+      if (key == "render.coat_samples") c.render_coat_samples = preset(c.preset).render_coat_samples;
       if (key == "render.offset_spread") c.render_offset_spread = preset(c.preset).render_offset_spread;
     }
     const nlohmann::json scene = parse_json(text("scene"), in.file());

@@ -102,7 +102,8 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
         config["preset"] = info.config.preset = preset_name;
-        EXPECT_EQ(config["render"].erase("offset_spread") + config["render"].erase("trace_below"), 2u);
+        for (const char* newer : {"offset_spread", "trace_below", "coat_samples"})
+          EXPECT_EQ(config["render"].erase(newer), 1u);
         EXPECT_EQ(config["loss"].erase("power"), 1u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
         for (const char* newer : {"average", "far_ends", "area_falls", "first_points"})
@@ -115,12 +116,13 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     for (const std::string& name : in.names()) copy_tensor(in, name, tensors, out);
     out.write(file + ".older");
     info.config.render_offset_spread = preset(preset_name).render_offset_spread;
+    info.config.render_coat_samples = preset(preset_name).render_coat_samples;
     const ModelInfo older = load_model(file + ".older").info;
     EXPECT_EQ(older.config, info.config);
     EXPECT_EQ(std::set<std::string>(older.state.newer_keys.begin(), older.state.newer_keys.end()),
               (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "loss.power",
-                                     "render.offset_spread", "render.trace_below", "train.area_falls", "train.average",
-                                     "train.far_ends", "train.first_points"}));
+                                     "render.coat_samples", "render.offset_spread", "render.trace_below",
+                                     "train.area_falls", "train.average", "train.far_ends", "train.first_points"}));
     std::filesystem::remove(file + ".older");
   }
   std::filesystem::remove(file);

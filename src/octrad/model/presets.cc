@@ -73,6 +73,7 @@ Config preset(const std::string& name) {
   c.loss_epsilon_last = 0.0125;
   c.render_delta = DeltaSurfaces::cache;
   c.render_trace_below = 0.0;
+  c.render_coat_samples = 0.0;
   c.lookup_coats = Coats::joined;
   c.render_highlights = Highlights::cache;
   c.render_offset_spread = 0.0;

@@ -35,19 +35,22 @@ class CacheIntegrator : public Integrator {
       RayEnd end;
       FirstHit first;
       const FirstHitQuery query = trace_first_hit(context_, options_, samples[i], end, first);
-      counts.rays += end.rays;
-      out[i] = pixel_sample(query.known, first);
+      Vec3f known = query.known;
       if (query.next == FirstHitQuery::Next::bounce) {
         bounces.push_back(end.point);
         bounce_owners.push_back({i, end.throughput});
         bounce_keys.push_back(query.key);
       } else if (query.next == FirstHitQuery::Next::query) {
-        for_each_asked_lobe(options_, end.point, [&] {
-          queries.push_back(field_query_point(context_, end.point, rays_, samples[i].rng));
-          query_owners.push_back({i, end.throughput});
+        const auto ask = [&](const ShadingPoint& point, Vec3f weight, const Segment&, const Hit&) {
+          queries.push_back(field_query_point(context_, point, rays_, samples[i].rng));
+          query_owners.push_back({i, weight});
           counts.rays += rays_.count(queries.back().alpha);
-        });
+        };
+        for_each_asked_point(
+            context_, options_, samples[i].number, end, {}, {}, samples[i].rng, known, [](int) {}, ask);
       }
+      counts.rays += end.rays;
+      out[i] = pixel_sample(known, first);
     };
     run_flat([&] {
       for (std::size_t i = 0; i < samples.size(); ++i) trace(i);
@@ -92,6 +95,7 @@ FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions:
   FirstHitOptions options(first_hit_rules(config));
   options.bounce = bounce;
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
+  options.coat_samples = static_cast<float>(config.render_coat_samples);
   if (bounce != FirstHitOptions::Bounce::none) return options;
   if (const float below = bounce_below(input.scene, config); below > 0.0f) {
     options.bounce = FirstHitOptions::Bounce::glossy;

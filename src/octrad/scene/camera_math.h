@@ -61,6 +61,7 @@ struct CameraSample {
   Ray ray;
   Rng rng;         // generator of the sample, after the position and the point of the lens were drawn from it
   Vec2f position;  // on the film, pixels
+  int number = 0;  // among those of its pixel
 };
 
 // Where sample `i` of pixel (x, y) lies: uniform in the pixel, and stratified over a pixel's samples. Each depends on
@@ -82,7 +83,7 @@ OCTRAD_HD inline CameraSample camera_sample(const CameraView& view, unsigned lon
   Rng rng = camera_sample_generator(view, seed, x, y, i);
   const Vec2f position = camera_sample_position(rng, x, y);
   const Ray ray = sample_camera_ray(view, position, rng);
-  return {ray, rng, position};
+  return {ray, rng, position, i};
 }
 
 }  // namespace octrad

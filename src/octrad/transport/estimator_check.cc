@@ -367,6 +367,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   };
   EstimateErrors errors;
   long long directions = 0, expect_directions = 0;  // of rays to what is reflected
+  long long followed = 0, expect_followed = 0;      // coats
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
     QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
@@ -374,26 +375,31 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());
-    std::vector<unsigned char> bounces(job.size()), drawn(job.size());
+    std::vector<unsigned char> bounces(job.size()), drawn(job.size()), coats(job.size());
     parallel_for(job.size(), [&](std::size_t k) {
       CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
       RayEnd end;
       const FirstHitQuery query = trace_first_hit(context, options, sample, end, first[k]);
-      of[k].rays = static_cast<unsigned long long>(end.rays);
       radiance[k] = query.known;
       if (query.next == FirstHitQuery::Next::bounce) {
         radiance[k] += end.throughput * right_hand_side(end.point, query.key);
         bounces[k] = 1;
       } else if (query.next == FirstHitQuery::Next::query) {
-        for_each_asked_lobe(options, end.point, [&] {
-          const SurfacePoint asked = field_query_point(context, end.point, rays, sample.rng);
-          radiance[k] += end.throughput * cache(asked);
+        const auto ask = [&](const ShadingPoint& point, Vec3f weight, const Segment&, const Hit&) {
+          const SurfacePoint asked = field_query_point(context, point, rays, sample.rng);
+          radiance[k] += weight * cache(asked);
           drawn[k] += asked.reflected.w != Vec3f(0.0f);
           of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
           ++of[k].queries;
-        });
+        };
+        coats[k] = follows_coat(options, end.point.bsdf, sample.number);
+        for_each_asked_point(
+            context, options, sample.number, end, {}, {}, sample.rng, radiance[k], [](int) {}, ask);
       }
+      of[k].rays += static_cast<unsigned long long>(end.rays);
     });
+    followed += std::accumulate(coats.begin(), coats.end(), 0);
+    expect_followed += options.coat_samples > 0.0f && options.bounce == FirstHitOptions::Bounce::none;
     directions += std::accumulate(drawn.begin(), drawn.end(), 0);
     expect_directions += one.traced_disparity && options.bounce == FirstHitOptions::Bounce::none;
     TraceCounts expected;
@@ -428,6 +434,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   }
   CheckResult r = errors.result(stream, "relative error of samples", 2e-3, 0.003);
   r.require(directions >= 20 * expect_directions, "few directions to what is reflected");
+  r.require(followed >= 20 * expect_followed, "few coats that are followed");
   return r;
 }
 

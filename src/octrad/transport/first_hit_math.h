@@ -16,7 +16,18 @@ struct FirstHitOptions : FollowRules {
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
   bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass
+  float coat_samples = 0.0f;                                      // of follows_coat()
 };
+
+// Whether sample `number` of a pixel follows the coat of a surface like a near mirror, instead of asking the field for
+// it: coat_samples x alpha^2 samples have asked then, whose mean has less noise. Their share falls with the number of
+// samples, and with it what the field blurs (render.coat_samples, method section 8).
+OCTRAD_HD inline bool follows_coat(const FirstHitOptions& options, const Bsdf& bsdf, int number) {
+  if (!options.split_coats || !(options.coat_samples > 0.0f && options.follow_below > 0.0f) || !is_coated(bsdf))
+    return false;
+  const float alpha = roughness_bsdf<Models::plain>(bsdf);
+  return static_cast<float>(number) >= options.coat_samples * alpha * alpha;
+}
 
 // Lobes of a surface that are asked for one after the other: [first, last]. The coat comes first: it may want rays,
 // whose random numbers must not depend on whether the base draws any.
@@ -38,6 +49,37 @@ OCTRAD_HD inline void for_each_asked_lobe(const FirstHitOptions& options, Shadin
     point.bsdf.lobe = static_cast<Lobe>(lobe);
     ask();
   }
+}
+
+// The points where a field is asked for sample `number`, whose ray ended with `end`, by `segment` and `hit`: calls
+// count(points), 1 or 2, then ask(point, weight, segment, hit) for each. Where the coat is followed, the field is asked
+// where its ray ends; `known` takes the emission that it meets, and RayEnd::rays counts its rays.
+OCTRAD_HD_OR_HOST
+template <typename World, typename Count, typename Ask>
+OCTRAD_HD inline void for_each_asked_point(const World& world, const FirstHitOptions& options, int number, RayEnd& end,
+                                           const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
+                                           const Count& count, const Ask& ask) {
+  if (!follows_coat(options, end.point.bsdf, number)) {
+    const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+    count(lobes.last - lobes.first + 1);
+    for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, hit); });
+    return;
+  }
+  Segment last;
+  Hit met;
+  end.point.bsdf.lobe = Lobe::coat;
+  RayEnd coat = follow_coat(world, end.point, rng, options.follow_below, options.max_chain, last, met);
+  end.rays += coat.rays;
+  known += end.throughput * coat.emitted;
+  count(coat.surface ? 2 : 1);
+  if (coat.surface) {
+    float weight = 1.0f;  // one lobe there, as right-hand sides ask
+    if (has_lobes(coat.point.bsdf))
+      weight = choose_lobe(coat.point.bsdf, coat.point.to_local(coat.point.wo), rng.stratified());
+    ask(coat.point, end.throughput * coat.throughput * weight, last, met);
+  }
+  end.point.bsdf.lobe = Lobe::base;
+  ask(end.point, end.throughput, segment, hit);
 }
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <vector>
 
+#include "octrad/base/circle_math.h"
 #include "octrad/scene/sample_scenes.h"
+#include "octrad/shading/fresnel.h"
 #include "octrad/transport/prepared_scene.h"
 #include "octrad/transport/rhs_estimator.h"
 
@@ -251,6 +253,116 @@ TEST(FirstHit, RoughGlassIsAskedForWhatIsBehindIt) {
   options.split_coats = false;
   found = look_along(scene, {1, 0, 0}, options);
   EXPECT_GT(lookup_direction(rule, surface_point(found.end.point)).x, 0.99f);
+}
+
+// What a coat reflects of even light: values over the hemisphere, or, where it is smooth, Fresnel's reflectance.
+double reflected_by_coat(Bsdf bsdf, Vec3f wo) {
+  if (bsdf.type == BsdfType::plastic) return static_cast<double>(fresnel_dielectric(wo.z, bsdf.eta).reflectance);
+  bsdf.lobe = Lobe::coat;
+  constexpr int kHeights = 400, kTurns = 400;
+  double sum = 0.0;
+  for (int i = 0; i < kHeights * kTurns; ++i) {
+    const float z = (static_cast<float>(i / kTurns) + 0.5f) / kHeights;
+    const Vec2f around = circle_point((static_cast<float>(i % kTurns) + 0.5f) / kTurns) * std::sqrt(1.0f - z * z);
+    sum += static_cast<double>(evaluate_bsdf(bsdf, wo, {around.x, around.y, z}).value.x);
+  }
+  return sum * 2.0 * 3.14159265358979 / (kHeights * kTurns);
+}
+
+// A coated wall before an even sky, which its coat reflects: the light that is known is the coat's share of it.
+TEST(FirstHit, CoatsAreFollowedAfterSomeSamples) {
+  for (const float alpha : {0.0f, 0.2f}) {
+    testing::SceneMaker maker;
+    Material plastic;
+    plastic.type = alpha > 0.0f ? BsdfType::roughplastic : BsdfType::plastic;
+    plastic.alpha_u = plastic.alpha_v = maker.texture(alpha);
+    plastic.reflectance = maker.texture(Vec3f(0.6f));
+    plastic.int_ior = 1.5f;
+    plastic.ext_ior = 1.0f;
+    maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(plastic));  // faces -x
+    Environment sky;
+    sky.width = 2;
+    sky.height = 2;
+    sky.pixels.assign(4, Vec3f(3.0f));
+    maker.scene.environments.push_back(sky);
+    const PreparedScene scene(maker.scene);
+    FirstHitOptions options;
+    options.split_coats = true;
+    options.follow_below = kFollowDelta;
+    options.coat_samples = 100.0f;
+    double known = 0.0, expected = 0.0;
+    constexpr int kSamples = 4000;
+    for (int i = 0; i < kSamples; ++i) {
+      const int number = i < 10 ? i : 1000;
+      CameraSample sample{{{0, 0, 0}, normalize(Vec3f(1.0f, 0.0f, 1.5f)), 1e30f},
+                          Rng::of_sample(1, RngPurpose::test, 0, static_cast<std::uint32_t>(i)),
+                          {},
+                          number};
+      RayEnd end;
+      FirstHit first;
+      ASSERT_EQ(trace_first_hit(scene.context(), options, sample, end, first).next, Next::query);
+      const bool follows = static_cast<float>(number) >= 100.0f * alpha * alpha;
+      EXPECT_EQ(follows_coat(options, end.point.bsdf, number), follows);
+      if (i == 0) expected = 3.0 * reflected_by_coat(end.point.bsdf, end.point.to_local(end.point.wo));
+      Vec3f found(0.0f);
+      std::vector<Lobe> asked;
+      int counted = 0;
+      for_each_asked_point(
+          scene.context(), options, number, end, {}, {}, sample.rng, found, [&](int n) { counted = n; },
+          [&](const ShadingPoint& point, Vec3f weight, const Segment&, const Hit&) {
+            asked.push_back(point.bsdf.lobe);
+            EXPECT_EQ(weight, Vec3f(1.0f));
+          });
+      EXPECT_EQ(asked, follows ? std::vector<Lobe>{Lobe::base} : (std::vector<Lobe>{Lobe::coat, Lobe::base}));
+      EXPECT_EQ(counted, static_cast<int>(asked.size()));
+      if (number == 1000) known += static_cast<double>(found.x) / (kSamples - 10);
+      EXPECT_TRUE(follows || found == Vec3f(0.0f));
+    }
+    EXPECT_NEAR(known, expected, (alpha > 0.0f ? 0.01 : 1e-4) * expected) << alpha;
+  }
+}
+
+// What the coat shows is asked for where its ray ends, once, with one lobe of a surface that has two.
+TEST(FirstHit, FollowedCoatsAskWhereTheirRayEnds) {
+  testing::SceneMaker maker;
+  Material plastic;
+  plastic.type = BsdfType::plastic;
+  plastic.reflectance = maker.texture(Vec3f(0.6f));
+  maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(plastic));       // faces -x
+  maker.quad({-3, -50, -50}, {0, 100, 0}, {0, 0, 100}, maker.material(plastic));  // faces +x
+  const PreparedScene scene(maker.scene);
+  FirstHitOptions options;
+  options.split_coats = true;
+  options.follow_below = kFollowDelta;
+  options.coat_samples = 1.0f;
+  int lobes[2] = {0, 0};
+  double weight_of_far = 0.0;
+  constexpr int kSamples = 2000;
+  for (int i = 0; i < kSamples; ++i) {
+    CameraSample sample{{{0, 0, 0}, {1, 0, 0}, 1e30f}, Rng(1, RngPurpose::test, static_cast<std::uint64_t>(i)), {}, 0};
+    RayEnd end;
+    FirstHit first;
+    trace_first_hit(scene.context(), options, sample, end, first);
+    Vec3f known(0.0f);
+    std::vector<float> places;
+    for_each_asked_point(
+        scene.context(), options, 0, end, {}, {}, sample.rng, known, [](int n) { EXPECT_EQ(n, 2); },
+        [&](const ShadingPoint& point, Vec3f weight, const Segment& segment, const Hit& hit) {
+          places.push_back(point.surface.position.x);
+          if (places.size() > 1) return;
+          ++lobes[point.bsdf.lobe == Lobe::coat];
+          weight_of_far += static_cast<double>(weight.x) / kSamples;
+          EXPECT_TRUE(hit.valid());
+          EXPECT_NEAR(segment.direction.x, -1.0f, 1e-5f);
+        });
+    ASSERT_EQ(places.size(), 2u);
+    EXPECT_NEAR(places[0], -3.0f, 1e-4f);
+    EXPECT_NEAR(places[1], 2.0f, 1e-4f);
+  }
+  EXPECT_GT(lobes[0], kSamples / 10);
+  EXPECT_GT(lobes[1], kSamples / 10);
+  const float half = (1.49f - 1.000277f) / (1.49f + 1.000277f);  // Fresnel at normal incidence; two lobes are asked for
+  EXPECT_NEAR(weight_of_far, 2.0 * static_cast<double>(half * half), 0.01);
 }
 
 TEST(FirstHit, DisparityIsTracedOnRequest) {

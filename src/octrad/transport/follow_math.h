@@ -106,6 +106,29 @@ OCTRAD_HD inline bool passes_mask(ShadingPoint& point, Rng& rng) {
   return passes;
 }
 
+// Sends the ray on from `end.point`, which it passes like a mirror, as the new `segment`; RayEnd::throughput takes the
+// weight. False where nothing goes on. The caller sets where the segment starts (leave_surface).
+template <Models kModels>
+OCTRAD_HD inline bool pass_mirror(Rng& rng, Segment& segment, RayEnd& end) {
+  ++segment.mirrors;
+  const ShadingPoint& point = end.point;
+  const float u_lobe = rng.stratified();
+  const BsdfSample scattered = sample_bsdf<kModels>(point.bsdf, point.to_local(point.wo), u_lobe, rng.stratified2());
+  const bool delta = scattered.valid ? scattered.delta : is_delta_bsdf(point.bsdf);
+  end.throughput = scattered.valid ? end.throughput * scattered.weight : Vec3f(0.0f);
+  if (delta && max_component(end.throughput) <= 0.0f) return false;
+  segment.direction = scattered.valid ? normalize(point.to_world(scattered.wi)) : point.ns;
+  segment.vertex = point.surface.position;
+  segment.pdf = delta ? 0.0f : (scattered.valid ? scattered.pdf : 1.0f);
+  return true;
+}
+
+OCTRAD_HD inline void leave_surface(const SurfaceInteraction& surface, Segment& segment) {
+  segment.origin = offset_origin(surface.position, surface.geometric_normal, segment.direction);
+  segment.t_max = kRayInfinity;
+  ++segment.passed;
+}
+
 // Handles the hit of a segment of the ray that started at `position`. True where the ray goes on, as the new `segment`;
 // else `end` is complete. `first`, if given, becomes the first surface that no mask let the ray pass, also where the
 // ray goes on (a mirror) or is absorbed.
@@ -153,22 +176,11 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
       end.surface = true;
       return false;
     }
-    ++segment.mirrors;
-    const float u_lobe = rng.stratified();
-    const BsdfSample scattered =
-        sample_bsdf<World::kModels>(end.point.bsdf, end.point.to_local(end.point.wo), u_lobe, rng.stratified2());
-    const bool delta = scattered.valid ? scattered.delta : is_delta_bsdf(end.point.bsdf);
-    end.throughput = scattered.valid ? end.throughput * scattered.weight : Vec3f(0.0f);
-    if (delta && max_component(end.throughput) <= 0.0f) return false;
-    segment.direction = scattered.valid ? normalize(end.point.to_world(scattered.wi)) : end.point.ns;
-    segment.vertex = surface.position;
-    segment.pdf = delta ? 0.0f : (scattered.valid ? scattered.pdf : 1.0f);
+    if (!pass_mirror<World::kModels>(rng, segment, end)) return false;
   } else {
     segment.pdf = 0.0f;  // shadow rays of emitters that rays meet do not pass masks
   }
-  segment.origin = offset_origin(surface.position, surface.geometric_normal, segment.direction);
-  segment.t_max = kRayInfinity;
-  ++segment.passed;
+  leave_surface(surface, segment);
   return true;
 }
 
@@ -188,6 +200,19 @@ OCTRAD_HD inline bool goes_on(const Segment& segment, const RayEnd& end, int max
   return segment.mirrors <= max_chain && segment.passed <= max_chain + kMostMasks;
 }
 
+// After a mirror: adds the light that it gets straight from an emitter, times the throughput up to it.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline void add_light_at_mirror(const World& world, const Segment& segment, Vec3f throughput, Rng& rng,
+                                          RayEnd& end) {
+  if (!(segment.pdf > 0.0f)) return;
+  const EmitterSample light = light_at_mirror(world, end.point, rng);
+  if (!light.valid) return;
+  ++end.rays;
+  if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
+    end.emitted += throughput * light.contribution;
+}
+
 // The rest of the ray, where the hit of the current segment is known already. `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
@@ -196,14 +221,7 @@ OCTRAD_HD inline void follow_from(const World& world, Vec3f position, Hit& hit, 
   for (;;) {
     const Vec3f throughput = end.throughput;  // up to the surface
     if (!follow_hit(world, position, hit, rng, follow_below, segment, end, first)) return;
-    if (segment.pdf > 0.0f) {
-      const EmitterSample light = light_at_mirror(world, end.point, rng);
-      if (light.valid) {
-        ++end.rays;
-        if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
-          end.emitted += throughput * light.contribution;
-      }
-    }
+    add_light_at_mirror(world, segment, throughput, rng, end);
     if (!goes_on(segment, end, max_chain)) return;
     hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   }
@@ -220,6 +238,24 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   Segment segment = first_segment(position, geometric_normal, direction, t_max);
   Hit hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
   follow_from(world, position, hit, rng, follow_below, max_chain, segment, end, first);
+  return end;
+}
+
+// Follows the coat of a coated surface like a near mirror: `point` is restricted to it (Lobe::coat). `segment` and
+// `hit` become the last ones.
+OCTRAD_HD_OR_HOST
+template <typename World>
+OCTRAD_HD inline RayEnd follow_coat(const World& world, const ShadingPoint& point, Rng& rng, float follow_below,
+                                    int max_chain, Segment& segment, Hit& hit) {
+  RayEnd end;
+  end.point = point;
+  segment = Segment{};
+  if (!pass_mirror<World::kModels>(rng, segment, end)) return end;
+  leave_surface(point.surface, segment);
+  add_light_at_mirror(world, segment, Vec3f(1.0f), rng, end);
+  if (!goes_on(segment, end, max_chain)) return end;
+  hit = world.intersect(segment.origin, segment.direction, 0.0f, segment.t_max);
+  follow_from(world, point.surface.position, hit, rng, follow_below, max_chain, segment, end);
   return end;
 }
 

@@ -49,12 +49,16 @@ struct Extend : Kernel {
 // In query_owner: this query and the one before it are of the same sample.
 constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
 
-// The ray of sample `k` has ended, with `segment`.
-template <Models kModels>
-OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, bool hides_emitters, std::uint32_t k,
-                             RayEnd& end, const FirstHit& first, const Segment& segment, Rng& rng) {
-  const FirstHitQuery query = first_hit_query<kModels>(options, hides_emitters, end, first, rng);
-  memory.samples.set_radiance(k, query.known);
+// The ray of sample `k`, which is number `number` of its pixel, has ended, with `segment`. kCoats: its coat may be
+// followed.
+OCTRAD_HD_OR_HOST
+template <bool kCoats, typename World>
+OCTRAD_HD inline void finish(const World& world, const Memory& memory, const FirstHitOptions& options, std::uint32_t k,
+                             int number, RayEnd& end, const FirstHit& first, const Segment& segment, Rng& rng) {
+  constexpr Models kModels = World::kModels;
+  const FirstHitQuery query = first_hit_query<kModels>(options, world.hides_emitters(), end, first, rng);
+  Vec3f known = query.known;
+  memory.samples.set_radiance(k, known);
   memory.samples.set_first(k, first);
   if (query.next == FirstHitQuery::Next::nothing) return;
   if (query.next == FirstHitQuery::Next::bounce) {
@@ -65,22 +69,30 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
     memory.bounce_owner[b] = k;
     return;
   }
-  const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
-  const bool two = lobes.first != lobes.last;
-  std::uint32_t q = two ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
-  std::uint32_t owner = k;
-  for_each_asked_lobe(options, end.point, [&] {
-    const SurfacePoint point = surface_point<kModels>(end.point);
+  std::uint32_t q = 0, owner = k;
+  const auto count = [&](int points) {
+    q = points > 1 ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
+  };
+  const auto ask = [&](const ShadingPoint& asked, Vec3f weight, const Segment& last, const Hit& hit) {
+    const SurfacePoint point = surface_point<kModels>(asked);
     memory.queries.store(q, point);
     if (draws_offset_direction(memory.offset, point))
       memory.queries.reflected.set_direction(
-          q, draw_offset_direction(memory.offset, point, end.point.surface.geometric_normal, rng));
-    if (memory.normals.data) memory.normals.set3(0, q, end.point.surface.geometric_normal);
-    memory.lobes.store(q, segment, memory.hits[k], end.point.bsdf.lobe, rng);
-    memory.query_weight.set3(0, q, end.throughput);
+          q, draw_offset_direction(memory.offset, point, asked.surface.geometric_normal, rng));
+    if (memory.normals.data) memory.normals.set3(0, q, asked.surface.geometric_normal);
+    memory.lobes.store(q, last, hit, asked.bsdf.lobe, rng);
+    memory.query_weight.set3(0, q, weight);
     memory.query_owner[q++] = owner;
     owner = k | kSecondLobe;
-  });
+  };
+  if constexpr (kCoats) {
+    for_each_asked_point(world, options, number, end, segment, memory.hits[k], rng, known, count, ask);
+    memory.samples.set_radiance(k, known);
+  } else {
+    const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+    count(lobes.last - lobes.first + 1);
+    for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, memory.hits[k]); });
+  }
 }
 
 // As rhs_kernels::Arrive.
@@ -101,15 +113,16 @@ struct Arrive : Kernel {
     if constexpr (kChain) {
       follow_from(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, options.max_chain,
                   segment, end, &first);
-      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
-      if (follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, segment, end,
-                     &first)) {
+      const bool goes_on =
+          follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, segment, end, &first);
+      if (goes_on || (end.surface && follows_coat(options, end.point.bsdf, sample.number))) {
         memory.chains[atomic_append(memory.chain_count)] = k;
         return;
       }
     }
-    finish<World::kModels>(memory, options, world.hides_emitters(), k, end, first, segment, sample.rng);
+    finish<kChain>(world, memory, options, k, sample.number, end, first, segment, sample.rng);
+    if constexpr (kChain) atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
   }
 };
 

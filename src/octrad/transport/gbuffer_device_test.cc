@@ -22,6 +22,7 @@ TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
       c.options.follow_below = follow ? 0.3f : 0.0f;
       c.options.bounce = bounce;
       c.options.split_coats = bounce != Bounce::all;
+      c.options.coat_samples = follow ? 20.0f : 0.0f;
       c.options.emission_inside = follow;
       c.options.max_chain = 5;
       EXPECT_TRUE(testing::passed(check_first_hits(*stream, scene_, camera_job(scene_, 24, 18, 3, 3), {&c, 1})))
