@@ -51,20 +51,14 @@ OCTRAD_HD inline void for_each_asked_lobe(const FirstHitOptions& options, Shadin
   }
 }
 
-// The points where a field is asked for sample `number`, whose ray ended with `end`, by `segment` and `hit`: calls
-// count(points), 1 or 2, then ask(point, weight, segment, hit) for each. Where the coat is followed, the field is asked
-// where its ray ends; `known` takes the emission that it meets, and RayEnd::rays counts its rays.
+// The points where a field is asked for a sample whose ray ended with `end`, by `segment` and `hit`, on a surface whose
+// coat is followed: calls count(points), 1 or 2, then ask(point, weight, segment, hit) for each. `known` takes the
+// emission that the coat shows, and RayEnd::rays counts its rays.
 OCTRAD_HD_OR_HOST
 template <typename World, typename Count, typename Ask>
-OCTRAD_HD inline void for_each_asked_point(const World& world, const FirstHitOptions& options, int number, RayEnd& end,
-                                           const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
-                                           const Count& count, const Ask& ask) {
-  if (!follows_coat(options, end.point.bsdf, number)) {
-    const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
-    count(lobes.last - lobes.first + 1);
-    for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, hit); });
-    return;
-  }
+OCTRAD_HD inline void ask_behind_coat(const World& world, const FirstHitOptions& options, RayEnd& end,
+                                      const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
+                                      const Count& count, const Ask& ask) {
   Segment last;
   Hit met;
   end.point.bsdf.lobe = Lobe::coat;
@@ -80,6 +74,19 @@ OCTRAD_HD inline void for_each_asked_point(const World& world, const FirstHitOpt
   }
   end.point.bsdf.lobe = Lobe::base;
   ask(end.point, end.throughput, segment, hit);
+}
+
+// The same for sample `number` of a pixel, whether it follows the coat or not.
+OCTRAD_HD_OR_HOST
+template <typename World, typename Count, typename Ask>
+OCTRAD_HD inline void for_each_asked_point(const World& world, const FirstHitOptions& options, int number, RayEnd& end,
+                                           const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
+                                           const Count& count, const Ask& ask) {
+  if (follows_coat(options, end.point.bsdf, number))
+    return ask_behind_coat(world, options, end, segment, hit, rng, known, count, ask);
+  const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+  count(lobes.last - lobes.first + 1);
+  for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, hit); });
 }
 
 // What is left to find out about a camera sample whose ray has ended. The radiance of the sample is `known` plus

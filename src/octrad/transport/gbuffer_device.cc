@@ -17,6 +17,7 @@ struct Memory {
   SamplePlanes samples;
   Hit* hits;              // of samples
   std::uint32_t* chains;  // samples
+  std::uint32_t* coats;   // samples
   SurfacePointArray queries;
   FloatPlanes query_weight;
   std::uint32_t* query_owner;  // samples
@@ -28,6 +29,7 @@ struct Memory {
   FloatPlanes bounce_weight;
   std::uint32_t* bounce_owner;
   std::uint32_t* chain_count;
+  std::uint32_t* coat_count;
   std::uint32_t* query_count;
   std::uint32_t* bounce_count;
 };
@@ -49,16 +51,37 @@ struct Extend : Kernel {
 // In query_owner: this query and the one before it are of the same sample.
 constexpr std::uint32_t kSecondLobe = std::uint32_t{1} << 31;
 
-// The ray of sample `k`, which is number `number` of its pixel, has ended, with `segment`. kCoats: its coat may be
-// followed.
-OCTRAD_HD_OR_HOST
-template <bool kCoats, typename World>
-OCTRAD_HD inline void finish(const World& world, const Memory& memory, const FirstHitOptions& options, std::uint32_t k,
-                             int number, RayEnd& end, const FirstHit& first, const Segment& segment, Rng& rng) {
-  constexpr Models kModels = World::kModels;
-  const FirstHitQuery query = first_hit_query<kModels>(options, world.hides_emitters(), end, first, rng);
-  Vec3f known = query.known;
-  memory.samples.set_radiance(k, known);
+// Stores what is asked for sample `k`.
+template <Models kModels>
+struct Questions {
+  const Memory& memory;
+  std::uint32_t k;
+  Rng& rng;
+  std::uint32_t q = 0, owner = k;
+
+  OCTRAD_HD void begin(int points) {
+    q = points > 1 ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
+  }
+  OCTRAD_HD void ask(const ShadingPoint& shading, Vec3f weight, const Segment& segment, const Hit& hit) {
+    const SurfacePoint point = surface_point<kModels>(shading);
+    memory.queries.store(q, point);
+    if (draws_offset_direction(memory.offset, point))
+      memory.queries.reflected.set_direction(
+          q, draw_offset_direction(memory.offset, point, shading.surface.geometric_normal, rng));
+    if (memory.normals.data) memory.normals.set3(0, q, shading.surface.geometric_normal);
+    memory.lobes.store(q, segment, hit, shading.bsdf.lobe, rng);
+    memory.query_weight.set3(0, q, weight);
+    memory.query_owner[q++] = owner;
+    owner = k | kSecondLobe;
+  }
+};
+
+// The ray of sample `k` has ended, by `segment` and `hit`, and no coat is followed.
+template <Models kModels>
+OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, bool hides_emitters, std::uint32_t k,
+                             RayEnd& end, const FirstHit& first, const Segment& segment, const Hit& hit, Rng& rng) {
+  const FirstHitQuery query = first_hit_query<kModels>(options, hides_emitters, end, first, rng);
+  memory.samples.set_radiance(k, query.known);
   memory.samples.set_first(k, first);
   if (query.next == FirstHitQuery::Next::nothing) return;
   if (query.next == FirstHitQuery::Next::bounce) {
@@ -69,30 +92,22 @@ OCTRAD_HD inline void finish(const World& world, const Memory& memory, const Fir
     memory.bounce_owner[b] = k;
     return;
   }
-  std::uint32_t q = 0, owner = k;
-  const auto count = [&](int points) {
-    q = points > 1 ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
-  };
-  const auto ask = [&](const ShadingPoint& asked, Vec3f weight, const Segment& last, const Hit& hit) {
-    const SurfacePoint point = surface_point<kModels>(asked);
-    memory.queries.store(q, point);
-    if (draws_offset_direction(memory.offset, point))
-      memory.queries.reflected.set_direction(
-          q, draw_offset_direction(memory.offset, point, asked.surface.geometric_normal, rng));
-    if (memory.normals.data) memory.normals.set3(0, q, asked.surface.geometric_normal);
-    memory.lobes.store(q, last, hit, asked.bsdf.lobe, rng);
-    memory.query_weight.set3(0, q, weight);
-    memory.query_owner[q++] = owner;
-    owner = k | kSecondLobe;
-  };
-  if constexpr (kCoats) {
-    for_each_asked_point(world, options, number, end, segment, memory.hits[k], rng, known, count, ask);
-    memory.samples.set_radiance(k, known);
-  } else {
-    const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
-    count(lobes.last - lobes.first + 1);
-    for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, memory.hits[k]); });
-  }
+  Questions<kModels> questions{memory, k, rng};
+  const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
+  questions.begin(lobes.last - lobes.first + 1);
+  for_each_asked_lobe(options, end.point, [&] { questions.ask(end.point, end.throughput, segment, hit); });
+}
+
+// Whether the field is asked for sample `k`, whose coat is followed: FollowCoats does it.
+template <Models kModels>
+OCTRAD_HD inline bool takes_coat(const Memory& memory, const FirstHitOptions& options, bool hides_emitters,
+                                 std::uint32_t k, int number, const RayEnd& end, const FirstHit& first,
+                                 const Rng& rng) {
+  if (!end.surface || !follows_coat(options, end.point.bsdf, number)) return false;
+  if (first_hit_query<kModels>(options, hides_emitters, end, first, rng).next != FirstHitQuery::Next::query)
+    return false;
+  memory.coats[atomic_append(memory.coat_count)] = k;
+  return true;
 }
 
 // As rhs_kernels::Arrive.
@@ -110,19 +125,51 @@ struct Arrive : Kernel {
     Segment segment = first_segment(sample.ray.origin, nullptr, sample.ray.direction, sample.ray.t_max);
     RayEnd end;
     FirstHit first;
+    Hit hit = memory.hits[k];
     if constexpr (kChain) {
-      follow_from(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, options.max_chain,
-                  segment, end, &first);
+      follow_from(world, sample.ray.origin, hit, sample.rng, options.follow_below, options.max_chain, segment, end,
+                  &first);
+      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
     } else {
-      const bool goes_on =
-          follow_hit(world, sample.ray.origin, memory.hits[k], sample.rng, options.follow_below, segment, end, &first);
-      if (goes_on || (end.surface && follows_coat(options, end.point.bsdf, sample.number))) {
+      if (follow_hit(world, sample.ray.origin, hit, sample.rng, options.follow_below, segment, end, &first)) {
         memory.chains[atomic_append(memory.chain_count)] = k;
         return;
       }
     }
-    finish<kChain>(world, memory, options, k, sample.number, end, first, segment, sample.rng);
-    if constexpr (kChain) atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - 1));
+    const bool hides = world.hides_emitters();
+    if (takes_coat<World::kModels>(memory, options, hides, k, sample.number, end, first, sample.rng)) return;
+    finish<World::kModels>(memory, options, hides, k, end, first, segment, hit, sample.rng);
+  }
+};
+
+// Samples whose coats are followed. A kernel of its own: it keeps two surfaces at a time.
+template <typename World>
+struct FollowCoats : Kernel {
+  static constexpr unsigned kMinBlocks = 2;
+  World world;
+  Memory memory;
+  FirstHitOptions options;
+  OCTRAD_HD void operator()(std::uint32_t i) const {
+    if (i >= *memory.coat_count) return;
+    const std::uint32_t k = memory.coats[i];
+    CameraSample sample = memory.job->sample(k);
+    Segment segment = first_segment(sample.ray.origin, nullptr, sample.ray.direction, sample.ray.t_max);
+    RayEnd end;
+    FirstHit first;
+    Hit hit = memory.hits[k];
+    follow_from(world, sample.ray.origin, hit, sample.rng, options.follow_below, options.max_chain, segment, end,
+                &first);
+    const int before = end.rays;
+    Vec3f known = first_hit_query<World::kModels>(options, world.hides_emitters(), end, first, sample.rng).known;
+    Questions<World::kModels> questions{memory, k, sample.rng};
+    ask_behind_coat(
+        world, options, end, segment, hit, sample.rng, known, [&](int points) { questions.begin(points); },
+        [&](const ShadingPoint& point, Vec3f weight, const Segment& last, const Hit& met) {
+          questions.ask(point, weight, last, met);
+        });
+    memory.samples.set_radiance(k, known);
+    memory.samples.set_first(k, first);
+    atomic_add(&memory.counts->rays, static_cast<unsigned long long>(end.rays - before));
   }
 };
 
@@ -158,6 +205,7 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of queues"),
       chains_(stream, capacity, "camera rays"),
+      coats_(stream, split_coats ? capacity : 0, "camera rays"),
       query_owner_(stream, queries_of(capacity), "queries"),
       bounce_owner_(stream, bounces ? capacity : 0, "right-hand-side points"),
       hits_(stream, capacity, "hits of camera rays"),
@@ -178,7 +226,7 @@ std::size_t DeviceGBuffer::bytes(std::size_t capacity, bool bounces, const Query
                         static_cast<std::size_t>(surface_point_numbers(rays.offset) + 3 + (rays.offset.traced ? 3 : 0)),
                     sample_numbers = static_cast<std::size_t>(kSampleNumbers + (bounces ? 3 : 0));
   return queries * (query_numbers * sizeof(float) + sizeof(std::uint32_t)) +
-         capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + sizeof(std::uint32_t) +
+         capacity * (sample_numbers * sizeof(float) + sizeof(Hit) + (split_coats ? 2 : 1) * sizeof(std::uint32_t) +
                      (bounces ? sizeof(ShadingPoint) + sizeof(unsigned long long) + sizeof(std::uint32_t) : 0)) +
          DeviceLobes::bytes(queries, rays, true);
 }
@@ -194,6 +242,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
                       {samples_.planes()},
                       hits_.data(),
                       chains_.data(),
+                      coats_.data(),
                       queries_.points(query_rays_.offset),
                       query_weight_.planes(),
                       query_owner_.data(),
@@ -205,11 +254,13 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
                       bounce_weight_.planes(),
                       bounce_owner_.data(),
                       sizes + kChains,
+                      sizes + kCoats,
                       sizes + kQueries,
                       sizes + kBounces};
   FirstHitOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   checked.split_coats = options.split_coats && split_;
+  const bool follows_coats = checked.split_coats && checked.coat_samples > 0.0f;
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory}, sizes + kTaken);
   hide_emitters(*stream_, n, world_, job_.data(), hits_.data(), &counts_.data()->rays);
@@ -218,6 +269,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     using World = std::decay_t<decltype(world)>;
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
+    if (follows_coats) launch(*stream_, n, FollowCoats<World>{{}, world, memory, checked});
   });
   trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(query_rays_.offset),
                 normals_.planes(), query_count(), &counts_.data()->rays);
