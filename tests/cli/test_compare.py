@@ -270,6 +270,18 @@ class Compare(Case):
         self.assertAlmostEqual(layers["roughness.Y"], 0.2, places=5)
         self.assertEqual(layers["R"], 1.5)
 
+    def test_pictures_of_other_views(self):
+        """As their metadata says: a warning, or a refusal where the result would mean nothing."""
+        scene = self.write("room.xml", ROOM)
+        a, b, other = (self.path(n) for n in ("a.exr", "b.exr", "other.exr"))
+        for file, options in ((a, ("--seed", 1)), (b, ("--seed", 2)), (other, ("--seed", 3, "--origin", "0,0,0.5", "--target", "0,0,0"))):
+            self.ok("render", scene, "--spp", 4, "-o", file, "-q", *options)
+        self.assertNotIn("differ", self.ok("compare", a, b).err)
+        self.assertIn("differ in their camera", self.ok("compare", a, other).err)
+        self.assertIn("differ in their camera", self.ok("compare", a, b, "--json", "--aux", other).err)
+        self.fails(2, "differ in their camera", "compare", a, b, "--reference-b", other)
+        self.fails(2, "differ in their camera", "merge", a, other, "-o", self.path("m.exr"))
+
     def test_merge_refusals(self):
         (a, b), out = self.rooms(1, 2, spp=1), self.path("out.exr")
         plain, other = self.path("plain.pfm"), self.path("other.exr")

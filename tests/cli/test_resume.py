@@ -214,6 +214,42 @@ class Resume(Case):
         self.assertEqual(process.returncode, 130, err)
         self.assertGreaterEqual(json.loads(read_exr(self.out)[3]["octrad.render"])["spp"], 3000)
 
+    def spp_on_disk(self):
+        return json.loads(read_exr(self.out)[3]["octrad.render"])["spp"]
+
+    def test_a_better_picture_stays(self):
+        """Where the state was removed, or is older than the picture."""
+        self.render("--spp", 4, "--resume")
+        older = self.path("older")
+        os.rename(self.out + ".state", older)
+        self.render("--spp", 64)
+        result = self.ok("render", self.scene, "-o", self.out, "--resume", "--time", "1ms", "--max-depth", 6)
+        self.assertIn("the file, which has more samples", result.err)
+        self.assertEqual(self.spp_on_disk(), 64)
+        os.replace(older, self.out + ".state")
+        self.assertEqual(self.render("--spp", 16, "--resume")["spp"], 64)  # was finished
+        self.assertEqual(self.spp_on_disk(), 64)
+
+    def test_merged_pictures_are_no_beginning(self):
+        a, b = self.path("a.exr"), self.path("b.exr")
+        for seed, file in ((1, a), (2, b)):
+            self.render("--spp", 8, "--seed", seed, out=file)
+        self.ok("merge", a, b, "-o", self.out)
+        self.fails(1, "merged from several pictures", "render", self.scene, "-o", self.out, "--resume", "--spp", 4, "--seed", 1)
+        self.assertEqual(self.spp_on_disk(), 16)
+
+    def test_sampling_weights_are_part_of_a_beginning(self):
+        self.render("--spp", 4, "--resume")
+        text = GAUSSIAN.replace('<emitter type="area">', '<emitter type="area"><float name="sampling_weight" value="5"/>')
+        self.fails(2, "sampling_weights", "render", self.write("weights.xml", text), "-o", self.out, "--resume", "--spp", 8)
+
+    def test_behind_a_link(self):
+        link = self.path("link.exr")
+        self.render("--spp", 8, "--resume")
+        os.symlink(self.out, link)
+        self.assertEqual(self.render("--spp", 16, "--resume", out=link)["resumed_spp"], 8)
+        self.assertFalse(os.path.exists(link + ".state"))
+
     def test_one_at_a_time(self):
         process = start("render", self.scene, "-o", self.out, "--spp", 100000000, "--resume", "--log-json", self.path("log"))
         self.assertTrue(wait_for(lambda: os.path.exists(self.path("log")) and os.path.getsize(self.path("log")) > 0))

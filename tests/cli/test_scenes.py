@@ -1,6 +1,8 @@
 """Scene files: the list of what is refused, stand-ins, and scenes written again."""
+import os
 import unittest
 
+from gltf import Gltf
 from support import Case, run
 
 SENSOR = '<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="12"/></film></sensor>'
@@ -65,6 +67,22 @@ class Scenes(Case):
             return
         mitsuba.set_variant("scalar_rgb")
         mitsuba.load_file(out)
+
+    def test_convert_keeps_the_files_of_others(self):
+        """A folder NAME-files that is there already."""
+        files = []
+        for name, size in (("a", 1), ("b", 2)):
+            g = Gltf()
+            g.node(mesh=g.mesh([0, 0, 0, size, 0, 0, 0, size, 0]))
+            files.append(self.write(name + ".gltf", g.text()))
+        out, mesh = self.path("scene.xml"), os.path.join(self.path("scene-files"), "mesh0.ply")
+        self.ok("convert", files[0], "-o", out)
+        self.ok("convert", files[1], "-o", out)  # its own files are replaced with it
+        with open(mesh, "rb") as before:
+            bytes_before = before.read()
+        self.fails(1, "which is not a file of", "convert", files[0], "-o", self.path("scene"))
+        with open(mesh, "rb") as after:
+            self.assertEqual(after.read(), bytes_before)
 
     def test_plugins(self):
         plugins = self.ok("info", "--plugins", "--json").json()

@@ -19,6 +19,18 @@ class Usage(Case):
         self.fails(1, "the value is empty", "info", "")
         self.assertEqual(os.listdir(self.folder), ["room.xml"])
 
+    def test_options_are_no_values(self):
+        """Of variables that are not set and not quoted: "-o $OUT --resume"."""
+        scene = self.write("room.xml", ROOM)
+        self.fails(1, "the value is missing, and --resume is an option", "render", scene, "-o", "--resume")
+        self.fails(1, "the value is missing, and --json is an option", "train", scene, "--steps", 1, "-o", "--json")
+        self.assertEqual(os.listdir(self.folder), ["room.xml"])
+
+    def test_two_names_of_one_new_file(self):
+        scene = self.write("room.xml", ROOM)
+        self.fails(1, "would overwrite", "render", scene, "--spp", 1, "-o", "./n.exr", "--log-json", "n.exr", cwd=self.folder)
+        self.assertEqual(os.listdir(self.folder), ["room.xml"])
+
     def test_verbs(self):
         self.assertTrue({"train", "render", "compare", "info", "query", "tonemap"} <= set(VERBS), VERBS)
 
