@@ -74,8 +74,6 @@ def second(plan):
     for key, value in VARIANTS:
         p.train("variant: %s=%s" % (key, value), 7, s["cornell-box"], "variant.octrad", *short, "-D", "device.%s=%s" % (key, value), priority=1)
     p.train("variant: touched Adam, scan_touched=0", 7, s["cornell-box"], "variant.octrad", *short, "-D", "adam.mode=touched", "-D", "device.scan_touched=0", priority=2)
-    for words in ([], ["-D", "device.chain_rounds=3"]):  # where there is glass
-        p.train("variant: %s, kitchen" % ("chain_rounds=3" if words else "as it is"), 10, s["kitchen"], "variant.octrad", *short, *words, priority=2)
     for key, value in (("", ""), *FRAME_VARIANTS):
         words = ["-D", "device.%s=%s" % (key, value)] if key else []
         p.frames("frame variant: %s" % ("%s=%s" % (key, value) if key else "as it is"), 3, s["cornell-box"], "base.octrad", *SIZES[0][1], "--spp", "1", *words, needs=[base], priority=1)

@@ -91,8 +91,8 @@ CheckResult check_rhs(const Context& c) {
   constexpr RhsCase kCases[] = {{16, false, false, false, true, true},
                                 {5, true, true, true, true, false, 0.3f},
                                 {4, false, false, false, false},
-                                {8, false, false, false, true, false, 0.3f, false, 3},
-                                {8, false, false, false, true, false, 0.3f, true, 0, true}};
+                                {8, false, false, false, true, false, 0.3f},
+                                {8, false, false, false, true, false, 0.3f, true, true}};
   return check_right_hand_sides(c.stream, c.open, kCases, c.items(1 << 13, 1 << 8), c.seed);
 }
 

@@ -1,6 +1,6 @@
 // What the device code can be tuned by on a machine without a compiler: one struct, which a Stream carries. Its
-// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums, with `lhs_rounds` and
-// `chain_rounds` on GPUs which products and sums are fused, and with `half_moments` how the optimiser rounds.
+// keys: device/tuning_keys.h. No result depends on any of it, but for the order of sums, with `lhs_rounds` on
+// GPUs which products and sums are fused, and with `half_moments` how the optimiser rounds.
 #pragma once
 
 namespace octrad {
@@ -12,7 +12,6 @@ struct DeviceTuning {
   int cast_refill = 8;    // lanes that are done before new rays are taken
   bool cast_dynamic = true;  // warps take rays from what is left of all, else each has its share
   int block = 0;             // threads of a block of element-wise kernels, at most what they are compiled for; 0: that
-  int chain_rounds = 0;      // of training rays over mirrors and glass; what is left each thread follows alone
   // Left-hand-side points (transport/lhs_device.h, train/engine_device.cc).
   int lhs_rounds = -1;        // rays traced for all points together; -1: chosen by the configuration
   int points_ahead = 262144;  // drawn at a time, for several steps

@@ -22,7 +22,6 @@ constexpr Entry kEntries[] = {
     {"cast_share", &DeviceTuning::cast_share, nullptr, 1, 4096},
     {"cast_refill", &DeviceTuning::cast_refill, nullptr, 1, 32},
     {"cast_dynamic", nullptr, &DeviceTuning::cast_dynamic, 0, 1},
-    {"chain_rounds", &DeviceTuning::chain_rounds, nullptr, 0, 64},
     {"block", &DeviceTuning::block, nullptr, 0, 1024},
     {"lhs_rounds", &DeviceTuning::lhs_rounds, nullptr, -1, 255},
     {"points_ahead", &DeviceTuning::points_ahead, nullptr, 1, kMost},

@@ -115,8 +115,7 @@ class DeviceEngine : public TrainEngine {
              most_points(config), most_points_ahead(config, options), -1, ahead_.get(),
              query_rays(config, true).offset),
         lobes_(stream, scene.world(stream), most_points(config), query_rays(config, true), false),
-        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), options.tuning.chain_rounds,
-             config.train_guide > 0.0),
+        rhs_(stream, scene.world(stream), most_slots(config), query_rays(config), config.train_guide > 0.0),
         rhs_options_(rhs_rules(config)),
         field_(std::move(field)),
         device_field_(make_device_field(stream, *field_, config, field_options(config, options))),
@@ -422,9 +421,9 @@ std::vector<MemoryPart> estimate_device_training(const Config& config, const std
       parts.push_back({"averages: " + part.name, part.bytes});
   }
   const std::size_t slots = most_slots(config), points = most_points(config);
-  parts.push_back({"rays and queries of a step",
-                   DeviceRhs::bytes(slots, query_rays(config), options.tuning.chain_rounds, config.train_guide > 0.0) +
-                       (config.train_guide > 0.0 ? kGuideBytes : 0) + slots * sizeof(Vec3f)});
+  parts.push_back({"rays and queries of a step", DeviceRhs::bytes(slots, query_rays(config), config.train_guide > 0.0) +
+                                                     (config.train_guide > 0.0 ? kGuideBytes : 0) +
+                                                     slots * sizeof(Vec3f)});
   parts.push_back(
       {"left-hand-side points", DeviceLhs::bytes(points, most_points_ahead(config, options),
                                                  options.tuning.draw_ahead ? 2 : 1, query_rays(config).offset) +

@@ -232,14 +232,13 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
                                      {"draw_ahead", "0"},
                                      {"lhs_rounds", "1"},
                                      {"cast_dynamic", "0"},
-                                     {"chain_rounds", "2"},
                                      {"cast_warps", "1"},
                                      {"cast_refill", "32"},
                                      {"block", "64"}}) {
       stream->tuning = {};
       set(stream->tuning, key, value);
       // Other kernels finish the points then, in which a GPU's compiler fuses other products and sums.
-      if (!stream->on_device() || !std::string_view(key).ends_with("_rounds")) {
+      if (!stream->on_device() || std::string_view(key) != "lhs_rounds") {
         EXPECT_TRUE(learnt() == expected) << key << "=" << value;
       }
       if (dense) break;

@@ -91,8 +91,7 @@ struct RhsCase {
   bool lobes = false;  // queries have rays of the BSDF traced
   float follow_below = kFollowDelta;
   bool split_coats = false;
-  int chain_rounds = 0;  // of DeviceRhs
-  bool guided = false;   // by tables of chance, which learn
+  bool guided = false;  // by tables of chance, which learn
 };
 CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, std::span<const RhsCase> cases,
                                    std::size_t n, std::uint64_t seed);

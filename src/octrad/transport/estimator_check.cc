@@ -332,8 +332,7 @@ CheckResult check_right_hand_sides(Stream& stream, const PreparedScene& scene, s
     device_points.most = n;
     device_points.stream = step.data();
     device_points.keys = c.keys ? device_keys.data() : nullptr;
-    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays, c.chain_rounds,
-                  c.guided);
+    DeviceRhs rhs(stream, scene.world(stream), n * static_cast<std::size_t>(c.directions), options.rays, c.guided);
     rhs.trace(device_points, device_options);
     rhs.take_counts();
     const auto trace = stream.capture([&] { rhs.trace(device_points, device_options); });

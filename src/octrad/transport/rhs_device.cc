@@ -6,7 +6,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/transport/cast.h"
-#include "octrad/transport/chain_rounds_device.h"
+#include "octrad/transport/follow_math.h"
 #include "octrad/transport/trace_offsets_device.h"
 
 namespace octrad {
@@ -31,7 +31,6 @@ struct Memory {
   RayPlanes shadow_rays;  // by place in the shadow queue
   std::uint32_t* shadow_owners;
   std::uint32_t* chains;  // places in the ray queue
-  ChainStates chain_states;
   SurfacePointArray queries;
   FloatPlanes normals;  // geometric, of the queries; only for traced disparity
   LobeStarts lobes;     // of the queries
@@ -173,50 +172,7 @@ struct Arrive : Kernel {
   }
 };
 
-// One surface of each chain that the round begins with: through a mask, over a mirror or glass.
-template <typename World>
-struct Advance : Kernel {
-  World world;
-  Memory memory;
-  DeviceRhsPoints points;
-  DeviceRhsOptions options;
-  ChainRound round;
-  OCTRAD_HD void operator()(std::uint32_t k) const {
-    if (k >= *round.count) return;
-    const std::uint32_t q = round.items[k];
-    Bounce ray(memory, points, options, q);
-    Segment& segment = ray.segment;
-    const Vec3f position = points.points[ray.point].surface.position;
-    const Hit hit = memory.hits[q];
-    const bool on = round.first || memory.chain_states.load(q, segment, ray.end, ray.rng);
-    const Vec3f throughput = ray.end.throughput;  // up to the surface
-    if (on && follow_hit(world, position, hit, ray.rng, options.follow_below, segment, ray.end, nullptr)) {
-      const bool again = goes_on(segment, ray.end, options.max_chain);
-      unsigned long long rays = again ? 1 : 0;
-      Vec3f lit(0.0f);
-      if (segment.pdf > 0.0f) {
-        const EmitterSample light = light_at_mirror(world, ray.end.point, ray.rng);
-        if (light.valid) {
-          ++rays;
-          lit = throughput * light.contribution;
-          const std::uint32_t place = atomic_append(round.shadow_count);
-          memory.shadow_rays.store(place, light.ray);
-          memory.shadow_owners[place] = q;
-        }
-      }
-      if (rays > 0) {
-        memory.chain_states.store(q, segment, ray.end, lit, !again, ray.rng);
-        memory.rays.store(q, {segment.origin, segment.direction, again ? segment.t_max : -1.0f});  // meets nothing
-        round.next[atomic_append(round.next_count)] = q;
-        atomic_add(&memory.counts->rays, rays);
-        return;
-      }
-    }
-    finish<World::kModels>(memory, options, ray.slot, q, ray.end, segment, hit, ray.rng);
-  }
-};
-
-// What is left of chains, each by a thread alone.
+// What is left, each by a thread alone: through masks, over mirrors and glass.
 template <typename World>
 struct Rest : Kernel {
   static constexpr unsigned kMinBlocks = 2;  // few rays have a chain: registers for all of it
@@ -224,19 +180,16 @@ struct Rest : Kernel {
   Memory memory;
   DeviceRhsPoints points;
   DeviceRhsOptions options;
-  ChainRound round;
   OCTRAD_HD void operator()(std::uint32_t k) const {
-    if (k >= *round.count) return;
-    const std::uint32_t q = round.items[k];
+    if (k >= *memory.chain_count) return;
+    const std::uint32_t q = memory.chains[k];
     Bounce ray(memory, points, options, q);
     const Vec3f position = points.points[ray.point].surface.position;
     Hit hit = memory.hits[q];
-    if (round.first || memory.chain_states.load(q, ray.segment, ray.end, ray.rng)) {
-      follow_from(world, position, hit, ray.rng, options.follow_below, options.max_chain, ray.segment, ray.end);
-      memory.hits[q] = hit;
-      memory.rays.store(q, {ray.segment.origin, ray.segment.direction, ray.segment.t_max});
-      atomic_add(&memory.counts->rays, static_cast<unsigned long long>(ray.end.rays - 1));
-    }
+    follow_from(world, position, hit, ray.rng, options.follow_below, options.max_chain, ray.segment, ray.end);
+    memory.hits[q] = hit;
+    memory.rays.store(q, {ray.segment.origin, ray.segment.direction, ray.segment.t_max});
+    atomic_add(&memory.counts->rays, static_cast<unsigned long long>(ray.end.rays - 1));
     finish<World::kModels>(memory, options, ray.slot, q, ray.end, ray.segment, hit, ray.rng);
   }
 };
@@ -316,19 +269,16 @@ inline void check_slots(std::size_t points, int directions, std::size_t capacity
 
 }  // namespace rhs_kernels
 
-DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays,
-                     int chain_rounds, bool guided)
+DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays, bool guided)
     : stream_(&stream),
       world_(world),
       capacity_(slots),
       query_rays_(rays),
-      rounds_(chain_rounds),
       counts_(stream, 1, "counts of rays"),
-      sizes_(stream, static_cast<std::size_t>(kSizes + kRoundSizes * rounds_), "sizes of ray queues"),
+      sizes_(stream, kSizes, "sizes of ray queues"),
       owners_(stream, slots, "rays"),
       shadow_owners_(stream, slots, "shadow rays"),
-      chains_{DeviceArray<std::uint32_t>(stream, slots, "rays"),
-              DeviceArray<std::uint32_t>(stream, rounds_ > 0 ? slots : 0, "rays")},
+      chains_(stream, slots, "rays"),
       query_of_(stream, slots, "queries"),
       places_(stream, slots, "queries"),
       cells_(stream, guided ? slots : 0, "right-hand-side samples"),
@@ -336,20 +286,16 @@ DeviceRhs::DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots
       rays_(stream, kRayNumbers, slots, "rays"),
       shadow_rays_(stream, kRayNumbers, slots, "shadow rays"),
       slots_(stream, rhs_kernels::kSlotNumbers, slots, "right-hand-side samples"),
-      chain_numbers_(rounds_ > 0 ? PlaneArray(stream, ChainStates::kNumbers, slots, "chains") : PlaneArray()),
       queries_(stream, surface_point_numbers(rays.offset), slots, "queries"),
       normals_(rays.offset.traced ? PlaneArray(stream, 3, slots, "queries") : PlaneArray()),
       guide_numbers_(guided ? PlaneArray(stream, 2, slots, "right-hand-side samples") : PlaneArray()),
-      chain_generators_(stream, rounds_ > 0 ? slots : 0, "chains"),
       lobes_(stream, world, slots, rays, true) {
   counts_.fill(0);
 }
 
-std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, int chain_rounds, bool guided) {
-  const std::size_t chain =
-      chain_rounds > 0 ? ChainStates::kNumbers * sizeof(float) + sizeof(Rng) + sizeof(std::uint32_t) : 0;
+std::size_t DeviceRhs::bytes(std::size_t slots, const QueryRays& rays, bool guided) {
   const std::size_t guide = guided ? sizeof(std::uint32_t) + 2 * sizeof(float) : 0;
-  return slots * (chain + guide + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
+  return slots * (guide + 5 * sizeof(std::uint32_t) + sizeof(Hit) +
                   static_cast<std::size_t>(2 * kRayNumbers + rhs_kernels::kSlotNumbers +
                                            surface_point_numbers(rays.offset) + (rays.offset.traced ? 3 : 0)) *
                       sizeof(float)) +
@@ -370,8 +316,7 @@ rhs_kernels::Memory DeviceRhs::memory() const {
           hits_.data(),
           shadow_rays_.rays(),
           shadow_owners_.data(),
-          chains_[0].data(),
-          {chain_numbers_.planes(), chain_generators_.data()},
+          chains_.data(),
           queries_.points(query_rays_.offset),
           normals_.planes(),
           lobes_.starts(),
@@ -379,13 +324,6 @@ rhs_kernels::Memory DeviceRhs::memory() const {
           sizes + kRays,
           sizes + kChains,
           sizes + kQueries};
-}
-
-ChainRound DeviceRhs::chain_round(int r) const {
-  std::uint32_t* sizes = sizes_.data() + kSizes + kRoundSizes * r;
-  const std::uint32_t* count = r == 0 ? sizes_.data() + kChains : sizes - kRoundSizes + kChainsGoOn;
-  return {chains_[r % 2].data(),   count, chains_[(r + 1) % 2].data(), sizes + kChainsGoOn,
-          sizes + kShadowsOfRound, r == 0};
 }
 
 void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options) {
@@ -408,17 +346,7 @@ void DeviceRhs::trace(const DeviceRhsPoints& points, const DeviceRhsOptions& opt
     using World = std::decay_t<decltype(world)>;
     launch(*stream_, n, Arrive<World>{{}, world, memory, points, options});
     stream_->mark("hits");
-    for (int r = 0; r < rounds_; ++r) {
-      const ChainRound round = chain_round(r);
-      std::uint32_t* taken = sizes_.data() + kSizes + kRoundSizes * r + kShadowsOfRoundTaken;
-      launch(*stream_, n, Advance<World>{{}, world, memory, points, options, round});
-      cast(*stream_, n,
-           OccludeChains{
-               {}, world.bvh, round.shadow_count, memory.shadow_rays, memory.shadow_owners, memory.chain_states},
-           taken);
-      cast(*stream_, n, ExtendChains{{}, world.bvh, round.next, round.next_count, memory.rays, memory.hits}, taken + 1);
-    }
-    launch(*stream_, n, Rest<World>{{}, world, memory, points, options, chain_round(rounds_)});
+    launch(*stream_, n, Rest<World>{{}, world, memory, points, options});
   });
   stream_->mark("chains");
   if (!options.ask) return;

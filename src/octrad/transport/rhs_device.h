@@ -15,7 +15,6 @@ namespace octrad {
 namespace rhs_kernels {
 struct Memory;
 }
-struct ChainRound;
 
 struct DeviceRhsOptions : FollowRules {
   DeviceRhsOptions() : FollowRules{.follow_below = kFollowDelta} {}
@@ -43,11 +42,10 @@ struct DeviceRhsPoints {
 // in the order of the CPU, which estimates the same. Everything is allocated by the constructor; both can be recorded.
 class DeviceRhs {
  public:
-  // For up to `slots` points times directions. `rays`: what is traced from the queries. `chain_rounds`: how many
-  // surfaces of chains of mirrors, glass and masks are passed by all chains together, before a thread follows each to
-  // its end. `guided`: options may have guides.
+  // For up to `slots` points times directions. `rays`: what is traced from the queries. `guided`: options may have
+  // guides.
   DeviceRhs(Stream& stream, const DeviceWorld& world, std::size_t slots, const QueryRays& rays = {},
-            int chain_rounds = 0, bool guided = false);
+            bool guided = false);
 
   void trace(const DeviceRhsPoints& points, const DeviceRhsOptions& options);
   SurfacePointArray queries() const {
@@ -62,30 +60,20 @@ class DeviceRhs {
   std::size_t capacity() const { return capacity_; }
   // Since the last call.
   TraceCounts take_counts();
-  static std::size_t bytes(std::size_t slots, const QueryRays& rays, int chain_rounds = 0, bool guided = false);
+  static std::size_t bytes(std::size_t slots, const QueryRays& rays, bool guided = false);
 
  private:
   enum { kShadows, kRays, kChains, kQueries, kShadowsTaken, kRaysTaken, kSizes };
-  enum {
-    kChainsGoOn,
-    kShadowsOfRound,
-    kShadowsOfRoundTaken,
-    kRaysOfRoundTaken,
-    kRoundSizes
-  };  // behind kSizes, a round
   rhs_kernels::Memory memory() const;
-  ChainRound chain_round(int r) const;
 
   Stream* stream_;
   DeviceWorld world_;
   std::size_t capacity_;
   QueryRays query_rays_;
-  int rounds_;  // of chains
   DeviceArray<TraceCounts> counts_;
-  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_[2], query_of_, places_, cells_;
+  DeviceArray<std::uint32_t> sizes_, owners_, shadow_owners_, chains_, query_of_, places_, cells_;
   DeviceArray<Hit> hits_;
-  PlaneArray rays_, shadow_rays_, slots_, chain_numbers_, queries_, normals_, guide_numbers_;
-  DeviceArray<Rng> chain_generators_;
+  PlaneArray rays_, shadow_rays_, slots_, queries_, normals_, guide_numbers_;
   DeviceLobes lobes_;
 };
 

@@ -100,21 +100,17 @@ TEST_P(DeviceBatches, LeftHandSidesNeedASceneAndMemory) {
 TEST_P(DeviceBatches, RightHandSidesAreTheCpus) {
   const std::pair<testing::OpenRoom, RhsCase> cases[] = {
       {{true, true}, {16, false, false, false, true, true, 0.3f, true}},
-      {{true, true}, {16, false, false, false, true, false, 0.3f, true, 0, true}},
-      {{true, false}, {8, true, false, true, true, false, 0.3f, true, 0, true}},
-      {{true, true}, {8, false, false, false, false, false, 0.3f, true, 0, true}},
+      {{true, true}, {16, false, false, false, true, false, 0.3f, true, true}},
+      {{true, false}, {8, true, false, true, true, false, 0.3f, true, true}},
+      {{true, true}, {8, false, false, false, false, false, 0.3f, true, true}},
       {{true, false}, {5, true, true, true, true, true}},
       {{false, true}, {8, true, false, true, true, false, 0.3f}},
       {{false, true}, {8, false, false, false, false}},
       {{false, false}, {4, false, false, false, true}}};
   for (const auto& [room, c] : cases) {
     const PreparedScene scene(testing::open_room(room), PreparedScene::CpuTree::bvh8);
-    for (const int rounds : {0, 1, 2, 8}) {  // 8: more than there are surfaces
-      RhsCase rounded = c;
-      rounded.chain_rounds = rounds;
-      EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&rounded, 1}, 300, 11)))
-          << c.directions << " directions, " << rounds << " rounds";
-    }
+    EXPECT_TRUE(testing::passed(check_right_hand_sides(*stream, scene, {&c, 1}, 300, 11)))
+        << c.directions << " directions";
   }
 }
 
@@ -152,9 +148,9 @@ TEST_P(DeviceBatches, TooLittleMemoryIsSaid) {
   const auto taken = static_cast<double>(stream->allocated_bytes() - before),
              said = static_cast<double>(DeviceRhs::bytes(n, rays));
   EXPECT_NEAR(taken, said, 0.01 * said);
-  const DeviceRhs rounded(*stream, scene.world(*stream), n, rays, 3, true);
+  const DeviceRhs guided(*stream, scene.world(*stream), n, rays, true);
   const auto more = static_cast<double>(stream->allocated_bytes() - before) - taken,
-             said_more = static_cast<double>(DeviceRhs::bytes(n, rays, 3, true));
+             said_more = static_cast<double>(DeviceRhs::bytes(n, rays, true));
   EXPECT_NEAR(more, said_more, 0.01 * said_more);
 }
 
