@@ -61,8 +61,8 @@ def first(plan):
 
 # Other values of DeviceTuning (src/octrad/device/tuning.h) beside its defaults, one at a time.
 VARIANTS = (("cast_warps", "2048"), ("cast_warps", "8192"), ("cast_share", "4"), ("cast_share", "64"), ("cast_refill", "4"), ("cast_refill", "16"), ("cast_dynamic", "0"), ("block", "64"),
-            ("lhs_rounds", "24"), ("points_ahead", "524288"), ("draw_ahead", "0"), ("query_chunk", "1048576"), ("train_chunk", "32768"), ("sort_queries", "1"), ("half_moments", "1"))
-FRAME_VARIANTS = (("pixel_tiles", "0"), ("direct_film", "0"), ("cast_dynamic", "0"), ("sort_queries", "1"), ("cast_share", "4"))
+            ("lhs_rounds", "24"), ("points_ahead", "524288"), ("draw_ahead", "0"), ("query_chunk", "1048576"), ("train_chunk", "32768"), ("half_moments", "1"))
+FRAME_VARIANTS = (("pixel_tiles", "0"), ("direct_film", "0"), ("cast_dynamic", "0"), ("cast_share", "4"))
 SHAPES = ((1024, 16, 6), (2048, 16, 6), (4096, 16, 7), (8192, 16, 7), (16384, 32, 8), (65536, 32, 8))  # points, directions, levels
 
 

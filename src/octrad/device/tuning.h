@@ -23,7 +23,6 @@ struct DeviceTuning {
   // Alternatives, each of which but `half_moments` gives the same results as the other.
   bool pixel_tiles = true;    // neighbours in a picture are neighbours in memory: tiles of 8 x 4, else rows
   bool direct_film = true;    // a frame of one sample a pixel goes to the screen without sums in double
-  bool sort_queries = false;  // queries of the field in the order of a 15-bit Morton key
   bool half_moments = false;  // dense Adam keeps the moments of tables in half the bytes
   bool scan_touched = true;   // the list of touched table entries from a scan over their bits, else as they come
 };

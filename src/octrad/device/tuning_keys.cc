@@ -31,7 +31,6 @@ constexpr Entry kEntries[] = {
     {"frame_samples", &DeviceTuning::frame_samples, nullptr, 32, kMost},
     {"pixel_tiles", nullptr, &DeviceTuning::pixel_tiles, 0, 1},
     {"direct_film", nullptr, &DeviceTuning::direct_film, 0, 1},
-    {"sort_queries", nullptr, &DeviceTuning::sort_queries, 0, 1},
     {"half_moments", nullptr, &DeviceTuning::half_moments, 0, 1},
     {"scan_touched", nullptr, &DeviceTuning::scan_touched, 0, 1},
 };

@@ -33,7 +33,7 @@ TEST(Tuning, EveryKeyChangesItsOwnValue) {
     EXPECT_GT(changes, 0) << key;
   }
   EXPECT_EQ(all.cast_refill, 32);
-  EXPECT_TRUE(all.sort_queries && all.scan_touched && all.pixel_tiles);
+  EXPECT_TRUE(all.half_moments && all.scan_touched && all.pixel_tiles);
   set(all, "pixel_tiles", "0");
   EXPECT_FALSE(all.pixel_tiles);
 }
@@ -43,7 +43,7 @@ TEST(Tuning, SaysWhatIsWrong) {
   EXPECT_NE(error_of("cast_refill", "33").find("from 1 to 32"), std::string::npos);
   EXPECT_NE(error_of("cast_refill", "8.5").find("a whole number"), std::string::npos);
   EXPECT_NE(error_of("block", "48").find("a multiple of 32"), std::string::npos);
-  EXPECT_NE(error_of("sort_queries", "yes"), "");
+  EXPECT_NE(error_of("half_moments", "yes"), "");
 }
 
 }  // namespace

@@ -60,42 +60,6 @@ struct Prepare : Kernel {
   }
 };
 
-// Bits 0..4 of `a` at 0, 3, 6, 9 and 12.
-OCTRAD_HD inline std::uint32_t spread(float a) {
-  const int cell = static_cast<int>(a * 16.0f + 16.0f);
-  const auto b = static_cast<std::uint32_t>(cell < 0 ? 0 : cell > 31 ? 31 : cell);
-  return (b & 1u) | (b & 2u) << 2 | (b & 4u) << 4 | (b & 8u) << 6 | (b & 16u) << 8;
-}
-constexpr int kKeyBits = 16;
-
-struct QueryKeys : Kernel {
-  SurfacePointArray points;
-  QueueSlice slice;
-  Vec3f scale, offset;  // to [-1, 1] of the domain
-  std::uint32_t* keys;
-  std::uint32_t* places;
-
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    places[i] = i;
-    keys[i] = 1u << (kKeyBits - 1);
-    if (!slice.holds(i)) return;
-    const Vec3f x = points.get3(0, i);
-    if (!is_finite(x)) return;
-    const Vec3f p = x * scale + offset;
-    keys[i] = spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2;
-  }
-};
-
-struct TakeSorted : Kernel {
-  SurfacePointArray points, sorted;
-  QueueSlice slice;
-  const std::uint32_t* order;
-
-  OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (slice.holds(i)) sorted.store(i, points.load(order[i]));
-  }
-};
-
 // The rules of a point: glossy ones may have another activation.
 OCTRAD_HD inline DecoderRules rules_at(const DecoderRules& rules, Activation glossy, float alpha) {
   DecoderRules result = rules;
@@ -110,7 +74,6 @@ struct Radiance : Kernel {
   Activation glossy;
   const float* scalars;
   FloatRows linear;
-  const std::uint32_t* order;  // places in `out`; null: as they come
   Vec3f* out;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
@@ -122,7 +85,7 @@ struct Radiance : Kernel {
     OCTRAD_UNROLL
     for (int c = 0; c < 3; ++c)
       radiance[c] = decoder_radiance(here, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
-    out[order != nullptr ? order[i] : i] = radiance;
+    out[i] = radiance;
   }
 };
 
@@ -208,9 +171,6 @@ std::vector<MemoryPart> DeviceFieldBase::decoder_memory(const MlpShape& shape, c
   std::vector<MemoryPart> parts = DeviceMlp::memory(shape, t, "decoder");
   const auto pairs = static_cast<std::size_t>(shape.inputs + 1) / 2;
   parts.push_back({"queries in flight", n * (pairs + 3 + 3) * 4});
-  // Points, and four words for the sort, which takes about two more.
-  if (options.tuning.sort_queries)
-    parts.push_back({"queries in flight, sorted", n * static_cast<std::size_t>(kSurfacePointNumbers + 4 + 2) * 4});
   if (t > 0) {
     parts.push_back({"decoder optimiser",
                      DeviceDenseAdam::bytes(
@@ -254,13 +214,6 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
       inputs_(stream, static_cast<std::size_t>(head.mlp().shape().inputs + 1) / 2 * rows_, "queries in flight"),
       w_(stream, 3 * rows_, "queries in flight"),
       linear_(stream, 3 * rows_, "queries in flight") {
-  if (options.tuning.sort_queries) {
-    const std::string what = "queries in flight, sorted";
-    sorted_points_ = DeviceArray<float>(stream, static_cast<std::size_t>(kSurfacePointNumbers) * rows_, what);
-    for (DeviceArray<std::uint32_t>* words : {&keys_, &sorted_keys_, &places_, &order_})
-      *words = DeviceArray<std::uint32_t>(stream, rows_, what);
-    sort_workspace_ = SortWorkspace(stream, rows_, what);
-  }
   if (options.max_train_points == 0) return;
   const std::size_t n = train_rows_;
   decoder_adam_ = DeviceDenseAdam(stream, decoder_.parameter_count(), adam_options(config), "decoder");
@@ -303,21 +256,6 @@ DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
   return q;
 }
 
-DeviceFieldBase::Chunk DeviceFieldBase::sorted(const Chunk& chunk) {
-  const SurfacePointArray to = surface_point_array(sorted_points_.data(), rows_, {});
-  launch(
-      stream_, chunk.n,
-      QueryKeys{
-          {}, chunk.points, chunk.slice, rules_.position_scale, rules_.position_offset, keys_.data(), places_.data()});
-  sort_pairs(stream_, sort_workspace_, chunk.n, keys_.data(), sorted_keys_.data(), places_.data(), order_.data(),
-             kKeyBits);
-  launch(stream_, chunk.n, TakeSorted{{}, chunk.points, to, chunk.slice, order_.data()});
-  stream_.mark("sorting of queries");
-  Chunk result = chunk;
-  result.points = to;
-  return result;
-}
-
 void DeviceFieldBase::prepare(const Chunk& chunk) {
   launch(stream_, chunk.n,
          Prepare{{},
@@ -343,12 +281,10 @@ void DeviceFieldBase::choose_scales(float* first, float* second) {
 
 void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) {
   for (std::size_t begin = 0; begin < capacity; begin += options_.max_points) {
-    const bool sort = sorts(points);
-    const Chunk taken{points.from(begin),
+    const Chunk chunk{points.from(begin),
                       {count, static_cast<std::uint32_t>(begin)},
                       static_cast<std::uint32_t>(std::min(options_.max_points, capacity - begin)),
-                      false},
-        chunk = sort ? sorted(taken) : taken;
+                      false};
     prepare(chunk);
     stream_.mark("inputs of queries");
     encode(chunk);
@@ -358,15 +294,7 @@ void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* co
     stream_.mark("decoder");
     refine(chunk, linear);
     launch(stream_, chunk.n,
-           Radiance{{},
-                    chunk.points,
-                    chunk.slice,
-                    rules_,
-                    glossy_activation_,
-                    scalars_.data(),
-                    linear,
-                    sort ? order_.data() : nullptr,
-                    out + begin});
+           Radiance{{}, chunk.points, chunk.slice, rules_, glossy_activation_, scalars_.data(), linear, out + begin});
     stream_.mark("radiance");
   }
 }

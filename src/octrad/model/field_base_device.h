@@ -134,21 +134,12 @@ class DeviceFieldBase : public DeviceField {
   SortWorkspace sum_workspace_;
 
  private:
-  // The chunk's queries in the order of a 15-bit Morton key, those that the slice does not hold last; order_ has their
-  // places.
-  Chunk sorted(const Chunk& chunk);
-  bool sorts(const SurfacePointArray& points) const {
-    return !order_.empty() && points.lobe.data == nullptr && points.reflected.data == nullptr;
-  }
   void prepare(const Chunk& chunk);
 
   DeviceOptimizers optimizers_;
   std::vector<DeviceMlp*> networks_;  // that learn
   std::vector<DeviceMlp*> all_networks_;
   std::vector<DeviceTable*> all_tables_;
-  DeviceArray<float> sorted_points_;  // only where queries are sorted
-  DeviceArray<std::uint32_t> keys_, sorted_keys_, places_, order_;
-  SortWorkspace sort_workspace_;
 };
 
 }  // namespace octrad

@@ -155,7 +155,6 @@ TEST_P(RenderOnStream, TuningChangesNoPicture) {
     stream->tuning = {};
     const std::vector<double> expected = sums(integrator, spp);
     for (const auto& [key, value] : {std::pair{"pixel_tiles", "0"},
-                                     {"sort_queries", "1"},
                                      {"cast_dynamic", "0"},
                                      {"cast_warps", "1"},
                                      {"cast_share", "1"},

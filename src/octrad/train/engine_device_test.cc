@@ -226,7 +226,6 @@ TEST_P(TrainOnStream, TuningChangesNothing) {
     stream->tuning = {};
     const std::vector<Vec3f> expected = learnt();
     for (const auto& [key, value] : {std::pair{"scan_touched", "0"},
-                                     {"sort_queries", "1"},
                                      {"query_chunk", "100"},
                                      {"points_ahead", "64"},
                                      {"draw_ahead", "0"},
