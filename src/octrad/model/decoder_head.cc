@@ -3,12 +3,21 @@
 #include <algorithm>
 
 namespace octrad {
+namespace {
+
+// Of point i, from [3][stride].
+Vec3f outputs_at(const float* linear, int stride, std::size_t i) {
+  const auto row = static_cast<std::size_t>(stride);
+  return {linear[i], linear[row + i], linear[2 * row + i]};
+}
+
+}  // namespace
 
 DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
                          Vec3f origin, Vec3f size, unsigned long long stream)
     : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
       adam_(mlp_.parameter_count(), adam_options(config)) {
-  rules_.activation = activation;
+  rules_.activation = rules_.glossy_activation = activation;
   rules_.normalizer = config.loss_normalizer;
   rules_.loss_power = static_cast<float>(config.loss_power);
   // Emission does not scale with albedo; nor does a coated surface as a whole, while each of its lobes does.
@@ -54,9 +63,8 @@ void DecoderHead::fill_inputs(std::span<const SurfacePoint> points, const Vec3f*
 void DecoderHead::activate(std::span<const SurfacePoint> points, const float* linear, int stride,
                            Vec3f* radiance) const {
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec3f f = factor(points[i]);
-    for (int c = 0; c < 3; ++c)
-      radiance[i][c] = decoder_radiance(rules_, f[c], linear[static_cast<std::size_t>(c * stride) + i]);
+    radiance[i] =
+        decoder_radiance(rules_, points[i].albedo, points[i].alpha, outputs_at(linear, stride, i), target_scale_);
   }
 }
 
@@ -66,14 +74,13 @@ double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const V
   const float norm = 1.0f / (3.0f * static_cast<float>(batch));
   const std::ptrdiff_t row = stride;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec3f outputs{linear[i], linear[row + static_cast<std::ptrdiff_t>(i)],
-                        linear[2 * row + static_cast<std::ptrdiff_t>(i)]};
-    const PointLoss loss = decoder_point_loss(rules_, factor(points[i]), outputs, targets[i],
-                                              static_cast<float>(epsilon), target_scale_, norm, 0.0f);
+    const PointLoss loss = decoder_point_loss(rules_, points[i].albedo, points[i].alpha, outputs_at(linear, stride, i),
+                                              targets[i], static_cast<float>(epsilon), target_scale_, norm);
     for (int c = 0; c < 3; ++c) {
       total += static_cast<double>(loss.value[c]);
       d_linear[c * row + static_cast<std::ptrdiff_t>(i)] = loss.gradient[c];
     }
+    total += static_cast<double>(loss.chroma);
     non_finite += loss.dropped;
   }
   for (int c = 0; c < 3; ++c)

@@ -37,6 +37,9 @@ class DecoderHead {
   void set_target_scale(float scale) { target_scale_ = scale; }
   float target_scale() const { return target_scale_; }
   const DecoderRules& rules() const { return rules_; }
+  // In constructors of fields: for points below the roughness of the rules, and the weight of the chroma loss.
+  void set_glossy_activation(Activation activation) { rules_.glossy_activation = activation; }
+  void set_chroma(float weight) { rules_.chroma = weight; }
   // For devices, whose networks are given halves: positions come in [-1, 1] of the domain even where the network is one
   // of world units (not contracted then), and `input_map` is what makes up for that, the first position being input
   // number `first`. Halves of coordinates in centimetres, or far from 0, would be steps of their own size / 2048.
@@ -44,10 +47,6 @@ class DecoderHead {
   MlpInputMap input_map(int first) const;
 
  private:
-  Vec3f factor(const SurfacePoint& point) const {
-    return decoder_factor(rules_, point.albedo, point.alpha, target_scale_);
-  }
-
   Mlp mlp_;
   DenseAdam adam_;
   DecoderRules rules_;

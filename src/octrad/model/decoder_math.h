@@ -21,13 +21,18 @@ inline constexpr int kPointInputs = 13;  // x (3), w (3), n (3), albedo (3), alp
 
 struct DecoderRules {
   Activation activation = Activation::exp;
+  Activation glossy_activation = Activation::exp;  // of points below rough_threshold
   LossNormalizer normalizer = LossNormalizer::prediction;
   float loss_power = 2.0f;        // LossWeight::power; its unit is the exposure
   float demodulate_from = 1e30f;  // alpha from which the network predicts radiance / albedo
   float rough_threshold = 0.5f;
+  float chroma = 0.0f;      // weight of the loss of colours without brightness; 0: it is not computed
   bool normalized = false;  // positions: [-1, 1] in the domain, contracted outside, or world units
   Vec3f position_scale{1.0f, 1.0f, 1.0f}, position_offset;  // normalized: x * scale + offset is in [-1, 1]
 
+  OCTRAD_HD Activation activation_at(float alpha) const {
+    return alpha < rough_threshold ? glossy_activation : activation;
+  }
   OCTRAD_HD Vec3f position(Vec3f x) const {
     const Vec3f p = x * position_scale + position_offset;
     return normalized ? contract(p) : p;
@@ -58,15 +63,22 @@ OCTRAD_HD inline Vec3f decoder_factor(const DecoderRules& rules, Vec3f albedo, f
   return albedo * target_scale;
 }
 
-// One channel of radiance from the linear output.
-OCTRAD_HD inline float decoder_radiance(const DecoderRules& rules, float factor, float linear) {
-  return factor * activate(rules.activation, linear).value;
+// Radiance of a point from its linear outputs.
+OCTRAD_HD inline Vec3f decoder_radiance(const DecoderRules& rules, Vec3f albedo, float alpha, Vec3f linear,
+                                        float target_scale) {
+  const Activation activation = rules.activation_at(alpha);
+  const Vec3f factor = decoder_factor(rules, albedo, alpha, target_scale);
+  Vec3f radiance;
+  OCTRAD_UNROLL
+  for (int c = 0; c < 3; ++c) radiance[c] = factor[c] * activate(activation, linear[c]).value;
+  return radiance;
 }
 
 // Loss of one channel and its gradient at the linear output, times `norm`; `target_scale`: the exposure.
-OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, float factor, float linear, float target,
-                                              float epsilon, float target_scale, float norm) {
-  const Activated<float> output = activate(rules.activation, linear);
+OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, Activation activation, float factor,
+                                              float linear, float target, float epsilon, float target_scale,
+                                              float norm) {
+  const Activated<float> output = activate(activation, linear);
   LossTerm<float> term =
       relative_squared_loss(factor * output.value, target, epsilon, rules.normalizer, {rules.loss_power, target_scale});
   term.gradient = term.gradient * factor * output.derivative * norm;
@@ -77,26 +89,29 @@ OCTRAD_HD inline LossTerm<float> decoder_loss(const DecoderRules& rules, float f
   return term;
 }
 
-// Loss of a point from its linear outputs, and the gradient there, times `norm`. The loss of colours without brightness
-// counts times `chroma`; with 0 it is not computed.
+// Loss of a point of roughness `alpha` from its linear outputs, and the gradient there, times `norm`.
 struct PointLoss {
   float value[3];
   float chroma;  // already times its weight
   float gradient[3];
   int dropped;  // channels with something that is not finite
 };
-OCTRAD_HD inline PointLoss decoder_point_loss(const DecoderRules& rules, Vec3f factor, Vec3f linear, Vec3f target,
-                                              float epsilon, float target_scale, float norm, float chroma) {
+OCTRAD_HD inline PointLoss decoder_point_loss(const DecoderRules& rules, Vec3f albedo, float alpha, Vec3f linear,
+                                              Vec3f target, float epsilon, float target_scale, float norm) {
+  const Activation activation = rules.activation_at(alpha);
+  const Vec3f factor = decoder_factor(rules, albedo, alpha, target_scale);
+  const float chroma = rules.chroma;
   PointLoss loss{};
   Vec3f prediction, slope;
   OCTRAD_UNROLL
   for (int c = 0; c < 3; ++c) {
-    const LossTerm<float> term = decoder_loss(rules, factor[c], linear[c], target[c], epsilon, target_scale, norm);
+    const LossTerm<float> term =
+        decoder_loss(rules, activation, factor[c], linear[c], target[c], epsilon, target_scale, norm);
     loss.value[c] = term.value;
     loss.gradient[c] = term.gradient;
     loss.dropped += term.finite ? 0 : 1;
     if (!(chroma > 0.0f)) continue;
-    const Activated<float> output = activate(rules.activation, linear[c]);
+    const Activated<float> output = activate(activation, linear[c]);
     prediction[c] = factor[c] * output.value;
     slope[c] = factor[c] * output.derivative;
   }

@@ -60,32 +60,18 @@ struct Prepare : Kernel {
   }
 };
 
-// The rules of a point: glossy ones may have another activation.
-OCTRAD_HD inline DecoderRules rules_at(const DecoderRules& rules, Activation glossy, float alpha) {
-  DecoderRules result = rules;
-  if (alpha < rules.rough_threshold) result.activation = glossy;
-  return result;
-}
-
 struct Radiance : Kernel {
   SurfacePointArray points;
   QueueSlice slice;
   DecoderRules rules;
-  Activation glossy;
   const float* scalars;
   FloatRows linear;
   Vec3f* out;
 
   OCTRAD_HD void operator()(std::uint32_t i) const {
     if (!slice.holds(i)) return;
-    const float alpha = points.get(kAlphaNumber, i);
-    const DecoderRules here = rules_at(rules, glossy, alpha);
-    const Vec3f f = decoder_factor(here, points.get3(9, i), alpha, scalars[0]);
-    Vec3f radiance;
-    OCTRAD_UNROLL
-    for (int c = 0; c < 3; ++c)
-      radiance[c] = decoder_radiance(here, f[c], linear.data[static_cast<std::size_t>(c) * linear.stride + i]);
-    out[i] = radiance;
+    const Vec3f of_point(linear.data[i], linear.data[linear.stride + i], linear.data[2 * linear.stride + i]);
+    out[i] = decoder_radiance(rules, points.get3(9, i), points.get(kAlphaNumber, i), of_point, scalars[0]);
   }
 };
 
@@ -94,8 +80,6 @@ struct Loss : Kernel {
   const std::uint32_t* valid;
   const Vec3f* targets;
   DecoderRules rules;
-  Activation glossy;
-  float chroma;
   const float* scalars;
   const StepConstants* constants;
   FloatRows linear;
@@ -110,11 +94,9 @@ struct Loss : Kernel {
     PointLoss loss{};
     loss.dropped = 3;
     if (valid[i] != 0) {
-      const float alpha = points.get(kAlphaNumber, i);
-      const DecoderRules here = rules_at(rules, glossy, alpha);
       const Vec3f of_point(linear.data[i], linear.data[linear.stride + i], linear.data[2 * linear.stride + i]);
-      loss = decoder_point_loss(here, decoder_factor(here, points.get3(9, i), alpha, scalars[0]), of_point, targets[i],
-                                constants->epsilon, scalars[0], norm, chroma);
+      loss = decoder_point_loss(rules, points.get3(9, i), points.get(kAlphaNumber, i), of_point, targets[i],
+                                constants->epsilon, scalars[0], norm);
     }
     float sum = loss.chroma, most = 0.0f;
     OCTRAD_UNROLL
@@ -205,7 +187,6 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
       config_(config),
       options_(options),
       rules_(head.half_rules()),
-      glossy_activation_(rules_.activation),
       features_(head.mlp().shape().inputs - kPointInputs),
       rows_(rows(options)),
       train_rows_(train_rows(options)),
@@ -293,8 +274,7 @@ void DeviceFieldBase::radiance(SurfacePointArray points, const std::uint32_t* co
     decoder_.forward(stream_, {inputs_.data(), rows_}, linear, chunk.n, chunk.slice);
     stream_.mark("decoder");
     refine(chunk, linear);
-    launch(stream_, chunk.n,
-           Radiance{{}, chunk.points, chunk.slice, rules_, glossy_activation_, scalars_.data(), linear, out + begin});
+    launch(stream_, chunk.n, Radiance{{}, chunk.points, chunk.slice, rules_, scalars_.data(), linear, out + begin});
     stream_.mark("radiance");
   }
 }
@@ -322,8 +302,6 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
                 valid_.data(),
                 targets + begin,
                 rules_,
-                glossy_activation_,
-                chroma_,
                 scalars_.data(),
                 constants,
                 linear,

@@ -115,11 +115,9 @@ class DeviceFieldBase : public DeviceField {
   const Config config_;
   const DeviceFieldOptions options_;
   const DecoderRules rules_;
-  Activation glossy_activation_;  // of the outputs of points below rules_.rough_threshold, after refine()
-  float chroma_ = 0.0f;           // weight of the loss of colours without brightness
-  const int features_;            // the encoding's, at the front of the decoder's inputs
-  std::size_t rows_;              // stride of the arrays below
-  std::size_t train_rows_;        // stride of those that only training has
+  const int features_;      // the encoding's, at the front of the decoder's inputs
+  std::size_t rows_;        // stride of the arrays below
+  std::size_t train_rows_;  // stride of those that only training has
   DeviceMlp decoder_;
   DeviceDenseAdam decoder_adam_;
   float target_scale_ = 1.0f;

@@ -127,13 +127,13 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
       grid_(ncr_grid_options(config)),
       decoder_(config, grid_.feature_count(), config.ncr_width, config.ncr_hidden, config.ncr_output, domain.origin,
                domain.size, kNcrDecoderWeights),
-      merged_rules_(decoder_.rules()),
       cone_grid_(ncr_cone_grid_options(config)),
       cone_mlp_(ncr_cone_shape(config)),
       merge_mlp_(ncr_merge_shape(config)),
       cone_adam_(cone_mlp_.parameter_count(), adam_options(config)),
       merge_adam_(merge_mlp_.parameter_count(), adam_options(config)) {
-  merged_rules_.activation = Activation::softplus;
+  decoder_.set_glossy_activation(Activation::softplus);  // of the merge network
+  decoder_.set_chroma(static_cast<float>(config.ncr_chroma));
   const auto seed = static_cast<unsigned long long>(config.seed);
   initialize_hash_grid(grid_, seed, kNcrGridWeights);
   initialize_hash_grid(cone_grid_, seed, kNcrConeGridWeights);
@@ -157,7 +157,7 @@ void NcrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool rec
   decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, e.stride);
 }
 
-// The whole field, up to the linear outputs e.linear, whose activation is that of rules().
+// The whole field, up to the linear outputs e.linear.
 void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   encode(points, e, record);
   const int n = static_cast<int>(points.size());
@@ -250,12 +250,7 @@ void NcrField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> o
   for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
     const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
     evaluate(chunk, e, false);
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      const DecoderRules& of_point = rules(chunk[i]);
-      const Vec3f factor = decoder_factor(of_point, chunk[i].albedo, chunk[i].alpha, target_scale());
-      for (int c = 0; c < 3; ++c)
-        out[begin + i][c] = decoder_radiance(of_point, factor[c], at(e.linear, c, e.stride, static_cast<int>(i)));
-    }
+    decoder_.activate(chunk, e.linear.data(), e.stride, out.data() + begin);
   }
 }
 
@@ -271,31 +266,7 @@ void NcrField::inspect(std::span<const SurfacePoint> points, std::span<float> fe
   std::fill(disparity.begin(), disparity.end(), 0.0f);
 }
 
-// Summed over points and channels; its gradient, scaled by 1 / (3 batch), at the linear outputs to e.d_linear.
-double NcrField::loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t batch,
-                      double epsilon, Encoded& e, long long& non_finite) const {
-  double total = 0.0;
-  const float norm = 1.0f / (3.0f * static_cast<float>(batch)), chroma_weight = static_cast<float>(config_.ncr_chroma);
-  resize(e.d_linear, 3, e.stride);
-  std::fill(e.d_linear.begin(), e.d_linear.end(), 0.0f);
-  for (std::size_t p = 0; p < points.size(); ++p) {
-    const int i = static_cast<int>(p);
-    const DecoderRules& of_point = rules(points[p]);
-    const Vec3f factor = decoder_factor(of_point, points[p].albedo, points[p].alpha, target_scale());
-    const Vec3f linear{at(e.linear, 0, e.stride, i), at(e.linear, 1, e.stride, i), at(e.linear, 2, e.stride, i)};
-    const PointLoss term = decoder_point_loss(of_point, factor, linear, targets[p], static_cast<float>(epsilon),
-                                              target_scale(), norm, chroma_weight);
-    non_finite += term.dropped;
-    for (int c = 0; c < 3; ++c) {
-      total += static_cast<double>(term.value[c]);
-      at(e.d_linear, c, e.stride, i) = term.gradient[c];
-    }
-    total += static_cast<double>(term.chroma);
-  }
-  return total;
-}
-
-// After loss(); `first` is the chunk's first point within the batch.
+// e.d_linear holds the gradient at the linear outputs; `first` is the chunk's first point within the batch.
 void NcrField::backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients) {
   const Activation activation = decoder_.rules().activation;
   const int glossy = static_cast<int>(e.glossy.size()), cones = static_cast<int>(e.cones.size());
@@ -370,7 +341,9 @@ FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const 
       const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
       const auto chunk = points.subspan(begin, count);
       evaluate(chunk, e, true);
-      mine.loss += loss(chunk, targets.subspan(begin, count), n, epsilon, e, mine.non_finite);
+      resize(e.d_linear, 3, e.stride);
+      mine.loss += decoder_.loss(chunk, targets.subspan(begin, count), e.linear.data(), e.stride, n, epsilon,
+                                 e.d_linear.data(), mine.non_finite);
       backward(count, begin, e, mine);
     }
   });

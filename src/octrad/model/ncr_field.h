@@ -56,7 +56,6 @@ class NcrField : public RadianceField {
   void make_optimizers();
   const LobeTable& lobe() const { return lobe_; }
   float extent() const { return extent_; }  // largest side: the unit of cones
-  Activation merged_activation() const { return merged_rules_.activation; }
 
  private:
   struct Encoded;    // intermediate values of a chunk of queries
@@ -64,11 +63,6 @@ class NcrField : public RadianceField {
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   void evaluate(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
-  const DecoderRules& rules(const SurfacePoint& point) const {
-    return point.alpha < decoder_.rules().rough_threshold ? merged_rules_ : decoder_.rules();
-  }
-  double loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, std::size_t batch, double epsilon,
-              Encoded& e, long long& non_finite) const;
   void backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients);
 
   Config config_;
@@ -76,8 +70,7 @@ class NcrField : public RadianceField {
   float extent_;
   LobeTable lobe_;
   HashGrid grid_;
-  DecoderHead decoder_;        // of the diffuse branch
-  DecoderRules merged_rules_;  // of glossy points
+  DecoderHead decoder_;  // of the diffuse branch; its loss and activation are those of glossy points, too
   HashGrid cone_grid_;
   Mlp cone_mlp_, merge_mlp_;
   DenseAdam cone_adam_, merge_adam_;

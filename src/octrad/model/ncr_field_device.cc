@@ -244,8 +244,6 @@ class DeviceNcrField : public DeviceFieldBase {
         cone_r_(stream, cones_, "cones in flight"),
         cone_linear_(stream, 3 * cones_, "cones in flight"),
         merge_linear_(stream, 3 * items_, "glossy points in flight") {
-    glossy_activation_ = field.merged_activation();
-    chroma_ = static_cast<float>(config.ncr_chroma);
     holds({&cone_, &merge_}, {&table_, &cone_table_});
     if (trains()) {
       const std::string glossy = "glossy training points in flight";
