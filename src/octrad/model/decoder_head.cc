@@ -1,7 +1,5 @@
 #include "octrad/model/decoder_head.h"
 
-#include <algorithm>
-
 namespace octrad {
 namespace {
 
@@ -55,9 +53,6 @@ void DecoderHead::fill_inputs(std::span<const SurfacePoint> points, const Vec3f*
     decoder_inputs(rules_, points[i], directions[i], numbers);
     for (int r = 0; r < kPointInputs; ++r) row[r][i] = numbers[r];
   }
-  for (std::size_t i = points.size(); i < static_cast<std::size_t>(stride); ++i) {
-    for (int r = 0; r < kPointInputs; ++r) row[r][i] = 0.0f;
-  }
 }
 
 void DecoderHead::activate(std::span<const SurfacePoint> points, const float* linear, int stride,
@@ -83,8 +78,6 @@ double DecoderHead::loss(std::span<const SurfacePoint> points, std::span<const V
     total += static_cast<double>(loss.chroma);
     non_finite += loss.dropped;
   }
-  for (int c = 0; c < 3; ++c)
-    std::fill(d_linear + c * row + static_cast<std::ptrdiff_t>(points.size()), d_linear + (c + 1) * row, 0.0f);
   return total;
 }
 

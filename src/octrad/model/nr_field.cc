@@ -75,8 +75,6 @@ void NrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool reco
   } else {
     grid_.lookup(e.p.data(), n, e.inputs.data(), stride);
   }
-  for (int f = 0; f < features; ++f)
-    std::fill_n(e.inputs.data() + static_cast<std::ptrdiff_t>(f) * stride + n, stride - n, 0.0f);
   decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, stride);
 }
 

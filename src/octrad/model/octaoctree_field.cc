@@ -160,8 +160,6 @@ void OctaOctreeField::predict_disparity(Encoded& e, bool record) const {
     for (int j = 0; j < n; ++j)
       spherical_harmonics(e.w[e.shifted[j]], row(e.disparity_inputs, grid_rows, stride) + j, stride);
   }
-  for (int r = 0; r < rows; ++r)
-    std::fill(row(e.disparity_inputs, r, stride) + n, row(e.disparity_inputs, r, stride) + stride, 0.0f);
   if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
   else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
   for (int j = 0; j < n; ++j) e.disparity[e.shifted[j]] = squareplus(e.disparity_linear[j]).value * disparity_unit_;
@@ -190,13 +188,12 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
   if (offset_ == LookupOffset::traced) {
     for (const int i : e.shifted) e.disparity[i] = points[i].disparity;
   }
-  const int features = octree_.feature_count(), inputs = decoder_.mlp().shape().inputs;
+  const int inputs = decoder_.mlp().shape().inputs;
   e.inputs.resize(static_cast<std::size_t>(inputs) * s);
   const std::int64_t empty =
       record ? octree_.lookup_record(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride, e.record)
              : octree_.lookup(e.x.data(), e.w.data(), e.disparity.data(), n, e.inputs.data(), stride);
   if (empty > 0) empty_lookups_.fetch_add(empty, std::memory_order_relaxed);
-  for (int r = 0; r < features; ++r) std::fill(row(e.inputs, r, stride) + n, row(e.inputs, r, stride) + stride, 0.0f);
   if (reflects_) look_up_reflected(points, e, record);
   decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), inputs - kPointInputs, stride);
 }
