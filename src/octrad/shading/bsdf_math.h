@@ -288,10 +288,7 @@ OCTRAD_HD_APART inline BsdfSample sample_blend(const MaterialRecord& record, Vec
     s.pdf *= parts.part[i].weight / parts.sum;
     return s;
   }
-  const BsdfValue v = evaluate_blend(record, uv, wo, s.wi);
-  s.pdf = v.pdf;
-  s.valid = v.pdf > 0.0f;
-  if (s.valid) s.weight = v.value / v.pdf;
+  s.weigh(evaluate_blend(record, uv, wo, s.wi));
   return s;
 }
 

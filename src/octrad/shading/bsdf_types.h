@@ -62,6 +62,13 @@ struct BsdfSample {
   bool transmission = false;
   float eta = 1.0f;  // relative index along wi, for Russian roulette (eta^2 scaling)
   bool valid = false;
+
+  // Density and weight of `wi` from the model's value there.
+  OCTRAD_HD void weigh(const BsdfValue& v) {
+    pdf = v.pdf;
+    valid = v.pdf > 0.0f;
+    if (valid) weight = v.value / v.pdf;
+  }
 };
 
 // Roughness that models with a lobe report at most, so that 1 is the diffuse one alone.

@@ -59,6 +59,14 @@ struct MaterialRecord {
   }
 };
 
+// Where functions that take a model's parameters by value find its extra ones when they need them.
+struct ExtraParameters {
+  const MaterialRecord* record;
+  Vec2f uv;
+  OCTRAD_HD explicit ExtraParameters(const Bsdf& b) : record(b.record), uv(b.uv) {}
+  OCTRAD_HD float at(int parameter) const { return record->extra_at(parameter, uv); }
+};
+
 OCTRAD_HD inline void assign(Vec3f& parameter, Vec3f value) { parameter = value; }
 OCTRAD_HD inline void assign(float& parameter, Vec3f value) { parameter = value.x; }
 OCTRAD_HD inline void assign_slot(Bsdf& b, int slot, Vec3f value) {

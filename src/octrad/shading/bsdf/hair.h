@@ -96,17 +96,13 @@ OCTRAD_HD inline float hair_scale(float roughness) {
   return 0.62665707f * (0.265f * b + 1.194f * b * b + 5.372f * power(b, 22));  // sqrt(pi / 8)
 }
 
-struct HairInput {
-  const MaterialRecord* record;
-  Vec2f uv;
+struct HairInput : ExtraParameters {
   Vec3f transmittance;  // of one radius
   float eta;
   OCTRAD_HD explicit HairInput(const Bsdf& b)
-      : record(b.record),
-        uv(b.uv),
+      : ExtraParameters(b),
         transmittance(b.specular_transmittance),
         eta(b.eta) {}
-  OCTRAD_HD float at(int parameter) const { return record->extra_at(parameter, uv); }
 };
 
 // All that depends on the direction to the viewer.
@@ -182,10 +178,7 @@ OCTRAD_HD_APART inline BsdfSample sample_hair(HairInput in, Vec3f wo, float u_lo
   BsdfSample s;
   s.wi = normalize(Vec3f(cos_i * std::cos(phi), sin_i, cos_i * std::sin(phi)));
   s.transmission = s.wi.z * wo.z < 0.0f;
-  const BsdfValue value = view.evaluate(s.wi);
-  s.pdf = value.pdf;
-  s.valid = value.pdf > 0.0f;
-  if (s.valid) s.weight = value.value / value.pdf;
+  s.weigh(view.evaluate(s.wi));
   return s;
 }
 

@@ -8,15 +8,11 @@
 
 namespace octrad {
 
-// What the functions of both models take instead of a Bsdf, by value: their parameters stay in the record's memory
-// until they are needed.
-struct PrincipledInput {
-  const MaterialRecord* record;
-  Vec2f uv;
+// What the functions of both models take instead of a Bsdf.
+struct PrincipledInput : ExtraParameters {
   Vec3f base;  // colour
   float eta;   // principled alone
-  OCTRAD_HD explicit PrincipledInput(const Bsdf& b) : record(b.record), uv(b.uv), base(b.reflectance), eta(b.eta) {}
-  OCTRAD_HD float at(int parameter) const { return record->extra_at(parameter, uv); }
+  OCTRAD_HD explicit PrincipledInput(const Bsdf& b) : ExtraParameters(b), base(b.reflectance), eta(b.eta) {}
 };
 
 // (1 - cos)^5
@@ -202,10 +198,7 @@ OCTRAD_HD_APART inline BsdfSample sample_principled(PrincipledInput in, Vec3f wo
     s.wi = reflect(wo, h);
   }
   if (s.transmission ? !(s.wi.z * wo.z < 0.0f) : !(s.wi.z * wo.z > 0.0f)) return s;
-  const BsdfValue v = evaluate_principled(in, wo, s.wi);
-  s.pdf = v.pdf;
-  s.valid = v.pdf > 0.0f;
-  if (s.valid) s.weight = v.value / v.pdf;
+  s.weigh(evaluate_principled(in, wo, s.wi));
   return s;
 }
 

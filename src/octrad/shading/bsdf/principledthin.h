@@ -95,10 +95,7 @@ OCTRAD_HD_APART inline BsdfSample sample_principled_thin(PrincipledInput in, Vec
   }
   s.transmission = s.wi.z < 0.0f;
   s.wi = s.wi * side;
-  const BsdfValue v = evaluate_principled_thin(in, wo, s.wi);
-  s.pdf = v.pdf;
-  s.valid = v.pdf > 0.0f;
-  if (s.valid) s.weight = v.value / v.pdf;
+  s.weigh(evaluate_principled_thin(in, wo, s.wi));
   return s;
 }
 

@@ -67,10 +67,7 @@ struct RoughDielectricModel {
     const bool reflects = b.lobe == Lobe::all ? u_lobe <= f.reflectance : b.lobe == Lobe::coat;
     s.wi = reflects ? reflect(wo, h) : refract(wo, h, f.cos_transmitted, f.eta_ti);
     if (!(reflects ? s.wi.z * wo.z > 0.0f : s.wi.z * wo.z < 0.0f && f.reflectance < 1.0f)) return s;
-    const BsdfValue v = facets(b, wo, s.wi, h);
-    s.pdf = v.pdf;
-    s.valid = v.pdf > 0.0f;
-    if (s.valid) s.weight = v.value / v.pdf;
+    s.weigh(facets(b, wo, s.wi, h));
     s.transmission = !reflects;
     if (!reflects) s.eta = f.eta_it;
     return s;

@@ -34,10 +34,7 @@ struct RoughDiffuseModel {
     BsdfSample s;
     if (!(wo.z > 0.0f)) return s;
     s.wi = square_to_cosine_hemisphere(u);
-    const BsdfValue v = evaluate(b, wo, s.wi);
-    s.pdf = v.pdf;
-    s.valid = v.pdf > 0.0f;
-    if (s.valid) s.weight = v.value / v.pdf;
+    s.weigh(evaluate(b, wo, s.wi));
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }

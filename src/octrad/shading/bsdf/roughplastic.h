@@ -43,10 +43,7 @@ struct RoughPlasticModel {
     if (!(wo.z > 0.0f)) return s;
     const float q = coat_probability(b, 1.0f - transmittance(b, wo.z));
     s.wi = u_lobe < q ? reflect(wo, microfacet(b).sample_normal(wo, u)) : square_to_cosine_hemisphere(u);
-    const BsdfValue v = evaluate(b, wo, s.wi);
-    s.pdf = v.pdf;
-    s.valid = v.pdf > 0.0f;
-    if (s.valid) s.weight = v.value / v.pdf;
+    s.weigh(evaluate(b, wo, s.wi));
     return s;
   }
   OCTRAD_HD static Vec3f albedo(const Bsdf& b) { return b.reflectance; }
