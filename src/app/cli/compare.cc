@@ -94,7 +94,7 @@ Image read_same_size(const std::string& file, const Image& reference, const Comp
 // Below is exclusive and above inclusive, so that the two halves of one threshold share no pixel and miss none.
 std::vector<std::uint8_t> roughness_from(const Image& layers, float from, float below,
                                          const std::vector<std::uint8_t>& mask) {
-  std::vector<std::uint8_t> rough = roughness_mask(layers, std::nextafter(from, -1.0f), below);
+  std::vector<std::uint8_t> rough = roughness_mask(layers, from, below);
   for (std::size_t p = 0; p < mask.size(); ++p) rough[p] &= mask[p];
   return rough;
 }

@@ -77,7 +77,7 @@ struct Box {
 Box most_different(const Image& reference, const std::vector<Image>& errors) {
   std::vector<std::uint8_t> glossy(reference.pixel_count(), 1);
   if (reference.channel("roughness.Y") >= 0) {
-    const std::vector<std::uint8_t> mask = roughness_mask(reference, -1.0f, 0.5f);
+    const std::vector<std::uint8_t> mask = roughness_mask(reference, 0.0f, 0.5f);
     if (std::any_of(mask.begin(), mask.end(), [](std::uint8_t m) { return m != 0; })) glossy = mask;
   }
   Box best;

@@ -117,7 +117,7 @@ std::vector<std::uint8_t> picture_mask(const Image& image) {
   return mask;
 }
 
-std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float below) {
+std::vector<std::uint8_t> roughness_mask(const Image& layers, float from, float below) {
   const int roughness = layers.channel("roughness.Y");
   if (roughness < 0) {
     throw InputError("no layer \"roughness.Y\" to select pixels by (every picture that octrad render writes has one)");
@@ -133,7 +133,7 @@ std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float
       if (has_normal)
         hit = layers.at(x, y, normal[0]) != 0.0f || layers.at(x, y, normal[1]) != 0.0f ||
               layers.at(x, y, normal[2]) != 0.0f;
-      mask[p] = hit && r > above && r < below ? 1 : 0;
+      mask[p] = hit && r >= from && r < below ? 1 : 0;
     }
   }
   return mask;

@@ -42,10 +42,10 @@ Metrics reference_noise(const Image& reference, const Image& other, double share
 // Mask of the pixels whose mean over the colour channels is at least half. Throws InputError when it has no colour.
 std::vector<std::uint8_t> picture_mask(const Image& image);
 
-// Mask of the pixels whose first hit has a roughness in (above, below), from the layer "roughness.Y" of `layers`.
+// Mask of the pixels whose first hit has a roughness in [from, below), from the layer "roughness.Y" of `layers`.
 // Pixels that hit nothing (a normal of length 0, where there is a "normal" layer) are left out. Throws InputError when
 // there is no such layer.
-std::vector<std::uint8_t> roughness_mask(const Image& layers, float above, float below);
+std::vector<std::uint8_t> roughness_mask(const Image& layers, float from, float below);
 
 enum class ErrorKind { mape, squared, relative_squared };
 

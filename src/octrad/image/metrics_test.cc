@@ -82,8 +82,8 @@ TEST(Metrics, RoughnessMask) {
     reference.at(x, 0, reference.channel("roughness.Y")) = roughness[x];
     reference.at(x, 0, reference.channel("normal.Y")) = x == 4 ? 0.0f : 1.0f;  // the last one hits nothing
   }
-  EXPECT_EQ(roughness_mask(reference, -1.0f, 0.5f), (std::vector<std::uint8_t>{1, 1, 0, 0, 0}));
-  EXPECT_EQ(roughness_mask(reference, 0.1f, 2.0f), (std::vector<std::uint8_t>{0, 1, 1, 1, 0}));
+  EXPECT_EQ(roughness_mask(reference, 0.0f, 0.5f), (std::vector<std::uint8_t>{1, 1, 0, 0, 0}));
+  EXPECT_EQ(roughness_mask(reference, 0.2f, 1.0f), (std::vector<std::uint8_t>{0, 1, 1, 0, 0}));
   EXPECT_THROW(roughness_mask(picture(1, 1, {Vec3f(1.0f)}), 0.0f, 1.0f), InputError);
 }
 
