@@ -50,7 +50,7 @@ void use_scene(Scene scene) {
   for (const Camera& camera : prepared.scene().cameras) {
     for (std::uint64_t i = 0; i < 8; ++i) {
       const float at = (static_cast<float>(i) + 0.5f) / 8.0f;
-      paths.push_back({camera.generate({2.0f * at, 3.0f * at}, 2, 3), Rng(1, RngPurpose::test, i), {}, {}});
+      paths.push_back({camera_ray(camera.view(2, 3), {2.0f * at, 3.0f * at}), Rng(1, RngPurpose::test, i), {}, {}});
     }
   }
   PathCounters counters;
@@ -91,7 +91,7 @@ void read_config(const std::string& bytes) {
 }
 
 void read_camera(const std::string& bytes) {
-  for (const Camera& camera : read_cameras(write_input(bytes, "in.json"))) camera.generate({0.5f, 0.5f}, 3, 2);
+  for (const Camera& camera : read_cameras(write_input(bytes, "in.json"))) camera_ray(camera.view(3, 2), {0.5f, 0.5f});
 }
 
 void read_path(const std::string& bytes) {

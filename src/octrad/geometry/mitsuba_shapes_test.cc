@@ -170,7 +170,7 @@ TEST(Instances, AreSampledByArea) {
       <shape type="instance"><ref id="g"/></shape>
       <shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/><translate x="9"/></transform></shape>)");
   const SurfaceSampler sampler(scene);
-  EXPECT_NEAR(sampler.total_area(), 4.0 + 24.0 + 96.0, 1e-4);
+  EXPECT_NEAR(sampler.view().total_area, 4.0 + 24.0 + 96.0, 1e-4);
   Rng rng(1, RngPurpose::test, 0);
   constexpr int kPoints = 20000;
   int of_shape[3] = {}, of_side[2][6] = {}, upper = 0;

@@ -23,7 +23,6 @@ class SurfaceSampler {
   SurfaceInteraction sample(float u_pick, Vec2f u) const;
   // Only where that point lies; several times as fast.
   Vec3f sample_position(float u_pick, Vec2f u) const;
-  double total_area() const { return view_.total_area; }  // square world units
   // The tables as surface_sampling_math.h reads them.
   const SurfaceSamplerView& view() const { return view_; }
 

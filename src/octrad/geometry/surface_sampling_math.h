@@ -29,7 +29,7 @@ struct SurfaceSamplerView {
   // [count + 1] first element whose share ends after i / (count + 1) (Chen & Asau 1974).
   const std::uint32_t* guide = nullptr;
   std::uint32_t count = 0;
-  double total_area = 0.0;
+  double total_area = 0.0;  // square world units
   const ShapeView* shapes = nullptr;
   const PlacedMesh* placed = nullptr;
   std::uint32_t placed_count = 0;

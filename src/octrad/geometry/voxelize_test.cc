@@ -251,7 +251,7 @@ TEST(SurfaceSampling, CountsFollowArea) {
     }
   }
   for (int t = 0; t < 3; ++t) {
-    const double p = areas[t] / surfaces.total_area();
+    const double p = areas[t] / surfaces.view().total_area;
     EXPECT_NEAR(counts[t] / n, p, 5.0 * std::sqrt(p * (1.0 - p) / n));
   }
 }

@@ -165,8 +165,7 @@ void add_table_memory(std::vector<MemoryPart>& parts, const std::string& what, d
     parts.push_back({what + std::string(of), static_cast<std::uint64_t>(bytes)});
   };
   add(kFeaturesPart, entries * features * 4.0);
-  // Floats an entry: two moments, and a step count (dense Adam has the same state).
-  if (training) add(kOptimizerPart, entries * (features * 8.0 + 2.0));
+  if (training) add(kOptimizerPart, entries * static_cast<double>(SparseAdam::bytes(1, features)));  // dense: the same
   if (training && config.train_average > 0.0) add(kAveragesPart, entries * features * 4.0);
 }
 

@@ -33,9 +33,6 @@ struct Camera {
     if (mirror != mirrored()) right = -right;
   }
 
-  // Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top) of a width x height picture. It starts
-  // on the near clipping plane, as in Mitsuba 3; through the centre of the lens.
-  Ray generate(Vec2f pixel, int width, int height) const { return camera_ray(view(width, height), pixel); }
   // Throws InputError where rays would begin too far away: a near plane far out, or a field of view close to 180
   // degrees.
   CameraView view(int width, int height) const;

@@ -21,8 +21,8 @@ struct CameraView {
   int width = 0, height = 0;                            // pixels
 };
 
-// Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top), from the near to the far clipping
-// plane. `lens`: uniform in [0, 1)^2, the point of the lens; (0, 0) is its centre.
+// Ray through `pixel` (continuous, [0, width] x [0, height], row 0 at the top), from the near (as in
+// Mitsuba 3) to the far clipping plane. `lens`: uniform in [0, 1)^2, the point of the lens; (0, 0) is its centre.
 OCTRAD_HD inline Ray camera_ray(const CameraView& view, Vec2f pixel, Vec2f lens = {0.0f, 0.0f}) {
   const float x = pixel.x / static_cast<float>(view.width) * view.window_scale.x + view.window_offset.x;
   const float y = pixel.y / static_cast<float>(view.height) * view.window_scale.y + view.window_offset.y;

@@ -19,8 +19,8 @@ struct ExpectedCamera {
 
 void expect_rays(const Camera& camera, std::initializer_list<ExpectedCamera> rays, int width = 40, int height = 20) {
   for (const ExpectedCamera& e : rays) {
-    const Ray ray =
-        camera.generate({e.at.x * static_cast<float>(width), e.at.y * static_cast<float>(height)}, width, height);
+    const Ray ray = camera_ray(camera.view(width, height),
+                               {e.at.x * static_cast<float>(width), e.at.y * static_cast<float>(height)});
     EXPECT_LT(length(ray.direction - e.direction), 2e-6f)
         << e.at.x << " " << e.at.y << ": " << ray.direction.x << " " << ray.direction.y << " " << ray.direction.z;
     EXPECT_LT(length(ray.origin - e.origin), 2e-6f) << e.at.x << " " << e.at.y;
@@ -95,7 +95,7 @@ TEST(Camera, SensorsOfScenesAreMitsubas) {
     const Camera& c = cameras[static_cast<std::size_t>(expected.sensor)];
     const Vec2f pixel{expected.position.x * static_cast<float>(c.film_width),
                       expected.position.y * static_cast<float>(c.film_height)};
-    const Ray ray = c.generate(pixel, c.film_width, c.film_height);
+    const Ray ray = camera_ray(c.view(c.film_width, c.film_height), pixel);
     for (int i = 0; i < 3; ++i) {
       EXPECT_NEAR(ray.origin[i], expected.origin[i], 1e-5f);
       EXPECT_NEAR(ray.direction[i], expected.direction[i], 1e-5f);
@@ -142,15 +142,15 @@ TEST(Camera, FilesOfCameras) {
   const Camera plain = one(R"("fov": 50)"), mirrored = one(R"("fov": 50, "mirrored": true)");
   EXPECT_FALSE(plain.mirrored() || one(R"("fov": 50, "mirrored": false)").mirrored() || Camera().mirrored());
   EXPECT_TRUE(mirrored.mirrored());
-  EXPECT_EQ(mirrored.generate({5, 7}, 30, 20).direction, plain.generate({25, 7}, 30, 20).direction);
+  EXPECT_EQ(camera_ray(mirrored.view(30, 20), {5, 7}).direction, camera_ray(plain.view(30, 20), {25, 7}).direction);
   const std::string matrix = R"({"to_world": [1,0,0,0, 0,1,0,0, 0,0,-1,4, 0,0,0,1], "fov": 50)";
   const Camera by_matrix = read_cameras(folder.write("e.json", matrix + "}"))[0];
   EXPECT_TRUE(by_matrix.mirrored());
-  EXPECT_EQ(by_matrix.generate({5, 7}, 30, 20).direction, mirrored.generate({5, 7}, 30, 20).direction);
+  EXPECT_EQ(camera_ray(by_matrix.view(30, 20), {5, 7}).direction, camera_ray(mirrored.view(30, 20), {5, 7}).direction);
   EXPECT_THROW(read_cameras(folder.write("e.json", matrix + R"(, "mirrored": true})")), InputError);
   EXPECT_THROW(one(R"("fov": 50, "mirrored": 1)"), InputError);
   const Camera wide = one(R"("type": "orthographic", "view_width": 3, "width": 30, "height": 20)");
-  const Ray corner = wide.generate({0, 0}, 30, 20);
+  const Ray corner = camera_ray(wide.view(30, 20), {0, 0});
   EXPECT_NEAR(corner.origin.x, -1.5f, 1e-6f);
   EXPECT_NEAR(corner.origin.y, 1.0f, 1e-6f);
   EXPECT_EQ(corner.direction, Vec3f(0, 0, -1));

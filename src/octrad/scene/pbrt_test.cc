@@ -41,7 +41,7 @@ TEST_F(PbrtTest, Camera) {
   const Camera& camera = scene.cameras[0];
   EXPECT_EQ(camera.film_width, 400);
   EXPECT_EQ(scene.max_depth, 8);
-  const auto direction = [&](float x, float y) { return Vec3d(camera.generate({x, y}, 400, 200).direction); };
+  const auto direction = [&](float x, float y) { return Vec3d(camera_ray(camera.view(400, 200), {x, y}).direction); };
   expect_near(direction(200, 100), {0, 0, 1});
   // The field of view is that of the shorter side.
   const double up = std::tan(30.0 * std::numbers::pi / 180.0);
@@ -50,28 +50,29 @@ TEST_F(PbrtTest, Camera) {
   // A mirroring scale, as exporters write, turns it over; other scales change nothing.
   const Camera mirrored =
       camera_of("Scale -2 2 2\nLookAt 0 0 -5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 60\n");
-  expect_near(Vec3d(mirrored.generate({1280, 360}, 1280, 720).direction), normalize(Vec3d(-up * 16.0 / 9.0, 0, 1)));
-  expect_near(Vec3d(mirrored.generate({640, 360}, 1280, 720).origin), {0, 0, -5}, 1e-3);
+  expect_near(Vec3d(camera_ray(mirrored.view(1280, 720), {1280, 360}).direction),
+              normalize(Vec3d(-up * 16.0 / 9.0, 0, 1)));
+  expect_near(Vec3d(camera_ray(mirrored.view(1280, 720), {640, 360}).origin), {0, 0, -5}, 1e-3);
   // Tall pictures.
   const Camera tall = camera_of("Camera \"perspective\" \"float fov\" 60\n", 100, 300);
-  expect_near(Vec3d(tall.generate({100, 150}, 100, 300).direction), normalize(Vec3d(up, 0, 1)));
+  expect_near(Vec3d(camera_ray(tall.view(100, 300), {100, 150}).direction), normalize(Vec3d(up, 0, 1)));
   // A window of the screen: its right half.
   const Camera window =
       camera_of("Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [0 1 -1 1]\n", 100, 200);
-  expect_near(Vec3d(window.generate({0, 100}, 100, 200).direction), {0, 0, 1}, 1e-4);
-  expect_near(Vec3d(window.generate({100, 0}, 100, 200).direction), normalize(Vec3d(up, up, 1)), 1e-4);
+  expect_near(Vec3d(camera_ray(window.view(100, 200), {0, 100}).direction), {0, 0, 1}, 1e-4);
+  expect_near(Vec3d(camera_ray(window.view(100, 200), {100, 0}).direction), normalize(Vec3d(up, up, 1)), 1e-4);
   const Camera upper =
       camera_of("Camera \"perspective\" \"float fov\" 60 \"float screenwindow\" [-1 1 0 1]\n", 200, 100);
-  expect_near(Vec3d(upper.generate({100, 100}, 200, 100).direction), {0, 0, 1}, 1e-4);
-  expect_near(Vec3d(upper.generate({200, 0}, 200, 100).direction), normalize(Vec3d(up, up, 1)), 1e-4);
+  expect_near(Vec3d(camera_ray(upper.view(200, 100), {100, 100}).direction), {0, 0, 1}, 1e-4);
+  expect_near(Vec3d(camera_ray(upper.view(200, 100), {200, 0}).direction), normalize(Vec3d(up, up, 1)), 1e-4);
   const Camera lens = camera_of("Camera \"perspective\" \"float lensradius\" .1 \"float focaldistance\" 7\n");
   EXPECT_EQ(lens.kind, CameraKind::thinlens);
   EXPECT_NEAR(lens.focus_distance, 7.0f, 1e-6f);
   const Camera flat = camera_of("Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\n", 300, 200);
-  expect_near(Vec3d(flat.generate({300, 0}, 300, 200).origin), {3, 2, 0}, 1e-3);
+  expect_near(Vec3d(camera_ray(flat.view(300, 200), {300, 0}).origin), {3, 2, 0}, 1e-3);
   const Camera aside = camera_of("Camera \"orthographic\" \"float screenwindow\" [0 2 0 2]\n", 100, 100);
-  expect_near(Vec3d(aside.generate({50, 50}, 100, 100).origin), {1, 1, 0}, 1e-3);
-  expect_near(Vec3d(aside.generate({100, 0}, 100, 100).origin), {2, 2, 0}, 1e-3);
+  expect_near(Vec3d(camera_ray(aside.view(100, 100), {50, 50}).origin), {1, 1, 0}, 1e-3);
+  expect_near(Vec3d(camera_ray(aside.view(100, 100), {100, 0}).origin), {2, 2, 0}, 1e-3);
   const Camera crop = camera_of("Camera \"perspective\"\n", 100, 50, " \"float cropwindow\" [.5 1 0 .2]");
   EXPECT_EQ(crop.film_width, 50);
   EXPECT_EQ(crop.film_height, 10);

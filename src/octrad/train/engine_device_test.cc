@@ -313,10 +313,8 @@ TEST_P(TrainOnStream, MemoryIsEstimatedBeforeItIsTaken) {
   for (const char* field : {"octaoctree", "ncr"}) {
     const auto fresh = GetParam() ? make_cuda_stream(0) : make_host_stream();
     options.stream = fresh.get();
-    double estimate = 0.0;
     options.max_memory = 0.0;
-    options.progress = [&](const TrainProgress& p) { estimate = p.bytes; };
-    train(box.scene, short_run(field, 20), options);
+    const double estimate = train(box.scene, short_run(field, 20), options).memory;
     EXPECT_GT(estimate, 0.8 * static_cast<double>(fresh->peak_bytes())) << field;
     EXPECT_LT(estimate, 1.3 * static_cast<double>(fresh->peak_bytes())) << field;
     box.scene.release(*fresh);

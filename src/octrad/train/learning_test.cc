@@ -51,7 +51,7 @@ double learned_error(const PreparedScene& scene, const Config& config) {
     for (int y = 0; y < 32; ++y) {
       for (int x = 0; x < 32; ++x) {
         Rng rng(1, RngPurpose::test, 0);
-        const Ray ray = camera.generate({static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f}, 32, 32);
+        const Ray ray = camera_ray(camera.view(32, 32), {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f});
         const RayEnd end = follow_ray(context, ray.origin, nullptr, ray.direction, rng, 0.0f, 1);
         if (end.surface && end.point.surface.emitter < 0) floor.push_back(end.point);
       }

@@ -405,7 +405,6 @@ TrainProgress Trainer::Run::progress() const {
   p.validation_mape = mape_;
   p.queries_per_second = static_cast<double>(state_.rhs_queries - first_queries_) / seconds;
   p.points_per_second = static_cast<double>(state_.lhs_samples - first_samples_) / seconds;
-  p.bytes = bytes_;
   return p;
 }
 

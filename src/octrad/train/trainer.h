@@ -25,7 +25,6 @@ struct TrainProgress {
   double validation_mape = -1.0;    // latest; -1 before the first or without a reference
   double queries_per_second = 0.0;  // right-hand-side cache queries
   double points_per_second = 0.0;
-  double bytes = 0.0;  // estimated memory of the field
 };
 
 struct TrainOptions {
