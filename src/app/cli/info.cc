@@ -11,6 +11,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/lower_case.h"
 #include "octrad/base/threads.h"
@@ -79,9 +80,8 @@ std::string devices_text(const DeviceSurvey& survey, const DeviceChoice& choice,
     out += fmt::format("cuda:{:<5} {}, compute capability {}.{}, {} multiprocessors, {}\n", d.index, d.name, d.major,
                        d.minor, d.multiprocessors, format_bytes(static_cast<double>(d.total_bytes)));
   }
-  std::string list;
-  for (const std::string& verb : verbs) list += (list.empty() ? "" : ", ") + verb;
-  return out + fmt::format("--device   auto is {} ({}); verbs with a GPU path: {}\n", choice.name, choice.why, list);
+  return out +
+         fmt::format("--device   auto is {} ({}); verbs with a GPU path: {}\n", choice.name, choice.why, join(verbs));
 }
 
 void info_program(const CommonOptions& common, std::set<std::string> device_verbs) {

@@ -18,6 +18,7 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/version.h"
 
@@ -56,9 +57,7 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   } else if (chosen.empty() && !extra.empty()) {
     text = "unknown verb \"" + extra.front() + "\"" + did_you_mean(extra.front(), verb_names(app));
   } else if (chosen.empty() && missing) {
-    std::string list;
-    for (const std::string& name : verb_names(app)) list += (list.empty() ? "" : ", ") + name;
-    text = "which verb? there are " + list;
+    text = "which verb? there are " + join(verb_names(app));
   } else if (!extra.empty()) {
     text = "unexpected argument \"" + extra.front() + "\"";
   }

@@ -2,11 +2,13 @@
 #include <fmt/format.h>
 
 #include <cstdlib>
+#include <ranges>
 
 #include "app/cli/common.h"
 #include "app/paper/run.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 
 namespace octrad::cli {
@@ -56,8 +58,7 @@ void add_paper(Program& program) {
   CLI::App* verb =
       add_verb(program, "paper", "Train, render and compare everything that the paper shows, and write the report.",
                "octrad paper --budget 30m --scenes scenes -o report", Devices::cuda);
-  std::string names;
-  for (const auto& [name, text] : paper::builtin_matrices()) names += (names.empty() ? "" : ", ") + std::string(name);
+  const std::string names = join(std::views::keys(paper::builtin_matrices()));
   verb->add_option("matrices", o->matrices, "what to do: " + names + ", or JSON files; default: main")
       ->type_name("MATRIX");
   verb->add_option("-o,--output", o->output, "folder of the report and of all results; what is there is not done again")

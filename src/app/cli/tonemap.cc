@@ -8,6 +8,7 @@
 #include "app/cli/common.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/image/contact_sheet.h"
 #include "octrad/image/io.h"
@@ -75,10 +76,8 @@ Image8 displayed(const TonemapOptions& o, const std::string& file) {
   if (vectors) return vector_color(image, o.layer, lower, upper);
   const int channel = image.channel(o.channel);
   if (channel < 0) {
-    std::string list;
-    for (const std::string& name : image.channels) list += (list.empty() ? "" : ", ") + name;
     throw InputError(fmt::format("{} has no channel \"{}\"{}; it has {}", file, o.channel,
-                                 did_you_mean(o.channel, image.channels), list));
+                                 did_you_mean(o.channel, image.channels), join(image.channels)));
   }
   return false_color(image, channel, lower, upper);
 }

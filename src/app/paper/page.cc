@@ -14,6 +14,7 @@
 #include "app/report/image_page.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/escape.h"
+#include "octrad/base/join.h"
 
 namespace octrad::paper {
 
@@ -76,11 +77,8 @@ std::string missing(const json& results) {
   }
   if (why.empty()) return "";
   std::string out = "<h2 id=\"missing\">What is missing</h2>\n<ul>";
-  for (const auto& [message, cells] : why) {
-    std::string list;
-    for (const std::string& cell : cells) list += (list.empty() ? "" : ", ") + cell;
-    out += fmt::format("<li>{} ({})</li>\n", markup_text(message), markup_text(list));
-  }
+  for (const auto& [message, cells] : why)
+    out += fmt::format("<li>{} ({})</li>\n", markup_text(message), markup_text(join(cells)));
   return out + "</ul>\n";
 }
 

@@ -2,14 +2,19 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace octrad {
 
-// "a, b, c".
-inline std::string join(const std::vector<std::string>& words, const std::string& separator = ", ") {
+// "a, b, c", of any range of strings.
+template <typename Words>
+std::string join(const Words& words, std::string_view separator = ", ") {
   std::string result;
-  for (const std::string& word : words) result += (result.empty() ? "" : separator) + word;
+  for (const auto& word : words) {
+    if (!result.empty()) result += separator;
+    result += word;
+  }
   return result;
 }
 

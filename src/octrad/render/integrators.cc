@@ -4,6 +4,7 @@
 #include <array>
 
 #include "octrad/base/error.h"
+#include "octrad/base/join.h"
 #include "octrad/model/radiance_field.h"
 
 namespace octrad {
@@ -106,9 +107,7 @@ IntegratorChoice find_integrator(const std::string& name, const RadianceField* f
     if (level >= 1 && (!field || level <= field->levels())) return {&info, level};
   }
   const std::vector<std::string> known = integrator_names(field);
-  std::string list;
-  for (const std::string& k : known) list += (list.empty() ? "" : ", ") + k;
-  throw UsageError("unknown integrator \"" + name + "\"" + did_you_mean(name, known) + "; there are " + list +
+  throw UsageError("unknown integrator \"" + name + "\"" + did_you_mean(name, known) + "; there are " + join(known) +
                    (field ? "" : ", ..."));
 }
 
