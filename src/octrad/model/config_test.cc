@@ -84,7 +84,7 @@ TEST(Config, BoundsAreABoxOrAName) {
 
 TEST(Config, EveryKeySetsAndReadsBack) {
   for (const char* name : {"paper", "default", "cpu"}) {
-    Config config = preset(name);
+    const Config config = preset(name);
     for (const ConfigKey& key : describe(config)) {
       EXPECT_FALSE(key.help.empty()) << key.key;
       EXPECT_FALSE(key.accepted.empty()) << key.key;
@@ -92,6 +92,23 @@ TEST(Config, EveryKeySetsAndReadsBack) {
       Config copy = config;
       ASSERT_NO_THROW(set(copy, key.key, key.value)) << key.key << " = " << key.value;
       EXPECT_EQ(to_json(copy), to_json(config)) << key.key;
+      // Another value that it accepts changes this key and no other.
+      std::istringstream words(key.accepted + " 3 5 .5 1.5 77s -1,-2,-3,1,2,3");
+      for (std::string word; get(copy, key.key) == key.value && words >> word;) {
+        try {
+          set(copy, key.key, word);
+        } catch (const UsageError&) {
+        }
+      }
+      const std::string changed = get(copy, key.key);
+      EXPECT_NE(changed, key.value) << key.key;
+      for (const ConfigKey& other : describe(copy)) {
+        if (other.key == key.key || (key.key == "train.time" && other.key == "train.steps")) continue;
+        EXPECT_EQ(other.value, get(config, other.key)) << "after " << key.key << " = " << changed;
+      }
+      Config again = config;
+      set(again, key.key, changed);
+      EXPECT_EQ(to_json(again), to_json(copy)) << key.key << " = " << changed;
     }
   }
 }

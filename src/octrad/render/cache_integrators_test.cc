@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <set>
 
 #include "octrad/base/error.h"
 #include "octrad/render/constant_field_test_helper.h"
+#include "octrad/render/view_parts.h"
 #include "octrad/scene/load.h"
 #include "octrad/transport/prepared_scene.h"
 
@@ -178,7 +180,18 @@ TEST(Views, DisparityTracedFeaturesOccupancy) {
   }
   EXPECT_GT(high - low, 0.5f);
   EXPECT_LE(high, 1.0f);
-  EXPECT_NO_THROW(box.picture("occupancy1", 1));
+  const RenderResult occupancy = box.picture("occupancy1", 1);
+  std::set<float> colors;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      const Vec3f color = occupancy.image.rgb(x, y);
+      ASSERT_TRUE(is_finite(color) && min_component(color) >= 0.0f && max_component(color) <= 1.0f);
+      colors.insert(color.x);
+    }
+  }
+  EXPECT_GT(colors.size(), 4u);
+  // The front of the sphere at (0, 0, -.4), a little to the right and above: x is negative there.
+  EXPECT_TRUE(occupancy.image.rgb(16, 11) == cell_color({0.49f, 0.51f, 0.34f}, 1));
   try {
     box.picture("feature2", 1);
     FAIL();

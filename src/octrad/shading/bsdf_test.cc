@@ -206,9 +206,10 @@ TEST(Bsdf, LobesOfCoatsAreTheWhole) {
       for (const Bsdf* lobe : {&base, &coat}) {
         const Vec3f expected = lobe_albedo(*lobe, wo), found = reflected[lobe == &coat];
         // The tables of rough coats do not keep the light that reciprocity needs.
-        const float tolerance = whole.type == BsdfType::plastic ? 0.02f
-                                : lobe == &coat                 ? 0.1f
-                                                                : 0.35f * max_component(expected);
+        const bool smooth = whole.type == BsdfType::plastic;
+        const float tolerance = lobe == &coat ? (smooth ? 0.01f : 0.45f) * max_component(expected)
+                                : smooth      ? 0.02f
+                                              : 0.35f * max_component(expected);
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], tolerance) << entry.name << " wo.z " << wo.z;
         EXPECT_NEAR(chosen[lobe == &coat], 1.0, 0.05) << entry.name;  // each counts once on average
       }
@@ -237,8 +238,6 @@ TEST(Bsdf, WeightsAreValueOverDensity) {
       ++smooth;
       const BsdfValue v = evaluate_bsdf(b, wo, s.wi);
       EXPECT_NEAR(v.pdf, s.pdf, 2e-3f * s.pdf) << entry.name;
-      EXPECT_EQ(v.pdf, evaluate_bsdf(b, wo, s.wi).pdf);
-      EXPECT_EQ(v.value, evaluate_bsdf(b, wo, s.wi).value);
       for (int c = 0; c < 3; ++c)
         EXPECT_NEAR(s.weight[c] * s.pdf, v.value[c], 3e-3f * v.value[c] + 1e-6f) << entry.name;
     }
@@ -285,14 +284,17 @@ TEST(Bsdf, ReciprocalAndBounded) {
 }
 
 TEST(Bsdf, NothingFromBelowOneSidedModels) {
+  int one_sided = 0;
   for (const Named& entry : zoo().entries) {
     const Bsdf b = zoo().materials->at(entry.material, {0, 0});
     if (b.both_sides || b.opacity < 1.0f) continue;
+    ++one_sided;
     const Vec3f below{0.3f, 0.2f, -std::sqrt(1.0f - 0.13f)};
     EXPECT_FALSE(sample_bsdf(b, below, 0.3f, {0.2f, 0.6f}).valid) << entry.name;
     EXPECT_EQ(max_component(evaluate_bsdf(b, kViews[0], below).value), 0.0f);
     EXPECT_EQ(max_component(evaluate_bsdf(b, below, kViews[0]).value), 0.0f);
   }
+  EXPECT_GE(one_sided, 6);
 }
 
 TEST(Bsdf, FirstHitAttributes) {

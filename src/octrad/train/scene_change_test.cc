@@ -143,9 +143,10 @@ TEST(Trainer, AveragesBeginAnewWhereAChangeIsLearnt) {
 }
 
 TEST(Trainer, LampsComeBackFromTheDarkInAnotherColour) {
+  TestFolder folder;
   PreparedScene scene(testing::closed_room());
   TrainOptions options;
-  options.output = ::testing::TempDir() + "dark.octrad";
+  options.output = folder.file("dark.octrad");
   Trainer trainer(scene, small_run(2), options);
   while (!trainer.done()) trainer.step();
   const float scale = trainer.field().target_scale();

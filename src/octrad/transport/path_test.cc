@@ -182,11 +182,14 @@ TEST(Path, FirstHitAttributesLookThroughMasks) {
   std::vector<PathSample> paths = samples_along({{0.1f, 0.1f, 0.0f}, {0, 0, 1}, 1e30f}, 4000);
   PathCounters counters;
   trace_paths(world.context, {1, 5}, paths, counters);
+  int ended = 0;
   for (const PathSample& p : paths) {
     if (!p.first.valid) continue;  // depth 1 ends at the mask
+    ++ended;
     EXPECT_NEAR(p.first.depth, 2.0f, 1e-5f);
     EXPECT_FLOAT_EQ(p.first.roughness, 1.0f);
   }
+  EXPECT_NEAR(ended / 4000.0, 0.25, 0.03);
   paths = samples_along({{0.1f, 0.1f, 0.0f}, {0, 0, 1}, 1e30f}, 4000);
   trace_paths(world.context, {3, 5}, paths, counters);
   int front = 0;
