@@ -67,10 +67,12 @@ endforeach()
 """
 
 
-def run(*words, cwd=None, expect=0, **more):
+def run(*words, cwd=None, expect=0, silent=False, **more):
     done = subprocess.run([str(w) for w in words], cwd=cwd, capture_output=True, text=True, timeout=600, stdin=subprocess.DEVNULL, **more)
     if done.returncode != expect:
         raise AssertionError("%s\nended with %d\n%s\n%s" % (shlex.join(map(str, words)), done.returncode, done.stdout[-4000:], done.stderr[-4000:]))
+    if silent and done.stderr:
+        raise AssertionError("%s\nwrote to standard error: %s" % (shlex.join(map(str, words)), done.stderr))
     return done.stdout
 
 
@@ -104,14 +106,14 @@ class Install(unittest.TestCase):
 
     def test_examples_run(self):
         model, picture = self.folder / "box.octrad", self.folder / "box.png"
-        out = run(self.bin / "train_and_render", BOX, model, picture, "2")
+        out = run(self.bin / "train_and_render", BOX, model, picture, "2", silent=True)  # the library prints nothing
         steps, queries = map(int, re.search(r"(\d+) steps, then (\d+) queries", out).groups())
         self.assertGreater(steps, 0)
         self.assertGreater(queries, 320 * 240 * 16 / 2)  # most rays of the box's camera hit something
         size, rows = png_rows(picture)
         self.assertEqual(size, (320, 240))
         self.assertGreater(len(set(rows)), 50)  # shades
-        lines = run(self.bin / "query_points", model, BOX).splitlines()
+        lines = run(self.bin / "query_points", model, BOX, silent=True).splitlines()
         self.assertGreater(len(lines), 4)
         for line in lines:
             numbers = [float(x) for x in re.match(r"at \S+ \S+ \S+: (\S+) (\S+) (\S+)$", line).groups()]

@@ -153,6 +153,7 @@ class SceneDocuments(unittest.TestCase):
         (cls.folder / "mesh.serialized").write_bytes(serialized())
         (cls.folder / "material_rgb.bsdf").write_bytes(measured_file(0))
         cls.plugins, cls.help = plugins()
+        cls.pictures = {}  # of scenes that were rendered
 
     def scene(self, tag, name, inside):
         """A scene with one object of this type, which holds `inside`."""
@@ -182,11 +183,14 @@ class SceneDocuments(unittest.TestCase):
 
     def picture(self, tag, name, inside):
         """The bits of a small picture of such a scene."""
-        self.write(self.scene(tag, name, inside))
-        effort = ("--spp", "1", "--max-depth", "1") if tag == "film" else ("--spp", "8")
-        done = octrad("render", "scene.xml", "-o", "picture.pfm", "--integrator", "path", *effort, "--threads", "1", "-q", folder=self.folder)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return (self.folder / "picture.pfm").read_bytes()
+        scene = self.scene(tag, name, inside)
+        if scene not in self.pictures:
+            self.write(scene)
+            effort = ("--spp", "1", "--max-depth", "1") if tag == "film" else ("--spp", "8")
+            done = octrad("render", "scene.xml", "-o", "picture.pfm", "--integrator", "path", *effort, "--threads", "1", "-q", folder=self.folder)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.pictures[scene] = (self.folder / "picture.pfm").read_bytes()
+        return self.pictures[scene]
 
     def accepted(self, tag, name):
         """The parameters that the program knows, from what it says of one that it does not."""

@@ -125,7 +125,7 @@ class SparseReference(unittest.TestCase):
     def test_a_plan_makes_every_row_and_goes_on(self):
         plan, work = self.folder / "plan.json", self.folder / "work"
         plan.write_text(json.dumps({
-            "seeds": [0], "spp": 1, "sparse_spp": 4, "watch": 2, "watch_every": "0.2s", "keys": {"*": ["checkpoint.every=0.2", "octree.levels=4"], "nr": ["nr.log2_table=12"]},
+            "seeds": [0], "spp": 1, "sparse_spp": 4, "watch": 2, "watch_every": "0.05s", "keys": {"*": ["checkpoint.every=0.05", "octree.levels=4"], "nr": ["nr.log2_table=12"]},
             "scenes": [{"name": "cornell-box", "width": 48, "height": 32, "steps": {"octaoctree": 150, "nr": 3},
                         "views": {"own": {"spp": 4}, "side": {"spp": 4, "camera": list(VIEW)}}}]}))
         command = [sys.executable, str(ROOT / "bench" / "quality.py"), str(plan), "--octrad", PROGRAM, "--scenes", str(ROOT / "scenes"), "--folder", str(work)]

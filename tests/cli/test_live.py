@@ -125,8 +125,8 @@ class Watching(Live):
         out, _ = unwatched.communicate(timeout=PATIENCE)
         self.assertEqual(unwatched.returncode, 0)
         self.assertIn(b"http://127.0.0.1:", out)
-        self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=PATIENCE)
+        out, _ = self.process.communicate(timeout=PATIENCE)  # ten seconds after the last page was closed
+        self.assertEqual((self.process.returncode, json.loads(out)["steps"]), (0, 400))
 
     def test_watching_does_not_change_the_bits(self):
         options = ("-D", "train.steps=300", *SMALL)
@@ -157,6 +157,13 @@ class Watching(Live):
         viewer.send("edit", lights=[{"light": 0, "factor": [1, 0.5, 1]}])
         self.status(viewer, lambda s: s["state"] == "idle" and 0 < s["change"] < 0.9)
         self.assertEqual(self.status(viewer, lambda s: s["change"] == 0)["state"], "idle")
+        # What has not been saved is, at the end.
+        viewer.send("train", do="start")
+        last = self.status(viewer, lambda s: s["state"] == "running" and s["step"] > s["saved"])
+        self.process.send_signal(signal.SIGINT)
+        self.process.communicate(timeout=PATIENCE)
+        self.assertEqual(self.process.returncode, 130)
+        self.assertGreaterEqual(json.loads(read_safetensors(output)[0]["state"])["step"], last["step"])
 
     def test_options(self):
         scene = self.write("room.xml", ROOM)

@@ -108,6 +108,11 @@ class Render(Case):
         self.assert_same_picture(whole, crop)
         report = self.render("--spp", 2, "--crop", "4,5,6,7", out=crop)
         self.assertEqual((report["width"], report["height"]), (6, 7))
+        (width, _, all_of, _), (_, _, part_of, _) = read_exr(whole), read_exr(crop)
+        floats = lambda raw: array.array("f", raw)
+        for channel in "RGB":
+            pixels = floats(all_of[channel])
+            self.assertEqual(floats(part_of[channel]), array.array("f", (pixels[y * width + x] for y in range(5, 12) for x in range(4, 10))), channel)
 
     def test_mask_renders_those_pixels_and_no_others(self):
         # The sensor's filter is a box; the other reaches over a pixel's rim.

@@ -589,7 +589,7 @@ class Memory(Case):
         with open(os.devnull, "w") as nowhere:
             for scene in scenes:
                 with self.subTest(scene):
-                    render = ("render", scene, "--integrator", "path", "--spp", 1, "--width", 1024, "-o", self.path("a.exr"), "-q")
+                    render = ("render", scene, "--integrator", "path", "--spp", 1, "--width", 1024, "-o", self.path("a.exr"), "--threads", 2, "-q")
                     code, peak, _ = measured(*render, stderr=nowhere)
                     self.assertEqual(code, 0)
                     peaks.append((round(peak / 1e6), os.path.basename(os.path.dirname(scene))))

@@ -193,9 +193,11 @@ class Server(View):
             other.close()
             seven()  # its place is free
         self.assertIn(request(viewers[0].address, "/" + "a" * 20000)[0], (400, 413, 414, 431))
-        # Connections that say nothing do not keep others out for ever: there is room for some of them.
-        silent = [socket.create_connection(viewers[0].address) for _ in range(30)]
+        # Connections that say nothing do not keep others out: there is room for 64, and the oldest makes way for a new one.
+        silent = [socket.create_connection(viewers[0].address, timeout=PATIENCE) for _ in range(70)]
         self.assertEqual(request(viewers[0].address, "/")[0], 200)
+        self.assertEqual(silent[0].recv(1), b"")
+        self.assertEqual(select.select([silent[-1]], [], [], 0)[0], [], "the newest is kept")
         for connection in silent:
             connection.close()
 
