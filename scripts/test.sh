@@ -39,10 +39,10 @@ finish() {
 }
 last_number() { grep -oE "$2" "$1" | tail -n 1 | grep -oE '[0-9]+' | head -n 1; }
 
-# count NAME LOG STATUS: adds the results that a test program printed; a program that ends badly without a failed test
-# of its own (a crash, a sanitizer's report) is one failure.
+# count NAME LOG STATUS TIME: adds the results that a test program printed, and prints the time it took; a program that
+# ends badly without a failed test of its own (a crash, a sanitizer's report) is one failure.
 count() {
-  local name=$1 log=$2 status=$3 p=0 f=0 s=0
+  local name=$1 log=$2 status=$3 took=$4 p=0 f=0 s=0
   if grep -qE '^\[==========\] .* ran\.' "$log"; then                                  # GoogleTest
     p=$(last_number "$log" '^\[  PASSED  \] [0-9]+'); s=$(last_number "$log" '^\[  SKIPPED \] [0-9]+ test')
     f=$(last_number "$log" '^\[  FAILED  \] [0-9]+ test')
@@ -53,7 +53,7 @@ count() {
     f=$(($(grep -oE 'failures=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0) + $(grep -oE 'errors=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+' || echo 0)))
     s=$(grep -oE 'skipped=[0-9]+' "$log" | tail -n 1 | grep -oE '[0-9]+')
     p=$(($(last_number "$log" '^Ran [0-9]+') - f - ${s:-0}))
-    [ "$p" -ge 0 ] || p=0  # parts of a test count as skipped too
+    [ "$p" -ge 0 ] || p=0  # every part of a test that failed counts
   elif [ "$status" = 0 ]; then
     p=1
   fi
@@ -62,11 +62,11 @@ count() {
   passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
   if [ "$status" != 0 ] || [ "$f" != 0 ]; then
     tail -n 60 "$log" | sed 's/^/    /'
-    printf '  FAILED   %s (status %d, %d failed)\n' "$name" "$status" "$f"
+    printf '  FAILED   %s (status %d, %d failed)  [%s]\n' "$name" "$status" "$f" "$took"
   elif [ "$p" = 0 ] && [ "$s" = 0 ]; then
     failed=$((failed + 1)); printf '  FAILED   %s: ran no test\n' "$name"
   else
-    printf '  ok       %-32s %4d passed %s\n' "$name" "$p" "$([ "$s" = 0 ] || echo "$s skipped")"
+    printf '  ok       %-32s %4d passed %s [%s]\n' "$name" "$p" "$([ "$s" = 0 ] || echo "$s skipped ")" "$took"
     # Tests that need a GPU have names that end in Cuda: one line for all of a program.
     local cuda
     cuda=$(grep -cE '^\[  SKIPPED \] [^ ]+Cuda$' "$log" || true)
@@ -86,7 +86,7 @@ count_ended() {
   for i in "${!running[@]}"; do
     [ -s "$logs/$i.status" ] || continue  # has ended
     unset "running[$i]"
-    count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")"
+    count "${names[i]}" "$logs/$i.log" "$(cat "$logs/$i.status")" "$(tail -n 1 "$logs/$i.time")"
   done
 }
 run_added() {
@@ -95,7 +95,8 @@ run_added() {
   for i in "${!names[@]}"; do
     while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; count_ended; done
     running[$i]=1
-    (eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; echo $? >"$logs/$i.status") &
+    (TIMEFORMAT='%0R s, processors %0U + %0S s'
+      { time eval "${commands[i]}" >"$logs/$i.log" 2>&1 </dev/null; } 2>"$logs/$i.time"; echo $? >"$logs/$i.status") &
   done
   wait
   count_ended
@@ -129,14 +130,20 @@ step "Tests, and what clang and nvcc say of the sources"
 # What fuzzing starts from, of every reader of files; test_fuzz reads it.
 "$python" tests/fuzz/make_seeds.py "$OCTRAD" "$logs/seeds" >"$logs/make_seeds" 2>&1 || { tail "$logs/make_seeds"; fatal "tests/fuzz/make_seeds.py"; }
 export OCTRAD_FUZZ_SEEDS=$logs/seeds
-# What takes long first: the command line, and of the programs the large ones.
+# What takes long first: the command line, and four of the programs.
 add "command line" "$python" tests/cli/run.py "$OCTRAD"
 if [ $fast = 0 ]; then
-  add "tests/check_clang.py" "$python" tests/check_clang.py
+  add "tests/check_clang.py" "$python" tests/check_clang.py --without src/app/view  # a part of view_server
   if command -v clang-tidy >/dev/null; then add "scripts/tidy.sh" scripts/tidy.sh; else skip "clang-tidy is not installed"; fi
 fi
-mapfile -t programs < <(cd build-test && ls -S test_*)
-for program in "${programs[@]}"; do add "$program" "build-test/$program"; done
+mapfile -t programs < <(cd build-test && printf '%s\n' test_train test_model test_transport test_shading test_* | awk '!seen[$0]++')
+for program in "${programs[@]}"; do
+  if [ "$program" = test_geometry ] && [ $fast = 0 ]; then  # own tree against Embree, in each shared scene
+    add "$program, a million rays" env OCTRAD_TEST_RAYS=1000000 "build-test/$program"
+  else
+    add "$program" "build-test/$program"
+  fi
+done
 for script in tests/test_templates.py tests/test_examples.py tests/test_*.py; do
   [[ " ${names[*]} " == *" $script "* ]] || add "$script" "$python" "$script"
 done
@@ -153,8 +160,6 @@ if [ -n "$nvcc" ]; then
 else
   skip "nvcc is not installed"
 fi
-[ $fast = 1 ] || add "rays: own tree against Embree, a million in each shared scene" \
-  env OCTRAD_TEST_RAYS=1000000 build-test/test_geometry --gtest_filter='*Bvh8SharedScenes*'
 run_added
 
 # build_with FOLDER NAME SANITIZERS PROGRAM...: builds these test programs with sanitizers. By clang, which takes two
@@ -189,16 +194,18 @@ if [ $fast = 0 ]; then
   step "Demo, small and short"
   check "scripts/demo.sh --quick" scripts/demo.sh --quick
 
-  threaded=(test_train test_render test_transport view_server)
+  threaded=(view_server test_train test_render test_transport)
   build_with build-sanitize "address and undefined-behaviour sanitizers" address,undefined "${programs[@]}" view_server
   build_with build-thread "thread sanitizer" thread "${threaded[@]}"
   step "Unit tests with sanitizers"
   # Tests that take minutes with sanitizers leave themselves out.
   export OCTRAD_SANITIZED=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
   export TSAN_OPTIONS=halt_on_error=1:suppressions=$PWD/tests/thread_sanitizer.txt
-  add_from build-thread '-*Shared*:*LosslessObjects*' "${threaded[@]}"
   # Large scenes run the same code as small ones, for minutes; that they are read stays.
-  add_from build-sanitize '-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*' "${programs[@]}" view_server
+  small='-*Bvh8SharedScenes*:*DeviceWorlds.Shared*:*DevicePaths.SharedScenes*'
+  add_from build-sanitize "$small" test_model view_server  # for longest
+  add_from build-thread '-*Shared*:*LosslessObjects*' "${threaded[@]}"
+  for program in "${programs[@]}"; do [ "$program" = test_model ] || add_from build-sanitize "$small" "$program"; done
   run_added
 fi
 

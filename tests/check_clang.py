@@ -3,6 +3,7 @@
 The library's sources are compiled by clang with the sanitizers (scripts/test.sh).
 
     OCTRAD_BUILD=build check_clang.py [FILE ...]      src/app and all headers of src/ but those of tests, or these
+                       check_clang.py --without DIR   all but the sources of a folder that clang compiles anyway
 
 The folders of the libraries come from compile_commands.json of the build. The sources of a folder are read as one, as
 the build does. Headers with which the source of their name begins are not tried again. Ends with "N passed, N failed,
@@ -67,9 +68,13 @@ def main():
         unit = "".join('#include "%s"\n' % path for path in paths)
         return paths, subprocess.run([clang, *flags, "-x", "c++", "-"], input=unit, capture_output=True, text=True)
 
+    if sys.argv[1:2] == ["--without"]:
+        together = [paths for paths in wanted() if paths[0].suffix == ".h" or paths[0].parent != pathlib.Path(sys.argv[2]).resolve()]
+    else:
+        together = [[pathlib.Path(p).resolve()] for p in sys.argv[1:]] or wanted()
     passed = failed = 0
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for paths, done in pool.map(compile_together, [[pathlib.Path(p).resolve()] for p in sys.argv[1:]] or wanted()):
+        for paths, done in pool.map(compile_together, together):
             passed, failed = passed + (done.returncode == 0), failed + (done.returncode != 0)
             if done.returncode != 0:
                 print("%s:\n%s" % (", ".join(map(str, paths)), done.stderr))
