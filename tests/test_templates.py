@@ -27,6 +27,10 @@ set(OCTRAD_TESTS ON)
 add_subdirectory(tree)
 add_executable(try tree/templates/try.cc)
 target_link_libraries(try PRIVATE octrad::octrad)
+# What runs for long is optimised: networks, encodings, and the tests of scattering models. The rest compiles for longer.
+foreach(name base image device scene transport model perceptual train render)
+  target_compile_options(octrad_${name} PRIVATE -O0)
+endforeach()
 """
 
 SCENE = """<scene version="3.0.0">
