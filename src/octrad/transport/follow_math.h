@@ -184,15 +184,6 @@ OCTRAD_HD inline bool follow_hit(const World& world, Vec3f position, const Hit& 
   return true;
 }
 
-// The light that a near mirror, passed by the ray that goes on with Segment::pdf, gets straight from an emitter.
-OCTRAD_HD_OR_HOST
-template <typename World>
-OCTRAD_HD inline EmitterSample light_at_mirror(const World& world, const ShadingPoint& point, Rng& rng) {
-  const Vec3f wo = point.to_local(point.wo);
-  const Vec2f u = rng.stratified2();
-  return sample_emitter(world, point, wo, SobolSet::Sample{u, rng.stratified()});
-}
-
 // Whether there is a new segment to trace after follow_hit() was true.
 OCTRAD_HD inline bool goes_on(const Segment& segment, const RayEnd& end, int max_chain) {
   if (max_component(end.throughput) <= 0.0f) return false;
@@ -206,7 +197,9 @@ template <typename World>
 OCTRAD_HD inline void add_light_at_mirror(const World& world, const Segment& segment, Vec3f throughput, Rng& rng,
                                           RayEnd& end) {
   if (!(segment.pdf > 0.0f)) return;
-  const EmitterSample light = light_at_mirror(world, end.point, rng);
+  const Vec2f u = rng.stratified2();
+  const EmitterSample light =
+      sample_emitter(world, end.point, end.point.to_local(end.point.wo), SobolSet::Sample{u, rng.stratified()});
   if (!light.valid) return;
   ++end.rays;
   if (!world.occluded(light.ray.origin, light.ray.direction, 0.0f, light.ray.t_max))
