@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <cstdlib>
-#include <ranges>
 
 #include "app/cli/common.h"
 #include "app/paper/run.h"
@@ -58,8 +57,9 @@ void add_paper(Program& program) {
   CLI::App* verb =
       add_verb(program, "paper", "Train, render and compare everything that the paper shows, and write the report.",
                "octrad paper --budget 30m --scenes scenes -o report", Devices::cuda);
-  const std::string names = join(std::views::keys(paper::builtin_matrices()));
-  verb->add_option("matrices", o->matrices, "what to do: " + names + ", or JSON files; default: main")
+  std::vector<std::string> names;
+  for (const auto& [name, text] : paper::builtin_matrices()) names.emplace_back(name);
+  verb->add_option("matrices", o->matrices, "what to do: " + join(names) + ", or JSON files; default: main")
       ->type_name("MATRIX");
   verb->add_option("-o,--output", o->output, "folder of the report and of all results; what is there is not done again")
       ->required()
