@@ -65,8 +65,8 @@ QueryPoints parse_points(const std::string& file, const std::string& text, const
   QueryPoints result;
   std::vector<SurfacePoint>& points = result.points;
   std::vector<std::size_t> column;
-  std::size_t begin = text.starts_with("\xef\xbb\xbf") ? 3 : 0,
-              columns = 0;  // the mark of UTF-8 that some programs write
+  // Some programs write the mark of UTF-8 first.
+  std::size_t begin = text.starts_with("\xef\xbb\xbf") ? 3 : 0, columns = 0;
   int line_number = 0;
   bool has_normals = false;
   const auto refuse = [&](const std::string& why) {

@@ -76,12 +76,12 @@ class Continuation {
 
   int samples() const { return from_ ? from_->samples : 0; }
 
-  // The picture on disk, where it has what is asked for.
+  // The picture on disk, where it has what is asked for. Throws UsageError for a merged one, which it would replace.
   std::optional<Image> finished(const View& view) const {
     if (!session_.o.resume) return std::nullopt;
     std::optional<Image> image = on_disk();
     if (!image) return std::nullopt;
-    if (image->metadata.contains("octrad.render") && picture_seeds(*image).size() > 1)
+    if (picture_seeds(*image).size() > 1)
       throw UsageError(
           fmt::format("--resume: {} was merged from several pictures, which nothing can go on from; take another name",
                       session_.o.output));

@@ -68,9 +68,8 @@ Config resumed_config(const Model& model, const TrainVerbOptions& o, const Commo
   std::vector<std::string> given;
   for (const auto& [key, value] : o.config.config_definitions()) given.push_back(key);
   std::string kept;
-  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every",
-                                                      // The cameras themselves are compared (check_sensors).
-                                                      "train.cameras"};
+  // Of train.cameras the cameras themselves are compared (check_sensors), not the file's name.
+  static const std::vector<std::string> kMayChange = {"train.steps", "train.time", "checkpoint.every", "train.cameras"};
   for (std::size_t i = 0; i < was.size(); ++i) {
     const std::string& key = was[i].key;
     const bool of_pictures = key.starts_with("render.") && key != "render.delta" && key != "render.trace_below";
