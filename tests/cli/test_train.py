@@ -456,6 +456,12 @@ class Query(Case):
     def points(self, *rows, header=HEADER):
         return self.write("in.csv", "\n".join((header, *rows)) + "\n")
 
+    def test_headers_of_other_programs(self):
+        row = "0.1,-1,0,0,1,0,0,1,0,0.5,0.5,0.4,1"
+        plain = self.ok("query", self.model, "--points", self.points(row)).out
+        self.assertEqual(self.ok("query", self.model, "--points", self.points(row, header="\ufeff" + self.HEADER)).out, plain)
+        self.fails(2, 'the header has the column "x" twice', "query", self.model, "--points", self.points(row + ",0", header=self.HEADER + ",x"))
+
     def test_points(self):
         rows = ["0.1,-1,%g,0,1,0,0,1,0,0.5,0.5,0.4,1" % (i / 3000 - 0.5) for i in range(3000)]
         points, out = self.points(*rows), self.path("out.csv")
