@@ -82,13 +82,13 @@ def nearest_vertex(u, resolution):
 # ---------------------------------------------------------------- octree
 
 def octree_features(tensors, config, x, w, disparity):
-    """Level features, concatenated: [n, K C]."""
-    levels, interpolation = config["octree"]["levels"], config["octree"]["interpolation"]
+    """Level features, concatenated: [n, (K + fine) C]."""
+    levels, fine, interpolation = config["octree"]["levels"], config["octree"].get("fine", 0), config["octree"]["interpolation"]
     origin, size = tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
     p = np.clip((x - origin) / size, 0, 1)             # outside: the nearest place of the domain
     x = origin + p * size
     out = []
-    for level in range(1, levels + 1):
+    for level in range(1, levels + fine + 1):
         cells = tensors["octree.level%d.cells" % level].astype(np.int64)
         table = tensors["octree.level%d.features" % level]
         resolution, octa = 2 ** (level + 1), 2 ** (levels + 1 - level)
@@ -104,13 +104,16 @@ def octree_features(tensors, config, x, w, disparity):
             use = (weight > 0) & (cell >= 0)
             if not use.any():
                 continue
+            total[use] += weight[use]
+            if level > levels:                         # one vector a cell
+                value[use] += weight[use, None] * table[cell[use], 0]
+                continue
             center = origin + (base + corner + 0.5) * (size / resolution)
             direction = (x - center) * disparity[:, None] + w
             u = octahedral(direction[use])
             rows, barycentric = triangle(u, octa) if config["octa"]["interpolation"] == "barycentric" else nearest_vertex(u, octa)
             taps = table[cell[use][:, None], rows].astype(float)          # [m, vertices, C]
             value[use] += weight[use, None] * (taps * barycentric[..., None]).sum(axis=1)
-            total[use] += weight[use]
         out.append(value / np.where(total > 0, total, 1)[:, None])
     return np.concatenate(out, axis=1)
 
@@ -228,7 +231,7 @@ def looks_up_reflected(config):
 
 
 def reflected_inputs(tensors, config, points, x, w, disparity, asked):
-    """Features and attributes of what rays along w met, [n, K C + 14]: 0 where there are none."""
+    """Features and attributes of what rays along w met, [n, (K + fine) C + 14]: 0 where there are none."""
     origin, size = tensors["octree.origin"].astype(float), tensors["octree.size"].astype(float)
     met, alpha, n, albedo, emitted = points[:, 14] > 0, points[:, 15], points[:, 16:19], points[:, 19:22], points[:, 22:25]
     met = met & asked & (disparity > 0)

@@ -301,7 +301,7 @@ class Render(Case):
         self.assertGreater(half["outside"], 0.2)
         self.fails(1, "octree.bounds", "info", self.scene, "-D", "octree.bounds=-1,-1,-1,0,1,-1")
         text = self.ok("info", self.scene).out
-        self.assertRegex(text, r"box 2\.02 wide, finest cell 0\.0158 = [\d.]+ pixels at the sensors' median distance")
+        self.assertRegex(text, r"box 2\.02 wide, finest cell 0\.0158 \([\d.]+ pixels at [\d.]+, the median distance of what the sensors see\)")
         self.assertIn("octahedral", text)
         self.assertRegex(text, r"model file about [\d.]+ MiB with what --resume needs, about [\d.]+ MiB with --no-optimizer")
         self.assertEqual(info["model_file"]["without_optimizer"] > info["bytes"], True)

@@ -11,6 +11,7 @@
 #include "octrad/base/bytes.h"
 #include "octrad/base/cpu_info.h"
 #include "octrad/base/error.h"
+#include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/lower_case.h"
@@ -169,12 +170,12 @@ struct OctreeLevels {
   std::int64_t entries = 0;
 };
 
-OctreeLevels octree_levels(const Scene& scene, const Domain& domain, const Config& config, bool count_sampled) {
-  const auto conservative = occupied_cells(scene, domain, config.octree_levels);
+OctreeLevels count_levels(const Scene& scene, const Domain& domain, const Config& config, bool count_sampled) {
+  const int levels = octree_levels(config);
+  const auto conservative = occupied_cells(scene, domain, levels);
   std::vector<std::vector<Vec3i>> sampled;
   if (count_sampled || config.octree_occupancy == OctreeOccupancy::sampled) {
-    sampled =
-        sampled_cells(scene, domain, config.octree_levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
+    sampled = sampled_cells(scene, domain, levels, static_cast<std::uint64_t>(std::max(0LL, config.seed)));
   }
   const auto& cells = config.octree_occupancy == OctreeOccupancy::sampled ? sampled : conservative;
 
@@ -185,7 +186,7 @@ OctreeLevels octree_levels(const Scene& scene, const Domain& domain, const Confi
   const auto bytes_of = [&](std::int64_t entries) {
     return entries * config.octree_features * static_cast<std::int64_t>(sizeof(float));
   };
-  for (int level = 1; level <= config.octree_levels; ++level) {
+  for (int level = 1; level <= levels; ++level) {
     const auto index = static_cast<std::size_t>(level - 1);
     const auto count = static_cast<std::int64_t>(cells[index].size());
     const std::int64_t entries = octree_entries(config.octree_levels, level, count);
@@ -271,7 +272,7 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
     log_warning(coarse);
     warnings.push_back(coarse);
   }
-  const OctreeLevels levels = octree ? octree_levels(scene, domain, config, options.sampled) : OctreeLevels{};
+  const OctreeLevels levels = octree ? count_levels(scene, domain, config, options.sampled) : OctreeLevels{};
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
 
   const double small_lamps =
@@ -344,8 +345,8 @@ void info_scene(const CommonOptions& common, const InfoOptions& options) {
                      config.preset, domain_text(fit));
   if (octree) {
     out +=
-        fmt::format(", {} levels, {} features, box {}, occupancy {}:\n{}", config.octree_levels, config.octree_features,
-                    get(config, "octree.box"), get(config, "octree.occupancy"), levels.table);
+        fmt::format(", {} levels, {} features, box {}, occupancy {}:\n{}", octree_levels(config),
+                    config.octree_features, get(config, "octree.box"), get(config, "octree.occupancy"), levels.table);
   } else {
     out += ":\n";
   }
@@ -474,8 +475,10 @@ void info_verb(const CommonOptions& common, const InfoOptions& options, const st
   if (options.file.empty()) return info_program(common, device_verbs);
   if (extension == ".octrad") return info_model(common, options.file);
   if (is_picture_name(options.file)) return info_image(common, options.file);
+  InputFile(options.file);  // throws where it cannot be opened
   throw UsageError(fmt::format(
-      "cannot tell what {} is: expected a scene (.xml, .gltf, .glb, .pbrt), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, .jpg)",
+      "cannot tell what {} is: its ending is none of a scene (.xml, .gltf, .glb, .pbrt), a model (.octrad) or a picture (.exr, .hdr, .pfm, .png, "
+      ".jpg, .webp, .bmp, .tga)",
       options.file));
 }
 

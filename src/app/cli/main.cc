@@ -51,10 +51,11 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto option = std::find_if(extra.begin(), extra.end(),
                                    [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
   const bool missing = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
-  if (option != extra.end()) {
+  const bool verb_first = chosen.empty() && !extra.empty() && extra.front()[0] != '-';
+  if (option != extra.end() && !verb_first) {
     const std::string word = option->substr(0, option->find('='));
     text = "unknown option " + word + did_you_mean(word, option_names(scope));
-  } else if (chosen.empty() && !extra.empty()) {
+  } else if (verb_first) {
     text = "unknown verb \"" + extra.front() + "\"" + did_you_mean(extra.front(), verb_names(app));
   } else if (chosen.empty() && missing) {
     text = "which verb? there are " + join(verb_names(app));
@@ -83,7 +84,7 @@ void refuse_lost_values(const CLI::App& verb) {
 int run(int argc, char** argv) {
   Program program;
   program.app.name("octrad");
-  program.app.description("octrad trains and renders OctaOctree radiance caches of Mitsuba scenes.");
+  program.app.description("octrad trains and renders OctaOctree radiance caches of Mitsuba, glTF and pbrt scenes.");
   program.app.set_version_flag("--version", std::string("octrad ") + kVersion);
   program.app.require_subcommand(1);
   program.app.footer("octrad VERB --help explains a verb and shows an example.");

@@ -80,7 +80,8 @@ void check_alike(const Part& a, const Part& b) {
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
   if (mask_of(a.image) != mask_of(b.image)) differ("their mask");
   if (share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
-    throw InputError(fmt::format("{} and {} have the same seed: together they know no more than one", a.file, b.file));
+    throw InputError(fmt::format(
+        "{} and {} have the same seed, so that their mean would have as much noise as one of them", a.file, b.file));
 }
 
 long long total_spp(const std::vector<Part>& parts, std::size_t begin, std::size_t end) {

@@ -85,7 +85,7 @@ void add_paper(Program& program) {
                    "Open Image Denoise's library, as render takes it; default: OCTRAD_OIDN_LIBRARY")
       ->type_name("PATH");
   verb->add_flag("--dry-run", o->dry_run, "only list the cells, and estimate how long they take");
-  verb->add_flag("!--no-viewers", o->viewers,
+  verb->add_flag("--no-viewers", o->no_viewers,
                  "a small page, to publish: pictures side by side, without viewers that flip and zoom");
   verb->callback([&program, o] {
     program.common.own_threads = 1;  // the clock of a training

@@ -152,7 +152,7 @@ void add_query(Program& program) {
           "--scene", o->scene,
           "scene that offsets of glossy points are traced in (lookup.offset = traced); default: the file that the "
           "model was trained with. Not needed where the points have columns of them")
-      ->type_name("SCENE.xml");
+      ->type_name("SCENE");
   add_force_option(*verb, o->force);
   o->definitions.add_definitions_to(*verb);
   add_permissive_option(*verb, program.common);

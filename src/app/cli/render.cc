@@ -237,7 +237,7 @@ void add_render(Program& program) {
                             "octrad render scene.xml --integrator lhs --model room.octrad --width 512 -o lhs.exr\n"
                             "  octrad render scene.xml --integrator path --spp 256 -o ref.exr",
                             Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE");
   verb->add_option("-o,--output", o->output,
                    "picture; its ending says the format: .exr (with all layers), .hdr, .pfm, .png, .jpg")
       ->required()

@@ -133,7 +133,8 @@ RenderSession::RenderSession(const CommonOptions& common_options, RenderVerbOpti
     config = model_config(model->info, o.definitions);
     warn_of_ignored_keys(o.definitions, config);
   } else {
-    o.definitions.refuse_config_definitions(fmt::format("--integrator {} has no configuration keys", o.integrator));
+    o.definitions.refuse_config_definitions(fmt::format(
+        "--integrator {} asks no cache: keys of training belong to octrad train, render.* to a --model", o.integrator));
   }
   budget = choose_budget(o, integrator);
   settings.film = scene().film_of(static_cast<std::size_t>(std::max(0, o.view.sensor)));

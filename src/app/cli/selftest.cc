@@ -267,7 +267,7 @@ void add_selftest(Program& program) {
       "octrad selftest --device auto --quick\n  octrad selftest scene.xml --json -o selftest.json", Devices::cuda);
   verb->add_option("scene", o->scene,
                    "Mitsuba XML, glTF or pbrt scene for rays, training and the frame; default: built-in ones")
-      ->type_name("SCENE.xml");
+      ->type_name("SCENE");
   verb->add_option("-o,--output", o->output, "JSON file with everything")->type_name("OUT.json");
   verb->add_option("--only", o->only, "only checks, benchmarks and stages with this in their name")->type_name("TEXT");
   verb->add_flag("--quick", o->quick, "small sizes on a GPU too");

@@ -401,7 +401,7 @@ void add_train(Program& program) {
   CLI::App* verb =
       add_verb(program, "train", "Train a radiance cache of a scene.",
                "octrad train scene.xml -o room.octrad --preset cpu --time 3m --reference ref.exr", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE");
   verb->add_option("-o,--output", o->output, "model file; checkpoints go there too")
       ->required()
       ->type_name("MODEL.octrad");

@@ -197,7 +197,7 @@ void add_view(Program& program) {
   auto o = std::make_shared<ViewVerbOptions>();
   CLI::App* verb = add_verb(program, "view", "Walk through a scene in a browser, path traced or from trained caches.",
                             "octrad view scene.xml --model room.octrad --open", Devices::cuda);
-  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE.xml");
+  verb->add_option("scene", o->scene, "Mitsuba XML, glTF or pbrt")->required()->type_name("SCENE");
   CLI::Option* model = verb->add_option("--model", o->models, "trained cache; can be given more than once")
                            ->type_name("FILE.octrad")
                            ->expected(1)

@@ -291,10 +291,7 @@ void Run::train(const Training& t) {
   const Model model = load_model(file);
   save_model(file, *model.field, model.info, false);
   const std::vector<long long> cells = model.field->cells_per_level();
-  std::int64_t entries = 0;
-  for (std::size_t l = 0; l < cells.size(); ++l)
-    entries += octree_entries(static_cast<int>(cells.size()), static_cast<int>(l) + 1, cells[l]);
-  trained["entries"] = entries;
+  trained["entries"] = octree_entries(model.info.config.octree_levels, cells);
   trained["convergence"] = convergence(store_, t, trained["output"]);
   store_.write(record, trained);
 }
@@ -386,7 +383,7 @@ void Run::make_learned(const Cell& cell) {
   Config config = preset(training.preset);
   for (const auto& [key, value] : training.keys) set(config, key, value);
   std::vector<std::string> integrators = {"traced", "disparity"};
-  for (int level = 1; level <= config.octree_levels; ++level) integrators.push_back(fmt::format("features{}", level));
+  for (int level = 1; level <= octree_levels(config); ++level) integrators.push_back(fmt::format("features{}", level));
   nlohmann::json pictures = nlohmann::json::array();
   for (const std::string& integrator : integrators) {
     const std::string file = fmt::format("{}/{}.exr", folder, integrator);
@@ -711,7 +708,7 @@ PaperSummary Run::go() {
   forget_errors_without_lpips();
   do_jobs(summary);
   const nlohmann::json results = write_results(store_, plan_, head_);
-  write_report(store_, plan_, results, o_.viewers);
+  write_report(store_, plan_, results, !o_.no_viewers);
   for (const nlohmann::json& cell : results["cells"]) {
     const std::string status = cell["status"];
     ++(status == "done"            ? summary.done

@@ -17,7 +17,7 @@ struct PaperOptions {
   std::string budget;                 // a duration; "": the matrices as they are
   std::string only;                   // of select_cells()
   bool dry_run = false;
-  bool viewers = true;                      // in the page
+  bool no_viewers = false;                  // in the page
   std::string lpips_weights, oidn_library;  // of compare and render
   std::vector<std::string> common, device;  // options that all commands get, and those of train and render
 };

@@ -34,8 +34,9 @@ DeviceRequest parse_device(const std::string& text) {
       return {DeviceRequest::Kind::cuda, index};
     }
   }
+  // By letters alone "gpu" is near to "cpu".
   throw UsageError("--device \"" + text + "\": expected auto, cpu, cuda or cuda:N with N from 0" +
-                   did_you_mean(text, {"auto", "cpu", "cuda"}));
+                   did_you_mean(text.find("gpu") != std::string::npos ? "cuda" : text, {"auto", "cpu", "cuda"}));
 }
 
 std::unique_ptr<Stream> DeviceChoice::make_stream(const DeviceTuning& tuning) const {

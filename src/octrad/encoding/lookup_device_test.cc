@@ -44,7 +44,7 @@ TEST_P(DeviceLookup, OctreeFeaturesAreThoseOfTheDefinition) {
   for (const int features : {2, 4, 8}) {
     for (const int mode : {0, 1, 2}) {
       for (const bool halves : {false, true}) {
-        OctaOctree tree({5, features, mode != 1, mode != 2}, scene_.cells(5), kOrigin, kSize);
+        OctaOctree tree({5, features, mode != 1, mode != 2, 1}, scene_.cells(5), kOrigin, kSize);
         const CheckResult r = check_octree_lookup(*stream, tree, queries, halves, 7);
         EXPECT_TRUE(testing::passed(r)) << features << " features, mode " << mode << ", halves " << halves;
         // Contracted multiplications may decide for another cell or vertex where none interpolates.
@@ -55,7 +55,7 @@ TEST_P(DeviceLookup, OctreeFeaturesAreThoseOfTheDefinition) {
 }
 
 TEST_P(DeviceLookup, OctreeGradientsReachTheEntriesThatWereRead) {
-  const OctaOctreeOptions options{5, 4, true, true};
+  const OctaOctreeOptions options{5, 4, true, true, 1};
   OctaOctree tree(options, scene_.cells(options.levels), kOrigin, kSize);
   testing::fill_random(tree.features(), 3);
   const LookupQueries b(*stream, positions(scene_, 700), 3.0f, 6);

@@ -12,20 +12,28 @@
 namespace octrad {
 
 struct OctaOctreeOptions {
-  int levels = 5;           // K
+  int levels = 5;           // all: K and `fine`
   int features = 4;         // C
   bool trilinear = true;    // octree.interpolation
   bool barycentric = true;  // octa.interpolation
+  int fine = 0;             // of these, the finest, whose cells hold one feature vector instead of a map
 };
 
-// Spatial cells per axis of level l = 1..K: 2^(l+1).  Octahedral resolution of level l: 2^(K+1-l).
+// Spatial cells per axis of level l: 2^(l+1).  Octahedral resolution: 2^(K+1-l) of levels l = 1..K; 0, one feature
+// vector for all directions, of the fine levels above. `levels`: K.
 constexpr int spatial_resolution(int level) { return 1 << (level + 1); }
-constexpr int octahedral_resolution(int levels, int level) { return 1 << (levels + 1 - level); }
+constexpr int octahedral_resolution(int levels, int level) { return level > levels ? 0 : 1 << (levels + 1 - level); }
 
 // Feature vectors that `cells` cells of level l need: cells (R_l + 1)^2 (paper table 2).
 constexpr std::int64_t octree_entries(int levels, int level, std::int64_t cells) {
   const std::int64_t r = octahedral_resolution(levels, level) + 1;
   return cells * r * r;
+}
+// Those of all levels; `cells`: of each level.
+constexpr std::int64_t octree_entries(int levels, std::span<const long long> cells) {
+  std::int64_t entries = 0;
+  for (std::size_t l = 0; l < cells.size(); ++l) entries += octree_entries(levels, static_cast<int>(l) + 1, cells[l]);
+  return entries;
 }
 
 // One contribution of a query to the table: entry index (of C floats) and weight w_j b_jk.
@@ -50,7 +58,8 @@ class OctaOctree {
   Vec3f size() const;
   int feature_count() const;                   // K C
   std::int64_t entry_count() const;            // feature vectors over all levels
-  std::int64_t level_offset(int level) const;  // first entry of level l = 1..K
+  std::int64_t level_offset(int level) const;  // first entry of level l
+  int map_resolution(int level) const;         // R of level l, 0: one feature vector a cell
   const std::vector<Vec3i>& cells(int level) const;
   std::span<float> features();  // [entry_count][C], 64-byte aligned, huge pages where the system has them
   std::span<const float> features() const;

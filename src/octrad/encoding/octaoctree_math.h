@@ -116,6 +116,10 @@ OCTRAD_HD inline int visit_level(const OctaOctreeView& view, const OctreeLevelVi
   for (int j = 0; j < 8; ++j) {
     if (!(stencil.weight[j] > T(0))) continue;
     const std::uint32_t map = level.first_entry + stencil.cell[j] * map_size;
+    if (level.octahedral_resolution == 0) {
+      visit(map, stencil.weight[j], T(0));
+      continue;
+    }
     const Vec3<T> offset = stencil.offset(j);
     const Vec3<T> v = offset * d + w;  // parallax: the direction seen from the cell's centre
     const OctaProjection<T> projection = octa_project(v);

@@ -37,6 +37,7 @@ struct StepTaps {
   alignas(64) float weight[kCorners][3][kMaxLanes];
   alignas(64) float slope[kCorners][3][kMaxLanes];  // weight's derivative by the disparity (record only)
   alignas(64) std::uint32_t corners[kMaxLanes];     // bit j: corner j's cell counts
+  int vertices;                                     // of each corner
 };
 
 void load_block(const OctaOctreeView& view, const Vec3f* x, const Vec3f* w, const float* d, int n, QueryBlock& block) {
@@ -159,6 +160,16 @@ HWY_NOINLINE int address_stage(const OctaOctreeView& view, const OctreeLevelView
   const VF normalize = hn::IfThenElseZero(any, hn::Div(hn::Set(f, 1.0f), hn::IfThenElse(any, sum, hn::Set(f, 1.0f))));
 
   const int resolution = level.octahedral_resolution;
+  if (resolution == 0) {  // one vector a cell
+    for (int j = 0; j < kCorners; ++j) {
+      hn::Store(hn::Add(hn::Set(du, level.first_entry), hn::Load(du, cell + j * lanes)), du, taps.entry[j][0]);
+      hn::Store(hn::Mul(weight[j], normalize), f, taps.weight[j][0]);
+      if constexpr (kRecord) hn::Store(hn::Zero(f), f, taps.slope[j][0]);
+    }
+    taps.vertices = 1;
+    return lanes - static_cast<int>(hn::CountTrue(f, any));
+  }
+  taps.vertices = 3;
   const std::uint32_t map_size = static_cast<std::uint32_t>((resolution + 1) * (resolution + 1));
   const float half = static_cast<float>(resolution / 2);
   const VF h = hn::Set(f, half), minus_h = hn::Set(f, -half), one = hn::Set(f, 1.0f), zero = hn::Zero(f);
@@ -260,7 +271,7 @@ HWY_INLINE void prefetch_stage(const float* HWY_RESTRICT table, const StepTaps& 
   for (int q = 0; q < lanes; ++q) {
     for (std::uint32_t rest = taps.corners[q]; rest != 0; rest &= rest - 1) {
       const int j = __builtin_ctz(rest);
-      for (int k = 0; k < 3; ++k) hwy::Prefetch(table + std::size_t{taps.entry[j][k][q]} * C);
+      for (int k = 0; k < taps.vertices; ++k) hwy::Prefetch(table + std::size_t{taps.entry[j][k][q]} * C);
     }
   }
 }
@@ -276,7 +287,7 @@ HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& 
     for (int part = 0; part < kParts<C>; ++part) sum[part] = rate[part] = hn::Zero(f);
     for (std::uint32_t rest = taps.corners[q]; rest != 0; rest &= rest - 1) {
       const int j = __builtin_ctz(rest);
-      for (int k = 0; k < 3; ++k) {
+      for (int k = 0; k < taps.vertices; ++k) {
         const float* t = table + std::size_t{taps.entry[j][k][q]} * C;
         const auto w = hn::Set(f, taps.weight[j][k][q]);
         for (int part = 0; part < kParts<C>; ++part) {
@@ -360,7 +371,7 @@ std::int64_t record_features(const OctaOctreeView& view, const Vec3f* x, const V
         for (int l = 0; l < view.levels; ++l) {
           for (std::uint32_t rest = taps[l].corners[q]; rest != 0; rest &= rest - 1) {
             const int j = __builtin_ctz(rest);
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < taps[l].vertices; ++k) {
               const float weight = taps[l].weight[j][k][q];
               tap[used] = {taps[l].entry[j][k][q], weight};
               used += weight != 0.0f;

@@ -56,7 +56,7 @@ std::vector<double> independent_query(const OctaOctree& tree, Vec3d x, Vec3d w, 
   std::vector<double> result(static_cast<std::size_t>(levels * features), 0.0);
   *least_coverage = 1.0;
   for (int l = 1; l <= levels; ++l) {
-    const int n = 1 << (l + 1), r = 1 << (levels + 1 - l), h = r / 2;
+    const int n = 1 << (l + 1), maps = levels - tree.options().fine, r = l <= maps ? 1 << (maps + 1 - l) : 0, h = r / 2;
     std::map<std::array<int, 3>, std::int64_t> number;
     if (const auto& cells = tree.cells(l); true) {
       for (std::size_t i = 0; i < cells.size(); ++i)
@@ -77,6 +77,12 @@ std::vector<double> independent_query(const OctaOctree& tree, Vec3d x, Vec3d w, 
       }
       if (weight <= 0.0 || number.count(cell) == 0) continue;
       total += weight;
+      if (r == 0) {  // the cell's one vector
+        for (int f = 0; f < features; ++f)
+          sum[f] +=
+              weight * tree.features()[static_cast<std::size_t>((tree.level_offset(l) + number[cell]) * features + f)];
+        continue;
+      }
       const double norm = std::abs(v.x) + std::abs(v.y) + std::abs(v.z);
       double ux = v.x / norm, uy = v.y / norm;
       if (v.z < 0) {
@@ -133,6 +139,10 @@ TEST(OctaOctree, EntryCountsOfThePaper) {
   EXPECT_EQ(spatial_resolution(8), 512);
   EXPECT_EQ(octahedral_resolution(8, 1), 256);
   EXPECT_EQ(octahedral_resolution(8, 8), 2);
+  // A fine level has one vector a cell.
+  EXPECT_EQ(spatial_resolution(9), 1024);
+  EXPECT_EQ(octahedral_resolution(8, 9), 0);
+  EXPECT_EQ(octree_entries(6, std::vector<long long>(bathroom, bathroom + 7)), 3'526'245 + 583'036);
 }
 
 TEST(OctaOctree, Construction) {
@@ -216,7 +226,7 @@ TEST(OctaOctree, IndexFindsExactlyTheGivenCells) {
 
 TEST(OctaOctree, DefinitionMatchesAnIndependentEvaluation) {
   for (int features : {2, 4}) {
-    const Fixture f({.levels = 4, .features = features});
+    const Fixture f({.levels = 4, .features = features, .fine = features / 4});
     const LookupQueries q = make_queries(f, 150, 1);
     std::vector<double> value(static_cast<std::size_t>(f.tree.feature_count())), slope(value.size());
     for (int i = 0; i < q.size(); ++i) {
@@ -231,12 +241,12 @@ TEST(OctaOctree, DefinitionMatchesAnIndependentEvaluation) {
 }
 
 TEST(OctaOctree, CanonicalizeRims) {
-  Fixture f({.levels = 3});
+  Fixture f({.levels = 4, .fine = 1});  // the vectors of the fine level stay
   testing::fill_random(f.tree.features(), 99);
   const std::vector<float> before(f.tree.features().begin(), f.tree.features().end());
   f.tree.canonicalize_rims();
   std::size_t changed = 0;
-  for (int l = 1; l <= 3; ++l) {
+  for (int l = 1; l <= 4; ++l) {
     const int r = octahedral_resolution(3, l), h = r / 2;
     for (std::size_t c = 0; c < f.tree.cells(l).size(); ++c) {
       const std::size_t map =
@@ -371,6 +381,10 @@ TEST(OctaOctree, EverySimdTargetMatchesTheDefinition) {
     check_against_definition({.levels = 5, .features = 4, .trilinear = false}, 500, 500);
     check_against_definition({.levels = 5, .features = 4, .barycentric = false}, 500, 512);
     check_against_definition({.levels = 4, .features = 8, .trilinear = false, .barycentric = false}, 500, 500);
+    check_against_definition({.levels = 5, .features = 4, .fine = 1}, 500, 500);
+    check_against_definition({.levels = 5, .features = 2, .fine = 3}, 333, 340);
+    check_against_definition({.levels = 4, .features = 8, .trilinear = false, .barycentric = false, .fine = 2}, 200,
+                             200);
   });
 }
 

@@ -122,6 +122,8 @@ const std::vector<Key>& keys() {
 
       number("octree.levels", &C::octree_levels, {1, 9},
              "K; the finest level has 2^(K+1) cells per axis; memory grows about 4.5 x a level"),
+      number("octree.fine", &C::octree_fine, {0, 3},
+             "finer levels beyond K, whose cells hold one feature vector for all directions; K + fine is at most 9"),
       number("octree.features", &C::octree_features, kFeatureCounts, "C, features per level and vertex: 2, 4 or 8"),
       choice("octree.box", &C::octree_box, {{"axis", OctreeBox::axis}, {"cube", OctreeBox::cube}},
              "domain: the box of octree.bounds, padded, normalised per axis, or its enclosing cube"),

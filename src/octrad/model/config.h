@@ -22,6 +22,7 @@ struct Config {
 
   // Octree and encoding (method sections 2-4).
   int octree_levels = 6;    // K, 1..9
+  int octree_fine = 1;      // levels beyond K whose cells hold one feature vector; K + fine <= 9
   int octree_features = 4;  // C per level: 2, 4 or 8
   OctreeBox octree_box = OctreeBox::cube;
   std::string octree_bounds = "auto";  // auto | scene | six numbers
@@ -170,6 +171,8 @@ nlohmann::json to_json(const Config& config);
 // The keys that such an object of an earlier version does not have.
 std::vector<std::string> keys_missing_in(const nlohmann::json& object);
 
+// Levels of the octree: octree.levels and octree.fine. Throws UsageError where these are more than there may be.
+int octree_levels(const Config& config);
 // Which surfaces rays pass: rays of pictures (render.delta, render.trace_below), and rays of right-hand sides, which
 // pass perfect mirrors in any case.
 FollowRules first_hit_rules(const Config& config);

@@ -1,6 +1,10 @@
 // What several keys of a configuration say together.
+#include <fmt/format.h>
+
 #include <algorithm>
 
+#include "octrad/base/error.h"
+#include "octrad/encoding/octaoctree_math.h"
 #include "octrad/model/config.h"
 
 namespace octrad {
@@ -14,6 +18,13 @@ float follow_below(const Config& config) {
 }
 
 }  // namespace
+
+int octree_levels(const Config& config) {
+  const int levels = config.octree_levels + config.octree_fine;
+  if (levels <= kMaxOctreeLevels) return levels;
+  throw UsageError(fmt::format("octree.levels = {} and octree.fine = {} are {} levels, supported are {} together",
+                               config.octree_levels, config.octree_fine, levels, kMaxOctreeLevels));
+}
 
 // Responses of both lobes would hold the emission of the surface.
 bool split_coats(const Config& config) {

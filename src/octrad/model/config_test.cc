@@ -44,6 +44,18 @@ TEST(Config, PresetsSayWhatTheyStandFor) {
   EXPECT_NE(message([] { preset("papper"); }).find("did you mean \"paper\""), std::string::npos);
 }
 
+TEST(Config, LevelsAreThoseOfMapsAndFineOnes) {
+  Config config = preset("cpu");
+  EXPECT_EQ(octree_levels(config), config.octree_levels + 1);
+  for (const char* name : {"paper", "default"}) EXPECT_EQ(octree_levels(preset(name)), 8);
+  config.octree_levels = 8;
+  EXPECT_EQ(octree_levels(config), 9);
+  config.octree_fine = 2;
+  EXPECT_THROW(octree_levels(config), UsageError);
+  EXPECT_NE(message([&] { octree_levels(config); }).find("octree.levels = 8 and octree.fine = 2 are 10 levels"),
+            std::string::npos);
+}
+
 TEST(Config, ValuesOfTheStructAreThePresetCpu) {
   EXPECT_EQ(to_json(Config{}), to_json(preset("cpu")));
   EXPECT_TRUE(Config{} == preset("cpu"));

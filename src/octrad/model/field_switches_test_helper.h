@@ -61,6 +61,8 @@ inline std::vector<FieldCase> field_cases() {
                      {{"loss.normalizer", "symmetric"}},
                      {{"adam.mode", "dense"}},
                      {{"lookup.rough_threshold", "1.5"}, {"octree.levels", "4"}},
+                     {{"octree.fine", "0"}},
+                     {{"octree.fine", "2"}, {"octree.levels", "2"}, {"lookup.offset", "traced"}},
                      // The paper's preset.
                      {{"disparity.direction", "false"},
                       {"disparity.unit", "world"},
@@ -105,7 +107,7 @@ inline Config config_of(const FieldCase& c) {
 }
 
 inline std::unique_ptr<RadianceField> field_of(const Config& config) {
-  auto field = make_field(config, box_domain(config.octree_levels));
+  auto field = make_field(config, box_domain(octree_levels(config)));
   fill_tables(*field);
   field->set_target_scale(1.7f);
   return field;

@@ -44,6 +44,7 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.newer_keys = keys_missing_in(config);
     for (const std::string& key : info.state.newer_keys) {
       Config& c = info.config;
+      if (key == "octree.fine") c.octree_fine = 0;
       if (key == "lookup.reflected") c.lookup_reflected = Reflected::none;
       if (key == "lookup.coats") c.lookup_coats = Coats::joined;
       if (key == "lookup.rough_offset") c.lookup_rough_offset = true;
@@ -58,6 +59,7 @@ ModelInfo info_of(const TensorReader& in) {
       if (key == "render.coat_samples") c.render_coat_samples = preset(c.preset).render_coat_samples;
       if (key == "render.offset_spread") c.render_offset_spread = preset(c.preset).render_offset_spread;
     }
+    field_entry(info.config.field).cell_levels(info.config);  // throws where there are too many
     const nlohmann::json scene = parse_json(text("scene"), in.file());
     info.scene_file = scene.at("file").get<std::string>();
     info.scene_fingerprint = scene.at("fingerprint").get<std::string>();

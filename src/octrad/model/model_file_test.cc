@@ -37,7 +37,7 @@ TEST(ModelFile, RefusesBrokenFiles) {
 
   // A sound model, but with cells outside the grid, or with a tensor missing.
   ModelInfo info;
-  info.config.octree_levels = 3;
+  info.config.octree_levels = 2;  // and a fine one
   info.config.disparity_log2_table = 10;
   const auto field = make_field(info.config, testing::shell(3));
   save_model(file, *field, info, false);
@@ -72,6 +72,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   const std::string file = (folder / ("octrad_" + std::to_string(::getpid()) + "_older.octrad")).string();
   ModelInfo info;
   info.config.octree_levels = 3;
+  info.config.octree_fine = 0;
   info.config.disparity_log2_table = 10;
   info.config.target_scale = 1.0;
   const auto field = make_field(info.config, testing::shell(3));
@@ -104,7 +105,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
         config["preset"] = info.config.preset = preset_name;
         for (const char* newer : {"offset_spread", "trace_below", "coat_samples"})
           EXPECT_EQ(config["render"].erase(newer), 1u);
-        EXPECT_EQ(config["loss"].erase("power"), 1u);
+        EXPECT_EQ(config["loss"].erase("power") + config["octree"].erase("fine"), 2u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
         for (const char* newer : {"average", "far_ends", "area_falls", "first_points"})
           EXPECT_EQ(config["train"].erase(newer), 1u);

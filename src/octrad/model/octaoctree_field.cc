@@ -1,6 +1,7 @@
 #include "octrad/model/octaoctree_field.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "octrad/base/threads.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
@@ -12,24 +13,25 @@ namespace octrad {
 namespace {
 
 OctaOctreeOptions octree_options(const Config& config) {
-  return {config.octree_levels, config.octree_features, config.octree_interpolation == OctreeInterpolation::trilinear,
-          config.octa_interpolation == OctaInterpolation::barycentric};
+  return {octree_levels(config), config.octree_features, config.octree_interpolation == OctreeInterpolation::trilinear,
+          config.octa_interpolation == OctaInterpolation::barycentric, config.octree_fine};
 }
 
-constexpr std::string_view kOctaOctreeKeys[] = {
-    "octree.levels",    "octree.features",     "octree.occupancy",    "octree.interpolation", "octa.",
-    "lookup.direction", "lookup.offset",       "lookup.rough_offset", "lookup.reflected",     "lookup.rough_direction",
-    "disparity.",       "decoder.width",       "decoder.hidden",      "decoder.output",       "adam.rate.features",
-    "adam.rate.budget", "render.offset_spread"};
+constexpr std::string_view kOctaOctreeKeys[] = {"octree.levels",          "octree.fine",
+                                                "octree.features",        "octree.occupancy",
+                                                "octree.interpolation",   "octa.",
+                                                "lookup.direction",       "lookup.offset",
+                                                "lookup.rough_offset",    "lookup.reflected",
+                                                "lookup.rough_direction", "disparity.",
+                                                "decoder.width",          "decoder.hidden",
+                                                "decoder.output",         "adam.rate.features",
+                                                "adam.rate.budget",       "render.offset_spread"};
 
 std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vector<long long>& cells_per_level,
                                           bool training) {
   std::vector<MemoryPart> parts;
-  double entries = 0.0, cells = 0.0;
-  for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
-    entries += static_cast<double>(octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]));
-    cells += static_cast<double>(cells_per_level[l]);
-  }
+  const auto entries = static_cast<double>(octree_entries(config.octree_levels, cells_per_level));
+  const auto cells = static_cast<double>(std::accumulate(cells_per_level.begin(), cells_per_level.end(), 0LL));
   add_table_memory(parts, "octree", entries, config.octree_features, config, training);
   add_table_memory(parts, "disparity grid", static_cast<double>(hash_grid_entries(disparity_grid_options(config))),
                    config.disparity_features, config, training);
@@ -38,7 +40,9 @@ std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vecto
   // About 40 of the 64 cells of a query hold surfaces.
   const double lookups = looks_up_reflected(config) ? 2.0 : 1.0;
   if (training)
-    add_batch_memory(parts, config, lookups * config.octree_levels * 24.0 * 0.65 + config.disparity_levels * 8.0);
+    add_batch_memory(
+        parts, config,
+        lookups * (config.octree_levels * 24.0 + config.octree_fine * 8.0) * 0.65 + config.disparity_levels * 8.0);
   return parts;
 }
 
@@ -59,8 +63,8 @@ constinit const FieldEntry kOctaOctreeField = {
     .name = "octaoctree",
     .title = "OctaOctree",
     .own_keys = kOctaOctreeKeys,
-    .cell_levels = [](const Config& config) { return config.octree_levels; },
-    .finest_cells = [](const Config& config) { return static_cast<double>(spatial_resolution(config.octree_levels)); },
+    .cell_levels = octree_levels,
+    .finest_cells = [](const Config& config) { return static_cast<double>(spatial_resolution(octree_levels(config))); },
     .rays =
         [](const Config& config, bool) {
           QueryRays rays;
@@ -89,7 +93,7 @@ MlpShape disparity_shape(const Config& config) {
 }
 
 MlpShape decoder_shape(const Config& config) {
-  const int features = config.octree_levels * config.octree_features;
+  const int features = octree_levels(config) * config.octree_features;
   return {features + (looks_up_reflected(config) ? features + kReflectedInputs : 0) + kPointInputs,
           config.decoder_width, config.decoder_hidden, 3};
 }
@@ -388,7 +392,7 @@ void OctaOctreeField::save(TensorWriter& out) {
     const std::string prefix = "octree.level" + std::to_string(l);
     const auto& cells = octree_.cells(l);
     const auto count = static_cast<std::int64_t>(cells.size());
-    const std::int64_t r = octahedral_resolution(levels(), l) + 1;
+    const std::int64_t r = octree_.map_resolution(l) + 1;
     static_assert(sizeof(Vec3i) == 3 * sizeof(std::int32_t));
     out.add(prefix + ".cells", DType::i32, {count, 3}, cells.data());
     out.add(prefix + ".features", DType::f32, {count, r * r, width},
@@ -413,7 +417,7 @@ void OctaOctreeField::load(const TensorReader& in) {
   const int width = octree_.options().features;
   for (int l = 1; l <= levels(); ++l) {
     const std::string name = "octree.level" + std::to_string(l) + ".features";
-    const std::int64_t r = octahedral_resolution(levels(), l) + 1;
+    const std::int64_t r = octree_.map_resolution(l) + 1;
     read_floats(in, name, {static_cast<std::int64_t>(octree_.cells(l).size()), r * r, width},
                 octree_.features().subspan(static_cast<std::size_t>(octree_.level_offset(l) * width)));
   }

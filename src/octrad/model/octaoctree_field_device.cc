@@ -1,4 +1,6 @@
 // The OctaOctree field on a device (method sections 4, 5 and 7).
+#include <numeric>
+
 #include "octrad/device/launch.h"
 #include "octrad/encoding/spherical_harmonics_math.h"
 #include "octrad/model/field_base_device.h"
@@ -127,7 +129,7 @@ struct DisparityGradient : Kernel {
 
 // A step may look up twice for each of its points.
 DeviceTableOptions octree_table_options(const Config& config, const DeviceFieldOptions& options) {
-  DeviceTableOptions table = DeviceFieldBase::table_options(config, options, config.octree_levels, kOctreeTaps);
+  DeviceTableOptions table = DeviceFieldBase::table_options(config, options, octree_levels(config), kOctreeTaps);
   if (looks_up_reflected(config)) table.touches *= 2;
   return table;
 }
@@ -354,11 +356,8 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
   using Base = DeviceFieldBase;
   std::vector<MemoryPart> parts = Base::decoder_memory(decoder_shape(config), options);
   const auto append = [&](const std::vector<MemoryPart>& more) { parts.insert(parts.end(), more.begin(), more.end()); };
-  std::int64_t entries = 0, cells = 0;
-  for (std::size_t l = 0; l < cells_per_level.size(); ++l) {
-    entries += octree_entries(config.octree_levels, static_cast<int>(l) + 1, cells_per_level[l]);
-    cells += cells_per_level[l];
-  }
+  const std::int64_t entries = octree_entries(config.octree_levels, cells_per_level);
+  const long long cells = std::accumulate(cells_per_level.begin(), cells_per_level.end(), 0LL);
   append(DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
                              octree_table_options(config, options), "octree features"));
   parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
@@ -374,7 +373,7 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
     parts.push_back(
         {"disparity training points in flight",
          Base::train_rows(options) *
-             static_cast<std::size_t>(config.octree_levels + config.disparity_levels * config.disparity_features + 1) *
+             static_cast<std::size_t>(octree_levels(config) + config.disparity_levels * config.disparity_features + 1) *
              4});
   }
   return parts;

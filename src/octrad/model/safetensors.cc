@@ -269,7 +269,7 @@ void TensorReader::Impl::parse_header() {
   in.read(&length, sizeof(length), 0);
   if (length > kMaxHeader || length > size - sizeof(length)) {
     refuse(
-        fmt::format("its header claims {} bytes and the file has {}; it is not a safetensors file, or it is truncated",
+        fmt::format("it is no model (a safetensors file), or truncated: its header claims {} bytes and the file has {}",
                     length, size));
   }
   ask_memory(length * 32, file);  // what JSON becomes in memory, at most

@@ -35,7 +35,7 @@ struct Box {
     config.disparity_log2_table = 10;
     config.ncr_log2_table = config.ncr_cone_log2_table = 12;
     const Domain box = scene_domain(scene.bounds, config.octree_box == OctreeBox::cube);
-    field = make_field(config, {box.origin, box.size, occupied_cells(scene, box, config.octree_levels)});
+    field = make_field(config, {box.origin, box.size, occupied_cells(scene, box, octree_levels(config))});
     field->set_target_scale(1.0f);
     // Something to see: a few steps towards a made-up radiance.
     Rng rng(7, RngPurpose::test, 0);

@@ -180,8 +180,8 @@ std::string domain_text(const DomainFit& fit) {
     text += fmt::format(" (the scene {:.4g}; {:.1f} % of what is seen lies outside)", fit.whole, 100.0 * fit.outside);
   if (fit.cell > 0.0) text += fmt::format(", finest cell {}", format_three_digits(fit.cell));
   if (fit.cell > 0.0 && fit.pixel > 0.0)
-    text += fmt::format(" = {} pixels at the sensors' median distance, {}", format_three_digits(fit.cell / fit.pixel),
-                        format_three_digits(fit.distance));
+    text += fmt::format(" ({} pixels at {}, the median distance of what the sensors see)",
+                        format_three_digits(fit.cell / fit.pixel), format_three_digits(fit.distance));
   return text;
 }
 
