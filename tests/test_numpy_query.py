@@ -96,6 +96,9 @@ class Query(unittest.TestCase):
     def test_cpu_preset(self):
         self.compare("--preset", "cpu")
 
+    def test_fine_levels(self):
+        self.compare("--preset", "cpu", "-D", "octree.fine=2")
+
     def test_nothing_reflected(self):
         self.compare("--preset", "cpu", "-D", "lookup.reflected=none")
 

@@ -22,7 +22,7 @@ struct Config {
 
   // Octree and encoding (method sections 2-4).
   int octree_levels = 6;    // K, 1..9
-  int octree_fine = 1;      // levels beyond K whose cells hold one feature vector; K + fine <= 9
+  int octree_fine = 0;      // levels beyond K whose cells hold one feature vector; K + fine <= 9
   int octree_features = 4;  // C per level: 2, 4 or 8
   OctreeBox octree_box = OctreeBox::cube;
   std::string octree_bounds = "auto";  // auto | scene | six numbers

@@ -46,9 +46,9 @@ TEST(Config, PresetsSayWhatTheyStandFor) {
 
 TEST(Config, LevelsAreThoseOfMapsAndFineOnes) {
   Config config = preset("cpu");
-  EXPECT_EQ(octree_levels(config), config.octree_levels + 1);
-  for (const char* name : {"paper", "default"}) EXPECT_EQ(octree_levels(preset(name)), 8);
+  EXPECT_EQ(octree_levels(config), 6);
   config.octree_levels = 8;
+  config.octree_fine = 1;
   EXPECT_EQ(octree_levels(config), 9);
   config.octree_fine = 2;
   EXPECT_THROW(octree_levels(config), UsageError);

@@ -19,7 +19,8 @@ class DeviceQuery : public testing::StreamTest {};
 Config small(const std::string& field) {
   Config config = preset("cpu");
   config.field = field;
-  config.octree_levels = 2;  // and a fine one
+  config.octree_levels = 2;
+  config.octree_fine = 1;
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
   config.adam_warmup = 1;

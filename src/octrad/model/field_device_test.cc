@@ -38,7 +38,7 @@ Config small_config(const std::string& field) {
   Config config = preset("cpu");
   config.lookup_offset = LookupOffset::predicted;  // every part learns
   config.field = field;
-  config.octree_levels = kLevels - config.octree_fine;
+  config.octree_levels = kLevels;
   config.disparity_log2_table = 10;
   config.nr_log2_table = config.ncr_log2_table = config.ncr_cone_log2_table = 12;
   config.ncr_width = 64;
@@ -304,7 +304,7 @@ TEST_P(DeviceFields, MoveBothWaysWithoutLoss) {
     EXPECT_EQ(device->collect().steps, 1);
   }
   Config larger = config();
-  --larger.octree_levels;
+  larger.octree_levels = kLevels - 1;
   larger.nr_log2_table = larger.ncr_cone_log2_table = 11;
   const auto field = make_field(config(), shell(kLevels)), wrong = make_field(larger, shell(kLevels - 1));
   const auto device = make_device_field(*stream_, *field, config(), training_options());

@@ -61,7 +61,7 @@ inline std::vector<FieldCase> field_cases() {
                      {{"loss.normalizer", "symmetric"}},
                      {{"adam.mode", "dense"}},
                      {{"lookup.rough_threshold", "1.5"}, {"octree.levels", "4"}},
-                     {{"octree.fine", "0"}},
+                     {{"octree.fine", "1"}},
                      {{"octree.fine", "2"}, {"octree.levels", "2"}, {"lookup.offset", "traced"}},
                      // The paper's preset.
                      {{"disparity.direction", "false"},

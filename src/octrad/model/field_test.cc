@@ -27,7 +27,8 @@ Config small_config(const std::string& field) {
   Config config = preset("cpu");
   config.lookup_offset = LookupOffset::predicted;  // every part learns
   config.field = field;
-  config.octree_levels = 2;  // and a fine one
+  config.octree_levels = 2;
+  config.octree_fine = 1;
   config.disparity_log2_table = 10;
   config.nr_log2_table = 12;
   config.nr_width = 64;

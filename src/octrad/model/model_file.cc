@@ -44,7 +44,6 @@ ModelInfo info_of(const TensorReader& in) {
     info.state.newer_keys = keys_missing_in(config);
     for (const std::string& key : info.state.newer_keys) {
       Config& c = info.config;
-      if (key == "octree.fine") c.octree_fine = 0;
       if (key == "lookup.reflected") c.lookup_reflected = Reflected::none;
       if (key == "lookup.coats") c.lookup_coats = Coats::joined;
       if (key == "lookup.rough_offset") c.lookup_rough_offset = true;

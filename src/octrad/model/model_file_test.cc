@@ -37,7 +37,8 @@ TEST(ModelFile, RefusesBrokenFiles) {
 
   // A sound model, but with cells outside the grid, or with a tensor missing.
   ModelInfo info;
-  info.config.octree_levels = 2;  // and a fine one
+  info.config.octree_levels = 2;
+  info.config.octree_fine = 1;
   info.config.disparity_log2_table = 10;
   const auto field = make_field(info.config, testing::shell(3));
   save_model(file, *field, info, false);
@@ -72,7 +73,6 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
   const std::string file = (folder / ("octrad_" + std::to_string(::getpid()) + "_older.octrad")).string();
   ModelInfo info;
   info.config.octree_levels = 3;
-  info.config.octree_fine = 0;
   info.config.disparity_log2_table = 10;
   info.config.target_scale = 1.0;
   const auto field = make_field(info.config, testing::shell(3));
@@ -122,7 +122,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     EXPECT_EQ(older.config, info.config);
     EXPECT_EQ(std::set<std::string>(older.state.newer_keys.begin(), older.state.newer_keys.end()),
               (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "loss.power",
-                                     "render.coat_samples", "render.offset_spread", "render.trace_below",
+                                     "octree.fine", "render.coat_samples", "render.offset_spread", "render.trace_below",
                                      "train.area_falls", "train.average", "train.far_ends", "train.first_points"}));
     std::filesystem::remove(file + ".older");
   }

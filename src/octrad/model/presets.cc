@@ -27,7 +27,6 @@ Config preset(const std::string& name) {
   if (name == "cpu") return c;
   // Full size (method sections 3, 5 and 7).
   c.octree_levels = 8;
-  c.octree_fine = 0;
   c.disparity_log2_table = 19;
   c.train_steps = 20000;
   c.train_points = 65536;
