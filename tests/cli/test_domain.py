@@ -68,7 +68,7 @@ class CoarseCells(Case):
         self.assertEqual((max(whole["size"]), whole["outside"]), (chosen["scene_size"], 0))
         self.assertAlmostEqual(whole["finest_cell"], whole["scene_size"] / 128, 5)
         text = self.ok("info", COURTYARD).out
-        self.assertRegex(text, r"box [3-9]\.\d+ wide \(the scene 240; [\d.]+ % of what is seen lies outside\), finest cell 0\.0\d+ = [\d.]+ pixels")
+        self.assertRegex(text, r"box [3-9]\.\d+ wide \(the scene 240; [\d.]+ % of what is seen lies outside\), finest cell 0\.0\d+ \([\d.]+ pixels")
         self.assertIn("lhs asks the cache there too", text)
         self.assertIn("lhs takes a bounce there", self.ok("info", LAMPS).out)
 
