@@ -103,6 +103,7 @@ class Info(Case):
 
     def test_unknown_kind(self):
         self.fails(1, "cannot tell", "info", self.write("a.txt", ""))
+        self.fails(3, "No such file", "info", self.path("none.txt"))
 
 
 if __name__ == "__main__":

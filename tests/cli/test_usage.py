@@ -57,6 +57,9 @@ class Usage(Case):
     def test_unknown_words_are_suggested(self):
         self.fails(1, 'did you mean "compare"', "compre")
         self.fails(1, "which verb?")
+        self.fails(1, 'did you mean "compare"', "compre", "a.exr", "-o", "b.exr")
+        self.fails(1, 'did you mean "cuda"', "render", "a.xml", "-o", "a.exr", "--device", "gpu")
+        self.fails(1, "at least one picture beside the reference", "compare", "a.exr")
         self.fails(1, 'did you mean "--version"', "--versio")
         for verb in VERBS:
             self.fails(1, 'did you mean "--threads"', verb, "--thread", "2", *({"compare": ["a", "b"], "info": []}.get(verb, ["a"])))

@@ -276,10 +276,10 @@ HWY_INLINE void prefetch_stage(const float* HWY_RESTRICT table, const StepTaps& 
   }
 }
 
-// Sums the feature vectors of one step: value[q C + c] and, when recording, its derivative.
-template <int C, bool kRecord>
-HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& taps, int lanes,
-                               float* HWY_RESTRICT value, float* HWY_RESTRICT slope) {
+// Sums the feature vectors of one step, of a level of maps (3) or a fine one (1).
+template <int C, bool kRecord, int kVertices>
+HWY_NOINLINE void gather_vertices(const float* HWY_RESTRICT table, const StepTaps& taps, int lanes,
+                                  float* HWY_RESTRICT value, float* HWY_RESTRICT slope) {
   const Feature<C> f;
   constexpr int kStep = C / kParts<C>;
   for (int q = 0; q < lanes; ++q) {
@@ -287,7 +287,7 @@ HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& 
     for (int part = 0; part < kParts<C>; ++part) sum[part] = rate[part] = hn::Zero(f);
     for (std::uint32_t rest = taps.corners[q]; rest != 0; rest &= rest - 1) {
       const int j = __builtin_ctz(rest);
-      for (int k = 0; k < taps.vertices; ++k) {
+      for (int k = 0; k < kVertices; ++k) {
         const float* t = table + std::size_t{taps.entry[j][k][q]} * C;
         const auto w = hn::Set(f, taps.weight[j][k][q]);
         for (int part = 0; part < kParts<C>; ++part) {
@@ -302,6 +302,14 @@ HWY_NOINLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& 
       if constexpr (kRecord) hn::Store(rate[part], f, slope + q * C + part * kStep);
     }
   }
+}
+
+// value[q C + c] and, when recording, its derivative.
+template <int C, bool kRecord>
+HWY_INLINE void gather_stage(const float* HWY_RESTRICT table, const StepTaps& taps, int lanes,
+                             float* HWY_RESTRICT value, float* HWY_RESTRICT slope) {
+  if (taps.vertices == 3) gather_vertices<C, kRecord, 3>(table, taps, lanes, value, slope);
+  else gather_vertices<C, kRecord, 1>(table, taps, lanes, value, slope);
 }
 
 template <int C>
