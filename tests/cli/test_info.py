@@ -105,6 +105,10 @@ class Info(Case):
         self.fails(1, "cannot tell", "info", self.write("a.txt", ""))
         self.fails(3, "No such file", "info", self.path("none.txt"))
 
+    def test_too_many_levels(self):
+        scene = self.write("room.xml", ROOM)
+        self.fails(1, "octree.levels = 9 and octree.fine = 1 are 10 levels", "info", scene, "-D", "octree.levels=9", "-D", "octree.fine=1")
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -347,8 +347,6 @@ void add_roughness_rows(const std::string& name, const nlohmann::json& bins,
 }
 
 void compare_verb(const CommonOptions& common, const CompareOptions& options) {
-  if (options.images.empty())
-    throw UsageError("give at least one picture beside the reference: octrad compare REF IMG...");
   if (options.temporal) {
     compare_temporal(common, options.reference, options.images);
     return;
@@ -446,7 +444,9 @@ void add_compare(Program& program) {
                    "reference picture (EXR, HDR, PFM: linear radiance; PNG, JPEG: sRGB)")
       ->required()
       ->type_name("REF");
-  verb->add_option("images", options->images, "pictures of the same size")->type_name("IMG");
+  verb->add_option("images", options->images, "at least one picture beside the reference, of the same size")
+      ->required()
+      ->type_name("IMG");
   verb->add_option("--reference-b", options->reference_b,
                    "a second reference with another seed: estimates the reference's own noise, which no error can show "
                    "less than, the error without that noise, and scores of blocks")

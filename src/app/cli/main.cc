@@ -51,16 +51,20 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto option = std::find_if(extra.begin(), extra.end(),
                                    [](const std::string& word) { return word.size() > 1 && word[0] == '-'; });
   const bool missing = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
-  const bool verb_first = chosen.empty() && !extra.empty() && extra.front()[0] != '-';
-  if (option != extra.end() && !verb_first) {
+  const bool unknown_verb = chosen.empty() && !extra.empty() && extra.front()[0] != '-';
+  if (option != extra.end() && !unknown_verb) {
     const std::string word = option->substr(0, option->find('='));
     text = "unknown option " + word + did_you_mean(word, option_names(scope));
-  } else if (verb_first) {
+  } else if (unknown_verb) {
     text = "unknown verb \"" + extra.front() + "\"" + did_you_mean(extra.front(), verb_names(app));
   } else if (chosen.empty() && missing) {
     text = "which verb? there are " + join(verb_names(app));
   } else if (!extra.empty()) {
     text = "unexpected argument \"" + extra.front() + "\"";
+  } else if (missing) {
+    for (const CLI::Option* needed : scope.get_options()) {
+      if (text == needed->get_name() + " is required") text += ": " + needed->get_description();
+    }
   }
   return text + "; see " + help;
 }

@@ -49,10 +49,11 @@ OctaOctree::OctaOctree(const OctaOctreeOptions& options, const std::vector<std::
   check(options, cells.size(), origin, size);
   Impl& m = *impl_;
   m.options = options;
+  const int maps = options.levels - options.fine;
   m.offset.push_back(0);
   for (int l = 1; l <= options.levels; ++l) {
     const auto count = static_cast<std::int64_t>(cells[static_cast<std::size_t>(l - 1)].size());
-    m.offset.push_back(m.offset.back() + octree_entries(options.levels - options.fine, l, count));
+    m.offset.push_back(m.offset.back() + octree_entries(maps, l, count));
   }
   const std::int64_t entries = m.offset.back();
   if (entries > static_cast<std::int64_t>(std::numeric_limits<std::uint32_t>::max())) {
@@ -78,7 +79,7 @@ OctaOctree::OctaOctree(const OctaOctreeOptions& options, const std::vector<std::
     OctreeLevelView& level = m.view.level[l - 1];
     level.index = m.index[static_cast<std::size_t>(l - 1)].view();
     level.spatial_resolution = octrad::spatial_resolution(l);
-    level.octahedral_resolution = map_resolution(l);
+    level.octahedral_resolution = octahedral_resolution(maps, l);
     level.map = octa_map<float>(level.octahedral_resolution);
     level.first_entry = static_cast<std::uint32_t>(m.offset[static_cast<std::size_t>(l - 1)]);
     level.cell_size = size / static_cast<float>(level.spatial_resolution);
@@ -93,9 +94,7 @@ Vec3f OctaOctree::size() const { return impl_->view.size; }
 int OctaOctree::feature_count() const { return impl_->options.levels * impl_->options.features; }
 std::int64_t OctaOctree::entry_count() const { return impl_->offset.back(); }
 std::int64_t OctaOctree::level_offset(int level) const { return impl_->offset.at(static_cast<std::size_t>(level - 1)); }
-int OctaOctree::map_resolution(int level) const {
-  return octahedral_resolution(impl_->options.levels - impl_->options.fine, level);
-}
+int OctaOctree::map_resolution(int level) const { return impl_->view.level[level - 1].octahedral_resolution; }
 const std::vector<Vec3i>& OctaOctree::cells(int level) const {
   return impl_->cells.at(static_cast<std::size_t>(level - 1));
 }
