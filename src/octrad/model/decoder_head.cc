@@ -11,10 +11,9 @@ Vec3f outputs_at(const float* linear, int stride, std::size_t i) {
 
 }  // namespace
 
-DecoderHead::DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation,
-                         Vec3f origin, Vec3f size, unsigned long long stream)
-    : mlp_(MlpShape{encoding_features + kPointInputs, width, hidden, 3}),
-      adam_(mlp_.parameter_count(), adam_options(config)) {
+DecoderHead::DecoderHead(const Config& config, const MlpShape& shape, Activation activation, Vec3f origin, Vec3f size,
+                         unsigned long long stream)
+    : mlp_(shape) {
   rules_.activation = rules_.glossy_activation = activation;
   rules_.normalizer = config.loss_normalizer;
   rules_.loss_power = static_cast<float>(config.loss_power);

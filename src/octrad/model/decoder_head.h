@@ -3,14 +3,11 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include "octrad/base/surface_point.h"
 #include "octrad/model/config.h"
 #include "octrad/model/decoder_math.h"
-#include "octrad/model/field_storage.h"
 #include "octrad/network/activations_math.h"
-#include "octrad/network/adam.h"
 #include "octrad/network/loss_math.h"
 #include "octrad/network/mlp.h"
 #include "octrad/network/mlp_input_map.h"
@@ -19,8 +16,9 @@ namespace octrad {
 
 class DecoderHead {
  public:
-  DecoderHead(const Config& config, int encoding_features, int width, int hidden, Activation activation, Vec3f origin,
-              Vec3f size, unsigned long long stream);
+  // shape: kPointInputs of its inputs are the point's own, and it has 3 outputs.
+  DecoderHead(const Config& config, const MlpShape& shape, Activation activation, Vec3f origin, Vec3f size,
+              unsigned long long stream);
 
   // Fills rows [first, first + 13) of the feature-major inputs [rows][stride].
   void fill_inputs(std::span<const SurfacePoint> points, const Vec3f* directions, float* inputs, int first,
@@ -33,7 +31,6 @@ class DecoderHead {
 
   Mlp& mlp() { return mlp_; }
   const Mlp& mlp() const { return mlp_; }
-  DenseAdam& adam() { return adam_; }
   void set_target_scale(float scale) { target_scale_ = scale; }
   float target_scale() const { return target_scale_; }
   const DecoderRules& rules() const { return rules_; }
@@ -48,7 +45,6 @@ class DecoderHead {
 
  private:
   Mlp mlp_;
-  DenseAdam adam_;
   DecoderRules rules_;
   Vec3f unit_scale_, unit_offset_;  // x * scale + offset is in [-1, 1] of the domain
   float target_scale_ = 1.0f;

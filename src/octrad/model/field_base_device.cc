@@ -6,6 +6,7 @@
 #include "octrad/base/error.h"
 #include "octrad/device/launch.h"
 #include "octrad/model/field_base_device.h"
+#include "octrad/model/field_storage.h"
 
 namespace octrad {
 namespace {
@@ -154,10 +155,7 @@ std::vector<MemoryPart> DeviceFieldBase::decoder_memory(const MlpShape& shape, c
   const auto pairs = static_cast<std::size_t>(shape.inputs + 1) / 2;
   parts.push_back({"queries in flight", n * (pairs + 3 + 3) * 4});
   if (t > 0) {
-    parts.push_back({"decoder optimiser",
-                     DeviceDenseAdam::bytes(
-                         static_cast<std::size_t>(shape.width) *
-                         static_cast<std::size_t>(shape.inputs + (shape.hidden - 1) * shape.width + shape.outputs))});
+    parts.push_back({"decoder optimiser", DeviceDenseAdam::bytes(shape.parameter_count())});
     parts.push_back(
         {"training points in flight", t * static_cast<std::size_t>(shape.inputs - kPointInputs + 3 + 3 + 2) * 4});
   }
@@ -181,24 +179,24 @@ DeviceTableOptions DeviceFieldBase::table_options(const Config& config, const De
   return table;
 }
 
-DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const Config& config,
+DeviceFieldBase::DeviceFieldBase(Stream& stream, FieldBase& field, const Config& config,
                                  const DeviceFieldOptions& options)
     : stream_(stream),
       config_(config),
       options_(options),
-      rules_(head.half_rules()),
-      features_(head.mlp().shape().inputs - kPointInputs),
+      rules_(field.decoder().half_rules()),
+      features_(field.decoder().mlp().shape().inputs - kPointInputs),
       rows_(rows(options)),
       train_rows_(train_rows(options)),
-      decoder_(stream, head.mlp().shape(), train_rows(options), "decoder", head.input_map(features_)),
+      decoder_(stream, field.decoder().mlp().shape(), train_rows(options), "decoder",
+               field.decoder().input_map(features_)),
       scalars_(stream, 1, "constants"),
-      inputs_(stream, static_cast<std::size_t>(head.mlp().shape().inputs + 1) / 2 * rows_, "queries in flight"),
+      inputs_(stream, static_cast<std::size_t>(field.decoder().mlp().shape().inputs + 1) / 2 * rows_,
+              "queries in flight"),
       w_(stream, 3 * rows_, "queries in flight"),
       linear_(stream, 3 * rows_, "queries in flight") {
   if (options.max_train_points == 0) return;
   const std::size_t n = train_rows_;
-  decoder_adam_ = DeviceDenseAdam(stream, decoder_.parameter_count(), adam_options(config), "decoder");
-  learns(decoder_, decoder_adam_);
   x_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
   d_linear_ = DeviceArray<float>(stream, 3 * n, "training points in flight");
   d_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(features_) * n, "training points in flight");
@@ -213,18 +211,25 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, const DecoderHead& head, const 
   sum_workspace_ = SortWorkspace(stream, n, "training points in flight");
 }
 
-void DeviceFieldBase::holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables) {
-  all_networks_ = {&decoder_};
-  all_networks_.insert(all_networks_.end(), networks);
-  all_tables_ = tables;
+void DeviceFieldBase::holds(FieldBase& field, std::initializer_list<DeviceMlp*> networks,
+                            std::initializer_list<DeviceTable*> tables) {
+  networks_ = {&decoder_};
+  networks_.insert(networks_.end(), networks);
+  tables_ = tables;
+  if (!trains()) return;
+  for (std::size_t i = 0; i < networks_.size(); ++i) {
+    const FieldNetwork& of = field.networks()[i];
+    DeviceMlp& network = *networks_[i];
+    adams_.emplace_back(stream_, network.parameter_count(), adam_options(config_), of.name);
+    if (!of.trained) continue;
+    optimizers_.add(adams_.back(), network.weights().data(), network.gradient().data(), config_.adam_rate_networks);
+    trained_networks_.push_back(&network);
+  }
+  for (std::size_t i = 0; i < tables_.size(); ++i) {
+    const FieldTable& of = field.tables()[i];
+    if (of.trained) optimizers_.add(*tables_[i], of.rate);
+  }
 }
-
-void DeviceFieldBase::learns(DeviceMlp& network, DeviceDenseAdam& adam) {
-  optimizers_.add(adam, network.weights().data(), network.gradient().data(), config_.adam_rate_networks);
-  networks_.push_back(&network);
-}
-
-void DeviceFieldBase::learns(DeviceTable& table, double rate, bool counted) { optimizers_.add(table, rate, counted); }
 
 DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
   DeviceQueries q;
@@ -326,7 +331,7 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
   optimizers_.step_tables(stream_, &counters->non_finite);
   stream_.mark("tables' optimiser");
   optimizers_.step_networks(stream_, &counters->non_finite);
-  DeviceMlp::refresh_all(stream_, networks_);
+  DeviceMlp::refresh_all(stream_, trained_networks_);
   stream_.mark("networks' optimiser");
 }
 
@@ -359,14 +364,13 @@ void DeviceFieldBase::inspect(SurfacePointArray points, std::size_t n, FloatRows
 
 void DeviceFieldBase::approach(const DeviceField& to, float share) {
   const auto* other = dynamic_cast<const DeviceFieldBase*>(&to);
-  if (other == nullptr || other->all_networks_.size() != all_networks_.size() ||
-      other->all_tables_.size() != all_tables_.size())
+  if (other == nullptr || other->networks_.size() != networks_.size() || other->tables_.size() != tables_.size())
     throw InputError("a field on the device approaches one of its own kind");
   // Tables first: they may have no floats to move, which is found before anything has moved.
-  for (std::size_t i = 0; i < all_tables_.size(); ++i) all_tables_[i]->approach(stream_, *other->all_tables_[i], share);
-  for (std::size_t i = 0; i < all_networks_.size(); ++i)
-    octrad::approach(stream_, all_networks_[i]->weights(), other->all_networks_[i]->weights(), share);
-  DeviceMlp::refresh_all(stream_, all_networks_);
+  for (std::size_t i = 0; i < tables_.size(); ++i) tables_[i]->approach(stream_, *other->tables_[i], share);
+  for (std::size_t i = 0; i < networks_.size(); ++i)
+    octrad::approach(stream_, networks_[i]->weights(), other->networks_[i]->weights(), share);
+  DeviceMlp::refresh_all(stream_, networks_);
 }
 
 void DeviceFieldBase::set_target_scale(float scale) {
@@ -374,24 +378,48 @@ void DeviceFieldBase::set_target_scale(float scale) {
   scalars_.upload(std::span<const float>(&target_scale_, 1));
 }
 
-void DeviceFieldBase::fail_shapes() {
-  throw InputError("the field on the device and the field given have different shapes");
+// A field of the CPU that can be the one that this was made from.
+FieldBase& DeviceFieldBase::same_shapes(RadianceField& field) const {
+  auto* base = dynamic_cast<FieldBase*>(&field);
+  bool same = base != nullptr && base->networks().size() == networks_.size() && base->tables().size() == tables_.size();
+  for (std::size_t i = 0; same && i < networks_.size(); ++i)
+    same = base->networks()[i].mlp->shape() == networks_[i]->shape();
+  for (std::size_t i = 0; same && i < tables_.size(); ++i) {
+    const FieldTable& table = base->tables()[i];
+    same =
+        static_cast<std::size_t>(table.entries()) == tables_[i]->entries() && table.features == tables_[i]->features();
+  }
+  if (!same) throw InputError("the field on the device and the field given have different shapes");
+  return *base;
 }
 
-void DeviceFieldBase::upload_decoder(DecoderHead& head) {
-  decoder_.weights().upload(head.mlp().weights());
-  decoder_.refresh(stream_);
-  if (trains()) decoder_adam_.upload(head.adam());
-  set_target_scale(head.target_scale());
+void DeviceFieldBase::upload_from(RadianceField& from) {
+  FieldBase& field = same_shapes(from);
+  for (std::size_t i = 0; i < networks_.size(); ++i) {
+    FieldNetwork& network = field.networks()[i];
+    networks_[i]->weights().upload(network.mlp->weights());
+    if (trains()) adams_[i].upload(network.adam);
+  }
+  DeviceMlp::refresh_all(stream_, networks_);
+  for (std::size_t i = 0; i < tables_.size(); ++i)
+    tables_[i]->upload(stream_, field.tables()[i].values, field.tables()[i].adam.get());
+  set_target_scale(field.target_scale());
 }
 
-void DeviceFieldBase::download_decoder(DecoderHead& head) {
+void DeviceFieldBase::download_to(RadianceField& to) {
+  FieldBase& field = same_shapes(to);
   if (!trains() && !options_.averages)
     throw DeviceError("a field that is not trained on the device is not copied back from it");
-  decoder_.weights().download(head.mlp().weights());
-  head.mlp().prepare();
-  if (trains()) decoder_adam_.download(head.adam());
-  head.set_target_scale(target_scale_);
+  if (trains()) field.make_optimizers();
+  for (std::size_t i = 0; i < networks_.size(); ++i) {
+    FieldNetwork& network = field.networks()[i];
+    networks_[i]->weights().download(network.mlp->weights());
+    if (trains()) adams_[i].download(network.adam);
+  }
+  for (std::size_t i = 0; i < tables_.size(); ++i)
+    tables_[i]->download(field.tables()[i].values, field.tables()[i].adam.get());
+  field.weights_changed();
+  field.set_target_scale(target_scale_);
 }
 
 }  // namespace octrad

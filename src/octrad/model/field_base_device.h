@@ -1,8 +1,10 @@
-// What device fields have in common: the decoder with its inputs, loss and optimiser. Not for users.
+// What device fields have in common: the decoder with its inputs and loss, all optimisers, and copies from and to
+// fields of the CPU (field_base.h). Not for users.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <initializer_list>
 #include <memory>
 #include <string>
@@ -15,8 +17,8 @@
 #include "octrad/device/rows.h"
 #include "octrad/device/sort.h"
 #include "octrad/encoding/lookup_device.h"
-#include "octrad/model/decoder_head.h"
 #include "octrad/model/device_field.h"
+#include "octrad/model/field_base.h"
 #include "octrad/network/adam_device.h"
 #include "octrad/network/mlp_device.h"
 
@@ -47,12 +49,14 @@ class DeviceFieldBase : public DeviceField {
   static DeviceTableOptions table_options(const Config& config, const DeviceFieldOptions& options, int levels,
                                           int taps);
 
-  DeviceFieldBase(Stream& stream, const DecoderHead& head, const Config& config, const DeviceFieldOptions& options);
+  DeviceFieldBase(Stream& stream, FieldBase& field, const Config& config, const DeviceFieldOptions& options);
 
   void radiance(SurfacePointArray points, const std::uint32_t* count, std::size_t capacity, Vec3f* out) override;
   void train(SurfacePointArray points, const Vec3f* targets, std::size_t n, const StepConstants* constants) override;
   DeviceTrainReport collect() override;
   void inspect(SurfacePointArray points, std::size_t n, FloatRows features, float* disparity) override;
+  void upload_from(RadianceField& field) override;
+  void download_to(RadianceField& field) override;
   void approach(const DeviceField& to, float share) override;
   void set_target_scale(float scale) override;
   float target_scale() const override { return target_scale_; }
@@ -82,18 +86,10 @@ class DeviceFieldBase : public DeviceField {
   virtual LookupRule rule() const { return {LookupDirection::mirror, RoughDirection::mirror, 0.5f}; }
 
   static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
-  // For copies to and from a field of the CPU that cannot be the one this was made from.
-  [[noreturn]] static void fail_shapes();
   DeviceQueries queries(const Chunk& chunk) const;
-  // In constructors: what has weights beside the decoder, all of it.
-  void holds(std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);
+  // In constructors: the counterparts of networks beside the decoder and of tables, in the order of the field's.
+  void holds(FieldBase& field, std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);
   bool trains() const { return options_.max_train_points > 0; }
-  // In constructors of fields that are trained: what learns beside the decoder. counted: its entries are reported.
-  void learns(DeviceMlp& network, DeviceDenseAdam& adam);
-  void learns(DeviceTable& table, double rate, bool counted);
-  // Copies the decoder's weights, its optimiser's state and the scale of targets from and to the CPU's field.
-  void upload_decoder(DecoderHead& head);
-  void download_decoder(DecoderHead& head);
   // Loss scale, and its inverse, of gradients (finite) in a backward pass of halves, the kernel before having left the
   // bits of the largest at largest_; of two kinds of them at largest_ and the next. It is 0 again afterwards.
   void choose_scale(float* scale);
@@ -119,7 +115,6 @@ class DeviceFieldBase : public DeviceField {
   std::size_t rows_;        // stride of the arrays below
   std::size_t train_rows_;  // stride of those that only training has
   DeviceMlp decoder_;
-  DeviceDenseAdam decoder_adam_;
   float target_scale_ = 1.0f;
   DeviceArray<float> scalars_;  // target_scale
   DeviceArray<std::uint32_t> inputs_;
@@ -133,11 +128,12 @@ class DeviceFieldBase : public DeviceField {
 
  private:
   void prepare(const Chunk& chunk);
+  FieldBase& same_shapes(RadianceField& field) const;
 
   DeviceOptimizers optimizers_;
-  std::vector<DeviceMlp*> networks_;  // that learn
-  std::vector<DeviceMlp*> all_networks_;
-  std::vector<DeviceTable*> all_tables_;
+  std::vector<DeviceMlp*> networks_, trained_networks_;  // the decoder first
+  std::deque<DeviceDenseAdam> adams_;                    // of networks_, when training
+  std::vector<DeviceTable*> tables_;
 };
 
 }  // namespace octrad

@@ -42,30 +42,6 @@ void read_count(const TensorReader& in, const std::string& name, std::int64_t& c
 
 AdamOptions adam_options(const Config& config) { return {config.adam_beta1, config.adam_beta2, config.adam_epsilon}; }
 
-std::unique_ptr<SparseAdam> make_table_adam(std::int64_t entries, int features, const Config& config) {
-  auto adam = std::make_unique<SparseAdam>(entries, features, adam_options(config));
-  adam->set_dense(config.adam_mode == AdamMode::dense);
-  return adam;
-}
-
-void copy_features(std::span<const float> rows, int stride, std::size_t points, std::size_t count, float* out) {
-  for (std::size_t i = 0; i < points; ++i) {
-    for (std::size_t f = 0; f < count; ++f) out[i * count + f] = rows[f * static_cast<std::size_t>(stride) + i];
-  }
-}
-
-long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate) {
-  std::vector<float> sum(mlp.parameter_count());
-  parallel_blocks(sum.size(), 4096, [&](std::size_t begin, std::size_t end) {
-    for (const auto& g : gradients) {
-      for (std::size_t i = begin; i < end; ++i) sum[i] += g[i];
-    }
-  });
-  const long long dropped = adam.step(mlp.weights(), sum, rate);
-  mlp.prepare();
-  return dropped;
-}
-
 void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long long stream) {
   const std::span<float> table = grid.table();
   parallel_blocks(table.size(), 65536, [&](std::size_t begin, std::size_t end) {

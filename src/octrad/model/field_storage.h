@@ -1,9 +1,6 @@
-// The parts that fields are made of: their tensors (docs/formats.md), their memory, and the optimiser step that they
-// share.
+// The parts that fields are made of: how they begin, their tensors (docs/formats.md) and their memory.
 #pragma once
 
-#include <algorithm>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,31 +15,7 @@
 
 namespace octrad {
 
-constexpr int kQueryChunk = 128;  // queries that go through a field together: activations stay in the L2 cache
-
-// Cuts a batch into at most 32 groups of at least 64 points. Depends on the batch alone, so that sums over groups in
-// their order are the same at any thread count.
-class GroupedBatch {
- public:
-  explicit GroupedBatch(std::size_t n) : n_(n), count_(std::clamp<std::size_t>(n / 64, 1, 32)) {}
-  std::size_t count() const { return count_; }
-  std::size_t begin(std::size_t g) const { return n_ * g / count_; }
-  std::size_t end(std::size_t g) const { return n_ * (g + 1) / count_; }
-
- private:
-  std::size_t n_, count_;
-};
-
 AdamOptions adam_options(const Config& config);
-
-// Adam of a table of features: [entries][features].
-std::unique_ptr<SparseAdam> make_table_adam(std::int64_t entries, int features, const Config& config);
-
-// A field's inspect(): out[i][f] = rows[f][i] for the first `count` of the encoding's rows, each `stride` long.
-void copy_features(std::span<const float> rows, int stride, std::size_t points, std::size_t count, float* out);
-
-// Sums the groups' gradients in order, takes one Adam step and repacks the kernels. Returns dropped gradients.
-long long step_mlp(Mlp& mlp, DenseAdam& adam, const std::vector<std::span<const float>>& gradients, double rate);
 
 // Uniform +-1e-4 (method section 5).
 void initialize_hash_grid(HashGrid& grid, unsigned long long seed, unsigned long long stream);

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "octrad/base/threads.h"
 #include "octrad/encoding/prefiltered_grid.h"
+#include "octrad/model/field_storage.h"
 #include "octrad/model/weight_stream.h"
 
 namespace octrad {
@@ -13,6 +13,9 @@ HashGridOptions ncr_grid_options(const Config& c) {
 }
 HashGridOptions ncr_cone_grid_options(const Config& c) {
   return {c.ncr_cone_levels, c.ncr_cone_features, c.ncr_cone_log2_table, c.ncr_cone_base, c.ncr_cone_scale};
+}
+MlpShape ncr_decoder_shape(const Config& c) {
+  return {c.ncr_levels * c.ncr_features + kPointInputs, c.ncr_width, c.ncr_hidden, 3};
 }
 MlpShape ncr_cone_shape(const Config& c) {
   return {c.ncr_cone_features + kConePointInputs, c.ncr_cone_width, c.ncr_cone_hidden, 3};
@@ -87,12 +90,10 @@ struct NcrField::Encoded {
     int slot;    // number of the cluster at its point
     float share;
   };
-  int stride = 0;
+  // Of the diffuse branch; those of the merge network replace its linear outputs at glossy points.
+  DecoderRows diffuse;
   std::vector<Vec3f> p, w;
-  Rows inputs;
-  Rows linear;  // outputs of the diffuse branch, which those of the merge network replace at glossy points
   std::vector<Tap> taps;
-  Mlp::Workspace kept;
 
   std::vector<int> glossy;  // points of the chunk
   int glossy_stride = 0;
@@ -108,30 +109,17 @@ struct NcrField::Encoded {
   PrefilteredRecord cone_record;
   Mlp::Workspace cone_kept;
 
-  Rows d_linear, d_inputs, d_merge_linear, d_merge_inputs, d_cone_linear, d_cone_inputs;
-};
-
-struct NcrField::Gradients {
-  std::vector<float> decoder, cone, merge;
-  std::vector<SparseTap> grid, cone_grid;
-  double loss = 0.0;
-  long long non_finite = 0;
+  Rows d_merge_linear, d_merge_inputs, d_cone_linear, d_cone_inputs;
 };
 
 NcrField::NcrField(const Config& config, const FieldDomain& domain)
-    : config_(config),
-      origin_(domain.origin),
-      size_(domain.size),
+    : FieldBase(config, domain, "ncr.mlp", ncr_decoder_shape(config), config.ncr_output, kNcrDecoderWeights),
       extent_(max_component(domain.size)),
       lobe_(lobe_table(config.ncr_lobe_share)),
       grid_(ncr_grid_options(config)),
-      decoder_(config, grid_.feature_count(), config.ncr_width, config.ncr_hidden, config.ncr_output, domain.origin,
-               domain.size, kNcrDecoderWeights),
       cone_grid_(ncr_cone_grid_options(config)),
       cone_mlp_(ncr_cone_shape(config)),
-      merge_mlp_(ncr_merge_shape(config)),
-      cone_adam_(cone_mlp_.parameter_count(), adam_options(config)),
-      merge_adam_(merge_mlp_.parameter_count(), adam_options(config)) {
+      merge_mlp_(ncr_merge_shape(config)) {
   decoder_.set_glossy_activation(Activation::softplus);  // of the merge network
   decoder_.set_chroma(static_cast<float>(config.ncr_chroma));
   const auto seed = static_cast<unsigned long long>(config.seed);
@@ -139,31 +127,37 @@ NcrField::NcrField(const Config& config, const FieldDomain& domain)
   initialize_hash_grid(cone_grid_, seed, kNcrConeGridWeights);
   cone_mlp_.initialize(seed, kNcrConeNetworkWeights);
   merge_mlp_.initialize(seed, kNcrMergeNetworkWeights);
+  add_network("ncr.cone.mlp", cone_mlp_);
+  add_network("ncr.merge.mlp", merge_mlp_);
+  add_grid("ncr.grid", grid_, static_cast<std::size_t>(levels()));
+  add_grid("ncr.cone.grid", cone_grid_, kHitClusters);
 }
 
-// Fills e.inputs of the diffuse branch for up to kQueryChunk points.
+// Fills e.diffuse.inputs for up to kQueryChunk points.
 void NcrField::encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   const int n = static_cast<int>(points.size()), features = grid_.feature_count();
-  e.stride = padded(n);
+  DecoderRows& rows = e.diffuse;
+  rows.stride = padded(n);
   e.p.resize(points.size());
   e.w.resize(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
     e.p[i] = normalized(points[i].x);
     e.w[i] = reflect(points[i].wo, points[i].n);
   }
-  resize(e.inputs, features + kPointInputs, e.stride);
-  if (record) grid_.lookup_record(e.p.data(), n, e.inputs.data(), e.stride, e.taps);
-  else grid_.lookup(e.p.data(), n, e.inputs.data(), e.stride);
-  decoder_.fill_inputs(points, e.w.data(), e.inputs.data(), features, e.stride);
+  resize(rows.inputs, features + kPointInputs, rows.stride);
+  if (record) grid_.lookup_record(e.p.data(), n, rows.inputs.data(), rows.stride, e.taps);
+  else grid_.lookup(e.p.data(), n, rows.inputs.data(), rows.stride);
+  decoder_.fill_inputs(points, e.w.data(), rows.inputs.data(), features, rows.stride);
 }
 
-// The whole field, up to the linear outputs e.linear.
+// The whole field, up to the linear outputs.
 void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool record) const {
   encode(points, e, record);
   const int n = static_cast<int>(points.size());
-  resize(e.linear, 3, e.stride);
-  if (record) decoder_.mlp().forward(e.inputs.data(), n, e.stride, e.linear.data(), e.kept);
-  else decoder_.mlp().forward(e.inputs.data(), n, e.stride, e.linear.data());
+  DecoderRows& rows = e.diffuse;
+  resize(rows.linear, 3, rows.stride);
+  if (record) decoder_.mlp().forward(rows.inputs.data(), n, rows.stride, rows.linear.data(), rows.kept);
+  else decoder_.mlp().forward(rows.inputs.data(), n, rows.stride, rows.linear.data());
 
   e.glossy.clear();
   e.cones.clear();
@@ -213,7 +207,7 @@ void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool r
     const int i = e.glossy[static_cast<std::size_t>(g)];
     const SurfacePoint& point = points[static_cast<std::size_t>(i)];
     for (int c = 0; c < 3; ++c) {
-      at(e.merge_inputs, c, e.glossy_stride, g) = activate(rules.activation, at(e.linear, c, e.stride, i)).value;
+      at(e.merge_inputs, c, e.glossy_stride, g) = activate(rules.activation, at(rows.linear, c, rows.stride, i)).value;
       at(e.merge_inputs, 3 + c, e.glossy_stride, g) = 0.0f;
     }
     at(e.merge_inputs, 6, e.glossy_stride, g) = point.alpha;
@@ -232,7 +226,8 @@ void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool r
     for (int g = 0; g < glossy; ++g) {
       for (int c = 0; c < 3; ++c) {
         at(e.diffuse_slope, c, e.glossy_stride, g) =
-            activate(rules.activation, at(e.linear, c, e.stride, e.glossy[static_cast<std::size_t>(g)])).derivative;
+            activate(rules.activation, at(rows.linear, c, rows.stride, e.glossy[static_cast<std::size_t>(g)]))
+                .derivative;
       }
     }
     merge_mlp_.forward(e.merge_inputs.data(), glossy, e.glossy_stride, e.merge_linear.data(), e.merge_kept);
@@ -241,33 +236,38 @@ void NcrField::evaluate(std::span<const SurfacePoint> points, Encoded& e, bool r
   }
   for (int g = 0; g < glossy; ++g) {
     for (int c = 0; c < 3; ++c)
-      at(e.linear, c, e.stride, e.glossy[static_cast<std::size_t>(g)]) = at(e.merge_linear, c, e.glossy_stride, g);
+      at(rows.linear, c, rows.stride, e.glossy[static_cast<std::size_t>(g)]) =
+          at(e.merge_linear, c, e.glossy_stride, g);
   }
 }
 
 void NcrField::radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const {
   thread_local Encoded e;
-  for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
+  for_chunks(points, [&](std::span<const SurfacePoint> chunk, std::size_t first) {
     evaluate(chunk, e, false);
-    decoder_.activate(chunk, e.linear.data(), e.stride, out.data() + begin);
-  }
+    decoder_.activate(chunk, e.diffuse.linear.data(), e.diffuse.stride, out.data() + first);
+  });
 }
 
 void NcrField::inspect(std::span<const SurfacePoint> points, std::span<float> features,
                        std::span<float> disparity) const {
   Encoded e;
-  const auto count = static_cast<std::size_t>(feature_count());
-  for (std::size_t begin = 0; begin < points.size() && !features.empty(); begin += kQueryChunk) {
-    const auto chunk = points.subspan(begin, std::min<std::size_t>(kQueryChunk, points.size() - begin));
+  for_chunks(points, [&](std::span<const SurfacePoint> chunk, std::size_t first) {
+    if (features.empty()) return;
     encode(chunk, e, false);
-    copy_features(e.inputs, e.stride, chunk.size(), count, features.data() + begin * count);
-  }
+    copy_features(e.diffuse, first, chunk.size(), features);
+  });
   std::fill(disparity.begin(), disparity.end(), 0.0f);
 }
 
-// e.d_linear holds the gradient at the linear outputs; `first` is the chunk's first point within the batch.
-void NcrField::backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients) {
+void NcrField::differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
+                             const BatchPart& part, Gradients& gradients) {
+  thread_local Encoded e;
+  evaluate(points, e, true);
+  DecoderRows& rows = e.diffuse;
+  resize(rows.d_linear, 3, rows.stride);
+  gradients.loss += decoder_.loss(points, targets, rows.linear.data(), rows.stride, part.batch, part.epsilon,
+                                  rows.d_linear.data(), gradients.non_finite);
   const Activation activation = decoder_.rules().activation;
   const int glossy = static_cast<int>(e.glossy.size()), cones = static_cast<int>(e.cones.size());
   if (glossy > 0) {
@@ -276,13 +276,13 @@ void NcrField::backward(std::size_t points, std::size_t first, Encoded& e, Gradi
     for (int g = 0; g < glossy; ++g) {
       for (int c = 0; c < 3; ++c)
         at(e.d_merge_linear, c, e.glossy_stride, g) =
-            at(e.d_linear, c, e.stride, e.glossy[static_cast<std::size_t>(g)]);
+            at(rows.d_linear, c, rows.stride, e.glossy[static_cast<std::size_t>(g)]);
     }
-    merge_mlp_.backward(e.merge_inputs.data(), e.d_merge_linear.data(), e.merge_kept, gradients.merge,
+    merge_mlp_.backward(e.merge_inputs.data(), e.d_merge_linear.data(), e.merge_kept, gradients.networks[kMerge],
                         e.d_merge_inputs.data());
     for (int g = 0; g < glossy; ++g) {
       for (int c = 0; c < 3; ++c) {
-        at(e.d_linear, c, e.stride, e.glossy[static_cast<std::size_t>(g)]) =
+        at(rows.d_linear, c, rows.stride, e.glossy[static_cast<std::size_t>(g)]) =
             at(e.d_merge_inputs, c, e.glossy_stride, g) * at(e.diffuse_slope, c, e.glossy_stride, g);
       }
     }
@@ -299,124 +299,24 @@ void NcrField::backward(std::size_t points, std::size_t first, Encoded& e, Gradi
             activate(activation, at(e.cone_linear, c, e.cone_stride, j)).derivative;
       }
     }
-    cone_mlp_.backward(e.cone_inputs.data(), e.d_cone_linear.data(), e.cone_kept, gradients.cone,
+    cone_mlp_.backward(e.cone_inputs.data(), e.d_cone_linear.data(), e.cone_kept, gradients.networks[kCone],
                        e.d_cone_inputs.data());
     for (int j = 0; j < cones; ++j) {
       const Encoded::Cone& cone = e.cones[static_cast<std::size_t>(j)];
-      const auto point = first + static_cast<std::size_t>(e.glossy[static_cast<std::size_t>(cone.glossy)]);
+      const auto point = part.first + static_cast<std::size_t>(e.glossy[static_cast<std::size_t>(cone.glossy)]);
       const auto source = static_cast<std::uint32_t>(point * kHitClusters + static_cast<std::size_t>(cone.slot));
-      float* upstream = cone_upstream_.data() + std::size_t{source} * static_cast<std::size_t>(features);
-      for (int f = 0; f < features; ++f) upstream[f] = at(e.d_cone_inputs, f, e.cone_stride, j);
+      float* to = upstream(kConeGrid).data() + std::size_t{source} * static_cast<std::size_t>(features);
+      for (int f = 0; f < features; ++f) to[f] = at(e.d_cone_inputs, f, e.cone_stride, j);
       const Tap* taps = e.cone_record.taps.data() + static_cast<std::size_t>(j) * 16;
       const int count = e.cone_record.blends[static_cast<std::size_t>(j)].weight < 1.0f ? 16 : 8;
-      for (int t = 0; t < count; ++t) gradients.cone_grid.push_back({taps[t].entry, source, taps[t].weight});
+      for (int t = 0; t < count; ++t) gradients.tables[kConeGrid].push_back({taps[t].entry, source, taps[t].weight});
     }
   }
-  resize(e.d_inputs, decoder_.mlp().shape().inputs, e.stride);
-  decoder_.mlp().backward(e.inputs.data(), e.d_linear.data(), e.kept, gradients.decoder, e.d_inputs.data());
-  add_grid_taps(grid_, e.taps, e.d_inputs, e.stride, points, first, upstream_, gradients.grid);
-}
-
-void NcrField::make_optimizers() {
-  if (grid_adam_) return;
-  grid_adam_ = make_table_adam(grid_.entry_count(), grid_.options().features, config_);
-  cone_grid_adam_ = make_table_adam(cone_grid_.entry_count(), cone_grid_.options().features, config_);
-}
-
-FieldStep NcrField::train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                          RateScale scale) {
-  make_optimizers();
-  const std::size_t n = points.size();
-  upstream_.resize(n * static_cast<std::size_t>(feature_count()));
-  cone_upstream_.resize(n * kHitClusters * static_cast<std::size_t>(cone_grid_.options().features));
-  const GroupedBatch groups(n);
-  std::vector<Gradients> gradients(groups.count());
-  parallel_for(groups.count(), [&](std::size_t g) {
-    thread_local Encoded e;
-    Gradients& mine = gradients[g];
-    mine.decoder.assign(decoder_.mlp().parameter_count(), 0.0f);
-    mine.cone.assign(cone_mlp_.parameter_count(), 0.0f);
-    mine.merge.assign(merge_mlp_.parameter_count(), 0.0f);
-    for (std::size_t begin = groups.begin(g); begin < groups.end(g); begin += kQueryChunk) {
-      const std::size_t count = std::min<std::size_t>(kQueryChunk, groups.end(g) - begin);
-      const auto chunk = points.subspan(begin, count);
-      evaluate(chunk, e, true);
-      resize(e.d_linear, 3, e.stride);
-      mine.loss += decoder_.loss(chunk, targets.subspan(begin, count), e.linear.data(), e.stride, n, epsilon,
-                                 e.d_linear.data(), mine.non_finite);
-      backward(count, begin, e, mine);
-    }
-  });
-  FieldStep step;
-  std::vector<std::span<const float>> decoder, cone, merge;
-  std::vector<std::span<const SparseTap>> grid, cone_grid;
-  for (const Gradients& g : gradients) {
-    decoder.push_back(g.decoder);
-    cone.push_back(g.cone);
-    merge.push_back(g.merge);
-    grid.push_back(g.grid);
-    cone_grid.push_back(g.cone_grid);
-    step.loss += g.loss / (3.0 * static_cast<double>(n));
-    step.non_finite += g.non_finite;
-  }
-  const double networks = config_.adam_rate_networks * scale.networks, grids = config_.adam_rate_grids * scale.tables;
-  step.non_finite += step_mlp(decoder_.mlp(), decoder_.adam(), decoder, networks);
-  step.non_finite += step_mlp(cone_mlp_, cone_adam_, cone, networks);
-  step.non_finite += step_mlp(merge_mlp_, merge_adam_, merge, networks);
-  for (const auto& done : {grid_adam_->step(grid_.table(), grid, upstream_, grids),
-                           cone_grid_adam_->step(cone_grid_.table(), cone_grid, cone_upstream_, grids)}) {
-    step.touched += done.touched;
-    step.non_finite += done.non_finite;
-  }
-  return step;
-}
-
-std::vector<WeightArray> NcrField::weights() {
-  return {{"ncr.grid.table", grid_.table()},
-          {"ncr.mlp", decoder_.mlp().weights()},
-          {"ncr.cone.grid.table", cone_grid_.table()},
-          {"ncr.cone.mlp", cone_mlp_.weights()},
-          {"ncr.merge.mlp", merge_mlp_.weights()}};
-}
-
-void NcrField::weights_changed() {
-  for (Mlp* mlp : {&decoder_.mlp(), &cone_mlp_, &merge_mlp_}) mlp->prepare();
-}
-
-void NcrField::save(TensorWriter& out) {
-  out.add("octree.origin", DType::f32, {3}, &origin_);
-  out.add("octree.size", DType::f32, {3}, &size_);
-  save_hash_grid(out, "ncr.grid", grid_);
-  save_mlp(out, "ncr.mlp", decoder_.mlp());
-  save_hash_grid(out, "ncr.cone.grid", cone_grid_);
-  save_mlp(out, "ncr.cone.mlp", cone_mlp_);
-  save_mlp(out, "ncr.merge.mlp", merge_mlp_);
-}
-
-void NcrField::save_optimizer(TensorWriter& out) {
-  make_optimizers();
-  save_adam(out, "ncr.mlp", decoder_.adam());
-  save_adam(out, "ncr.cone.mlp", cone_adam_);
-  save_adam(out, "ncr.merge.mlp", merge_adam_);
-  save_adam(out, "ncr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
-  save_adam(out, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
-}
-
-void NcrField::load(const TensorReader& in) {
-  load_hash_grid(in, "ncr.grid", grid_);
-  load_mlp(in, "ncr.mlp", decoder_.mlp());
-  load_hash_grid(in, "ncr.cone.grid", cone_grid_);
-  load_mlp(in, "ncr.cone.mlp", cone_mlp_);
-  load_mlp(in, "ncr.merge.mlp", merge_mlp_);
-}
-
-void NcrField::load_optimizer(const TensorReader& in) {
-  make_optimizers();
-  load_adam(in, "ncr.mlp", decoder_.adam());
-  load_adam(in, "ncr.cone.mlp", cone_adam_);
-  load_adam(in, "ncr.merge.mlp", merge_adam_);
-  load_adam(in, "ncr.grid", *grid_adam_, grid_.entry_count(), grid_.options().features);
-  load_adam(in, "ncr.cone.grid", *cone_grid_adam_, cone_grid_.entry_count(), cone_grid_.options().features);
+  rows.d_inputs.resize(rows.inputs.size());
+  decoder_.mlp().backward(rows.inputs.data(), rows.d_linear.data(), rows.kept, gradients.networks[kDecoder],
+                          rows.d_inputs.data());
+  add_grid_taps(grid_, e.taps, rows.d_inputs, rows.stride, points.size(), part.first, upstream(kGrid),
+                gradients.tables[kGrid]);
 }
 
 }  // namespace octrad

@@ -5,9 +5,8 @@
 #include <memory>
 
 #include "octrad/encoding/hash_grid.h"
-#include "octrad/model/decoder_head.h"
+#include "octrad/model/field_base.h"
 #include "octrad/model/field_registry.h"
-#include "octrad/model/field_storage.h"
 #include "octrad/model/ncr_math.h"
 
 namespace octrad {
@@ -15,67 +14,47 @@ namespace octrad {
 // The shapes of its parts.
 HashGridOptions ncr_grid_options(const Config& config);
 HashGridOptions ncr_cone_grid_options(const Config& config);
+MlpShape ncr_decoder_shape(const Config& config);
 MlpShape ncr_cone_shape(const Config& config);
 MlpShape ncr_merge_shape(const Config& config);
 
-class NcrField : public RadianceField {
+class NcrField : public FieldBase {
  public:
   NcrField(const Config& config, const FieldDomain& domain);
 
   std::string name() const override { return "ncr"; }
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) const override;
-  FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
-                  RateScale scale) override;
-  void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
-  float target_scale() const override { return decoder_.target_scale(); }
-  Vec3f normalized(Vec3f x) const override { return (x - origin_) / size_; }
   // Features and levels are those of the diffuse branch's grid.
   int feature_count() const override { return grid_.feature_count(); }
   int levels() const override { return grid_.options().levels; }
   void inspect(std::span<const SurfacePoint> points, std::span<float> features,
                std::span<float> disparity) const override;
-  std::vector<WeightArray> weights() override;
-  void weights_changed() override;
-  void save(TensorWriter& out) override;
-  void save_optimizer(TensorWriter& out) override;
-  void load(const TensorReader& in) override;
-  void load_optimizer(const TensorReader& in) override;
 
-  // What the field is made of, for its counterpart on a device.
-  Vec3f origin() const { return origin_; }
-  Vec3f size() const { return size_; }
+  // For the counterpart on a device.
   HashGrid& grid() { return grid_; }
-  DecoderHead& decoder() { return decoder_; }
   HashGrid& cone_grid() { return cone_grid_; }
   Mlp& cone_mlp() { return cone_mlp_; }
   Mlp& merge_mlp() { return merge_mlp_; }
-  DenseAdam& cone_adam() { return cone_adam_; }
-  DenseAdam& merge_adam() { return merge_adam_; }
-  SparseAdam* grid_adam() { return grid_adam_.get(); }  // null until make_optimizers()
-  SparseAdam* cone_grid_adam() { return cone_grid_adam_.get(); }
-  void make_optimizers();
   const LobeTable& lobe() const { return lobe_; }
   float extent() const { return extent_; }  // largest side: the unit of cones
 
+ protected:
+  void differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const BatchPart& part,
+                     Gradients& gradients) override;
+
  private:
-  struct Encoded;    // intermediate values of a chunk of queries
-  struct Gradients;  // gradients of a group of queries in one step
+  struct Encoded;                                         // intermediate values of a chunk of queries
+  static constexpr std::size_t kCone = 1, kMerge = 2;     // among the networks
+  static constexpr std::size_t kGrid = 0, kConeGrid = 1;  // among the tables
 
   void encode(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
   void evaluate(std::span<const SurfacePoint> points, Encoded& e, bool record) const;
-  void backward(std::size_t points, std::size_t first, Encoded& e, Gradients& gradients);
 
-  Config config_;
-  Vec3f origin_, size_;
   float extent_;
   LobeTable lobe_;
-  HashGrid grid_;
-  DecoderHead decoder_;  // of the diffuse branch; its loss and activation are those of glossy points, too
-  HashGrid cone_grid_;
+  // decoder(): of the diffuse branch; its loss and activation are those of glossy points, too.
+  HashGrid grid_, cone_grid_;
   Mlp cone_mlp_, merge_mlp_;
-  DenseAdam cone_adam_, merge_adam_;
-  std::unique_ptr<SparseAdam> grid_adam_, cone_grid_adam_;  // made when training starts
-  std::vector<float> upstream_, cone_upstream_;             // [point][level][feature], [point][cluster][feature]
 };
 
 extern const FieldEntry kNcrField;

@@ -219,7 +219,7 @@ struct Sizes {
 class DeviceNcrField : public DeviceFieldBase {
  public:
   DeviceNcrField(Stream& stream, NcrField& field, const Config& config, const DeviceFieldOptions& options)
-      : DeviceFieldBase(stream, field.decoder(), config, options),
+      : DeviceFieldBase(stream, field, config, options),
         sizes_(config),
         each_(static_cast<std::uint32_t>(config.ncr_clusters)),
         origin_(field.origin()),
@@ -244,59 +244,24 @@ class DeviceNcrField : public DeviceFieldBase {
         cone_r_(stream, cones_, "cones in flight"),
         cone_linear_(stream, 3 * cones_, "cones in flight"),
         merge_linear_(stream, 3 * items_, "glossy points in flight") {
-    holds({&cone_, &merge_}, {&table_, &cone_table_});
+    holds(field, {&cone_, &merge_}, {&table_, &cone_table_});
     if (trains()) {
       const std::string glossy = "glossy training points in flight";
       const std::size_t n = train_rows_;
-      cone_adam_ = DeviceDenseAdam(stream, cone_.parameter_count(), adam_options(config), "cone network");
-      merge_adam_ = DeviceDenseAdam(stream, merge_.parameter_count(), adam_options(config), "merge network");
       slope_ = DeviceArray<float>(stream, 3 * n, glossy);
       d_merge_linear_ = DeviceArray<float>(stream, 3 * n, glossy);
       d_merge_inputs_ = DeviceArray<float>(stream, 6 * n, glossy);
       d_cone_linear_ = DeviceArray<float>(stream, 3 * n * sizes_.each, glossy);
       d_cone_inputs_ = DeviceArray<float>(stream, sizes_.features * n * sizes_.each, glossy);
       scales_ = DeviceArray<float>(stream, 4, glossy);
-      learns(cone_, cone_adam_);
-      learns(merge_, merge_adam_);
-      for (DeviceTable* table : {&table_, &cone_table_}) learns(*table, config.adam_rate_grids, true);
     }
     upload_from(field);
-  }
-
-  void upload_from(RadianceField& from) override {
-    NcrField& field = same_kind(from);
-    upload_decoder(field.decoder());
-    table_.upload(stream_, field.grid().table(), field.grid_adam());
-    cone_table_.upload(stream_, field.cone_grid().table(), field.cone_grid_adam());
-    cone_.weights().upload(field.cone_mlp().weights());
-    merge_.weights().upload(field.merge_mlp().weights());
-    cone_.refresh(stream_);
-    merge_.refresh(stream_);
-    if (!trains()) return;
-    cone_adam_.upload(field.cone_adam());
-    merge_adam_.upload(field.merge_adam());
-  }
-
-  void download_to(RadianceField& to) override {
-    NcrField& field = same_kind(to);
-    download_decoder(field.decoder());
-    if (trains()) field.make_optimizers();
-    table_.download(field.grid().table(), field.grid_adam());
-    cone_table_.download(field.cone_grid().table(), field.cone_grid_adam());
-    cone_.weights().download(field.cone_mlp().weights());
-    merge_.weights().download(field.merge_mlp().weights());
-    field.cone_mlp().prepare();
-    field.merge_mlp().prepare();
-    if (!trains()) return;
-    cone_adam_.download(field.cone_adam());
-    merge_adam_.download(field.merge_adam());
   }
 
   static std::vector<MemoryPart> memory(const Config& config, const DeviceFieldOptions& options) {
     const Sizes sizes(config);
     const std::size_t n = train_rows(options), items = items_of(options), cones = items * sizes.each;
-    std::vector<MemoryPart> parts = decoder_memory(
-        {config.ncr_levels * config.ncr_features + kPointInputs, config.ncr_width, config.ncr_hidden, 3}, options);
+    std::vector<MemoryPart> parts = decoder_memory(ncr_decoder_shape(config), options);
     const auto append = [&](const std::vector<MemoryPart>& more) {
       parts.insert(parts.end(), more.begin(), more.end());
     };
@@ -419,18 +384,6 @@ class DeviceNcrField : public DeviceFieldBase {
     launch(stream_, n, Merged{{}, items, merge_linear, linear});
   }
 
-  NcrField& same_kind(RadianceField& field) const {
-    auto* ncr = dynamic_cast<NcrField*>(&field);
-    if (ncr == nullptr || static_cast<std::size_t>(ncr->grid().entry_count()) != table_.entries() ||
-        static_cast<std::size_t>(ncr->cone_grid().entry_count()) != cone_table_.entries() ||
-        ncr->feature_count() != features_ || ncr->cone_grid().options().features != cone_grid_.features() ||
-        ncr->decoder().mlp().parameter_count() != decoder_.parameter_count() ||
-        ncr->cone_mlp().parameter_count() != cone_.parameter_count() ||
-        ncr->merge_mlp().parameter_count() != merge_.parameter_count())
-      fail_shapes();
-    return *ncr;
-  }
-
   const Sizes sizes_;
   const std::uint32_t each_;  // clusters of a point
   const Vec3f origin_;
@@ -439,7 +392,6 @@ class DeviceNcrField : public DeviceFieldBase {
   DevicePrefilteredGrid cone_grid_;
   DeviceTable table_, cone_table_;
   DeviceMlp cone_, merge_;
-  DeviceDenseAdam cone_adam_, merge_adam_;
   const std::size_t items_, cones_;  // in flight; strides of the arrays below
   const DeviceArray<LobeTable> lobe_;
   const DeviceArray<std::uint32_t> list_, counts_;  // glossy points, how many, and how many cones they have

@@ -8,25 +8,12 @@ namespace {
 class DeviceNrField : public DeviceFieldBase {
  public:
   DeviceNrField(Stream& stream, NrField& field, const Config& config, const DeviceFieldOptions& options)
-      : DeviceFieldBase(stream, field.decoder(), config, options),
+      : DeviceFieldBase(stream, field, config, options),
         grid_(field.grid(), field.origin(), field.size()),
         table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
                table_options(config, options, field.levels(), kHashGridTaps), "hash grid") {
-    holds({}, {&table_});
-    if (trains()) learns(table_, config.adam_rate_grids, true);
+    holds(field, {}, {&table_});
     upload_from(field);
-  }
-
-  void upload_from(RadianceField& from) override {
-    NrField& field = same_kind(from);
-    upload_decoder(field.decoder());
-    table_.upload(stream_, field.grid().table(), field.grid_adam());
-  }
-  void download_to(RadianceField& to) override {
-    NrField& field = same_kind(to);
-    download_decoder(field.decoder());
-    if (trains()) field.make_optimizer();
-    table_.download(field.grid().table(), field.grid_adam());
   }
 
  protected:
@@ -43,14 +30,6 @@ class DeviceNrField : public DeviceFieldBase {
   }
 
  private:
-  NrField& same_kind(RadianceField& field) const {
-    auto* nr = dynamic_cast<NrField*>(&field);
-    if (nr == nullptr || static_cast<std::size_t>(nr->grid().entry_count()) != table_.entries() ||
-        nr->feature_count() != features_ || nr->decoder().mlp().parameter_count() != decoder_.parameter_count())
-      fail_shapes();
-    return *nr;
-  }
-
   DeviceHashGrid grid_;
   DeviceTable table_;
 };
@@ -65,8 +44,7 @@ std::unique_ptr<DeviceField> make_device_nr(Stream& stream, RadianceField& field
 std::vector<MemoryPart> device_nr_memory(const Config& config, const std::vector<long long>&,
                                          const DeviceFieldOptions& options) {
   using Base = DeviceFieldBase;
-  std::vector<MemoryPart> parts = Base::decoder_memory(
-      {config.nr_levels * config.nr_features + kPointInputs, config.nr_width, config.nr_hidden, 3}, options);
+  std::vector<MemoryPart> parts = Base::decoder_memory(nr_decoder_shape(config), options);
   const std::vector<MemoryPart> table =
       DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(nr_grid_options(config))), config.nr_features,
                           Base::table_options(config, options, config.nr_levels, kHashGridTaps), "hash grid");

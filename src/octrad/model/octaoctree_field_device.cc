@@ -137,14 +137,13 @@ DeviceTableOptions octree_table_options(const Config& config, const DeviceFieldO
 class DeviceOctaOctreeField : public DeviceFieldBase {
  public:
   DeviceOctaOctreeField(Stream& stream, OctaOctreeField& field, const Config& config, const DeviceFieldOptions& options)
-      : DeviceFieldBase(stream, field.decoder(), config, options),
+      : DeviceFieldBase(stream, field, config, options),
         offset_(field.offset()),
         rule_(field.lookup_rule()),
         unit_(field.disparity_unit()),
-        entries_(field.octree().entry_count()),
         octree_(stream, field.octree()),
         grid_(field.grid(), field.octree().origin(), field.octree().size()),
-        table_(stream, static_cast<std::size_t>(entries_), field.octree().options().features,
+        table_(stream, static_cast<std::size_t>(field.octree().entry_count()), field.octree().options().features,
                octree_table_options(config, options), "octree features"),
         grid_table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
                     table_options(config, options, field.grid().options().levels, kHashGridTaps), "disparity grid"),
@@ -160,44 +159,16 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     }
     distance_.fill(0);
     empty_.fill(0);
-    holds({&disparity_}, {&table_, &grid_table_});
+    holds(field, {&disparity_}, {&table_, &grid_table_});
     if (trains()) {
-      disparity_adam_ =
-          DeviceDenseAdam(stream, disparity_.parameter_count(), adam_options(config), "disparity network");
       parts_ = DeviceArray<float>(stream, static_cast<std::size_t>(field.levels()) * train_rows_,
                                   "training points in flight");
       d_disparity_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(grid_.feature_count()) * train_rows_,
                                                "training points in flight");
       d_disparity_linear_ = DeviceArray<float>(stream, train_rows_, "training points in flight");
       disparity_scale_ = DeviceArray<float>(stream, 2, "training points in flight");
-      learns(table_, config.adam_rate_features, true);
-      if (offset_ == LookupOffset::predicted) {
-        learns(disparity_, disparity_adam_);
-        learns(grid_table_, config.adam_rate_grids, false);
-      }
     }
     upload_from(field);
-  }
-
-  void upload_from(RadianceField& from) override {
-    OctaOctreeField& field = same_kind(from);
-    upload_decoder(field.decoder());
-    table_.upload(stream_, field.octree().features(), field.octree_adam());
-    grid_table_.upload(stream_, field.grid().table(), field.grid_adam());
-    disparity_.weights().upload(field.disparity().weights());
-    disparity_.refresh(stream_);
-    if (trains()) disparity_adam_.upload(field.disparity_adam());
-  }
-
-  void download_to(RadianceField& to) override {
-    OctaOctreeField& field = same_kind(to);
-    download_decoder(field.decoder());
-    if (trains()) field.make_optimizers();
-    table_.download(field.octree().features(), field.octree_adam());
-    grid_table_.download(field.grid().table(), field.grid_adam());
-    disparity_.weights().download(field.disparity().weights());
-    field.disparity().prepare();
-    if (trains()) disparity_adam_.download(field.disparity_adam());
   }
 
   long long take_empty_lookups() override {
@@ -317,26 +288,13 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     q.x_stride = q.w_stride = rows_;
     return q;
   }
-  OctaOctreeField& same_kind(RadianceField& field) const {
-    auto* octree = dynamic_cast<OctaOctreeField*>(&field);
-    if (octree == nullptr || octree->octree().entry_count() != entries_ ||
-        octree->feature_count() != octree_.feature_count() ||
-        static_cast<std::size_t>(octree->grid().entry_count()) != grid_table_.entries() ||
-        octree->disparity().parameter_count() != disparity_.parameter_count() ||
-        octree->decoder().mlp().parameter_count() != decoder_.parameter_count())
-      fail_shapes();
-    return *octree;
-  }
-
   LookupOffset offset_;
   LookupRule rule_;
   float unit_;
-  std::int64_t entries_;
   DeviceOctree octree_;
   DeviceHashGrid grid_;
   DeviceTable table_, grid_table_;
   DeviceMlp disparity_;
-  DeviceDenseAdam disparity_adam_;
   DeviceArray<std::uint32_t> disparity_inputs_;
   DeviceArray<float> disparity_linear_, distance_;
   DeviceArray<float> reflected_x_, reflected_w_;  // where and along what features of reflected surfaces are looked up

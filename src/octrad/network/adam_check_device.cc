@@ -71,7 +71,7 @@ bool step_tables(Stream& stream, std::size_t sources, TableMode mode, bool sorte
   DeviceArray<unsigned long long> counters(stream, 2, "check");
   counters.fill(0);
   DeviceOptimizers optimizers;
-  optimizers.add(device, kRate, true);
+  optimizers.add(device, kRate);
   SparseAdam::Result expected;
   for (std::uint64_t s = 0; s < kSteps; ++s) {
     // Tap i is of source i / kTaps. Two thirds of the entries are never touched.

@@ -24,7 +24,7 @@ struct AdvanceAdam : Kernel {
   const float* rate_scale;
   std::uint32_t* listed;  // entries of the list, which becomes empty; null: all of `entries` move
   std::uint32_t entries;
-  unsigned long long* touched;  // null: not counted
+  unsigned long long* touched;  // null: of a network
 
   OCTRAD_HD void operator()(std::uint32_t) const {
     const std::int64_t count = ++step->count;
@@ -503,9 +503,7 @@ void DeviceOptimizers::add(DeviceDenseAdam& adam, float* parameters, const float
   networks_.push_back({&adam, parameters, gradients, rate});
 }
 
-void DeviceOptimizers::add(DeviceTable& table, double rate, bool counted) {
-  tables_.push_back({&table, rate, counted});
-}
+void DeviceOptimizers::add(DeviceTable& table, double rate) { tables_.push_back({&table, rate}); }
 
 void DeviceOptimizers::advance(Stream& stream, const float* network_scale, const float* table_scale,
                                unsigned long long* touched) const {
@@ -515,7 +513,7 @@ void DeviceOptimizers::advance(Stream& stream, const float* network_scale, const
     parts.push_back(
         {1, {{}, n.adam->step_.data(), adam.beta1, adam.beta2, n.rate, network_scale, nullptr, 0, nullptr}});
   }
-  for (const auto& [table, rate, counted] : tables_) {
+  for (const auto& [table, rate] : tables_) {
     const AdamOptions& adam = table->options_.adam;
     if (table->options_.scan_touched && !table->options_.dense)
       launch(stream, table->bits_.size(),
@@ -529,7 +527,7 @@ void DeviceOptimizers::advance(Stream& stream, const float* network_scale, const
                       table_scale,
                       table->list_count_.data(),
                       static_cast<std::uint32_t>(table->entries_),
-                      counted ? touched : nullptr}});
+                      touched}});
   }
   launch_parts(stream, parts.data(), parts.size());
 }

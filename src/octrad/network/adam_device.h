@@ -67,6 +67,7 @@ class DeviceTable {
   const Half* halves() const { return halves_.data(); }
   const float* floats() const { return halves_.empty() ? values_.data() : nullptr; }
   std::size_t entries() const { return entries_; }
+  int features() const { return features_; }
 
   // The optimiser's state may be null: zeros.
   void upload(Stream& stream, std::span<const float> values, SparseAdam* adam);
@@ -115,11 +116,11 @@ void approach(Stream& stream, DeviceArray<float>& values, const DeviceArray<floa
 class DeviceOptimizers {
  public:
   void add(DeviceDenseAdam& adam, float* parameters, const float* gradients, double rate);
-  void add(DeviceTable& table, double rate, bool counted);  // counted: its entries are in *touched
+  void add(DeviceTable& table, double rate);
 
   // One step of all, at their rates times *network_scale and *table_scale (device memory): advance(), then the others
-  // in any order. The counters are added to; gradients that are not usable count as 0 and are in *non_finite. A table's
-  // gradient is cleared. All pointers are to device memory.
+  // in any order. The counters are added to, *touched by entries of tables that the step updates; gradients that are
+  // not usable count as 0 and are in *non_finite. A table's gradient is cleared. All pointers are to device memory.
   void advance(Stream& stream, const float* network_scale, const float* table_scale, unsigned long long* touched) const;
   void step_networks(Stream& stream, unsigned long long* non_finite) const;
   void step_tables(Stream& stream, unsigned long long* non_finite) const;
@@ -134,7 +135,6 @@ class DeviceOptimizers {
   struct Table {
     DeviceTable* table;
     double rate;
-    bool counted;
   };
   std::vector<Network> networks_;
   std::vector<Table> tables_;

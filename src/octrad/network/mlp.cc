@@ -42,16 +42,15 @@ std::size_t as_size(int x) { return static_cast<std::size_t>(x); }
 
 Mlp::Mlp(const MlpShape& shape) : shape_(shape) {
   assert(shape.inputs > 0 && shape.outputs > 0 && shape.hidden >= 0 && (shape.hidden == 0 || shape.width > 0));
-  std::size_t total = 0, packed = 0;
+  std::size_t packed = 0;
   for (int l = 0; l < layer_count(); ++l) {
     const std::size_t in = as_size(layer_inputs(l)), out = as_size(layer_outputs(l));
-    total += in * out;
     forward_at_.push_back(packed);
     packed += panels_for(out) * kPanel * in;
     backward_at_.push_back(packed);
     packed += panels_for(in) * kPanel * out;
   }
-  weights_.assign(total, 0.0f);
+  weights_.assign(shape.parameter_count(), 0.0f);
   packed_.assign(packed, 0.0f);
 }
 

@@ -20,6 +20,12 @@ struct MlpShape {
   int width = 0;
   int hidden = 0;  // hidden layers (width x width between them); 0: one linear layer
   int outputs = 0;
+
+  bool operator==(const MlpShape&) const = default;
+  std::size_t parameter_count() const {
+    const int count = hidden == 0 ? inputs * outputs : width * (inputs + (hidden - 1) * width + outputs);
+    return static_cast<std::size_t>(count);
+  }
 };
 
 class Mlp {

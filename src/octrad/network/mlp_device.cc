@@ -299,10 +299,6 @@ MlpPlan plan_of(const MlpShape& s) {
   return {tiles_of(s.inputs), width, s.hidden, tiles_of(s.outputs)};
 }
 
-std::size_t parameters_of(const MlpShape& s) {
-  return static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.inputs + (s.hidden - 1) * s.width + s.outputs);
-}
-
 std::uint32_t splits_of(std::size_t rows) {
   return static_cast<std::uint32_t>(std::clamp<std::size_t>(rows / kTile / 8, 1, kMostSplits));
 }
@@ -316,7 +312,7 @@ std::size_t kept_words(const MlpPlan& plan, std::size_t rows) {
 
 std::vector<MemoryPart> DeviceMlp::memory(const MlpShape& shape, std::size_t train_rows, const std::string& what) {
   const MlpPlan plan = plan_of(shape);
-  const std::size_t parameters = parameters_of(shape);
+  const std::size_t parameters = shape.parameter_count();
   std::vector<MemoryPart> parts{
       {what + " weights",
        parameters * sizeof(float) + static_cast<std::size_t>(plan.blocks()) * kBlockWords * sizeof(std::uint32_t)}};
@@ -344,7 +340,7 @@ DeviceMlp::DeviceMlp(Stream& stream, const MlpShape& shape, std::size_t train_ro
     throw InputError(what + ": a network on a device has 1 hidden layer or more and a width of up to 256");
   if (map.any() && (shape.inputs % 2 == 0 || map.first + 3 > shape.inputs))
     throw std::logic_error(what + ": no place for what its inputs are mapped with");
-  weights_ = DeviceArray<float>(stream, parameters_of(shape), what + " weights");
+  weights_ = DeviceArray<float>(stream, shape.parameter_count(), what + " weights");
   weights_.fill(0);
   const auto words = [](const MlpPlan& plan) { return static_cast<std::size_t>(plan.blocks()) * kBlockWords; };
   packed_ = DeviceArray<std::uint32_t>(stream, words(plan_), what + " weights");
