@@ -26,6 +26,10 @@ ALLOWED["render"] = set(ALLOWED["train"])
 ALLOWED["octrad.h"] = ALLOWED["train"] | {"perceptual", "train", "render"}  # the umbrella header, for users of the library alone
 ALLOWED["app"] = set(ALLOWED["octrad.h"])
 
+# What readers of other scene files need to make a description of Mitsuba's kind of what they read.
+SCENE_FILES = {"scene/" + name + ".h" for name in ("built_files", "description", "limits", "make_element", "picture_values", "texture",
+                                                   "transform", "write_xml")}
+
 # Folder inside a module -> (what of the module it may include besides itself, what of the module may include it).
 INSIDE = {
     "app/cli": ({"app/paper", "app/report", "app/selftest", "app/view"}, set()),
@@ -33,6 +37,9 @@ INSIDE = {
     "app/view": ({"app/report"}, {"app/cli"}),
     "app/selftest": (set(), {"app/cli"}),
     "app/paper": ({"app/report"}, {"app/cli"}),
+    "scene/gltf": (SCENE_FILES | {"scene/load.h"}, {"scene/description.cc"}),
+    "scene/pbrt": (SCENE_FILES | {"scene/curves.h", "scene/load.h", "scene/mesh.h", "scene/named_materials.h", "scene/params.h",
+                                  "scene/report.h", "scene/spectrum.h"}, {"scene/description.cc"}),
     "shading/bsdf": ({"shading/bsdf_types.h", "shading/fresnel.h", "shading/material_record.h", "shading/microfacet.h", "shading/square_maps.h"}, {"shading/bsdf_math.h"}),
 }
 

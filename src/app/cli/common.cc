@@ -12,6 +12,7 @@
 #include <optional>
 #include <utility>
 
+#include "app/report/picture_origin.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
 #include "octrad/base/escape.h"
@@ -203,45 +204,8 @@ void print_text(const std::string& raw) {
   flush_stdout();
 }
 
-std::vector<long long> picture_seeds(const Image& image) {
-  using List = std::vector<nlohmann::json>;
-  std::vector<long long> seeds;
-  for (const nlohmann::json& seed : metadata_value<List>(image, "octrad.render", "seeds", {})) {
-    if (seed.is_number_integer()) seeds.push_back(seed.get<long long>());
-  }
-  const auto one = metadata_value<long long>(image, "octrad.render", "seed", -1);
-  if (one >= 0) seeds.push_back(one);
-  return seeds;
-}
-
-bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b) {
-  return std::find_first_of(a.begin(), a.end(), b.begin(), b.end()) != a.end();
-}
-
-std::string view_difference(const Image& a, const Image& b) {
-  const std::string unknown;
-  const auto told = [](const std::string& x, const std::string& y) { return !x.empty() && !y.empty() && x != y; };
-  const auto text = [&](const Image& image, const char* key) {
-    const auto found = image.metadata.find(key);
-    return found == image.metadata.end() ? unknown : found->second;
-  };
-  const auto value = [&](const Image& image, const char* name, const char* key) {
-    return metadata_value(image, name, key, unknown);
-  };
-  if (told(value(a, "octrad.scene", "fingerprint"), value(b, "octrad.scene", "fingerprint"))) return "their scene";
-  const std::string camera = text(a, "octrad.camera"), other_camera = text(b, "octrad.camera");
-  if (told(camera, other_camera)) return "their camera";
-  for (const char* key : {"displayWindow", "dataWindow.min"}) {
-    const std::string x = text(a, key), y = text(b, key);
-    if (told(x, y) || (x != y && !camera.empty() && !other_camera.empty())) return "their crop";
-  }
-  if (told(value(a, "octrad.render", "view"), value(b, "octrad.render", "view")))
-    return "their filter, clipping planes or principal point";
-  return unknown;
-}
-
 void warn_of_other_view(const std::string& a_file, const Image& a, const std::string& b_file, const Image& b) {
-  if (const std::string what = view_difference(a, b); !what.empty())
+  if (const std::string what = report::view_difference(a, b); !what.empty())
     log_warning(fmt::format("{} and {} differ in {}: they are not pictures of one view", a_file, b_file, what));
 }
 

@@ -170,33 +170,7 @@ struct ConfigOptions {
 // Makes `--seed`, where it is given, that of the configuration.
 void set_seed(Config& config, const CommonOptions& common);
 
-// A value of what octrad wrote into a picture: `key` of the JSON object in the attribute `name`. `fallback` where there
-// is none, or one of another type.
-template <typename T>
-T metadata_value(const Image& image, const std::string& name, const std::string& key, const T& fallback) {
-  const auto found = image.metadata.find(name);
-  if (found == image.metadata.end()) return fallback;
-  const nlohmann::json object = parse_json_or_discard(found->second);
-  if (!object.is_object() || !object.contains(key)) return fallback;
-  try {
-    if constexpr (std::is_integral_v<T>)
-      return static_cast<T>(
-          whole_number(object.at(key), std::numeric_limits<T>::min(), std::numeric_limits<T>::max(), key));
-    else return object.at(key).template get<T>();
-  } catch (const std::exception&) {
-    return fallback;
-  }
-}
-
-// The hash of the mask that a picture was rendered with (octrad render --mask); "" without one.
-inline std::string mask_of(const Image& image) { return metadata_value(image, "octrad.render", "mask", std::string()); }
-
-// The seeds of a picture, as far as its metadata say: one, or those of all that `merge` joined.
-std::vector<long long> picture_seeds(const Image& image);
-bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b);
-// In what two pictures differ that are not of one view, as far as their metadata says; else empty.
-std::string view_difference(const Image& a, const Image& b);
-// Warns where there is such a difference.
+// Warns where two pictures are not of one view (report::view_difference).
 void warn_of_other_view(const std::string& a_file, const Image& a, const std::string& b_file, const Image& b);
 
 // What to say of look-ups that found nothing (RadianceField::take_empty_lookups).

@@ -12,6 +12,7 @@
 #include "app/cli/compare.h"
 #include "app/report/image_page.h"
 #include "app/report/measure.h"
+#include "app/report/picture_origin.h"
 #include "app/report/tables.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -122,7 +123,7 @@ void find_layers(const Image& reference, const CompareOptions& o, Layers& layers
 }
 
 void warn_of_mask(const std::string& name, const Image& image, const CompareOptions& o) {
-  if (!o.mask.empty() || mask_of(image).empty()) return;
+  if (!o.mask.empty() || report::mask_of(image).empty()) return;
   log_warning(fmt::format(
       "{}: was rendered with --mask: the pixels outside are black, and count; --mask FILE leaves them out", name));
 }
@@ -145,14 +146,15 @@ struct SecondReference {
 
 SecondReference read_second(const Image& reference, const CompareOptions& o) {
   SecondReference second = {read_same_size(o.reference_b, reference, o)};
-  if (const std::string what = view_difference(reference, second.image); !what.empty())
+  if (const std::string what = report::view_difference(reference, second.image); !what.empty())
     throw InputError(
         fmt::format("{} and {} differ in {}: their difference is not their noise", o.reference, o.reference_b, what));
   const auto number_of = [](const Image& image, const char* key) {
-    return metadata_value<long long>(image, "octrad.render", key, -1);
+    return report::metadata_value<long long>(image, "octrad.render", key, -1);
   };
   const long long n_a = number_of(reference, "spp"), n_b = number_of(second.image, "spp");
-  if (share_a_seed(picture_seeds(reference), picture_seeds(second.image)) || second.image.data == reference.data) {
+  if (report::share_a_seed(report::picture_seeds(reference), report::picture_seeds(second.image)) ||
+      second.image.data == reference.data) {
     throw InputError(fmt::format("{} and {} have the same seed: their noise is the same, and its size does not show",
                                  o.reference, o.reference_b));
   }
@@ -300,7 +302,7 @@ nlohmann::json errors_of(const Comparison& c, std::size_t i, const Image& image)
     }
     warn_of(errors, name, c.noise, c.options);
     nlohmann::json entry = report::to_json(errors);
-    if (!mask_of(c.file).empty() || !mask_of(image).empty()) {
+    if (!report::mask_of(c.file).empty() || !report::mask_of(image).empty()) {
       log_info("{}: no SSIM, FLIP and LPIPS, which look at neighbours that --mask left out", name);
       for (const char* key : {"ssim", "flip", "lpips"}) entry[key] = nullptr;
     }

@@ -3,6 +3,7 @@
 
 #include "app/cli/common.h"
 #include "app/cli/denoise_options.h"
+#include "app/report/picture_origin.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
@@ -25,7 +26,8 @@ Image read_linear(const std::string& file) {
   Image image = read_image(file);
   if (is_display_referred(image))
     throw InputError(file + ": a picture for the screen; the denoiser takes linear ones (EXR, HDR, PFM)");
-  if (!mask_of(image).empty()) throw InputError(file + ": was rendered with --mask; a denoiser needs every pixel");
+  if (!report::mask_of(image).empty())
+    throw InputError(file + ": was rendered with --mask; a denoiser needs every pixel");
   return image;
 }
 

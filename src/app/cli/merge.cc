@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "app/cli/common.h"
+#include "app/report/picture_origin.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/error.h"
@@ -51,10 +52,10 @@ Part read_part(const std::string& word) {
         fmt::format("{} was denoised: its error is not that of independent samples, which a mean reduces", part.file));
   if (is_display_referred(part.image))
     throw InputError(part.file + ": holds what a screen shows; merge needs linear radiance (EXR, HDR, PFM)");
-  if (part.spp == 0) part.spp = metadata_value<long long>(part.image, "octrad.render", "spp", 0);
+  if (part.spp == 0) part.spp = report::metadata_value<long long>(part.image, "octrad.render", "spp", 0);
   if (part.spp <= 0 || part.spp > kMostSamples)
     throw InputError(fmt::format("{0} does not say how many samples a pixel it has: write {0}:SPP", part.file));
-  part.seeds = picture_seeds(part.image);
+  part.seeds = report::picture_seeds(part.image);
   return part;
 }
 
@@ -64,22 +65,24 @@ void check_alike(const Part& a, const Part& b) {
     throw InputError(fmt::format("{} and {} differ in {}: they are not pictures of one view", a.file, b.file, what));
   };
   if (a.image.width != b.image.width || a.image.height != b.image.height) differ("size");
-  if (const std::string what = view_difference(a.image, b.image); !what.empty()) differ(what);
+  if (const std::string what = report::view_difference(a.image, b.image); !what.empty()) differ(what);
   // Caches of one configuration and step are the same one, whatever the names of their files.
   const auto cache = [](const Part& p) {
     const auto config = p.image.metadata.find("octrad.config");
     return std::pair(config == p.image.metadata.end() ? std::string() : config->second,
-                     metadata_value<long long>(p.image, "octrad.model", "step", -1));
+                     report::metadata_value<long long>(p.image, "octrad.model", "step", -1));
   };
   if (cache(a) != cache(b)) differ("their cache");
   const auto integrator = [](const Part& p) {
-    return metadata_value(p.image, "octrad.render", "integrator", std::string());
+    return report::metadata_value(p.image, "octrad.render", "integrator", std::string());
   };
   if (!integrator(a).empty() && !integrator(b).empty() && integrator(a) != integrator(b)) differ("their integrator");
-  const auto depth = [](const Part& p) { return metadata_value<long long>(p.image, "octrad.render", "max_depth", -2); };
+  const auto depth = [](const Part& p) {
+    return report::metadata_value<long long>(p.image, "octrad.render", "max_depth", -2);
+  };
   if (depth(a) != -2 && depth(b) != -2 && depth(a) != depth(b)) differ("max_depth");
-  if (mask_of(a.image) != mask_of(b.image)) differ("their mask");
-  if (share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
+  if (report::mask_of(a.image) != report::mask_of(b.image)) differ("their mask");
+  if (report::share_a_seed(a.seeds, b.seeds) || a.image.data == b.image.data)
     throw InputError(fmt::format(
         "{} and {} have the same seed, so that their mean would have as much noise as one of them", a.file, b.file));
 }
@@ -157,7 +160,7 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
   const double share = static_cast<double>(total_spp(parts, half, n)) / static_cast<double>(total_spp(parts, 0, half));
   const auto not_finite = std::count_if(out.data.begin(), out.data.end(), [](float v) { return !std::isfinite(v); });
   if (not_finite > 0) log_warning(fmt::format("{}: {} values are not finite", o.output, not_finite));
-  const std::string mask = mask_of(out);
+  const std::string mask = report::mask_of(out);
   const Metrics noise = reference_noise(out, weighted_mean(parts, half, n), share,
                                         mask.empty() ? std::vector<std::uint8_t>() : nonzero_pixels(out));
   if (!o.aux.empty()) {
@@ -174,12 +177,13 @@ void merge_verb(const CommonOptions& common, const MergeOptions& o) {
     if (part.seeds.empty()) render["seeds"].push_back(nullptr);
     for (const long long seed : part.seeds) render["seeds"].push_back(seed);
   }
-  const std::string integrator = metadata_value<std::string>(out, "octrad.render", "integrator", "");
+  const std::string integrator = report::metadata_value<std::string>(out, "octrad.render", "integrator", "");
   if (!integrator.empty()) {
     render["integrator"] = integrator;
-    render["max_depth"] = metadata_value(out, "octrad.render", "max_depth", -1);
+    render["max_depth"] = report::metadata_value(out, "octrad.render", "max_depth", -1);
     if (!mask.empty()) render["mask"] = mask;
-    if (const auto view = metadata_value(parts.front().image, "octrad.render", "view", std::string()); !view.empty())
+    if (const auto view = report::metadata_value(parts.front().image, "octrad.render", "view", std::string());
+        !view.empty())
       render["view"] = view;
   }
   out.metadata["octrad.render"] = render.dump();

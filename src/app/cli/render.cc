@@ -81,7 +81,7 @@ class Continuation {
     if (!session_.o.resume) return std::nullopt;
     std::optional<Image> image = on_disk();
     if (!image) return std::nullopt;
-    if (picture_seeds(*image).size() > 1)
+    if (report::picture_seeds(*image).size() > 1)
       throw UsageError(
           fmt::format("--resume: {} was merged from several pictures, which nothing can go on from; take another name",
                       session_.o.output));
@@ -183,8 +183,8 @@ void render_picture(RenderSession& s) {
   Continuation continuation(s, view);
   if (std::optional<Image> image = continuation.finished(view)) {
     RenderResult result;
-    result.spp = static_cast<int>(metadata_value<long long>(*image, "octrad.render", "spp", 0));
-    result.seconds = metadata_value(*image, "octrad.render", "seconds", 0.0);
+    result.spp = static_cast<int>(report::metadata_value<long long>(*image, "octrad.render", "spp", 0));
+    result.seconds = report::metadata_value(*image, "octrad.render", "seconds", 0.0);
     result.samples = view.wanted_pixels() * result.spp;
     result.image = std::move(*image);
     nlohmann::json report = s.report(result, view);

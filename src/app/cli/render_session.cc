@@ -199,12 +199,8 @@ RenderResult RenderSession::render_picture(double begin, double share) {
 }
 
 void RenderSession::save(RenderResult& result, const View& view, unsigned long long seed, const std::string& file) {
-  report::PictureOrigin origin{scene(), view, settings.film, o.integrator};
+  report::PictureOrigin origin(scene(), view, settings, integrator, o.integrator);
   origin.spp = result.spp;
-  if (integrator.uses_depth) {
-    origin.max_depth = settings.max_depth;
-    origin.rr_depth = settings.rr_depth;
-  }
   origin.seed = seed;
   origin.seconds = result.seconds;
   if (model) {
@@ -236,7 +232,7 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
     return found == image.metadata.end() ? none : found->second;
   };
   const auto number = [&](const char* key, long long fallback) {
-    return metadata_value<long long>(image, "octrad.render", key, fallback);
+    return report::metadata_value<long long>(image, "octrad.render", key, fallback);
   };
   if (image.width != part.width() || image.height != part.height() ||
       text("dataWindow.min") != (part.x0 + part.y0 > 0 ? fmt::format("{} {}", part.x0, part.y0) : none) ||
@@ -244,19 +240,21 @@ std::string RenderSession::difference(const Image& image, const View& view, unsi
                                     ? fmt::format("{} {}", view.width, view.height)
                                     : none))
     return "size";
-  if (metadata_value(image, "octrad.scene", "fingerprint", none) != picture_fingerprint(scene())) return "scene";
+  if (report::metadata_value(image, "octrad.scene", "fingerprint", none) != picture_fingerprint(scene()))
+    return "scene";
   if (text("octrad.camera") != report::camera_json(view.camera).dump()) return "camera";
-  if (metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
+  if (report::metadata_value(image, "octrad.render", "integrator", none) != o.integrator) return "integrator";
   if (integrator.uses_depth && number("max_depth", -2) != settings.max_depth) return "max_depth";
   // Older pictures do not say it.
   if (integrator.uses_depth && number("rr_depth", settings.rr_depth) != settings.rr_depth) return "rr_depth";
   if (number("seed", -1) != static_cast<long long>(seed)) return "seed";
-  if (mask_of(image) != report::mask_hash(view)) return "mask";
+  if (report::mask_of(image) != report::mask_hash(view)) return "mask";
   const std::string hash = report::view_hash(view, settings.film);
-  if (metadata_value(image, "octrad.render", "view", hash) != hash) return "filter, clipping planes or principal point";
+  if (report::metadata_value(image, "octrad.render", "view", hash) != hash)
+    return "filter, clipping planes or principal point";
   if (number("spp", 0) < least_spp) return "spp";
   if (model && (text("octrad.config") != json_text(to_json(config)) ||
-                metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))
+                report::metadata_value<long long>(image, "octrad.model", "step", -1) != model->info.state.step))
     return "model";
   if (text("octrad.denoise").empty() == (denoiser != nullptr)) return "denoiser";
   return none;

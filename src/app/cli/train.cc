@@ -110,27 +110,28 @@ void show_config(const Config& config) {
 void check_reference(const std::string& file, const Image& reference, const Scene& scene) {
   if (reference.metadata.count("displayWindow") > 0)
     throw InputError(file + ": is a part of a picture (--crop); --reference needs the whole view");
-  if (!mask_of(reference).empty())
+  if (!report::mask_of(reference).empty())
     throw InputError(file + ": is a part of a picture (--mask); --reference needs the whole view");
   if (is_display_referred(reference))
     throw InputError(file + ": holds what a screen shows; --reference needs linear radiance (EXR, HDR, PFM)");
   const std::string expected = picture_fingerprint(scene);
-  const std::string fingerprint = metadata_value(reference, "octrad.scene", "fingerprint", expected);
+  const std::string fingerprint = report::metadata_value(reference, "octrad.scene", "fingerprint", expected);
   if (fingerprint != expected) {
-    log_warning(fmt::format(
-        "{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
-        metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint, scene.file, expected));
+    log_warning(
+        fmt::format("{} shows another scene: {} (fingerprint {}), not {} ({}); the error against it says little", file,
+                    report::metadata_value<std::string>(reference, "octrad.scene", "file", "?"), fingerprint,
+                    scene.file, expected));
   }
   const auto camera = reference.metadata.find("octrad.camera");
   if (camera != reference.metadata.end() && fingerprint == expected && !scene.cameras.empty() &&
       camera->second != report::camera_json(scene.cameras.front()).dump())
     log_warning(
         fmt::format("{} has another camera than the scene's first sensor, whose picture it is compared with", file));
-  const std::string integrator = metadata_value<std::string>(reference, "octrad.render", "integrator", "path");
+  const std::string integrator = report::metadata_value<std::string>(reference, "octrad.render", "integrator", "path");
   if (integrator != "path" && integrator != "denoised")
     log_warning(fmt::format("{} is a picture of integrator {}, and no reference", file, integrator));
-  const int depth = metadata_value(reference, "octrad.render", "max_depth", -1);
-  if (depth >= 0 && metadata_value<std::string>(reference, "octrad.render", "integrator", "") == "path") {
+  const int depth = report::metadata_value(reference, "octrad.render", "max_depth", -1);
+  if (depth >= 0 && report::metadata_value<std::string>(reference, "octrad.render", "integrator", "") == "path") {
     log_warning(
         fmt::format("{} has paths of at most {} (max_depth) and the cache has every bounce: the light that the "
                     "reference lacks counts as an error; render it with --max-depth -1",

@@ -9,6 +9,7 @@
 #include "app/cli/render_session.h"
 #include "app/cli/render_view.h"
 #include "app/cli/serve.h"
+#include "app/report/picture_origin.h"
 #include "app/view/session.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/bytes.h"
@@ -64,8 +65,8 @@ std::shared_ptr<const viewer::Picture> open_reference(const std::string& file) {
   if (is_display_referred(picture->image) || lacks("R") || lacks("G") || lacks("B"))
     picture->image = linear_color(picture->image);
   picture->side.integrator = viewer::kStored;
-  picture->samples = metadata_value(picture->image, "octrad.render", "spp", 0);
-  picture->seconds = metadata_value(picture->image, "octrad.render", "seconds", 0.0);
+  picture->samples = report::metadata_value(picture->image, "octrad.render", "spp", 0);
+  picture->seconds = report::metadata_value(picture->image, "octrad.render", "seconds", 0.0);
   const auto camera = picture->image.metadata.find("octrad.camera");
   if (camera == picture->image.metadata.end()) return picture;
   try {

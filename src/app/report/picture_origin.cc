@@ -1,6 +1,8 @@
 #include "app/report/picture_origin.h"
 
 #include <fmt/format.h>
+#include <algorithm>
+
 #include "app/report/vector_json.h"
 
 #include "octrad/base/json_file.h"
@@ -57,6 +59,18 @@ std::string mask_hash(const View& view) {
                      hash_bytes(view.mask->data(), view.mask->size(), static_cast<std::uint64_t>(view.width)));
 }
 
+PictureOrigin::PictureOrigin(const Scene& of_scene, const View& of_view, const RenderSettings& settings,
+                             const IntegratorInfo& info, const std::string& name)
+    : scene(of_scene),
+      view(of_view),
+      film(settings.film),
+      integrator(name),
+      seed(settings.seed) {
+  if (!info.uses_depth) return;
+  max_depth = settings.max_depth;
+  rr_depth = settings.rr_depth;
+}
+
 void add_origin(Image& image, const PictureOrigin& origin) {
   std::map<std::string, std::string>& metadata = image.metadata;
   const View& view = origin.view;
@@ -81,6 +95,43 @@ void add_origin(Image& image, const PictureOrigin& origin) {
     metadata["dataWindow.min"] = fmt::format("{} {}", view.crop.x, view.crop.y);
     metadata["displayWindow"] = fmt::format("{} {}", view.width, view.height);
   }
+}
+
+std::vector<long long> picture_seeds(const Image& image) {
+  using List = std::vector<nlohmann::json>;
+  std::vector<long long> seeds;
+  for (const nlohmann::json& seed : metadata_value<List>(image, "octrad.render", "seeds", {})) {
+    if (seed.is_number_integer()) seeds.push_back(seed.get<long long>());
+  }
+  const auto one = metadata_value<long long>(image, "octrad.render", "seed", -1);
+  if (one >= 0) seeds.push_back(one);
+  return seeds;
+}
+
+bool share_a_seed(const std::vector<long long>& a, const std::vector<long long>& b) {
+  return std::find_first_of(a.begin(), a.end(), b.begin(), b.end()) != a.end();
+}
+
+std::string view_difference(const Image& a, const Image& b) {
+  const std::string unknown;
+  const auto told = [](const std::string& x, const std::string& y) { return !x.empty() && !y.empty() && x != y; };
+  const auto text = [&](const Image& image, const char* key) {
+    const auto found = image.metadata.find(key);
+    return found == image.metadata.end() ? unknown : found->second;
+  };
+  const auto value = [&](const Image& image, const char* name, const char* key) {
+    return metadata_value(image, name, key, unknown);
+  };
+  if (told(value(a, "octrad.scene", "fingerprint"), value(b, "octrad.scene", "fingerprint"))) return "their scene";
+  const std::string camera = text(a, "octrad.camera"), other_camera = text(b, "octrad.camera");
+  if (told(camera, other_camera)) return "their camera";
+  for (const char* key : {"displayWindow", "dataWindow.min"}) {
+    const std::string x = text(a, key), y = text(b, key);
+    if (told(x, y) || (x != y && !camera.empty() && !other_camera.empty())) return "their crop";
+  }
+  if (told(value(a, "octrad.render", "view"), value(b, "octrad.render", "view")))
+    return "their filter, clipping planes or principal point";
+  return unknown;
 }
 
 }  // namespace octrad::report

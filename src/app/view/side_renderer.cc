@@ -79,13 +79,8 @@ std::shared_ptr<const Picture> SideRenderer::picture() {
   if (!renderer_) return studio_.stored;
   const std::shared_ptr<Picture> picture = seen({});
   const IntegratorInfo& info = renderer_->integrator();
-  report::PictureOrigin origin{studio_.scene.scene(), picture->view, studio_.settings.film, side_.integrator};
+  report::PictureOrigin origin(studio_.scene.scene(), picture->view, studio_.settings, info, side_.integrator);
   origin.spp = picture->samples;
-  if (info.uses_depth) {
-    origin.max_depth = studio_.settings.max_depth;
-    origin.rr_depth = studio_.settings.rr_depth;
-  }
-  origin.seed = studio_.settings.seed;
   origin.seconds = seconds_;
   if (info.needs_model) {
     const ViewerModel& model = studio_.models.at(static_cast<std::size_t>(side_.model));

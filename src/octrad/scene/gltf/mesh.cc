@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "octrad/base/memory_limit.h"
-#include "octrad/scene/gltf_reader.h"
+#include "octrad/scene/gltf/reader.h"
 
 namespace octrad {
 namespace {

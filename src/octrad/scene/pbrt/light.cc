@@ -6,7 +6,8 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/pbrt_parts.h"
+#include "octrad/scene/params.h"
+#include "octrad/scene/pbrt/parts.h"
 #include "octrad/scene/picture_values.h"
 
 namespace octrad {

@@ -1,5 +1,5 @@
 // pbrt files: cameras, transforms, lights, shapes.
-#include "octrad/scene/pbrt.h"
+#include "octrad/scene/pbrt/pbrt.h"
 
 #include <zlib.h>
 
@@ -8,8 +8,8 @@
 #include <numbers>
 
 #include "octrad/image/io.h"
-#include "octrad/scene/pbrt_shape.h"
-#include "octrad/scene/pbrt_test_helper.h"
+#include "octrad/scene/pbrt/pbrt_test_helper.h"
+#include "octrad/scene/pbrt/shape.h"
 #include "octrad/scene/spectrum.h"
 
 namespace octrad {

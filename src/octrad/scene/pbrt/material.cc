@@ -1,7 +1,7 @@
 // Materials of pbrt. Names and defaults are those of "pbrt-v4 Input File Format" and "pbrt-v3 Input File Format";
 // materials that only version 3 has become those that pbrt's own upgrade makes of them. All have the microfacets of
 // Trowbridge and Reitz (GGX).
-#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt/material.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
 // Materials and textures of pbrt files, beside Mitsuba files that say the same.
-#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt/material.h"
 
 #include <cmath>
 
 #include "octrad/image/io.h"
-#include "octrad/scene/pbrt_test_helper.h"
+#include "octrad/scene/pbrt/pbrt_test_helper.h"
 #include "octrad/scene/texture.h"
 
 namespace octrad {

@@ -3,8 +3,8 @@
 
 #include "octrad/base/join.h"
 #include "octrad/image/tonemap_math.h"
-#include "octrad/scene/gltf_specular_glossiness.h"
-#include "octrad/scene/gltf_test_helper.h"
+#include "octrad/scene/gltf/gltf_test_helper.h"
+#include "octrad/scene/gltf/specular_glossiness.h"
 
 namespace octrad {
 namespace {

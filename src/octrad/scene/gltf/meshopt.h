@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "octrad/scene/gltf_file.h"
+#include "octrad/scene/gltf/file.h"
 
 namespace octrad {
 

@@ -9,7 +9,7 @@
 
 #include "octrad/base/number_text.h"
 #include "octrad/image/tonemap_math.h"
-#include "octrad/scene/gltf_reader.h"
+#include "octrad/scene/gltf/reader.h"
 
 namespace octrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/pbrt/shape.h"
 
 #include <algorithm>
 #include <array>

@@ -14,8 +14,8 @@
 
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
-#include "octrad/scene/gltf_file.h"
-#include "octrad/scene/gltf_specular_glossiness.h"
+#include "octrad/scene/gltf/file.h"
+#include "octrad/scene/gltf/specular_glossiness.h"
 #include "octrad/scene/make_element.h"
 #include "octrad/scene/transform.h"
 

@@ -7,7 +7,7 @@
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
-#include "octrad/scene/gltf_test_helper.h"
+#include "octrad/scene/gltf/gltf_test_helper.h"
 #include "octrad/scene/write_xml.h"
 
 namespace octrad {

@@ -7,7 +7,7 @@
 
 #include "octrad/scene/curves.h"
 #include "octrad/scene/mesh.h"
-#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/pbrt/file.h"
 #include "octrad/scene/transform.h"
 
 namespace octrad {

@@ -1,6 +1,7 @@
 // Colours, spectra and textures of pbrt. What depends on constants alone becomes one, what is a picture with factors
 // becomes a bitmap or a picture that is made; textures that are computed from the place are refused.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "octrad/base/join.h"
@@ -9,7 +10,7 @@
 #include "octrad/image/io.h"
 #include "octrad/image/tonemap.h"
 #include "octrad/scene/named_materials.h"
-#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt/material.h"
 #include "octrad/scene/picture_values.h"
 
 namespace octrad {
@@ -126,20 +127,23 @@ Image linear_picture(const PbrtTexture& t, bool numbers) {
   return out;
 }
 
+template <typename Numbers>
+void append(std::string& text, const Numbers& numbers) {
+  for (const double v : numbers) text.append(" ").append(number_text(v));
+}
+
 // What the picture is made of.
 std::string text_of(const PbrtTexture& t) {
   std::string text = std::to_string(static_cast<int>(t.kind)) + (t.invert ? " inverted " : " ") +
                      (t.number ? "number " : "") + (t.nearest ? "nearest " : "") + t.wrap + " " + number_text(t.gamma) +
                      " " + number_text(t.gain);
-  for (const double v : {t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z})
-    text += " " + number_text(v);
+  append(text, std::array{t.value.x, t.value.y, t.value.z, t.other.x, t.other.y, t.other.z});
   text += " " + t.file;
   if (t.mix) {
     text += t.mix->product ? " product" : " mix";
     for (const PbrtTexture* part : {&t.mix->a, &t.mix->b, &t.mix->amount}) {
       text += " (" + text_of(*part);
-      for (const double v : {part->scale[0], part->scale[1], part->offset[0], part->offset[1]})
-        text += " " + number_text(v);
+      append(text, std::array{part->scale[0], part->scale[1], part->offset[0], part->offset[1]});
       text += ")";
     }
   }
@@ -489,7 +493,7 @@ void PbrtMaterials::add(Element& parent, const Location& where, const std::strin
   std::string key =
       std::to_string(static_cast<int>(role)) + " " + std::to_string(static_cast<int>(map)) + " " + text_of(t);
   const std::string picture_key = key;
-  for (const double v : to_uv.m) key += " " + number_text(v);
+  append(key, to_uv.m);
   const auto [at, inserted] = textures_.try_emplace(key, "texture" + std::to_string(textures_.size()));
   if (inserted) {
     Element& e = add_element(*description_.root, where, "texture",

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <string>
 
-#include "octrad/scene/pbrt_material.h"
+#include "octrad/scene/pbrt/material.h"
 #include "octrad/scene/transform.h"
 
 namespace octrad {

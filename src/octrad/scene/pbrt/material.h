@@ -10,7 +10,7 @@
 #include "octrad/scene/built_files.h"
 #include "octrad/scene/description.h"
 #include "octrad/scene/make_element.h"
-#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/pbrt/file.h"
 #include "octrad/scene/spectrum.h"
 
 namespace octrad {

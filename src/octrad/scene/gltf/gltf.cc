@@ -1,4 +1,4 @@
-#include "octrad/scene/gltf.h"
+#include "octrad/scene/gltf/gltf.h"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
-#include "octrad/scene/gltf_reader.h"
+#include "octrad/scene/gltf/reader.h"
 #include "octrad/scene/limits.h"
 
 namespace octrad {

@@ -9,8 +9,8 @@
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
 #include "octrad/image/io.h"
-#include "octrad/scene/gltf_reader.h"
-#include "octrad/scene/gltf_specular_glossiness.h"
+#include "octrad/scene/gltf/reader.h"
+#include "octrad/scene/gltf/specular_glossiness.h"
 #include "octrad/scene/picture_values.h"
 
 namespace octrad {

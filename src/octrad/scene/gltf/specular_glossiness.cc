@@ -1,4 +1,4 @@
-#include "octrad/scene/gltf_specular_glossiness.h"
+#include "octrad/scene/gltf/specular_glossiness.h"
 
 #include <algorithm>
 #include <cmath>

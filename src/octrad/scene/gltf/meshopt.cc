@@ -1,4 +1,4 @@
-#include "octrad/scene/gltf_meshopt.h"
+#include "octrad/scene/gltf/meshopt.h"
 
 #include <meshoptimizer.h>
 

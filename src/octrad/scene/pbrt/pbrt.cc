@@ -1,4 +1,4 @@
-#include "octrad/scene/pbrt.h"
+#include "octrad/scene/pbrt/pbrt.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,10 +15,10 @@
 #include "octrad/base/number_text.h"
 #include "octrad/scene/make_element.h"
 #include "octrad/scene/params.h"
-#include "octrad/scene/pbrt_file.h"
-#include "octrad/scene/pbrt_material.h"
-#include "octrad/scene/pbrt_parts.h"
-#include "octrad/scene/pbrt_shape.h"
+#include "octrad/scene/pbrt/file.h"
+#include "octrad/scene/pbrt/material.h"
+#include "octrad/scene/pbrt/parts.h"
+#include "octrad/scene/pbrt/shape.h"
 
 namespace octrad {
 namespace {

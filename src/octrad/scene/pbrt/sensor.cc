@@ -4,7 +4,7 @@
 
 #include "octrad/base/number_text.h"
 #include "octrad/scene/limits.h"
-#include "octrad/scene/pbrt_parts.h"
+#include "octrad/scene/pbrt/parts.h"
 
 namespace octrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "octrad/scene/pbrt_file.h"
+#include "octrad/scene/pbrt/file.h"
 
 #include <zlib.h>
 

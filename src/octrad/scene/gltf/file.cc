@@ -1,4 +1,4 @@
-#include "octrad/scene/gltf_file.h"
+#include "octrad/scene/gltf/file.h"
 
 #include <algorithm>
 #include <bit>
@@ -12,7 +12,7 @@
 #include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/number_text.h"
-#include "octrad/scene/gltf_meshopt.h"
+#include "octrad/scene/gltf/meshopt.h"
 #include "octrad/scene/limits.h"
 
 namespace octrad {
