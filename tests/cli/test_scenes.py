@@ -41,7 +41,14 @@ class Scenes(Case):
 
     def test_permissive(self):
         file = self.write("b.xml", BROKEN)
-        self.fails(2, 'bsdf "velvet" is not supported', "info", file)
+        for verb in (("info",), ("render", "--integrator", "path", "-o", self.path("o.exr")), ("convert", "-o", self.path("o.xml"))):
+            refused = self.fails(2, 'bsdf "velvet" is not supported', verb[0], file, *verb[1:]).err
+            self.assertIn("It is one of 3 mistakes: octrad info %s --check lists them." % file, refused)
+            self.assertIn("--permissive takes stand-ins", refused)
+        for text in ("<scene", OLD.replace('value="1.6"', 'value="none"')):  # one mistake; no stand-in helps with the first text
+            refused = self.fails(2, "s.xml:", "info", self.write("s.xml", text)).err
+            self.assertNotIn("one of", refused)
+            self.assertEqual("stand-ins" in refused, text != "<scene")
         info = self.ok("info", file, "--json", "--permissive")
         self.assertEqual(info.json()["shapes"], 1)
         self.assertEqual(len(info.json()["refused"]), 3)

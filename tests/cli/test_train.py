@@ -326,7 +326,9 @@ class Train(Case):
         for keys in (("octree.levels=4", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32"),
                      ("field=ncr", "ncr.log2_table=14", "ncr.cone.log2_table=12", "ncr.width=32")):
             options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
-            announced = self.ok("info", self.scene, "--json", *options).json()["model_file"]
+            scene = self.ok("info", self.scene, "--json", *options).json()
+            announced, memory = scene["model_file"], scene["memory"]
+            self.assertTrue(announced["without_optimizer"] < memory["rendering"] < memory["training"], scene)
             train = ("train", self.scene, "-o", self.model, "--overwrite", "--steps", 2, *options)
             self.assertIn("with what --resume needs", self.ok(*train).err)
             info = self.ok("info", self.model, "--json").json()

@@ -113,7 +113,8 @@ void convert_verb(const CommonOptions& common, const ConvertOptions& o) {
   options.definitions = o.definitions.scene_definitions();
   options.permissive = common.permissive;
   Scene scene;
-  const SceneFiles files = scene_as_xml(o.scene, o.output, options, scene);
+  SceneFiles files;
+  read_scene(o.scene, options, [&] { files = scene_as_xml(o.scene, o.output, options, scene); });
   const std::filesystem::path folder = std::filesystem::path(o.output).parent_path();
   std::vector<std::string> outputs = {o.output};
   for (const auto& [name, bytes] : files.others) outputs.push_back((folder / name).string());

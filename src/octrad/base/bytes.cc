@@ -123,6 +123,10 @@ std::uint64_t usable_memory() {
   return usable;
 }
 
+void append(std::vector<MemoryPart>& parts, const std::vector<MemoryPart>& more) {
+  parts.insert(parts.end(), more.begin(), more.end());
+}
+
 std::uint64_t total_bytes(const std::vector<MemoryPart>& parts) {
   std::uint64_t sum = 0;
   for (const MemoryPart& part : parts) sum += part.bytes;

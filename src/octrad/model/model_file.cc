@@ -240,8 +240,7 @@ namespace {
 // A configuration is a few words and its tables may be gigabytes: before they are allocated, what the file holds must
 // be about as much (half precision takes half), and the memory budget is asked.
 void check_memory(const TensorReader& in, const Config& config, const FieldDomain& domain, bool optimizer) {
-  std::vector<long long> cells;
-  for (const auto& level : domain.occupied_cells) cells.push_back(static_cast<long long>(level.size()));
+  const std::vector<long long> cells = domain.cells_per_level();
   const double needed = estimate_model_file_size(config, cells).features, held = model_file_size(in).features;
   if (needed > 2.0 * held)
     throw InputError(fmt::format("{} is not a usable model file: its configuration needs tables of {}, and it holds {}",

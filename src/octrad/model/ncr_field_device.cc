@@ -262,17 +262,15 @@ class DeviceNcrField : public DeviceFieldBase {
     const Sizes sizes(config);
     const std::size_t n = train_rows(options), items = items_of(options), cones = items * sizes.each;
     std::vector<MemoryPart> parts = decoder_memory(ncr_decoder_shape(config), options);
-    const auto append = [&](const std::vector<MemoryPart>& more) {
-      parts.insert(parts.end(), more.begin(), more.end());
-    };
-    append(DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(ncr_grid_options(config))),
-                               config.ncr_features, table_options(config, options, config.ncr_levels, kHashGridTaps),
-                               "diffuse grid"));
-    append(DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(ncr_cone_grid_options(config))),
+    append(parts, DeviceTable::memory(
+                      static_cast<std::size_t>(hash_grid_entries(ncr_grid_options(config))), config.ncr_features,
+                      table_options(config, options, config.ncr_levels, kHashGridTaps), "diffuse grid"));
+    append(parts,
+           DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(ncr_cone_grid_options(config))),
                                config.ncr_cone_features,
                                table_options(config, options, config.ncr_clusters, kPrefilteredTaps), "cone grid"));
-    append(DeviceMlp::memory(ncr_cone_shape(config), n * sizes.each, "cone network"));
-    append(DeviceMlp::memory(ncr_merge_shape(config), n, "merge network"));
+    append(parts, DeviceMlp::memory(ncr_cone_shape(config), n * sizes.each, "cone network"));
+    append(parts, DeviceMlp::memory(ncr_merge_shape(config), n, "merge network"));
     parts.push_back({"cones and glossy points in flight",
                      (rows(options) + cones * (sizes.cone_pairs + 7) + items * (sizes.merge_pairs + 3)) * 4});
     if (n > 0) parts.push_back({"glossy training points in flight", n * (12 + sizes.each * (3 + sizes.features)) * 4});

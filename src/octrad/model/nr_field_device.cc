@@ -45,10 +45,9 @@ std::vector<MemoryPart> device_nr_memory(const Config& config, const std::vector
                                          const DeviceFieldOptions& options) {
   using Base = DeviceFieldBase;
   std::vector<MemoryPart> parts = Base::decoder_memory(nr_decoder_shape(config), options);
-  const std::vector<MemoryPart> table =
-      DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(nr_grid_options(config))), config.nr_features,
-                          Base::table_options(config, options, config.nr_levels, kHashGridTaps), "hash grid");
-  parts.insert(parts.end(), table.begin(), table.end());
+  append(parts,
+         DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(nr_grid_options(config))), config.nr_features,
+                             Base::table_options(config, options, config.nr_levels, kHashGridTaps), "hash grid"));
   return parts;
 }
 

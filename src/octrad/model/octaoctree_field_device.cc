@@ -313,17 +313,17 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
                                                  const DeviceFieldOptions& options) {
   using Base = DeviceFieldBase;
   std::vector<MemoryPart> parts = Base::decoder_memory(decoder_shape(config), options);
-  const auto append = [&](const std::vector<MemoryPart>& more) { parts.insert(parts.end(), more.begin(), more.end()); };
   const std::int64_t entries = octree_entries(config.octree_levels, cells_per_level);
   const long long cells = std::accumulate(cells_per_level.begin(), cells_per_level.end(), 0LL);
-  append(DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
-                             octree_table_options(config, options), "octree features"));
+  append(parts, DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
+                                    octree_table_options(config, options), "octree features"));
   parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
-  append(DeviceTable::memory(
-      static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))), config.disparity_features,
-      Base::table_options(config, options, config.disparity_levels, kHashGridTaps), "disparity grid"));
+  append(parts, DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))),
+                                    config.disparity_features,
+                                    Base::table_options(config, options, config.disparity_levels, kHashGridTaps),
+                                    "disparity grid"));
   const MlpShape shape = disparity_shape(config);
-  append(DeviceMlp::memory(shape, Base::train_rows(options), "disparity network"));
+  append(parts, DeviceMlp::memory(shape, Base::train_rows(options), "disparity network"));
   parts.push_back(
       {"disparity queries in flight", Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 2) * 4});
   if (looks_up_reflected(config)) parts.push_back({"reflected queries in flight", Base::rows(options) * 6 * 4});

@@ -19,6 +19,12 @@ namespace octrad {
 struct FieldDomain {
   Vec3f origin, size;                              // box of normalised positions, world units
   std::vector<std::vector<Vec3i>> occupied_cells;  // per level in Morton order, as many levels as the field needs
+
+  std::vector<long long> cells_per_level() const {
+    std::vector<long long> counts;
+    for (const auto& cells : occupied_cells) counts.push_back(static_cast<long long>(cells.size()));
+    return counts;
+  }
 };
 
 // What multiplies the learning rates in a step: of tables, and of networks.

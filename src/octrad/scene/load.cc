@@ -355,12 +355,14 @@ Scene load_scene(const std::string& file, const LoadOptions& options) {
 
 SceneCheck check_scene_file(const std::string& file, const LoadOptions& options) {
   SceneReport report(true);
+  bool built = false;
   try {
     build_scene(read_description(file, options.definitions, report));
+    built = true;
   } catch (const InputError& error) {  // what no stand-in helps
     report.collect({}, error);
   }
-  return {report.refused(), report.assumed()};
+  return {report.refused(), report.assumed(), built};
 }
 
 }  // namespace octrad

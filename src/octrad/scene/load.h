@@ -24,6 +24,7 @@ Scene load_scene(const std::string& file, const LoadOptions& options = {});
 struct SceneCheck {
   std::vector<SceneIssue> refused;
   std::vector<std::string> assumed;
+  bool has_stand_ins = false;  // the file loads with LoadOptions::permissive
 };
 SceneCheck check_scene_file(const std::string& file, const LoadOptions& options = {});
 

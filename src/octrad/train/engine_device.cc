@@ -39,8 +39,8 @@ constexpr int kStepsBetweenReports = kDrawnTogether;
 // Now and then, for the first time kTimed steps after the start, a step is launched stage by stage instead of as a
 // graph, and timed.
 constexpr long long kTimed = 32, kStepsBetweenTimes = 256;
-constexpr std::size_t kQueryChunk = std::size_t{1} << 18;      // of radiance(), for validation
-constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;  // in flight, of the field of averages
+constexpr std::size_t kValidationChunk = std::size_t{1} << 18;  // of radiance(), for validation
+constexpr std::size_t kAveragesPoints = std::size_t{1} << 16;   // in flight, of the field of averages
 
 // The most of a number of the schedule that any step has.
 std::size_t most_of(const Config& config, int ScheduleState::*number) {
@@ -202,15 +202,15 @@ class DeviceEngine : public TrainEngine {
   void radiance(std::span<const SurfacePoint> points, std::span<Vec3f> out) override {
     const QueryRays rays = query_rays(config_);
     if (query_points_.stride() == 0) {
-      query_points_ = PlaneArray(stream_, surface_point_numbers(rays), kQueryChunk, "validation points");
-      query_radiance_ = DeviceArray<Vec3f>(stream_, kQueryChunk, "validation points");
+      query_points_ = PlaneArray(stream_, surface_point_numbers(rays), kValidationChunk, "validation points");
+      query_radiance_ = DeviceArray<Vec3f>(stream_, kValidationChunk, "validation points");
     }
     const std::size_t stride = query_points_.stride();
     std::vector<float> planes(static_cast<std::size_t>(surface_point_numbers(rays)) * stride);
     const SurfacePointArray host = surface_point_array(planes.data(), stride, rays),
                             there = surface_point_array(query_points_.points().data, stride, rays);
-    for (std::size_t begin = 0; begin < points.size(); begin += kQueryChunk) {
-      const std::size_t n = std::min(kQueryChunk, points.size() - begin);
+    for (std::size_t begin = 0; begin < points.size(); begin += kValidationChunk) {
+      const std::size_t n = std::min(kValidationChunk, points.size() - begin);
       for (std::size_t i = 0; i < n; ++i) host.store_all(i, points[begin + i]);
       stream_.upload(there.data, planes.data(), planes.size() * sizeof(float));
       (device_averages_ ? device_averages_ : device_field_)->radiance(there, nullptr, n, query_radiance_.data());

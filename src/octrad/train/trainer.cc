@@ -22,12 +22,6 @@
 namespace octrad {
 namespace {
 
-std::vector<long long> cell_counts(const FieldDomain& domain) {
-  std::vector<long long> counts;
-  for (const auto& cells : domain.occupied_cells) counts.push_back(static_cast<long long>(cells.size()));
-  return counts;
-}
-
 // Estimate of what training will allocate: on the device where there is one.
 using MemoryEstimate = std::function<std::vector<MemoryPart>(const Config&, const std::vector<long long>& cells)>;
 
@@ -102,7 +96,7 @@ class Trainer::Run {
       const DomainFit fit = fit_domain(scene, config, options.cameras);
       if (options.placed) options.placed(fit);
       const FieldDomain domain = field_domain(scene.scene(), config, fit.box);
-      const std::vector<long long> cells = cell_counts(domain);
+      const std::vector<long long> cells = domain.cells_per_level();
       bytes_ = check_memory(options, config, cells);
       // The computer holds what checkpoints of a training on a device are written from.
       if (options.stream != nullptr)
