@@ -167,6 +167,10 @@ nlohmann::json to_json(const ViewState& state) {
           {"white", {state.white.x, state.white.y, state.white.z}}};
 }
 
+std::string error_text(const std::string& why, const nlohmann::json& input) {
+  return json_text({{"type", "error"}, {"message", why.substr(0, 500)}, {"input", input}});
+}
+
 std::string frame_bytes(const nlohmann::json& header, const std::vector<std::string>& pictures) {
   const std::string text = header.dump();
   std::size_t size = 4 + text.size();

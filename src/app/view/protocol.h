@@ -74,6 +74,9 @@ std::string word_in(const nlohmann::json& message, const std::string& key, const
 double number_in(const nlohmann::json& message, const std::string& key, double lower, double upper);
 long long whole_in(const nlohmann::json& message, const std::string& key, long long lower, long long upper);
 
+// The message "error". `input`: of the camera that was refused; null: something else was.
+std::string error_text(const std::string& why, const nlohmann::json& input = nullptr);
+
 // A binary message: the length of `header` in 4 bytes, the lowest first; header; pictures one after the other.
 std::string frame_bytes(const nlohmann::json& header, const std::vector<std::string>& pictures);
 

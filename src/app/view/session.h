@@ -65,6 +65,7 @@ class Session : public ServerHandler {
     bool operator==(const FilmKey&) const = default;
   };
   using Stop = std::function<bool()>;
+  static constexpr std::chrono::milliseconds kBetweenLooks{50};  // at a live training
 
   void handle(ClientId client, const nlohmann::json& message);
   void set(ClientId client, const nlohmann::json& message);
@@ -76,9 +77,11 @@ class Session : public ServerHandler {
   void tell_state();
   void require_memory_for(int width, int height, bool two) const;
 
+  void work();
+
+  // session_render.cc
   void render();
   bool answer_picks();
-  void work();
   View view_of(const ViewState& state, double scale) const;
   double quick_scale(const ViewState& state);
   void took(double seconds, const View& view);
