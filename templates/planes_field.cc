@@ -88,13 +88,15 @@ void PlanesField::inspect(std::span<const SurfacePoint> points, std::span<float>
 
 void PlanesField::differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
                                 const BatchPart& part, Gradients& gradients) {
-  thread_local Encoded e;
+  thread_local Encoded kept;
+  Encoded& e = kept;
   encode(points, e);
   differentiate_decoder(points, targets, part, e.rows, gradients);
+  float* to = upstream(0).data();
   for (std::size_t i = 0; i < points.size(); ++i) {
     const std::size_t source = part.first + i;
     for (std::size_t f = 0; f < kFeatures; ++f)
-      upstream(0)[source * kFeatures + f] = e.rows.d_inputs[f * static_cast<std::size_t>(e.rows.stride) + i];
+      to[source * kFeatures + f] = e.rows.d_inputs[f * static_cast<std::size_t>(e.rows.stride) + i];
     for (std::size_t k = 0; k < kPlaneTaps; ++k) {
       const Tap& tap = e.taps[i * kPlaneTaps + k];
       gradients.tables[0].push_back({tap.entry, static_cast<std::uint32_t>(source), tap.weight});

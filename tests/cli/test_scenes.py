@@ -49,6 +49,15 @@ class Scenes(Case):
             refused = self.fails(2, "s.xml:", "info", self.write("s.xml", text)).err
             self.assertNotIn("one of", refused)
             self.assertEqual("stand-ins" in refused, text != "<scene")
+        # The command of the hint says the same of the same parameters; a file that cannot be read is a mistake as well.
+        os.mkfifo(self.path("none.ply"))
+        asked = self.write("a b.xml", BROKEN.replace('"velvet"', '"$model"').replace("<shape", '<default name="model" value="diffuse"/><shape', 1))
+        refused = self.fails(2, "velvet", "info", asked, "-D", "model=velvet").err
+        self.assertIn("octrad info '%s' --check -D model=velvet lists them" % asked, refused)
+        missing = BROKEN.replace('<shape type="teapot"/>', '<shape type="ply"><string name="filename" value="none.ply"/></shape>').replace("velvet", "diffuse")
+        refused = self.fails(3, "none.ply", "info", self.write("m.xml", missing.replace('<medium name="interior" type="homogeneous"/>', ""))).err
+        self.assertNotIn("one of", refused)
+        self.assertIn("--permissive takes stand-ins", refused)
         info = self.ok("info", file, "--json", "--permissive")
         self.assertEqual(info.json()["shapes"], 1)
         self.assertEqual(len(info.json()["refused"]), 3)

@@ -4,18 +4,14 @@
 #include <CLI/CLI.hpp>
 
 #include <cstdint>
-#include <exception>
 #include <functional>
-#include <limits>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
-#include <type_traits>
 #include <vector>
 
-#include "octrad/base/json_file.h"
 #include "octrad/base/progress.h"
 #include "octrad/base/vec.h"
 #include "octrad/device/choose.h"

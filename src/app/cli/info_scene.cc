@@ -135,8 +135,8 @@ void info_scene(const CommonOptions& common, const std::string& file, const Conf
   }
   const OctreeLevels levels = octree ? count_levels(scene, domain, config, sampled) : OctreeLevels{};
   const ModelFileSize size = estimate_model_file_size(config, levels.cells);
-  const std::uint64_t memory[] = {total_bytes(estimate_memory(config, levels.cells, true)),
-                                  total_bytes(estimate_memory(config, levels.cells, false))};
+  const std::uint64_t training_memory = total_bytes(estimate_memory(config, levels.cells, true)),
+                      rendering_memory = total_bytes(estimate_memory(config, levels.cells, false));
 
   const double small_lamps =
       small_lamp_share(prepared, static_cast<float>(config.render_bounce_below), rhs_rules(config).follow_below);
@@ -179,7 +179,7 @@ void info_scene(const CommonOptions& common, const std::string& file, const Conf
                  {{"features", size.features},
                   {"with_optimizer", size.total},
                   {"without_optimizer", size.total - size.optimizer}}},
-                {"memory", {{"training", memory[0]}, {"rendering", memory[1]}}},
+                {"memory", {{"training", training_memory}, {"rendering", rendering_memory}}},
                 {"warnings", warnings},
                 {"assumed", scene.assumed},
                 {"refused", issues_json(scene.refused)}});
@@ -218,7 +218,8 @@ void info_scene(const CommonOptions& common, const std::string& file, const Conf
       fmt::format("model file about {} with what --resume needs, about {} with --no-optimizer, of which features {}\n",
                   format_bytes(size.total), format_bytes(size.total - size.optimizer), format_bytes(size.features));
   out += fmt::format("memory     about {} to train it on the CPU, {} to render with it, beside the scene\n",
-                     format_bytes(static_cast<double>(memory[0])), format_bytes(static_cast<double>(memory[1])));
+                     format_bytes(static_cast<double>(training_memory)),
+                     format_bytes(static_cast<double>(rendering_memory)));
   print_text(out);
 }
 

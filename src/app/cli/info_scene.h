@@ -7,8 +7,8 @@
 
 namespace octrad::cli {
 
-// Counts, bounds, lights, and the size of the cache that training would make. sampled: of cells that hold one of many
-// surface samples, too.
+// Counts, bounds, lights, the size of the cache that training would make, and the memory that training and rendering
+// take. sampled: also the cells that hold one of many surface samples.
 void info_scene(const CommonOptions& common, const std::string& file, const ConfigOptions& given, bool sampled);
 
 // Everything that stands in the way of a scene; an InputError where that is something.

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -15,8 +16,10 @@
 #include <system_error>
 
 #include "app/cli/common.h"
+#include "app/cli/open_scene.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
@@ -176,6 +179,10 @@ int main(int argc, char** argv) {
   signal(SIGXFSZ, SIG_IGN);  // so is a file above the size limit
   try {
     return octrad::cli::run(argc, argv);
+  } catch (const octrad::cli::SceneRefused& error) {
+    octrad::log_error(error.what());
+    std::fputs(octrad::printable(octrad::cli::way_out(error)).c_str(), stderr);
+    return static_cast<int>(error.code());
   } catch (const octrad::Error& error) {
     octrad::log_error(error.what());
     return static_cast<int>(error.code());

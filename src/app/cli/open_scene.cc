@@ -5,12 +5,11 @@
 #include "app/cli/common.h"
 #include "octrad/base/bytes.h"
 #include "octrad/base/duration.h"
-#include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/join.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
-#include "octrad/scene/load.h"
-#include "octrad/scene/source.h"
+#include "octrad/scene/report.h"
 
 namespace octrad::cli {
 
@@ -26,30 +25,36 @@ void log_findings(const Scene& scene) {
   for (const SceneIssue& issue : scene.refused) log_warning(issue.where + ": not used: " + issue.what);
 }
 
-namespace {
-
-// What can be done about a scene that is refused: text to be put behind the first mistake.
-std::string way_out(const std::string& file, const LoadOptions& options) {
+std::string way_out(const SceneRefused& refused) {
+  const std::string& file = refused.file;
+  const LoadOptions& options = refused.options;
+  if (options.permissive) return "";
   try {
     const SceneCheck check = check_scene_file(file, options);
+    const std::size_t count = check.refused.size();
     std::string text;
-    if (check.refused.size() > 1)
-      text = fmt::format("\nIt is one of {} mistakes: octrad info {} --check lists them.", check.refused.size(), file);
-    if (check.has_stand_ins) text += "\n--permissive takes stand-ins for what cannot be used.";
+    if (count > 1) {
+      std::vector<std::string> words = {"octrad", "info", file, "--check"};
+      for (const auto& [name, value] : options.definitions) words.insert(words.end(), {"-D", name + "=" + value});
+      text = fmt::format("It is one of {} mistakes{}: {} lists them.\n", count, count < kMostIssues ? "" : " or more",
+                         shell_text(words));
+    }
+    if (check.has_stand_ins && count > 0) text += "--permissive takes stand-ins for what cannot be used.\n";
     return text;
-  } catch (const Error&) {
+  } catch (const std::exception&) {  // out of memory, say: what was wrong in the first place has been said
     return "";
   }
 }
 
-}  // namespace
-
 void read_scene(const std::string& file, const LoadOptions& options, const std::function<void()>& read) {
   try {
     read();
-  } catch (const SceneError& error) {
-    if (options.permissive) throw;
-    throw InputError(error.what() + way_out(file, options));
+  } catch (const UsageError&) {
+    throw;
+  } catch (const MemoryError&) {
+    throw;
+  } catch (const Error& error) {
+    throw SceneRefused(error, file, options);
   }
 }
 

@@ -8,13 +8,25 @@
 #include <utility>
 #include <vector>
 
+#include "octrad/base/error.h"
 #include "octrad/scene/load.h"
 #include "octrad/scene/scene.h"
 
 namespace octrad::cli {
 
-// Runs `read`, which reads that file. Where it refuses the scene, the error also says whether more stands in the way,
-// and how to go on.
+// A scene that cannot be used: its first mistake.
+struct SceneRefused : Error {
+  SceneRefused(const Error& mistake, const std::string& of, const LoadOptions& with)
+      : Error(mistake.code(), mistake.what()),
+        file(of),
+        options(with) {}
+  std::string file;
+  LoadOptions options;
+};
+// How many mistakes there are, and how to go on: a line each; none where nothing helps. Reads the file once more.
+std::string way_out(const SceneRefused& refused);
+
+// Runs `read`, which reads that file. Throws SceneRefused where it cannot be used.
 void read_scene(const std::string& file, const LoadOptions& options, const std::function<void()>& read);
 // `definitions`: values of the scene file's parameters. `permissive`: LoadOptions. `outputs`: options and the files
 // that they name, which must not be what the scene refers to. Throws as load_scene() does, and UsageError.

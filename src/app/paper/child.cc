@@ -14,6 +14,7 @@
 #include <cstring>
 
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/stopwatch.h"
 
@@ -75,20 +76,6 @@ void append(const std::string& file, const std::string& text) {
 
 }  // namespace
 
-std::string command_line(const std::vector<std::string>& words) {
-  std::string line = "octrad";
-  for (const std::string& word : words) {
-    const bool plain =
-        !word.empty() &&
-        word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./=,:+@%") ==
-            std::string::npos;
-    std::string quoted;
-    for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-    line += plain ? " " + word : " '" + quoted + "'";
-  }
-  return line;
-}
-
 ChildResult run_octrad(const std::vector<std::string>& words, const std::string& folder, const std::string& log,
                        const std::function<void()>& waiting) {
   std::vector<std::string> texts = {"octrad"};
@@ -132,7 +119,7 @@ ChildResult run_octrad(const std::vector<std::string>& words, const std::string&
     result.message = fmt::format("ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
   else if (!result.ok() && result.message.empty())
     result.message = fmt::format("ended with exit code {}", result.exit_code);
-  append(log, fmt::format("+ {}\n{}", command_line(words), messages));
+  append(log, fmt::format("+ {}\n{}", "octrad " + shell_text(words), messages));
   return result;
 }
 

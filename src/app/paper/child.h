@@ -23,7 +23,4 @@ struct ChildResult {
 ChildResult run_octrad(const std::vector<std::string>& words, const std::string& folder, const std::string& log,
                        const std::function<void()>& waiting);
 
-// The command as one types it: words with blanks or other special characters are quoted.
-std::string command_line(const std::vector<std::string>& words);
-
 }  // namespace octrad::paper

@@ -8,7 +8,6 @@
 #include <thread>
 #include <utility>
 
-#include "app/paper/child.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"

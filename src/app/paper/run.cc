@@ -1,11 +1,11 @@
 #include "app/paper/run.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "app/paper/jobs.h"
@@ -16,7 +16,6 @@
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/duration.h"
 #include "octrad/base/error.h"
-#include "octrad/base/interrupt.h"
 #include "octrad/base/log.h"
 #include "octrad/base/stopwatch.h"
 #include "octrad/base/version.h"

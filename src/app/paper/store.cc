@@ -9,6 +9,7 @@
 #include "app/paper/child.h"
 #include "octrad/base/atomic_file.h"
 #include "octrad/base/error.h"
+#include "octrad/base/escape.h"
 #include "octrad/base/input_file.h"
 #include "octrad/base/json_file.h"
 
@@ -98,7 +99,7 @@ nlohmann::json Store::ask(const std::vector<std::string>& words, const std::stri
   all.insert(all.end(), common.begin(), common.end());
   all.insert(all.end(), {"--json", "-q"});
   const ChildResult result = run_octrad(all, folder_, log.empty() ? "/dev/null" : path(log), waiting);
-  const std::string line = command_line(all);
+  const std::string line = "octrad " + shell_text(all);
   if (result.exit_code == 130) throw Interrupted{};
   if (!result.ok()) {
     require_there();

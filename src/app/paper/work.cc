@@ -7,9 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "app/paper/child.h"
 #include "octrad/base/atomic_file.h"
-#include "octrad/base/error.h"
 #include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/log.h"

@@ -30,7 +30,7 @@ std::string view_hash(const View& view, const Film& film);
 std::string mask_hash(const View& view);
 
 struct PictureOrigin {
-  // By one of the integrators, with `name` where it is of a family.
+  // `name`: of the integrator, as users give it. Scene, view and settings must outlive this.
   PictureOrigin(const Scene& scene, const View& view, const RenderSettings& settings, const IntegratorInfo& integrator,
                 const std::string& name);
 

@@ -34,6 +34,7 @@ struct MemoryPart {
   std::uint64_t bytes = 0;
 };
 std::uint64_t total_bytes(const std::vector<MemoryPart>& parts);
+// Adds `more` at the end.
 void append(std::vector<MemoryPart>& parts, const std::vector<MemoryPart>& more);
 // Throws MemoryError when the items together exceed `budget` bytes (0: no limit). The message lists the items, largest
 // first, and ends with `advice` (which options need less, and how much).

@@ -101,4 +101,19 @@ std::string markup_text(const std::string& text) {
   return out;
 }
 
+std::string shell_text(const std::vector<std::string>& words) {
+  std::string line;
+  for (const std::string& word : words) {
+    const bool plain =
+        !word.empty() &&
+        word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./=,:+@%") ==
+            std::string::npos;
+    std::string quoted;
+    for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+    if (!line.empty()) line += " ";
+    line += plain ? word : "'" + quoted + "'";
+  }
+  return line;
+}
+
 }  // namespace octrad

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace octrad {
 
@@ -14,6 +15,9 @@ std::string unescape_bytes(std::string_view text);
 // For a terminal: control characters too (all but newline and tab) become \xNN, so that text of a stranger's file
 // cannot move the cursor, set the title or hide what was printed.
 std::string printable(const std::string& text);
+
+// A command line of these words, quoted where a shell would take them for something else.
+std::string shell_text(const std::vector<std::string>& words);
 
 // For XML and HTML: & < > " as entities.
 std::string markup_text(const std::string& text);

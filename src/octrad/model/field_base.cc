@@ -98,12 +98,21 @@ void FieldBase::decode(std::span<const SurfacePoint> points, DecoderRows& rows, 
 void FieldBase::differentiate_decoder(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
                                       const BatchPart& part, DecoderRows& rows, Gradients& gradients) const {
   rows.linear.resize(3 * static_cast<std::size_t>(rows.stride));
-  rows.d_linear.resize(rows.linear.size());
-  rows.d_inputs.resize(rows.inputs.size());
   decoder_.mlp().forward(rows.inputs.data(), static_cast<int>(points.size()), rows.stride, rows.linear.data(),
                          rows.kept);
+  decoder_loss(points, targets, part, rows, gradients);
+  decoder_backward(rows, gradients);
+}
+
+void FieldBase::decoder_loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
+                             const BatchPart& part, DecoderRows& rows, Gradients& gradients) const {
+  rows.d_linear.resize(rows.linear.size());
   gradients.loss += decoder_.loss(points, targets, rows.linear.data(), rows.stride, part.batch, part.epsilon,
                                   rows.d_linear.data(), gradients.non_finite);
+}
+
+void FieldBase::decoder_backward(DecoderRows& rows, Gradients& gradients) const {
+  rows.d_inputs.resize(rows.inputs.size());
   decoder_.mlp().backward(rows.inputs.data(), rows.d_linear.data(), rows.kept, gradients.networks[kDecoder],
                           rows.d_inputs.data());
 }

@@ -53,6 +53,9 @@ struct FieldTable {
 
 class FieldBase : public RadianceField {
  public:
+  FieldBase(const FieldBase&) = delete;  // networks() and tables() refer to members
+  FieldBase& operator=(const FieldBase&) = delete;
+
   FieldStep train(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, double epsilon,
                   RateScale scale) override;
   void set_target_scale(float scale) override { decoder_.set_target_scale(scale); }
@@ -96,7 +99,7 @@ class FieldBase : public RadianceField {
 
   FieldBase(const Config& config, const FieldDomain& domain, const std::string& decoder_name, const MlpShape& shape,
             Activation activation, unsigned long long stream);
-  // In constructors.
+  // In constructors. A table that is returned stays there until the next one is added.
   void add_network(const std::string& name, Mlp& mlp, bool trained = true);
   // One tensor, "name.table".
   FieldTable& add_table(const std::string& name, std::span<float> values, int features, double rate,
@@ -112,9 +115,14 @@ class FieldBase : public RadianceField {
   void copy_features(const DecoderRows& rows, std::size_t first, std::size_t points, std::span<float> out) const;
   // Radiance of a chunk from rows.inputs.
   void decode(std::span<const SurfacePoint> points, DecoderRows& rows, Vec3f* radiance) const;
-  // Adds the decoder's part of loss and gradients, and fills rows.d_inputs.
+  // The decoder's forward pass, loss and backward pass.
   void differentiate_decoder(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
                              const BatchPart& part, DecoderRows& rows, Gradients& gradients) const;
+  // Adds the loss of rows.linear, and sets its gradient rows.d_linear.
+  void decoder_loss(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const BatchPart& part,
+                    DecoderRows& rows, Gradients& gradients) const;
+  // From rows.d_linear: adds the network's gradient, and sets rows.d_inputs.
+  void decoder_backward(DecoderRows& rows, Gradients& gradients) const;
   std::vector<float>& upstream(std::size_t table) { return tables_[table].upstream; }
 
   const Config config_;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <iterator>
 
@@ -149,13 +150,19 @@ struct EndLoss : Kernel {
 
 }  // namespace
 
+std::vector<MemoryPart> DeviceFieldBase::network_memory(const MlpShape& shape, std::size_t train_rows,
+                                                        const std::string& what) {
+  std::vector<MemoryPart> parts = DeviceMlp::memory(shape, train_rows, what);
+  if (train_rows > 0) parts.push_back({what + " optimiser", DeviceDenseAdam::bytes(shape.parameter_count())});
+  return parts;
+}
+
 std::vector<MemoryPart> DeviceFieldBase::decoder_memory(const MlpShape& shape, const DeviceFieldOptions& options) {
   const std::size_t n = rows(options), t = train_rows(options);
-  std::vector<MemoryPart> parts = DeviceMlp::memory(shape, t, "decoder");
+  std::vector<MemoryPart> parts = network_memory(shape, t, "decoder");
   const auto pairs = static_cast<std::size_t>(shape.inputs + 1) / 2;
   parts.push_back({"queries in flight", n * (pairs + 3 + 3) * 4});
   if (t > 0) {
-    parts.push_back({"decoder optimiser", DeviceDenseAdam::bytes(shape.parameter_count())});
     parts.push_back(
         {"training points in flight", t * static_cast<std::size_t>(shape.inputs - kPointInputs + 3 + 3 + 2) * 4});
   }
@@ -216,11 +223,12 @@ void DeviceFieldBase::holds(FieldBase& field, std::initializer_list<DeviceMlp*> 
   networks_ = {&decoder_};
   networks_.insert(networks_.end(), networks);
   tables_ = tables;
+  assert(networks_.size() == field.networks().size() && tables_.size() == field.tables().size());
   if (!trains()) return;
   for (std::size_t i = 0; i < networks_.size(); ++i) {
     const FieldNetwork& of = field.networks()[i];
     DeviceMlp& network = *networks_[i];
-    adams_.emplace_back(stream_, network.parameter_count(), adam_options(config_), of.name);
+    adams_.emplace_back(stream_, network.parameter_count(), adam_options(config_), network.name());
     if (!of.trained) continue;
     optimizers_.add(adams_.back(), network.weights().data(), network.gradient().data(), config_.adam_rate_networks);
     trained_networks_.push_back(&network);

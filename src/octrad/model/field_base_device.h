@@ -6,7 +6,6 @@
 #include <cmath>
 #include <deque>
 #include <initializer_list>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -45,6 +44,8 @@ class DeviceFieldBase : public DeviceField {
   static std::size_t rows(const DeviceFieldOptions& options) {
     return std::max(options.max_points, train_rows(options));
   }
+  // Of a network, and of its optimiser where it has rows for training.
+  static std::vector<MemoryPart> network_memory(const MlpShape& shape, std::size_t train_rows, const std::string& what);
   static std::vector<MemoryPart> decoder_memory(const MlpShape& shape, const DeviceFieldOptions& options);
   static DeviceTableOptions table_options(const Config& config, const DeviceFieldOptions& options, int levels,
                                           int taps);

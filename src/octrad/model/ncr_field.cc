@@ -262,12 +262,11 @@ void NcrField::inspect(std::span<const SurfacePoint> points, std::span<float> fe
 
 void NcrField::differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
                              const BatchPart& part, Gradients& gradients) {
-  thread_local Encoded e;
+  thread_local Encoded kept;
+  Encoded& e = kept;
   evaluate(points, e, true);
   DecoderRows& rows = e.diffuse;
-  resize(rows.d_linear, 3, rows.stride);
-  gradients.loss += decoder_.loss(points, targets, rows.linear.data(), rows.stride, part.batch, part.epsilon,
-                                  rows.d_linear.data(), gradients.non_finite);
+  decoder_loss(points, targets, part, rows, gradients);
   const Activation activation = decoder_.rules().activation;
   const int glossy = static_cast<int>(e.glossy.size()), cones = static_cast<int>(e.cones.size());
   if (glossy > 0) {
@@ -301,20 +300,20 @@ void NcrField::differentiate(std::span<const SurfacePoint> points, std::span<con
     }
     cone_mlp_.backward(e.cone_inputs.data(), e.d_cone_linear.data(), e.cone_kept, gradients.networks[kCone],
                        e.d_cone_inputs.data());
+    float* cone_upstream = upstream(kConeGrid).data();
+    std::vector<SparseTap>& cone_taps = gradients.tables[kConeGrid];
     for (int j = 0; j < cones; ++j) {
       const Encoded::Cone& cone = e.cones[static_cast<std::size_t>(j)];
       const auto point = part.first + static_cast<std::size_t>(e.glossy[static_cast<std::size_t>(cone.glossy)]);
       const auto source = static_cast<std::uint32_t>(point * kHitClusters + static_cast<std::size_t>(cone.slot));
-      float* to = upstream(kConeGrid).data() + std::size_t{source} * static_cast<std::size_t>(features);
+      float* to = cone_upstream + std::size_t{source} * static_cast<std::size_t>(features);
       for (int f = 0; f < features; ++f) to[f] = at(e.d_cone_inputs, f, e.cone_stride, j);
       const Tap* taps = e.cone_record.taps.data() + static_cast<std::size_t>(j) * 16;
       const int count = e.cone_record.blends[static_cast<std::size_t>(j)].weight < 1.0f ? 16 : 8;
-      for (int t = 0; t < count; ++t) gradients.tables[kConeGrid].push_back({taps[t].entry, source, taps[t].weight});
+      for (int t = 0; t < count; ++t) cone_taps.push_back({taps[t].entry, source, taps[t].weight});
     }
   }
-  rows.d_inputs.resize(rows.inputs.size());
-  decoder_.mlp().backward(rows.inputs.data(), rows.d_linear.data(), rows.kept, gradients.networks[kDecoder],
-                          rows.d_inputs.data());
+  decoder_backward(rows, gradients);
   add_grid_taps(grid_, e.taps, rows.d_inputs, rows.stride, points.size(), part.first, upstream(kGrid),
                 gradients.tables[kGrid]);
 }

@@ -269,8 +269,8 @@ class DeviceNcrField : public DeviceFieldBase {
            DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(ncr_cone_grid_options(config))),
                                config.ncr_cone_features,
                                table_options(config, options, config.ncr_clusters, kPrefilteredTaps), "cone grid"));
-    append(parts, DeviceMlp::memory(ncr_cone_shape(config), n * sizes.each, "cone network"));
-    append(parts, DeviceMlp::memory(ncr_merge_shape(config), n, "merge network"));
+    append(parts, network_memory(ncr_cone_shape(config), n * sizes.each, "cone network"));
+    append(parts, network_memory(ncr_merge_shape(config), n, "merge network"));
     parts.push_back({"cones and glossy points in flight",
                      (rows(options) + cones * (sizes.cone_pairs + 7) + items * (sizes.merge_pairs + 3)) * 4});
     if (n > 0) parts.push_back({"glossy training points in flight", n * (12 + sizes.each * (3 + sizes.features)) * 4});

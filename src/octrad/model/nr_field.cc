@@ -95,7 +95,8 @@ void NrField::inspect(std::span<const SurfacePoint> points, std::span<float> fea
 
 void NrField::differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const BatchPart& part,
                             Gradients& gradients) {
-  thread_local Encoded e;
+  thread_local Encoded kept;
+  Encoded& e = kept;
   encode(points, e, true);
   differentiate_decoder(points, targets, part, e.rows, gradients);
   add_grid_taps(grid_, e.taps, e.rows.d_inputs, e.rows.stride, points.size(), part.first, upstream(0),

@@ -148,12 +148,8 @@ void OctaOctreeField::predict_disparity(Encoded& e, bool record) const {
   for (int j = 0; j < n; ++j) e.shifted_p[j] = e.p[e.shifted[j]];
   e.disparity_inputs.resize(static_cast<std::size_t>(rows) * s);
   e.disparity_linear.resize(s);
-  if (record) {
-    e.grid_taps.clear();
-    grid_.lookup_record(e.shifted_p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
-  } else {
-    grid_.lookup(e.shifted_p.data(), n, e.disparity_inputs.data(), stride);
-  }
+  if (record) grid_.lookup_record(e.shifted_p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
+  else grid_.lookup(e.shifted_p.data(), n, e.disparity_inputs.data(), stride);
   if (config_.disparity_direction) {
     for (int j = 0; j < n; ++j)
       spherical_harmonics(e.w[e.shifted[j]], row(e.disparity_inputs, grid_rows, stride) + j, stride);
@@ -257,12 +253,15 @@ void OctaOctreeField::inspect(std::span<const SurfacePoint> points, std::span<fl
 
 void OctaOctreeField::differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets,
                                     const BatchPart& part, Gradients& gradients) {
-  thread_local Encoded e;
+  thread_local Encoded kept;
+  Encoded& e = kept;
   encode(points, e, true);
   differentiate_decoder(points, targets, part, e.rows, gradients);
   const int features = octree_.feature_count(), levels = octree_.options().levels, width = octree_.options().features;
   const int stride = e.rows.stride;
   std::vector<float>& d_inputs = e.rows.d_inputs;
+  float* octree_upstream = upstream(kOctree).data();
+  std::vector<SparseTap>& octree_taps = gradients.tables[kOctree];
 
   // The part of the table's gradient of one look-up: `record`'s query j, with the gradient at its features in rows
   // `from` of point i. `place`: of the look-up among those of the batch.
@@ -271,12 +270,12 @@ void OctaOctreeField::differentiate(std::span<const SurfacePoint> points, std::s
     for (int l = 0; l < levels; ++l) {
       const auto source =
           static_cast<std::uint32_t>(place * static_cast<std::size_t>(levels) + static_cast<std::size_t>(l));
-      float* to = upstream(kOctree).data() + static_cast<std::size_t>(source) * static_cast<std::size_t>(width);
+      float* to = octree_upstream + static_cast<std::size_t>(source) * static_cast<std::size_t>(width);
       for (int c = 0; c < width; ++c) to[c] = row(d_inputs, from + l * width + c, stride)[i];
       const std::uint32_t* begin =
           record.begin.data() + j * static_cast<std::size_t>(levels + 1) + static_cast<std::size_t>(l);
       for (std::uint32_t t = begin[0]; t < begin[1]; ++t)
-        gradients.tables[kOctree].push_back({record.taps[t].entry, source, record.taps[t].weight});
+        octree_taps.push_back({record.taps[t].entry, source, record.taps[t].weight});
     }
   };
   for (std::size_t i = 0; i < points.size(); ++i) add_taps(e.record, i, i, 0, part.first + i);

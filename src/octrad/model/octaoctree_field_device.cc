@@ -288,6 +288,7 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     q.x_stride = q.w_stride = rows_;
     return q;
   }
+
   LookupOffset offset_;
   LookupRule rule_;
   float unit_;
@@ -323,7 +324,7 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
                                     Base::table_options(config, options, config.disparity_levels, kHashGridTaps),
                                     "disparity grid"));
   const MlpShape shape = disparity_shape(config);
-  append(parts, DeviceMlp::memory(shape, Base::train_rows(options), "disparity network"));
+  append(parts, Base::network_memory(shape, Base::train_rows(options), "disparity network"));
   parts.push_back(
       {"disparity queries in flight", Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 2) * 4});
   if (looks_up_reflected(config)) parts.push_back({"reflected queries in flight", Base::rows(options) * 6 * 4});

@@ -32,6 +32,7 @@ class DeviceMlp {
   static std::vector<MemoryPart> memory(const MlpShape& shape, std::size_t train_rows, const std::string& what);
 
   const MlpShape& shape() const { return shape_; }
+  const std::string& name() const { return what_; }
   std::size_t parameter_count() const { return weights_.size(); }
   // Weights in the order of Mlp::weights(). Call refresh() after they changed; refresh_all() does it in one launch.
   DeviceArray<float>& weights() { return weights_; }
