@@ -113,6 +113,7 @@ Material SceneBuilder::read_bsdf(const Element& element) {
           parts[0]->location,
           "twosided cannot hold a bsdf that lets light through (such as dielectric, hair, mask); put the mask around twosided");
     m.two_sided = true;
+    m.back = -1;  // one that is two-sided itself shows its front alone
     m.bump_mirrored = m.bump >= 0;
     if (parts.size() == 2) {
       m.back = material(*parts[1]);

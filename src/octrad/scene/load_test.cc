@@ -450,6 +450,10 @@ TEST_F(LoadTest, Wrappers) {
       bsdf(blend(R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf><bsdf type="twosided">)" + red + "</bsdf>"))
           .two_sided);
   EXPECT_TRUE(bsdf(R"(<bsdf type="twosided">)" + blend(red + red) + "</bsdf>").two_sided);
+  // Of one that is two-sided itself, the front is seen from both sides.
+  const std::string both_sides = R"(<bsdf type="twosided">)" + red + red + "</bsdf>";
+  EXPECT_GE(bsdf(both_sides).back, 0);
+  EXPECT_EQ(bsdf(R"(<bsdf type="twosided">)" + both_sides + "</bsdf>").back, -1);
   refuses(R"(<bsdf type="twosided">)" + blend(red + R"(<bsdf type="roughdielectric"/>)") + "</bsdf>", "2:23",
           {"lets light through"});
   refuses(R"(<bsdf type="twosided"><bsdf type="principled"><float name="spec_trans" value="0.1"/></bsdf></bsdf>)",

@@ -56,6 +56,18 @@ bool has_normals_of_faces(const TriangleMesh& mesh) {
   return true;
 }
 
+// Whether the vertex normals are behind the triangles, by area.
+bool has_normals_behind(const TriangleMesh& mesh) {
+  double sum = 0.0;
+  for (const Vec3i& t : mesh.triangles) {
+    const auto x = static_cast<std::size_t>(t.x), y = static_cast<std::size_t>(t.y), z = static_cast<std::size_t>(t.z);
+    const Vec3d p(mesh.positions[x]);
+    sum += dot(cross(Vec3d(mesh.positions[y]) - p, Vec3d(mesh.positions[z]) - p),
+               Vec3d(mesh.normals[x]) + Vec3d(mesh.normals[y]) + Vec3d(mesh.normals[z]));
+  }
+  return sum < 0.0;
+}
+
 TriangleMesh placed_mesh(RawMesh&& raw, const Transform& to_world, const MeshOptions& options) {
   TriangleMesh mesh;
   mesh.flip_normals = options.flip_normals;
@@ -76,23 +88,24 @@ TriangleMesh placed_mesh(RawMesh&& raw, const Transform& to_world, const MeshOpt
     mesh.normals = smooth_normals(mesh.positions, mesh.triangles);
     return mesh;
   }
-  if (to_world.determinant() < 0.0) {
-    for (Vec3i& triangle : mesh.triangles) std::swap(triangle.y, triangle.z);
-  }
   mesh.normals = std::move(raw.normals);
   const std::array<double, 9> m = to_world.normal_matrix();
-  std::vector<Vec3f> computed;
+  std::vector<std::size_t> without;
   for (std::size_t i = 0; i < mesh.normals.size(); ++i) {
     const Vec3d n(mesh.normals[i]);
     const Vec3d world{m[0] * n.x + m[1] * n.y + m[2] * n.z, m[3] * n.x + m[4] * n.y + m[5] * n.z,
                       m[6] * n.x + m[7] * n.y + m[8] * n.z};
     const double l = length(world);
-    if (l > 0.0) {
-      mesh.normals[i] = Vec3f(world / l);
-    } else {
-      if (computed.empty()) computed = smooth_normals(mesh.positions, mesh.triangles);
-      mesh.normals[i] = computed[i];
-    }
+    mesh.normals[i] = l > 0.0 ? Vec3f(world / l) : Vec3f(0.0f);
+    if (!(l > 0.0)) without.push_back(i);
+  }
+  // What mirrors turns the triangles' sides, and the normals with the surface.
+  if (to_world.determinant() < 0.0 && has_normals_behind(mesh)) {
+    for (Vec3i& triangle : mesh.triangles) std::swap(triangle.y, triangle.z);
+  }
+  if (!without.empty()) {
+    const std::vector<Vec3f> computed = smooth_normals(mesh.positions, mesh.triangles);
+    for (const std::size_t i : without) mesh.normals[i] = computed[i];
   }
   return mesh;
 }

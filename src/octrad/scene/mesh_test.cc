@@ -101,6 +101,10 @@ TEST(Obj, FileNormalsAreCarriedByTheInverseTranspose) {
   const Vec3f n = cross(mesh.positions[static_cast<std::size_t>(t.y)] - mesh.positions[static_cast<std::size_t>(t.x)],
                         mesh.positions[static_cast<std::size_t>(t.z)] - mesh.positions[static_cast<std::size_t>(t.x)]);
   EXPECT_GT(n.z, 0.0f);
+  // Where the file has the normals behind the triangles, what mirrors brings them together.
+  const TriangleMesh behind = placed(obj(kQuad + "vn 0 0 -1\nf 1//1 2//1 3//1\n"), {}, Transform::scale({-1, 1, 1}));
+  EXPECT_EQ(behind.triangles[0], Vec3i(0, 1, 2));
+  EXPECT_TRUE(behind.flat);
 }
 
 TEST(Mesh, FlatWhereNormalsAreThoseOfTheFaces) {
@@ -112,7 +116,8 @@ TEST(Mesh, FlatWhereNormalsAreThoseOfTheFaces) {
     EXPECT_TRUE(placed(obj(kQuad + "f 1 2 3\nf 1 2 2\n"), {}, t).flat) << "a triangle without area has no normal";
     EXPECT_FALSE(placed(obj(kQuad + "f 1 2 3\nf 1 3 4\n"), {}, t).flat) << "a bent edge";
     EXPECT_FALSE(placed(obj(kQuad + "vn 0 0.001 1\nf 1//1 2//1 3//1\n"), {}, t).flat);
-    EXPECT_FALSE(placed(obj(kQuad + "vn 0 0 -1\nf 1//1 2//1 3//1\n"), {}, t).flat) << "normals say the other side";
+    EXPECT_EQ(placed(obj(kQuad + "vn 0 0 -1\nf 1//1 2//1 3//1\n"), {}, t).flat, t.determinant() < 0.0)
+        << "normals say the other side, unless it is mirrored";
   }
   EXPECT_FALSE(placed(obj(kQuad + "f 1 2 3\n"), {.face_normals = true}).flat) << "there are no normals";
 }
@@ -135,6 +140,7 @@ TEST(Obj, SyntaxVariants) {
   EXPECT_EQ(mesh.positions[1], Vec3f(1, 0, 0));
   EXPECT_EQ(mesh.positions[2], Vec3f(1, 1, 0));
   // An index of 0 for none, faces without an area, and coordinates that are no numbers, which Mitsuba takes.
+  EXPECT_EQ(obj("\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").positions.size(), 3u) << "a byte order mark";
   const RawMesh bare = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/0/0 2/0 3//0\nf 1 2\n");
   EXPECT_EQ(bare.triangles.size(), 1u);
   EXPECT_TRUE(bare.uvs.empty() && bare.normals.empty());

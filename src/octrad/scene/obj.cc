@@ -19,7 +19,9 @@ class ObjReader {
       : name_(name),
         text_(text),
         p_(text.data()),
-        end_(p_ + text.size()) {}
+        end_(p_ + text.size()) {
+    if (text.starts_with("\xef\xbb\xbf")) p_ += 3;  // says that the text is UTF-8
+  }
 
   RawMesh read() {
     while (p_ < end_) {
