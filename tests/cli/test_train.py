@@ -328,7 +328,7 @@ class Train(Case):
             options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
             scene = self.ok("info", self.scene, "--json", *options).json()
             announced, memory = scene["model_file"], scene["memory"]
-            self.assertTrue(announced["without_optimizer"] < memory["rendering"] < memory["training"], scene)
+            self.assertTrue(announced["features"] <= memory["rendering"] < memory["training"], scene)
             train = ("train", self.scene, "-o", self.model, "--overwrite", "--steps", 2, *options)
             self.assertIn("with what --resume needs", self.ok(*train).err)
             info = self.ok("info", self.model, "--json").json()

@@ -12,6 +12,11 @@
 #include "octrad/scene/report.h"
 
 namespace octrad::cli {
+namespace {
+
+constexpr double kQuick = 0.5;  // seconds of reading a scene, which are spent once more on a hint
+
+}  // namespace
 
 nlohmann::json issues_json(const std::vector<SceneIssue>& issues) {
   nlohmann::json list = nlohmann::json::array();
@@ -26,18 +31,18 @@ void log_findings(const Scene& scene) {
 }
 
 std::string way_out(const SceneRefused& refused) {
-  const std::string& file = refused.file;
-  const LoadOptions& options = refused.options;
-  if (options.permissive) return "";
+  if (refused.options.permissive) return "";
+  std::vector<std::string> words = {"octrad", "info", refused.file, "--check"};
+  for (const auto& [name, value] : refused.options.definitions) words.insert(words.end(), {"-D", name + "=" + value});
+  const std::string list = shell_text(words);
+  if (refused.seconds > kQuick) return list + " lists all that stands in the way.\n";
   try {
-    const SceneCheck check = check_scene_file(file, options);
+    const SceneCheck check = check_scene_file(refused.file, refused.options);
     const std::size_t count = check.refused.size();
     std::string text;
     if (count > 1) {
-      std::vector<std::string> words = {"octrad", "info", file, "--check"};
-      for (const auto& [name, value] : options.definitions) words.insert(words.end(), {"-D", name + "=" + value});
       text = fmt::format("It is one of {} mistakes{}: {} lists them.\n", count, count < kMostIssues ? "" : " or more",
-                         shell_text(words));
+                         list);
     }
     if (check.has_stand_ins && count > 0) text += "--permissive takes stand-ins for what cannot be used.\n";
     return text;
@@ -47,6 +52,7 @@ std::string way_out(const SceneRefused& refused) {
 }
 
 void read_scene(const std::string& file, const LoadOptions& options, const std::function<void()>& read) {
+  const Stopwatch watch;
   try {
     read();
   } catch (const UsageError&) {
@@ -54,7 +60,7 @@ void read_scene(const std::string& file, const LoadOptions& options, const std::
   } catch (const MemoryError&) {
     throw;
   } catch (const Error& error) {
-    throw SceneRefused(error, file, options);
+    throw SceneRefused(error, file, options, watch.seconds());
   }
 }
 

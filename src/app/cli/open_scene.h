@@ -16,14 +16,17 @@ namespace octrad::cli {
 
 // A scene that cannot be used: its first mistake.
 struct SceneRefused : Error {
-  SceneRefused(const Error& mistake, const std::string& of, const LoadOptions& with)
+  SceneRefused(const Error& mistake, const std::string& of, const LoadOptions& with, double after)
       : Error(mistake.code(), mistake.what()),
         file(of),
-        options(with) {}
+        options(with),
+        seconds(after) {}
   std::string file;
   LoadOptions options;
+  double seconds;  // of reading it, up to there
 };
-// How many mistakes there are, and how to go on: a line each; none where nothing helps. Reads the file once more.
+// How many mistakes there are, and how to go on: a line each; none where nothing helps. Reads the file once more where
+// that is quick.
 std::string way_out(const SceneRefused& refused);
 
 // Runs `read`, which reads that file. Throws SceneRefused where it cannot be used.
