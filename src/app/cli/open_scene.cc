@@ -55,11 +55,8 @@ void read_scene(const std::string& file, const LoadOptions& options, const std::
   const Stopwatch watch;
   try {
     read();
-  } catch (const UsageError&) {
-    throw;
-  } catch (const MemoryError&) {
-    throw;
   } catch (const Error& error) {
+    if (error.code() != ExitCode::bad_input && error.code() != ExitCode::io) throw;
     throw SceneRefused(error, file, options, watch.seconds());
   }
 }
