@@ -119,7 +119,7 @@ ChildResult run_octrad(const std::vector<std::string>& words, const std::string&
     result.message = fmt::format("ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
   else if (!result.ok() && result.message.empty())
     result.message = fmt::format("ended with exit code {}", result.exit_code);
-  append(log, fmt::format("+ {}\n{}", "octrad " + shell_text(words), messages));
+  append(log, fmt::format("+ octrad {}\n{}", shell_text(words), messages));
   return result;
 }
 
