@@ -72,6 +72,11 @@ class Scenes(Case):
         check = self.ok("info", out, "--check", "--json").json()
         self.assertEqual((check["loads"], check["assumed"]), (True, []))
         self.assertEqual(report["fingerprint"], self.ok("info", out, "--json").json()["fingerprint"])
+        # What nothing uses is left out.
+        unused = self.write("u.xml", OLD.replace("</scene>", '<float name="a" value="1"/><spectrum name="b" value=".6"/></scene>'))
+        self.assertEqual(self.ok("convert", unused, "-o", self.path("used.xml"), "--json").json()["fingerprint"], report["fingerprint"])
+        with open(out, encoding="utf-8") as with_all, open(self.path("used.xml"), encoding="utf-8") as with_used:
+            self.assertEqual(with_used.read(), with_all.read())
         self.fails(2, "velvet", "convert", self.write("b.xml", BROKEN), "-o", self.path("never.xml"))
         self.ok("convert", self.path("b.xml"), "--permissive", "-o", out)
         with open(out, encoding="utf-8") as text:

@@ -133,6 +133,10 @@ Scene SceneBuilder::build() {
 }
 
 void SceneBuilder::add_object(const Element& element) {
+  const auto leave_out = [&](const std::string& what) {
+    report().assume(element.location, what + " is not used");
+    if (description_.understood) description_.understood->left_out.insert(&element);
+  };
   if (element.tag == "shape") {
     add_shape(element);
   } else if (element.tag == "bsdf") {
@@ -148,17 +152,15 @@ void SceneBuilder::add_object(const Element& element) {
   } else if (element.tag == "texture" || element.tag == "spectrum" || element.tag == "film" ||
              element.tag == "sampler" || element.tag == "rfilter") {
     // Those with an id are for what refers to them.
-    if (element.find("id") == nullptr)
-      report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
+    if (element.find("id") == nullptr) leave_out("a <" + element.tag + "> at the top level without an id");
   } else if (element.old && element.find("name") && element.find("value")) {
-    report().assume(element.location, "parameter \"" + element.get("name") + "\" of the scene is not used");
+    leave_out("parameter \"" + element.get("name") + "\" of the scene");
   } else if (element.tag == "boolean" && (element.get("name") == "embree_use_robust_intersections" ||
                                           element.get("name") == "allow_thread_reordering")) {
     // Of Mitsuba's ray tracers.
   } else if (element.tag == "medium" || element.tag == "phase" || element.tag == "volume") {
     // One with an id is refused where something uses it.
-    if (element.find("id") == nullptr)
-      report().assume(element.location, "a <" + element.tag + "> at the top level without an id is not used");
+    if (element.find("id") == nullptr) leave_out("a <" + element.tag + "> at the top level without an id");
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});

@@ -116,7 +116,8 @@ class SerializedReader {
     };
     const auto i = static_cast<std::uint64_t>(index);
     const std::uint64_t begin = i == 0 ? 0 : begin_of(i);
-    if (begin > table - 4) fail_here("mesh " + std::to_string(index) + " begins outside of the file");
+    if (std::max(begin, begin_of(0)) > table - 4)
+      fail_here("mesh " + std::to_string(index) + " begins outside of the file");
     return {begin, table};
   }
 

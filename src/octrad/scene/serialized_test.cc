@@ -125,6 +125,9 @@ TEST(Serialized, DamageIsNamed) {
   says(damage_of(other), "version 5 are not supported; supported: 3, 4");
   says(damage_of(good, 1), "shape_index 1: the file holds 1 meshes");
   says(damage_of(good.substr(0, 10)), "ends early");
+  std::string beyond = good;
+  beyond[good.size() - 5] = '\x80';  // the first mesh's place in the table
+  says(damage_of(beyond), "mesh 0 begins outside of the file");
   says(damage_of(good.substr(0, good.size() - 2) + "\xff\xff"), "no table of its meshes");
   says(damage_of(file_of({content(kSingle, 4, 1.0f).substr(0, 60)}, 4)), "ends early");
   says(damage_of(file_of({content(kSingle, 4, 1.0f, 4)}, 4)), "refers to vertex 4, but there are 4");

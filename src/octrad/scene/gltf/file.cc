@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <set>
 
 #include "octrad/base/input_file.h"
 #include "octrad/base/join.h"
@@ -335,6 +336,14 @@ std::string GltfFile::decode(const std::string& uri, const GltfObject& user) {
 }
 
 void GltfFile::load_buffers() {
+  // What no view shows is not read.
+  std::set<int> used;
+  for (std::size_t i = 0; i < count("bufferViews"); ++i) {
+    const GltfObject view = item("bufferViews", static_cast<int>(i));
+    used.insert(view.index("buffer", "buffers"));
+    if (const GltfObject compressed = view.extension(kMeshopt); compressed.exists())
+      used.insert(compressed.index("buffer", "buffers"));
+  }
   for (std::size_t i = 0; i < count("buffers"); ++i) {
     const GltfObject buffer = item("buffers", static_cast<int>(i));
     const std::uint64_t length = buffer.size("byteLength", 0);
@@ -342,7 +351,8 @@ void GltfFile::load_buffers() {
     if (length == 0) buffer.fail("needs a byteLength above 0");
     std::string content;
     // A fallback is for readers that cannot decode what is compressed.
-    if (buffer.extension(kMeshopt).flag("fallback") || (uri.empty() && (i > 0 || binary_.empty()))) {
+    if (used.count(static_cast<int>(i)) == 0 || buffer.extension(kMeshopt).flag("fallback") ||
+        (uri.empty() && (i > 0 || binary_.empty()))) {
       buffers_.emplace_back();
       continue;
     }
@@ -406,6 +416,28 @@ GltfFile::Elements GltfFile::elements(int buffer_view, std::uint64_t offset, std
   return {bytes.data() + offset, count, stride};
 }
 
+// each(place of the value in a buffer, element that it replaces)
+template <typename Each>
+void GltfFile::for_each_sparse(const GltfObject& accessor, std::uint64_t count, std::size_t size, Each each) const {
+  const GltfObject sparse = accessor.object("sparse");
+  if (!sparse.exists()) return;
+  const std::uint64_t replaced = sparse.size("count", 0);
+  if (replaced == 0 || replaced > count) sparse.fail("needs a count from 1 to that of the accessor");
+  const GltfObject at = sparse.object("indices"), with = sparse.object("values");
+  const int index_kind = at.integer("componentType", 0, kByte, kFloat);
+  if (index_kind != kUnsignedByte && index_kind != kUnsignedShort && index_kind != kUnsignedInt)
+    at.fail("needs a componentType of 5121, 5123 or 5125");
+  const int index_view = at.index("bufferView", "bufferViews"), value_view = with.index("bufferView", "bufferViews");
+  if (index_view < 0 || value_view < 0) sparse.fail("needs buffer views of indices and values");
+  const Elements where = elements(index_view, at.size("byteOffset", 0), replaced, component_size(index_kind), true, at);
+  const Elements what = elements(value_view, with.size("byteOffset", 0), replaced, size, true, with);
+  for (std::size_t i = 0; i < replaced; ++i) {
+    const std::uint32_t to = whole(where.first + i * where.stride, index_kind);
+    if (to >= count) at.fail("index " + std::to_string(to) + " is beyond the accessor");
+    each(what.first + i * what.stride, to);
+  }
+}
+
 GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   const GltfObject a = item("accessors", accessor);
   const std::string type = a.text("type", "");
@@ -426,7 +458,6 @@ GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
   if (kind == 5124 || kind == 0) a.fail("needs a componentType of 5120 to 5123, 5125 or 5126");
   const bool normalized = a.flag("normalized");
   const std::uint64_t count = a.size("count", 0);
-  const GltfObject sparse = a.object("sparse");
   const int buffer_view = a.index("bufferView", "bufferViews");
   if (count == 0) a.fail("needs a count above 0");
   if (count > (buffer_view < 0 ? kMaxZeros : kMostMeshElements)) a.fail("has too many elements");
@@ -446,22 +477,7 @@ GltfValues GltfFile::values(int accessor, std::vector<int> components) const {
     }
   };
   for (std::size_t i = 0; i < source.count; ++i) read(source.first + i * source.stride, i);
-  if (!sparse.exists()) return result;
-  const std::uint64_t replaced = sparse.size("count", 0);
-  if (replaced == 0 || replaced > count) sparse.fail("needs a count from 1 to that of the accessor");
-  const GltfObject at = sparse.object("indices"), with = sparse.object("values");
-  const int index_kind = at.integer("componentType", 0, kByte, kFloat);
-  if (index_kind != kUnsignedByte && index_kind != kUnsignedShort && index_kind != kUnsignedInt)
-    at.fail("needs a componentType of 5121, 5123 or 5125");
-  const int index_view = at.index("bufferView", "bufferViews"), value_view = with.index("bufferView", "bufferViews");
-  if (index_view < 0 || value_view < 0) sparse.fail("needs buffer views of indices and values");
-  const Elements where = elements(index_view, at.size("byteOffset", 0), replaced, component_size(index_kind), true, at);
-  const Elements what = elements(value_view, with.size("byteOffset", 0), replaced, size, true, with);
-  for (std::size_t i = 0; i < replaced; ++i) {
-    const std::uint32_t to = whole(where.first + i * where.stride, index_kind);
-    if (to >= count) at.fail("index " + std::to_string(to) + " is beyond the accessor");
-    read(what.first + i * what.stride, to);
-  }
+  for_each_sparse(a, count, size, read);
   return result;
 }
 
@@ -489,14 +505,17 @@ std::vector<std::uint32_t> GltfFile::indices(int accessor) const {
     a.fail("indices must be of type SCALAR and componentType 5121, 5123 or 5125");
   const int buffer_view = a.index("bufferView", "bufferViews");
   const std::uint64_t count = a.size("count", 0);
-  if (buffer_view < 0) a.fail("indices need a bufferView");
-  if (a.object("sparse").exists()) a.fail("sparse indices are not supported");
-  if (count == 0 || count > kMostMeshElements * 3) a.fail("needs a count above 0");
-  const Elements source = elements(buffer_view, a.size("byteOffset", 0), count, component_size(kind), false, a);
+  if (buffer_view < 0 && !a.object("sparse").exists()) a.fail("indices need a bufferView");
+  if (count == 0) a.fail("needs a count above 0");
+  if (count > (buffer_view < 0 ? kMaxZeros : kMostMeshElements * 3)) a.fail("has too many elements");
+  const std::size_t size = component_size(kind);
+  Elements source;
+  if (buffer_view >= 0) source = elements(buffer_view, a.size("byteOffset", 0), count, size, false, a);
   count_read(count, a);
   ask_memory(count * sizeof(std::uint32_t), name_);
   std::vector<std::uint32_t> result(count);
-  for (std::size_t i = 0; i < count; ++i) result[i] = whole(source.first + i * source.stride, kind);
+  for (std::size_t i = 0; i < source.count; ++i) result[i] = whole(source.first + i * source.stride, kind);
+  for_each_sparse(a, count, size, [&](const char* from, std::size_t to) { result[to] = whole(from, kind); });
   return result;
 }
 

@@ -111,6 +111,8 @@ class GltfFile {
   // `count` elements of `size` bytes from `offset` in a view, all inside.
   Elements elements(int buffer_view, std::uint64_t offset, std::uint64_t count, std::size_t size, bool packed,
                     const GltfObject& user) const;
+  template <typename Each>
+  void for_each_sparse(const GltfObject& accessor, std::uint64_t count, std::size_t size, Each each) const;
 
   std::string name_;
   const Description& description_;

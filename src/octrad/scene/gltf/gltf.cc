@@ -119,7 +119,9 @@ class GltfReader {
     place_nodes();
     for (const auto& [index, places] : placed_) {
       const GltfObject mesh = file_->item("meshes", index);
-      add_mesh(mesh, places, {mesh});
+      const auto [kept, mirrored] = by_handedness(mesh, places);
+      if (!kept.empty()) add_mesh(mesh, kept, {mesh});
+      if (!mirrored.empty()) add_mesh(mesh, mirrored, {mesh});
     }
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
     if (materials_.has_masks()) {
@@ -314,11 +316,24 @@ class GltfReader {
     }
   }
 
+  // The places of a mesh; where it has normal maps, those that mirror it apart: they need mirrored maps.
+  std::pair<std::vector<Transform>, std::vector<Transform>> by_handedness(const GltfObject& mesh,
+                                                                          const std::vector<Transform>& places) {
+    std::pair<std::vector<Transform>, std::vector<Transform>> result;
+    for (const GltfObject& primitive : mesh.objects("primitives")) {
+      if (!materials_.has_normal_map(primitive.index("material", "materials"))) continue;
+      for (const Transform& place : places) (place.determinant() < 0.0 ? result.second : result.first).push_back(place);
+      return result;
+    }
+    result.first = places;
+    return result;
+  }
+
   // The primitives of a mesh in all its places: as shapes, or, where there are several places, in a group of which
   // there are instances. Lights cannot be in groups.
   void add_mesh(const GltfObject& mesh, const std::vector<Transform>& places, const GltfPose& pose) {
     Element* group = nullptr;
-    const std::string id = mesh.path();
+    const std::string id = mesh.path() + (places.front().determinant() < 0.0 ? "-mirrored" : "");
     for (const GltfObject& primitive : mesh.objects("primitives")) {
       report_.attempt(primitive.location(), [&] {
         for (const auto& [name, surface, back] : build(primitive, pose, places.front())) {
@@ -371,7 +386,15 @@ class GltfReader {
       report_.assume(primitive.location(), "textures are left out on a mesh without their texture coordinates");
     if (attributes.has("JOINTS_1"))
       report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
+    const bool mapped = surface.uvs && materials_.has_normal_map(surface.material);
     std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
+    if (read && mapped && read->other_tangents > 0.1) {
+      report_.assume(
+          primitive.location(),
+          "TANGENT is left out: a normal map follows the texture coordinates, from which the tangents differ "
+          "on " +
+              std::to_string(std::lround(100.0 * read->other_tangents)) + " % of the triangles");
+    }
     std::vector<BuiltMesh> result;
     if (!read) {
       report_.assume(primitive.location(), "points and lines are left out");
@@ -401,10 +424,14 @@ class GltfReader {
       keep(moved_along_normals(m, -front), true);
       keep(moved_along_normals(std::move(m), front), false);
     };
-    RawMesh mirrored;
-    if (surface.uvs && materials_.has_normal_map(surface.material)) mirrored = take_mirrored(mesh);
+    if (!mapped) {
+      keep_sides(std::move(mesh));
+      return result;
+    }
+    RawMesh mirrored = take_mirrored(mesh);
+    surface.mirrored = first_place.determinant() < 0.0;
     keep_sides(std::move(mesh));
-    surface.mirrored = true;
+    surface.mirrored = !surface.mirrored;
     keep_sides(std::move(mirrored));
     return result;
   }
@@ -499,6 +526,11 @@ class GltfReader {
     const Location where = light.location();
     if (type != "point" && type != "spot" && type != "directional")
       light.fail("the type must be point, spot or directional, not \"" + type + "\"");
+    const std::optional<Transform> view = view_of(to_world);
+    if (!view && type != "point") {
+      report_.assume(reference.location(), "a light whose node is scaled to nothing shines nowhere");
+      return;
+    }
     const Vec3d color = vec(light.numbers("color", {1, 1, 1}, 0.0, 1e12));
     const Vec3d intensity = color * light.number("intensity", 1.0, 0.0, 1e15);
     has_light_ = true;
@@ -507,8 +539,6 @@ class GltfReader {
     add_element(emitter, where, "rgb",
                 {{"name", type == "directional" ? "irradiance" : "intensity"}, {"value", three_numbers(intensity)}});
     if (light.has("range")) report_.assume(where, "the range of lights is left out: they shine as far as light does");
-    const std::optional<Transform> view = view_of(to_world);
-    if (!view && type != "point") light.fail("the light shines nowhere: its node is scaled to nothing");
     add_matrix(emitter, where, "to_world", type == "point" ? Transform::translate(to_world.column(3)) : *view);
     if (type != "spot") return;
     const GltfObject spot = light.object("spot");

@@ -84,6 +84,17 @@ TEST_F(GltfTest, StripsFansAndIndices) {
     primitive()["indices"] = add("SCALAR", kind, 6, bytes);
     EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 1, 3}, {4, 2, 1}}));
   }
+  // Some of them replaced; without a view of zeros.
+  json_["accessors"].back()["sparse"] = {
+      {"count", 1},
+      {"indices", {{"bufferView", view(std::string(1, 2))}, {"componentType", 5121}}},
+      {"values", {{"bufferView", view(gltf_bytes<std::uint32_t>({4}))}}}};
+  EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 1, 3}, {3, 2, 1}}));  // vertex 3 is not used
+  json_["accessors"].back().erase("bufferView");
+  EXPECT_EQ(load().meshes[0].triangles, (std::vector<Vec3i>{{0, 0, 1}, {0, 0, 0}}));
+  json_["accessors"].back().erase("sparse");
+  EXPECT_NE(error().find("indices need a bufferView"), std::string::npos);
+  primitive().erase("indices");
   primitive()["mode"] = 1;
   EXPECT_NE(error().find("neither a shape with triangles nor a sensor"), std::string::npos);
 }
@@ -233,6 +244,12 @@ TEST_F(GltfTest, Lights) {
   for (const DeltaLight& l : load().delta_lights) EXPECT_FALSE(l.through_masks);  // nothing has the material
   primitive()["material"] = 0;
   for (const DeltaLight& l : load().delta_lights) EXPECT_TRUE(l.through_masks);
+
+  // Scaled to nothing: a point still shines.
+  for (const char* node : {"/nodes/1", "/nodes/2", "/nodes/3"}) json_[Json::json_pointer(node)]["scale"] = {0, 0, 0};
+  const Scene without = load();
+  EXPECT_EQ(without.delta_lights.size(), 1u);
+  EXPECT_NE(join(without.assumed).find("shines nowhere"), std::string::npos);
 }
 
 TEST_F(GltfTest, Extensions) {
@@ -337,10 +354,14 @@ TEST_F(MeshoptTest, EveryMode) {
       EXPECT_EQ(mesh.triangles, (std::vector<Vec3i>{{0, 1, 2}, {2, 1, 3}}));
     }
   }
-  // A fallback that is said to be one is not looked for.
+  // A buffer that no view shows is not looked for, nor a fallback that is said to be one.
   more_buffers_ = {
-      {{"byteLength", 1000}, {"uri", "none.bin"}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}};
+      {{"byteLength", 1000}, {"uri", "none.bin"}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}},
+      {{"byteLength", 1000}, {"uri", "none.bin"}}};
   EXPECT_EQ(load().meshes.size(), 1u);
+  view("x");
+  json_["bufferViews"].back()["buffer"] = 2;
+  EXPECT_NE(error().find("none.bin\" does not exist"), std::string::npos);
 }
 
 TEST_F(MeshoptTest, FiltersOfPlaces) {

@@ -300,7 +300,6 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
     return;
   }
   const bool transmits = lets_light_pass(m);
-  if (m.flag("doubleSided") && !transmits) nest("twosided");
   if (const GltfObject normal = m.object("normalTexture"); textured(normal, s)) {
     Recipe recipe;
     recipe.what = Recipe::What::normal;
@@ -311,6 +310,8 @@ void GltfMaterials::add_bsdf(const std::string& id, const GltfObject& m, const G
       add_element(*parent, where, "rgb", {{"name", "normalmap"}, {"value", "0.5, 0.5, 1"}});
     }
   }
+  // Within the map: the whole mapped normal is turned over on the back.
+  if (m.flag("doubleSided") && !transmits) nest("twosided");
   const bool thick = transmission_of(m) > 0.0 && thickness_of(m) > 0.0;
   nest(transmits && !thick ? "principledthin" : "principled");
   add_model(*parent, m, s);

@@ -221,7 +221,54 @@ TEST_F(GltfTest, TextureTransformSamplerAndMirroredNormalMaps) {
   };
   const Vec3f expected = normalize(Vec3f(0.5f, 0.5f * (256.0f / 255 - 1), 128.0f / 255 - 1));
   EXPECT_LT(length(normal(0) - expected), 1e-5f);
-  EXPECT_LT(length(normal(1) - Vec3f(expected.x, -expected.y, expected.z)), 1e-5f);
+  const Vec3f mirrored(expected.x, -expected.y, expected.z);
+  EXPECT_LT(length(normal(1) - mirrored), 1e-5f);
+
+  // A node that mirrors exchanges the two.
+  json_["nodes"][0]["scale"] = {-1, 1, 1};
+  scene = load();
+  EXPECT_LT(length(normal(0) - mirrored), 1e-5f);
+  EXPECT_LT(length(normal(1) - expected), 1e-5f);
+  // In several places: groups of both kinds.
+  json_["nodes"] = Json::parse(
+      R"([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 1]}, {"mesh": 0, "scale": [-1, 1, 1]}, {"mesh": 0, "scale": [1, 1, -2]}])");
+  json_["scenes"][0]["nodes"] = {0, 1, 2, 3};
+  scene = load();
+  ASSERT_EQ(scene.shapes.size(), 8u);
+  int mirrors = 0;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const bool mirrors_shape = scene.placements.at(static_cast<std::size_t>(scene.shapes[i].placement)).mirrors;
+    const float x = scene.meshes[static_cast<std::size_t>(scene.shapes[i].geometry)].positions[1].x;  // 3: the second
+    EXPECT_LT(length(normal(i) - (mirrors_shape == (x > 1.5f) ? expected : mirrored)), 1e-5f) << i;
+    mirrors += mirrors_shape ? 1 : 0;
+  }
+  EXPECT_EQ(mirrors, 4);
+}
+
+// Seen from behind the whole mapped normal is turned over: two sides within the map, not around it.
+TEST_F(GltfTest, NormalMapsOfTwoSides) {
+  add_picture(200, 160, 230);
+  json_["materials"] = Json::parse(R"([{"normalTexture": {"index": 0}, "doubleSided": true}])");
+  const Scene scene = load();
+  EXPECT_TRUE(material(scene).normal_map && material(scene).two_sided);
+  EXPECT_FALSE(material(scene).bump_mirrored);
+}
+
+TEST_F(GltfTest, TangentsThatLeadElsewhere) {
+  add_picture(200, 160, 230);
+  json_["materials"] = Json::parse(R"([{"normalTexture": {"index": 0}}])");
+  const auto noted = [&](std::initializer_list<float> tangents) {
+    primitive()["attributes"]["TANGENT"] = add("VEC4", 5126, 3, gltf_bytes(tangents));
+    return join(load().assumed).find("tangents differ on 100 %") != std::string::npos;
+  };
+  EXPECT_FALSE(noted({1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1}));
+  EXPECT_FALSE(noted({.8f, .6f, 0, 1, .8f, .6f, 0, 1, 1, 0, 0, 1}));
+  EXPECT_TRUE(noted({0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1}));
+  EXPECT_TRUE(noted({1, 0, 0, -1, 1, 0, 0, -1, 1, 0, 0, -1}));
+  // Mirrored coordinates have tangents to the left.
+  primitive()["attributes"]["TEXCOORD_0"] = add("VEC2", 5126, 3, gltf_bytes<float>({1, 1, 0, 1, 1, 0}));
+  EXPECT_TRUE(noted({1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1}));
+  EXPECT_FALSE(noted({-1, 0, 0, -1, -1, 0, 0, -1, -1, 0, 0, -1}));
 }
 
 TEST_F(GltfTest, ColoursOfVertices) {

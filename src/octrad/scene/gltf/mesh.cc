@@ -99,6 +99,33 @@ void drop_unused_vertices(RawMesh& mesh, std::vector<float>* colors = nullptr, s
   }
 }
 
+// Share of the triangles on which `tangents` (of the mesh's vertices, with the bitangent's side) lead elsewhere than
+// the texture coordinates: by more than 60 degrees, or on the other side. v runs down the picture, green up.
+double other_tangents(const RawMesh& mesh, const GltfValues& tangents) {
+  if (tangents.count == 0 || mesh.uvs.empty()) return 0.0;
+  std::size_t looked_at = 0, other = 0;
+  for (const Vec3i& t : mesh.triangles) {
+    Vec3f p[3], tangent(0.0f);
+    Vec2f uv[3];
+    float side = 0.0f;
+    for (int i = 0; i < 3; ++i) {
+      const auto v = static_cast<std::size_t>(t[i]);
+      p[i] = mesh.positions[v];
+      uv[i] = mesh.uvs[v];
+      tangent += Vec3f(tangents.values[4 * v], tangents.values[4 * v + 1], tangents.values[4 * v + 2]);
+      side += tangents.values[4 * v + 3];
+    }
+    const Vec2f a = {uv[1].x - uv[0].x, uv[1].y - uv[0].y}, b = {uv[2].x - uv[0].x, uv[2].y - uv[0].y};
+    const float area = a.x * b.y - b.x * a.y;
+    const Vec3f along_u = ((p[1] - p[0]) * b.y - (p[2] - p[0]) * a.y) * (area < 0.0f ? -1.0f : 1.0f);
+    const float l = length(along_u) * length(tangent);
+    if (area == 0.0f || !(l > 0.0f)) continue;
+    ++looked_at;
+    if (dot(along_u, tangent) < 0.5f * l || side * area > 0.0f) ++other;
+  }
+  return looked_at > 0 ? static_cast<double>(other) / static_cast<double>(looked_at) : 0.0;
+}
+
 }  // namespace
 
 bool GltfMesh::one_color() const {
@@ -163,8 +190,9 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
     for (int k = 0; k < 3; ++k) triangle[k] = static_cast<int>(order[corners[k]]);
     mesh.triangles.push_back(triangle);
   }
+  const double turned = other_tangents(mesh, read("TANGENT", {4}, count));
   drop_unused_vertices(mesh, &colors.values, static_cast<std::size_t>(colors.components));
-  return GltfMesh{std::move(mesh), colors.components, std::move(colors.values)};
+  return GltfMesh{std::move(mesh), colors.components, std::move(colors.values), turned};
 }
 
 bool is_closed(const RawMesh& mesh) {

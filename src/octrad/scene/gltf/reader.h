@@ -40,6 +40,8 @@ struct GltfMesh {
   RawMesh mesh;
   int color_channels = 0;     // of `colors`: 3, 4 with alpha, 0 without colours
   std::vector<float> colors;  // [vertices][channels]
+  // Share of the triangles whose TANGENT leads elsewhere than the texture coordinates; 0 without either.
+  double other_tangents = 0.0;
   // Whether they are the same everywhere.
   bool one_color() const;
 };

@@ -146,8 +146,6 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     else
       report_.assume(m.where("opacity"), "of two textures that cut holes, alpha and opacity, the second is left out");
   }
-  if (is_opaque(m)) wrap("twosided");
-  parts_turn_ = !is_opaque(m);
   if (const std::string file = m.text("normalmap", ""); !file.empty()) {
     wrap("normalmap");
     PbrtTexture map;
@@ -177,6 +175,8 @@ void PbrtMaterials::add_bsdf(const std::string& id, const Object& material, cons
     add(*parent, m.where(name), "arbitrary", height, Role::height);
     add_number(*parent, m.where(name), "scale", scale);
   }
+  if (is_opaque(m)) wrap("twosided");  // within the maps: the whole mapped normal is turned over on the back
+  parts_turn_ = !is_opaque(m);
   add_model(*parent, m, labels);
   m.note_unused(report_);
 }

@@ -159,13 +159,16 @@ TEST_F(PbrtTest, Maps) {
   Image picture(2, 2, {"R", "G", "B"});
   for (int i = 0; i < 4; ++i) picture.set_rgb(i % 2, i / 2, {0.5f, 0.5f, 1.0f});
   write_exr((folder_.path() / "n.exr").string(), picture);
-  EXPECT_TRUE(load("Material \"diffuse\" \"string normalmap\" \"n.exr\"\n" + kPbrtSquare).materials[1].normal_map);
+  // Seen from behind the whole mapped normal is turned over: two sides within the map, not around it.
+  const Material mapped = load("Material \"diffuse\" \"string normalmap\" \"n.exr\"\n" + kPbrtSquare).materials[1];
+  EXPECT_TRUE(mapped.normal_map && mapped.two_sided && !mapped.bump_mirrored);
   const Scene bumps = load(
       "Texture \"h\" \"float\" \"imagemap\" \"string filename\" \"n.exr\"\nTexture \"s\" \"float\" "
       "\"scale\" \"texture tex\" \"h\" \"float scale\" .25\nMaterial \"diffuse\" \"texture displacement\" \"s\"\n" +
       kPbrtSquare);
   EXPECT_GE(bumps.materials[1].bump, 0);
   EXPECT_FALSE(bumps.materials[1].normal_map);
+  EXPECT_TRUE(bumps.materials[1].two_sided && !bumps.materials[1].bump_mirrored);
   EXPECT_EQ(bumps.materials[1].bump_scale, 0.25f);
   // Without coordinates each triangle has (0, 0), (1, 0), (1, 1), of which v runs up.
   const Scene own = load(
