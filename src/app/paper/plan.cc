@@ -125,6 +125,17 @@ std::string camera_file(const std::string& scene, const ViewSpec& view) {
   return fmt::format("cameras/{}-{}-{}.json", scene, view.name, hash_of(view.camera));
 }
 
+std::vector<std::string> octree_words(const PaperScene& scene, const std::string& preset,
+                                      const std::vector<const std::map<std::string, std::string>*>& keys) {
+  std::vector<std::string> words = {"info", scene.file, "--preset", preset};
+  for (const auto* some : keys) {
+    for (const auto& [key, value] : *some) {
+      if (key.starts_with("octree.")) words.insert(words.end(), {"-D", key + "=" + value});
+    }
+  }
+  return words;
+}
+
 double Scale::batch() const { return std::exp2(std::round(std::log2(factor) / 3.0)); }
 int Scale::width(int full) const {
   return std::min(full, std::max(64, 2 * static_cast<int>(std::lround(full * std::pow(factor, 0.25) / 2.0))));

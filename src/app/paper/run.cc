@@ -60,12 +60,7 @@ class Run {
 };
 
 double Run::octaoctree_bytes(std::size_t scene, const Matrix& matrix, const Switch& sw) {
-  std::vector<std::string> words = {"info", scenes_[scene].file, "--preset", matrix.preset};
-  for (const auto* keys : {&matrix.keys, &sw.keys}) {
-    for (const auto& [key, value] : *keys) {
-      if (key.rfind("octree.", 0) == 0) words.insert(words.end(), {"-D", key + "=" + value});
-    }
-  }
+  const auto words = octree_words(scenes_[scene], matrix.preset, {&matrix.keys, &sw.keys});
   std::string id;
   for (const std::string& word : words) id += word + "\n";
   const auto it = bytes_.find(id);

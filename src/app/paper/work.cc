@@ -209,11 +209,8 @@ void Work::make_learned(const Cell& cell) {
       log_warning(fmt::format("{}: {}", failure.command, failure.message));
     }
   }
-  std::vector<std::string> levels = {"info", plan_.scenes[cell.scene].file, "--preset", training.preset};
-  for (const auto& [key, value] : training.keys) {
-    if (key.rfind("octree.", 0) == 0) levels.insert(levels.end(), {"-D", key + "=" + value});
-  }
-  const nlohmann::json statistics = store_.command(folder + "/levels.json", levels);
+  const nlohmann::json statistics = store_.command(
+      folder + "/levels.json", octree_words(plan_.scenes[cell.scene], training.preset, {&training.keys}));
   store_.write(
       folder + "/learned.json",
       {{"pictures", pictures}, {"levels", statistics["output"]["levels"]}, {"levels_command", statistics["command"]}});
