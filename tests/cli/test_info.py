@@ -50,6 +50,11 @@ class Info(Case):
                       self.ok("info", scene, "--preset", "paper", "-D", "train.walks=0.5").err)
         self.assertIn("target.demodulate has no effect", self.ok("info", scene, "--preset", "paper", "-D", "target.demodulate=albedo").err)
         self.assertEqual(self.ok("info", scene, "-D", "train.walks=0.5").err, "")
+        for key, needed in (("disparity.levels=8", "lookup.offset = predicted"), ("render.bounce_below=0.2", "render.highlights = auto or bounce"),
+                            ("lookup.reflected=features", "lookup.offset = traced")):
+            others = ("-D", "render.highlights=cache", "-D", "lookup.offset=none")
+            self.assertIn(f"has no effect here: it needs {needed}", self.ok("info", scene, *others, "-D", key).err)
+        self.assertEqual(self.ok("info", scene, "--preset", "paper", "-D", "disparity.levels=8").err, "")
         self.fails(3, "none.json", "info", "--keys", "--config", self.path("none.json"))
         file = self.write("c.json", '{\n  "octree": {"levels": 5,}\n}')
         self.fails(2, "c.json:2:26: not valid JSON", "info", "--keys", "--config", file)

@@ -49,12 +49,12 @@ std::size_t display_width(const std::string& text) {
       std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
+}  // namespace
+
 void flush_stdout() {
   if (std::fflush(stdout) != 0 || std::ferror(stdout))
     throw IoError(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
 }
-
-}  // namespace
 
 std::uint64_t CommonOptions::memory_budget() const {
   if (!max_memory.empty()) {
@@ -384,6 +384,13 @@ std::map<std::string, std::string> ConfigOptions::scene_definitions() const {
     if (!is_config_key(key)) out[key] = value;
   }
   return out;
+}
+
+Model load_to_train(const std::string& file, std::uint64_t& held) {
+  const std::uint64_t before = resident_bytes();
+  Model model = load_model(file, true);
+  held = std::max(resident_bytes(), before) - before;
+  return model;
 }
 
 void set_seed(Config& config, const CommonOptions& common) {

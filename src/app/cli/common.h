@@ -18,6 +18,7 @@
 #include "octrad/device/stage_times.h"
 #include "octrad/image/io.h"
 #include "octrad/model/config.h"
+#include "octrad/model/model_file.h"
 
 namespace octrad::cli {
 
@@ -117,6 +118,8 @@ CLI::Validator whole_in_range(long long low, long long high);
 // Standard output: with --json exactly one object, without it text. Throws IoError when it cannot be written.
 void print_json(const nlohmann::json& object);
 void print_text(const std::string& text);
+// What was written to standard output is there. Throws IoError where it is not.
+void flush_stdout();
 
 // Milliseconds by stage: an object, and "first hits 0.31, field 0.92".
 nlohmann::json stages_json(const StageSplit& stages);
@@ -162,6 +165,10 @@ struct ConfigOptions {
   // key.
   std::map<std::string, std::string> scene_definitions() const;
 };
+
+// The model, with what training it on takes. `held`: bytes that the program grew by, which the estimate of that
+// training counts once more. Throws as load_model().
+Model load_to_train(const std::string& file, std::uint64_t& held);
 
 // Makes `--seed`, where it is given, that of the configuration.
 void set_seed(Config& config, const CommonOptions& common);

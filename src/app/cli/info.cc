@@ -152,21 +152,6 @@ void info_image(const CommonOptions& common, const std::string& file) {
   print_text(out);
 }
 
-const char* dtype_name(DType type) {
-  switch (type) {
-    case DType::f32: return "f32";
-    case DType::f16: return "f16";
-    case DType::i32: return "i32";
-    case DType::i64: return "i64";
-    case DType::u8: return "u8";
-    case DType::u16: return "u16";
-    case DType::u32: return "u32";
-    case DType::u64: return "u64";
-    case DType::f64: return "f64";
-  }
-  return "?";
-}
-
 void info_model(const CommonOptions& common, const std::string& file) {
   const TensorReader reader(file);
   const auto& metadata = reader.metadata();
@@ -186,11 +171,11 @@ void info_model(const CommonOptions& common, const std::string& file) {
   std::vector<std::vector<std::string>> table = {{"tensor", "type", "shape", "bytes"}};
   for (const std::string& name : reader.names()) {
     const TensorReader::Tensor tensor = reader.get(name);
+    const std::string type = lower_case(type_name(tensor.type));
     std::string shape;
     for (const std::int64_t d : tensor.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(d);
-    tensors.push_back(
-        {{"name", name}, {"dtype", dtype_name(tensor.type)}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
-    table.push_back({name, dtype_name(tensor.type), shape, format_count(static_cast<long long>(tensor.bytes))});
+    tensors.push_back({{"name", name}, {"dtype", type}, {"shape", tensor.shape}, {"bytes", tensor.bytes}});
+    table.push_back({name, type, shape, format_count(static_cast<long long>(tensor.bytes))});
   }
   const ModelFileSize size = model_file_size(reader);
   if (common.json) {

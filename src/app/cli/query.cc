@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 
 #include "app/cli/common.h"
 #include "app/cli/open_scene.h"
@@ -80,11 +81,13 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
 
   const Stopwatch watch;
   const auto features = static_cast<std::size_t>(field.feature_count());
-  ask_memory(points.size() * (features + 4) * 14, o.points + ": its answer");  // 14 characters a number
+  constexpr std::size_t kCharacters = 16;  // of a number: -1.23456789e-05,
+  ask_memory(points.size() * (features + 4) * (kCharacters + (stream ? sizeof(float) : 0)), o.points + ": its answer");
   std::vector<std::string> text((points.size() + kBlock - 1) / kBlock);
   const auto write = [&](std::size_t begin, std::size_t n, const float* h, const float* disparity,
                          const Vec3f* radiance) {
     std::string& out = text[begin / kBlock];
+    out.reserve(n * (features + 4) * kCharacters);
     for (std::size_t i = 0; i < n; ++i) {
       fmt::format_to(std::back_inserter(out), "{:.9g}", disparity[i]);
       for (std::size_t f = 0; f < features; ++f)
@@ -116,8 +119,9 @@ void query_verb(const CommonOptions& common, const QueryOptions& o) {
   for (std::size_t f = 0; f < features; ++f) header += fmt::format(",f{}", f);
   header += ",r,g,b\n";
   if (o.output.empty()) {
-    for (const std::string& block : text) header += block;
-    print_text(header);
+    std::fputs(header.c_str(), stdout);
+    for (const std::string& block : text) std::fwrite(block.data(), 1, block.size(), stdout);
+    flush_stdout();
     return;
   }
   AtomicFile out(o.output);

@@ -201,18 +201,27 @@ void TevClient::serve(const std::shared_ptr<State>& state) {
       log_warning(fmt::format("--tev: {}:{}: {}; nothing is shown there from now on", state->host, state->port, why));
     state->changed.notify_all();
   };
+  try {
+    if (const std::string why = send_pictures(*state); !why.empty()) lose(why);
+  } catch (const std::exception& error) {  // no memory
+    lose(error.what());
+  }
+}
+
+// Until it ends; or what went wrong.
+std::string TevClient::send_pictures(State& state) {
   Socket socket;
-  if (const std::string why = connect_to(state->host, state->port, socket); !why.empty()) return lose(why);
-  std::unique_lock lock(state->mutex);
-  state->connected = true;
+  if (std::string why = connect_to(state.host, state.port, socket); !why.empty()) return why;
+  std::unique_lock lock(state.mutex);
+  state.connected = true;
   std::string name;
   int width = 0, height = 0;
   for (;;) {
-    state->changed.wait(lock, [&] { return state->next || state->ending; });
-    if (!state->next) return;
-    const std::pair<std::string, Image> picture = std::move(*state->next);
-    state->next.reset();
-    state->sending = true;
+    state.changed.wait(lock, [&] { return state.next || state.ending; });
+    if (!state.next) return "";
+    const std::pair<std::string, Image> picture = std::move(*state.next);
+    state.next.reset();
+    state.sending = true;
     lock.unlock();
     const Image& image = picture.second;
     std::string why;
@@ -224,10 +233,10 @@ void TevClient::serve(const std::shared_ptr<State>& state) {
     const int rows = std::max(1, static_cast<int>(kTilePixels / static_cast<std::size_t>(width)));
     for (int y = 0; y < height && why.empty(); y += rows)
       why = send_all(socket, update_packet(name, image, y, std::min(rows, height - y)));
-    if (!why.empty()) return lose(why);
+    if (!why.empty()) return why;
     lock.lock();
-    state->sending = false;
-    state->changed.notify_all();
+    state.sending = false;
+    state.changed.notify_all();
   }
 }
 

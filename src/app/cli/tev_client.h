@@ -31,6 +31,7 @@ class TevClient {
  private:
   struct State;
   static void serve(const std::shared_ptr<State>& state);
+  static std::string send_pictures(State& state);
   std::shared_ptr<State> state_;  // the thread holds it too: it may outlive this
 };
 

@@ -13,7 +13,7 @@ constexpr int kWidth = 512;  // at most: a picture of one sample a pixel takes t
 }  // namespace
 
 TevTraining::TevTraining(const std::string& address, std::string name, const PreparedScene& scene, Trainer& trainer,
-                         Stream* stream)
+                         Stream* stream, std::uint64_t max_memory)
     : client_(address),
       name_(std::move(name)),
       trainer_(trainer) {
@@ -23,6 +23,7 @@ TevTraining::TevTraining(const std::string& address, std::string name, const Pre
   RenderSettings settings;
   settings.film = scene.scene().film;
   settings.expected_spp = 1;
+  settings.max_memory = max_memory;
   renderer_ = make_renderer(scene, "lhs", settings, &trainer.field(), trainer.config(), stream);
   renderer_->set_view(choose_view(scene.scene(), options, camera));
 }

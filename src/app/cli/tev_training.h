@@ -12,9 +12,9 @@ namespace octrad::cli {
 
 class TevTraining {
  public:
-  // `address`: as TevClient's. The rest must outlive this.
+  // `address`: as TevClient's. scene, trainer and stream must outlive this. `max_memory`: RenderSettings.
   TevTraining(const std::string& address, std::string name, const PreparedScene& scene, Trainer& trainer,
-              Stream* stream);
+              Stream* stream, std::uint64_t max_memory);
   // Between steps: shows the cache where a picture is due, and in the end whatever is due. Training counts neither the
   // time nor the queries.
   void update(bool last = false);

@@ -165,9 +165,7 @@ std::optional<Model> open_resumed(const TrainVerbOptions& o, std::uint64_t& held
     log_info("{} does not exist yet: starting from the beginning", o.output);
     return std::nullopt;
   }
-  const std::uint64_t before = resident_bytes();
-  Model model = load_model(o.output, true);
-  held = std::max(resident_bytes(), before) - before;
+  Model model = load_to_train(o.output, held);
   if (!model.has_optimizer)
     throw InputError(fmt::format("--resume: {} holds no optimiser state (it was saved with --no-optimizer)", o.output));
   return model;
@@ -239,7 +237,10 @@ bool run(const CommonOptions& common, const TrainVerbOptions& o, PreparedScene& 
          Trainer& trainer) {
   if (o.view) return train_viewed(common, o, scene, trainer, options.stream, options.interrupted);
   std::optional<TevTraining> tev;
-  if (!o.tev.empty()) tev.emplace(o.tev, o.output, scene, trainer, options.stream);
+  if (!o.tev.empty()) {
+    const std::uint64_t budget = options.stream != nullptr ? common.memory_budget(*options.stream) : 0;
+    tev.emplace(o.tev, o.output, scene, trainer, options.stream, budget);
+  }
   bool cut = false;
   while (!trainer.done() && !cut) {
     cut = options.interrupted();
@@ -388,8 +389,7 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
     log->write(done);
   }
   if (result.interrupted)
-    log_info("interrupted: {} holds step {}{}", o.output, format_count(result.steps),
-             o.no_optimizer ? "" : "; --resume continues it");
+    log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
   if (common.json) print_json(report);
   else print_result(o.output, result, size);
   if (log) log->finish();

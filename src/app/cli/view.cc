@@ -1,6 +1,7 @@
 // octrad view: walk through a scene in a browser.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -40,10 +41,11 @@ struct ViewVerbOptions {
   std::string output;
 };
 
-std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scene) {
+// `held`: of the one that is trained on (load_to_train).
+std::vector<ViewerModel> open_models(const ViewVerbOptions& o, const Scene& scene, std::uint64_t& held) {
   std::vector<ViewerModel> models;
   for (const std::string& file : o.models) {
-    Model model = load_model(file, o.train && models.empty());
+    Model model = o.train && models.empty() ? load_to_train(file, held) : load_model(file, false);
     check_scene(file, model.info, scene.file, scene.fingerprint, o.force);
     ViewerModel made{file, model.info, model_config(model.info, o.definitions)};
     if (models.empty()) warn_of_ignored_keys(o.definitions, made.config);
@@ -109,16 +111,18 @@ ViewState first_state(const ViewVerbOptions& o, const Scene& scene, const viewer
   return state;
 }
 
-// Trains the model on, from where it is.
+// Trains the model on, from where it is; it holds `held` bytes already.
 std::unique_ptr<Trainer> make_trainer(const CommonOptions& common, const ViewVerbOptions& o, const PreparedScene& scene,
-                                      ViewerModel& model, Stream* stream) {
+                                      ViewerModel& model, Stream* stream, std::uint64_t held) {
   Model resumed{.info = model.info, .field = std::move(model.own), .trained = std::move(model.trained)};
   TrainOptions options;
   options.output = o.output;
   options.stream = stream;
   options.resume = &resumed;
   options.max_memory = static_cast<double>(stream != nullptr ? common.memory_budget(*stream) : common.memory_budget());
-  options.used_memory = static_cast<double>(stream != nullptr ? scene.bytes_to_upload(*stream) : resident_bytes());
+  const std::uint64_t resident = resident_bytes();
+  options.used_memory =
+      static_cast<double>(stream != nullptr ? scene.bytes_to_upload(*stream) : resident - std::min(resident, held));
   options.saved = [](const std::string& file, long long step) {
     log_info("saved {} at step {}", file, format_count(step));
   };
@@ -159,7 +163,8 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   PreparedScene prepared(open_scene(o.scene, o.definitions.scene_definitions(), common.permissive, {{"-o", o.output}}));
   use_huge_pages();
   const Scene& scene = prepared.scene();
-  Studio studio{prepared, open_models(o, scene), {}};
+  std::uint64_t held = 0;
+  Studio studio{prepared, open_models(o, scene, held), {}};
   const DeviceChoice device =
       studio.models.empty() ? common.choose_device() : common.choose_device(studio.models.front().config.field);
   stream = device.make_stream(o.definitions.tuning());
@@ -178,7 +183,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   long long first_step = 0;
   std::unique_ptr<LiveTraining> live;
   if (o.train) {
-    trainer = make_trainer(common, o, prepared, studio.models.front(), stream.get());
+    trainer = make_trainer(common, o, prepared, studio.models.front(), stream.get(), held);
     first_step = trainer->state().step;
     live = std::make_unique<LiveTraining>(prepared, *trainer, LiveTraining::Options{false, !o.output.empty(), false});
   }

@@ -125,12 +125,13 @@ std::string camera_file(const std::string& scene, const ViewSpec& view) {
   return fmt::format("cameras/{}-{}-{}.json", scene, view.name, hash_of(view.camera));
 }
 
-std::vector<std::string> octree_words(const PaperScene& scene, const std::string& preset,
+std::vector<std::string> tables_words(const PaperScene& scene, const std::string& preset,
                                       const std::vector<const std::map<std::string, std::string>*>& keys) {
   std::vector<std::string> words = {"info", scene.file, "--preset", preset};
   for (const auto* some : keys) {
     for (const auto& [key, value] : *some) {
-      if (key.starts_with("octree.")) words.insert(words.end(), {"-D", key + "=" + value});
+      if (key.starts_with("octree.") || key.starts_with("disparity.") || key == "lookup.offset")
+        words.insert(words.end(), {"-D", key + "=" + value});
     }
   }
   return words;

@@ -123,8 +123,8 @@ std::string temporal_folder(const Plan& plan, const Cell& cell);
 std::string ladder_folder(const Plan& plan, const Cell& cell);
 // The samples a pixel of the latter: those of the first matrix that asks for some.
 std::vector<int> ladder_spp(const Plan& plan, const Cell& cell);
-// `octrad info` of a scene with the octree of a preset and, of `keys`, those that say which octree.
-std::vector<std::string> octree_words(const PaperScene& scene, const std::string& preset,
+// `octrad info` of a scene with the OctaOctree of a preset and, of `keys`, those that say which tables it has.
+std::vector<std::string> tables_words(const PaperScene& scene, const std::string& preset,
                                       const std::vector<const std::map<std::string, std::string>*>& keys);
 // Whether the method traces paths, which go on without a bound, as those of references do.
 bool traces_paths(const Method& method);

@@ -60,7 +60,7 @@ class Run {
 };
 
 double Run::octaoctree_bytes(std::size_t scene, const Matrix& matrix, const Switch& sw) {
-  const auto words = octree_words(scenes_[scene], matrix.preset, {&matrix.keys, &sw.keys});
+  const auto words = tables_words(scenes_[scene], matrix.preset, {&matrix.keys, &sw.keys});
   std::string id;
   for (const std::string& word : words) id += word + "\n";
   const auto it = bytes_.find(id);

@@ -210,7 +210,7 @@ void Work::make_learned(const Cell& cell) {
     }
   }
   const nlohmann::json statistics = store_.command(
-      folder + "/levels.json", octree_words(plan_.scenes[cell.scene], training.preset, {&training.keys}));
+      folder + "/levels.json", tables_words(plan_.scenes[cell.scene], training.preset, {&training.keys}));
   store_.write(
       folder + "/learned.json",
       {{"pictures", pictures}, {"levels", statistics["output"]["levels"]}, {"levels_command", statistics["command"]}});

@@ -502,6 +502,10 @@ std::string unmet_condition(const Config& c, const std::string& key) {
     return "render.delta = trace, lookup.coats = split and target.emission = outside";
   if (key == "render.offset_spread" && !looks_up_reflected(c))
     return "lookup.offset = traced and lookup.reflected = features";
+  if (key == "lookup.reflected" && c.lookup_offset != LookupOffset::traced) return "lookup.offset = traced";
+  if (key.starts_with("disparity.") && c.lookup_offset != LookupOffset::predicted) return "lookup.offset = predicted";
+  if (key == "render.bounce_below" && c.render_highlights == Highlights::cache)
+    return "render.highlights = auto or bounce";
   return "";
 }
 

@@ -43,8 +43,8 @@ FieldBase::FieldBase(const Config& config, const FieldDomain& domain, const std:
   add_network(decoder_name, decoder_.mlp());
 }
 
-void FieldBase::add_network(const std::string& name, Mlp& mlp, bool trained) {
-  networks_.push_back({name, &mlp, DenseAdam(mlp.parameter_count(), adam_options(config_)), trained});
+void FieldBase::add_network(const std::string& name, Mlp& mlp) {
+  networks_.push_back({name, &mlp, DenseAdam(mlp.parameter_count(), adam_options(config_))});
 }
 
 FieldTable& FieldBase::add_table(const std::string& name, std::span<float> values, int features, double rate,
@@ -128,9 +128,8 @@ FieldStep FieldBase::train(std::span<const SurfacePoint> points, std::span<const
     Gradients& mine = gradients[g];
     mine.networks.resize(networks_.size());
     mine.tables.resize(tables_.size());
-    for (std::size_t i = 0; i < networks_.size(); ++i) {
-      if (networks_[i].trained) mine.networks[i].assign(networks_[i].mlp->parameter_count(), 0.0f);
-    }
+    for (std::size_t i = 0; i < networks_.size(); ++i)
+      mine.networks[i].assign(networks_[i].mlp->parameter_count(), 0.0f);
     for_chunks(points.subspan(groups.begin(g), groups.size(g)),
                [&](std::span<const SurfacePoint> chunk, std::size_t first) {
                  first += groups.begin(g);
@@ -144,14 +143,12 @@ FieldStep FieldBase::train(std::span<const SurfacePoint> points, std::span<const
     step.non_finite += g.non_finite;
   }
   for (std::size_t i = 0; i < networks_.size(); ++i) {
-    if (!networks_[i].trained) continue;
     std::vector<std::span<const float>> parts;
     for (const Gradients& g : gradients) parts.emplace_back(g.networks[i]);
     step.non_finite += step_network(networks_[i], parts, config_.adam_rate_networks * scale.networks);
   }
   for (std::size_t i = 0; i < tables_.size(); ++i) {
     FieldTable& table = tables_[i];
-    if (!table.trained) continue;
     std::vector<std::span<const SparseTap>> parts;
     for (const Gradients& g : gradients) parts.emplace_back(g.tables[i]);
     const SparseAdam::Result done = table.adam->step(table.values, parts, table.upstream, table.rate * scale.tables);

@@ -33,7 +33,6 @@ struct FieldNetwork {
   std::string name;  // of its tensors and of its optimiser's
   Mlp* mlp;
   DenseAdam adam;
-  bool trained = true;  // in this configuration
 };
 
 struct FieldTable {
@@ -43,7 +42,6 @@ struct FieldTable {
   int features = 0;
   double rate = 0.0;        // adam.rate.*
   std::size_t sources = 1;  // look-ups of a point, each with a gradient of `features` numbers
-  bool trained = true;      // in this configuration
   std::function<void(TensorWriter&)> save;
   std::function<void(const TensorReader&)> load;
   std::vector<float> upstream;       // gradients of a step: [point][source][features], or as differentiate() has it
@@ -79,7 +77,7 @@ class FieldBase : public RadianceField {
  protected:
   // Gradients of a group of a batch's points.
   struct Gradients {
-    std::vector<std::vector<float>> networks;    // of those that are trained, in the order of networks()
+    std::vector<std::vector<float>> networks;    // in the order of networks()
     std::vector<std::vector<SparseTap>> tables;  // in the order of tables()
     double loss = 0.0;                           // sum over points and channels
     long long non_finite = 0;
@@ -100,7 +98,7 @@ class FieldBase : public RadianceField {
   FieldBase(const Config& config, const FieldDomain& domain, const std::string& decoder_name, const MlpShape& shape,
             Activation activation, unsigned long long stream);
   // In constructors. A table that is returned stays there until the next one is added.
-  void add_network(const std::string& name, Mlp& mlp, bool trained = true);
+  void add_network(const std::string& name, Mlp& mlp);
   // One tensor, "name.table".
   FieldTable& add_table(const std::string& name, std::span<float> values, int features, double rate,
                         std::size_t sources);

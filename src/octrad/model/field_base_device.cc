@@ -218,25 +218,19 @@ DeviceFieldBase::DeviceFieldBase(Stream& stream, FieldBase& field, const Config&
   sum_workspace_ = SortWorkspace(stream, n, "training points in flight");
 }
 
-void DeviceFieldBase::holds(FieldBase& field, std::initializer_list<DeviceMlp*> networks,
-                            std::initializer_list<DeviceTable*> tables) {
+void DeviceFieldBase::holds(FieldBase& field, const std::vector<DeviceMlp*>& networks,
+                            const std::vector<DeviceTable*>& tables) {
   networks_ = {&decoder_};
-  networks_.insert(networks_.end(), networks);
+  networks_.insert(networks_.end(), networks.begin(), networks.end());
   tables_ = tables;
   assert(networks_.size() == field.networks().size() && tables_.size() == field.tables().size());
   if (!trains()) return;
   for (std::size_t i = 0; i < networks_.size(); ++i) {
-    const FieldNetwork& of = field.networks()[i];
     DeviceMlp& network = *networks_[i];
     adams_.emplace_back(stream_, network.parameter_count(), adam_options(config_), network.name());
-    if (!of.trained) continue;
     optimizers_.add(adams_.back(), network.weights().data(), network.gradient().data(), config_.adam_rate_networks);
-    trained_networks_.push_back(&network);
   }
-  for (std::size_t i = 0; i < tables_.size(); ++i) {
-    const FieldTable& of = field.tables()[i];
-    if (of.trained) optimizers_.add(*tables_[i], of.rate);
-  }
+  for (std::size_t i = 0; i < tables_.size(); ++i) optimizers_.add(*tables_[i], field.tables()[i].rate);
 }
 
 DeviceQueries DeviceFieldBase::queries(const Chunk& chunk) const {
@@ -339,7 +333,7 @@ void DeviceFieldBase::train(SurfacePointArray points, const Vec3f* targets, std:
   optimizers_.step_tables(stream_, &counters->non_finite);
   stream_.mark("tables' optimiser");
   optimizers_.step_networks(stream_, &counters->non_finite);
-  DeviceMlp::refresh_all(stream_, trained_networks_);
+  DeviceMlp::refresh_all(stream_, networks_);
   stream_.mark("networks' optimiser");
 }
 

@@ -89,7 +89,7 @@ class DeviceFieldBase : public DeviceField {
   static DeviceFeatures read(const DeviceTable& table) { return {table.floats(), table.halves()}; }
   DeviceQueries queries(const Chunk& chunk) const;
   // In constructors: the counterparts of networks beside the decoder and of tables, in the order of the field's.
-  void holds(FieldBase& field, std::initializer_list<DeviceMlp*> networks, std::initializer_list<DeviceTable*> tables);
+  void holds(FieldBase& field, const std::vector<DeviceMlp*>& networks, const std::vector<DeviceTable*>& tables);
   bool trains() const { return options_.max_train_points > 0; }
   // Loss scale, and its inverse, of gradients (finite) in a backward pass of halves, the kernel before having left the
   // bits of the largest at largest_; of two kinds of them at largest_ and the next. It is 0 again afterwards.
@@ -132,8 +132,8 @@ class DeviceFieldBase : public DeviceField {
   FieldBase& same_shapes(RadianceField& field) const;
 
   DeviceOptimizers optimizers_;
-  std::vector<DeviceMlp*> networks_, trained_networks_;  // the decoder first
-  std::deque<DeviceDenseAdam> adams_;                    // of networks_, when training
+  std::vector<DeviceMlp*> networks_;   // the decoder first
+  std::deque<DeviceDenseAdam> adams_;  // of networks_, when training
   std::vector<DeviceTable*> tables_;
 };
 

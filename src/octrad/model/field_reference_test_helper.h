@@ -54,12 +54,14 @@ class FieldReference {
     };
     if (octaoctree_ != nullptr) {
       parameters[kOctree] = copy(octaoctree_->octree().features(), table);
-      parameters[kGrid] = copy(octaoctree_->grid().table(), table);
-      disparity_ = {octaoctree_->disparity().shape(), halves_.networks};
-      parameters[kDisparity] = disparity_.given_weights(octaoctree_->disparity().weights());
+      if (DisparityPredictor* predictor = octaoctree_->predictor()) {
+        parameters[kGrid] = copy(predictor->grid.table(), table);
+        disparity_ = {predictor->network.shape(), halves_.networks};
+        parameters[kDisparity] = disparity_.given_weights(predictor->network.weights());
+        grid_ = predictor->grid.view();
+      }
       decoder(octaoctree_->decoder());
       octree_ = octaoctree_->octree().view();
-      grid_ = octaoctree_->grid().view();
       origin_ = octaoctree_->octree().origin();
       size_ = octaoctree_->octree().size();
     } else {

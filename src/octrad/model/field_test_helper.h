@@ -139,7 +139,7 @@ inline void fill_tables(RadianceField& field, unsigned long long stream = 0) {
   };
   if (auto* octree = dynamic_cast<OctaOctreeField*>(&field)) {
     fill(octree->octree().features(), 1);
-    fill(octree->grid().table(), 2);
+    if (octree->predictor() != nullptr) fill(octree->predictor()->grid.table(), 2);
   } else if (auto* ncr = dynamic_cast<NcrField*>(&field)) {
     fill(ncr->grid().table(), 4);
     fill(ncr->cone_grid().table(), 5);

@@ -39,6 +39,7 @@ TEST(ModelFile, RefusesBrokenFiles) {
   ModelInfo info;
   info.config.octree_levels = 2;
   info.config.octree_fine = 1;
+  info.config.lookup_offset = LookupOffset::predicted;
   info.config.disparity_log2_table = 10;
   const auto field = make_field(info.config, testing::shell(3));
   save_model(file, *field, info, false);

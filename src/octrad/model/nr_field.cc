@@ -33,7 +33,13 @@ constinit const FieldEntry kNrField = {
     .memory = nr_memory,
     .make_device = make_device_nr,
     .device_memory = device_nr_memory,
-    .smaller = [](const Config&) { return std::vector<std::pair<std::string, std::string>>{}; },
+    .smaller =
+        [](const Config& config) {
+          std::vector<std::pair<std::string, std::string>> changes;
+          if (config.nr_log2_table > 10)
+            changes.emplace_back("nr.log2_table", std::to_string(config.nr_log2_table - 1));
+          return changes;
+        },
 };
 
 HashGridOptions nr_grid_options(const Config& config) {

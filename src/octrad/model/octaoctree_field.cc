@@ -33,16 +33,18 @@ std::vector<MemoryPart> octaoctree_memory(const Config& config, const std::vecto
   const auto entries = static_cast<double>(octree_entries(config.octree_levels, cells_per_level));
   const auto cells = static_cast<double>(std::accumulate(cells_per_level.begin(), cells_per_level.end(), 0LL));
   add_table_memory(parts, "octree", entries, config.octree_features, config, training);
-  add_table_memory(parts, "disparity grid", static_cast<double>(hash_grid_entries(disparity_grid_options(config))),
-                   config.disparity_features, config, training);
+  const bool predicts = config.lookup_offset == LookupOffset::predicted;
+  if (predicts)
+    add_table_memory(parts, "disparity grid", static_cast<double>(hash_grid_entries(disparity_grid_options(config))),
+                     config.disparity_features, config, training);
   const bool averages = training && config.train_average > 0.0;  // have an octree of their own
   parts.push_back({"octree cells and index", static_cast<std::uint64_t>(cells * (averages ? 56.0 : 28.0))});
   // About 40 of the 64 cells of a query hold surfaces.
   const double lookups = looks_up_reflected(config) ? 2.0 : 1.0;
   if (training)
-    add_batch_memory(
-        parts, config,
-        lookups * (config.octree_levels * 24.0 + config.octree_fine * 8.0) * 0.65 + config.disparity_levels * 8.0);
+    add_batch_memory(parts, config,
+                     lookups * (config.octree_levels * 24.0 + config.octree_fine * 8.0) * 0.65 +
+                         (predicts ? config.disparity_levels * 8.0 : 0.0));
   return parts;
 }
 
@@ -116,46 +118,54 @@ struct OctaOctreeField::Encoded {
   Mlp::Workspace disparity_kept;
 };
 
+DisparityPredictor::DisparityPredictor(const Config& config)
+    : grid(disparity_grid_options(config)),
+      network(disparity_shape(config)) {
+  const auto seed = static_cast<unsigned long long>(config.seed);
+  network.initialize(seed, kDisparityNetworkWeights);
+  initialize_hash_grid(grid, seed, kDisparityGridWeights);
+}
+
 OctaOctreeField::OctaOctreeField(const Config& config, const FieldDomain& domain)
     : FieldBase(config, domain, "decoder.mlp", decoder_shape(config), config.decoder_output, kDecoderWeights),
       rule_(octrad::lookup_rule(config)),
       offset_(config.lookup_offset),
       disparity_unit_(config.disparity_unit == DisparityUnit::extent ? 1.0f / max_component(domain.size) : 1.0f),
       octree_(octree_options(config), domain.occupied_cells, domain.origin, domain.size),
-      grid_(disparity_grid_options(config)),
-      disparity_(disparity_shape(config)),
       reflects_(looks_up_reflected(config)) {
-  const auto seed = static_cast<unsigned long long>(config.seed);
-  disparity_.initialize(seed, kDisparityNetworkWeights);
-  initialize_hash_grid(grid_, seed, kDisparityGridWeights);
-  const bool predicts = offset_ == LookupOffset::predicted;
-  add_network("disparity.mlp", disparity_, predicts);
+  if (offset_ == LookupOffset::predicted) {
+    predictor_ = std::make_unique<DisparityPredictor>(config);
+    add_network("disparity.mlp", predictor_->network);
+  }
   FieldTable& octree = add_table("octree", octree_.features(), octree_.options().features, config.adam_rate_features,
                                  static_cast<std::size_t>(reflects_ ? 2 * levels() : levels()));
   octree.weights_name = "octree.features";
   octree.save = [this](TensorWriter& out) { save_octree(out); };
   octree.load = [this](const TensorReader& in) { load_octree(in); };
-  add_grid("disparity.grid", grid_, static_cast<std::size_t>(grid_.options().levels)).trained = predicts;
+  if (predictor_)
+    add_grid("disparity.grid", predictor_->grid, static_cast<std::size_t>(predictor_->grid.options().levels));
 }
 
 // Fills e.disparity of the points e.shifted, for which alone the predictor is asked.
 void OctaOctreeField::predict_disparity(Encoded& e, bool record) const {
   const int n = static_cast<int>(e.shifted.size()), stride = e.shifted_stride = padded(n);
   if (n == 0) return;
-  const int grid_rows = grid_.feature_count(), rows = disparity_.shape().inputs;
+  const HashGrid& grid = predictor_->grid;
+  const Mlp& network = predictor_->network;
+  const int grid_rows = grid.feature_count(), rows = network.shape().inputs;
   const auto s = static_cast<std::size_t>(stride);
   e.shifted_p.resize(s);
   for (int j = 0; j < n; ++j) e.shifted_p[j] = e.p[e.shifted[j]];
   e.disparity_inputs.resize(static_cast<std::size_t>(rows) * s);
   e.disparity_linear.resize(s);
-  if (record) grid_.lookup_record(e.shifted_p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
-  else grid_.lookup(e.shifted_p.data(), n, e.disparity_inputs.data(), stride);
+  if (record) grid.lookup_record(e.shifted_p.data(), n, e.disparity_inputs.data(), stride, e.grid_taps);
+  else grid.lookup(e.shifted_p.data(), n, e.disparity_inputs.data(), stride);
   if (config_.disparity_direction) {
     for (int j = 0; j < n; ++j)
       spherical_harmonics(e.w[e.shifted[j]], row(e.disparity_inputs, grid_rows, stride) + j, stride);
   }
-  if (record) disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
-  else disparity_.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
+  if (record) network.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data(), e.disparity_kept);
+  else network.forward(e.disparity_inputs.data(), n, stride, e.disparity_linear.data());
   for (int j = 0; j < n; ++j) e.disparity[e.shifted[j]] = squareplus(e.disparity_linear[j]).value * disparity_unit_;
 }
 
@@ -178,7 +188,7 @@ void OctaOctreeField::encode(std::span<const SurfacePoint> points, Encoded& e, b
     for (int i = 0; i < n; ++i)
       if (rule_.has_offset(points[i].alpha)) e.shifted.push_back(i);
   }
-  if (offset_ == LookupOffset::predicted) predict_disparity(e, record);
+  if (predictor_) predict_disparity(e, record);
   if (offset_ == LookupOffset::traced) {
     for (const int i : e.shifted) e.disparity[i] = points[i].disparity;
   }
@@ -283,7 +293,7 @@ void OctaOctreeField::differentiate(std::span<const SurfacePoint> points, std::s
     const auto i = static_cast<std::size_t>(e.reflected[j]);
     add_taps(e.reflected_record, j, i, features, part.batch + part.first + i);
   }
-  if (offset_ != LookupOffset::predicted || e.shifted.empty()) return;
+  if (!predictor_ || e.shifted.empty()) return;
 
   e.d_disparity_linear.assign(static_cast<std::size_t>(e.shifted_stride), 0.0f);
   for (int f = 0; f < features; ++f) {
@@ -295,9 +305,9 @@ void OctaOctreeField::differentiate(std::span<const SurfacePoint> points, std::s
   for (std::size_t j = 0; j < e.shifted.size(); ++j)
     e.d_disparity_linear[j] *= squareplus(e.disparity_linear[j]).derivative * disparity_unit_;
   e.d_disparity_inputs.resize(e.disparity_inputs.size());
-  disparity_.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept,
-                      gradients.networks[kDisparity], e.d_disparity_inputs.data());
-  add_grid_taps(grid_, e.grid_taps, e.d_disparity_inputs, e.shifted_stride, e.shifted.size(), part.first,
+  predictor_->network.backward(e.disparity_inputs.data(), e.d_disparity_linear.data(), e.disparity_kept,
+                               gradients.networks[kDisparity], e.d_disparity_inputs.data());
+  add_grid_taps(predictor_->grid, e.grid_taps, e.d_disparity_inputs, e.shifted_stride, e.shifted.size(), part.first,
                 upstream(kGrid), gradients.tables[kGrid]);
 }
 

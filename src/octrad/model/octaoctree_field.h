@@ -17,6 +17,13 @@ HashGridOptions disparity_grid_options(const Config& config);
 MlpShape disparity_shape(const Config& config);
 MlpShape decoder_shape(const Config& config);
 
+// What gives each query its disparity, with lookup.offset = predicted.
+struct DisparityPredictor {
+  explicit DisparityPredictor(const Config& config);
+  HashGrid grid;
+  Mlp network;
+};
+
 class OctaOctreeField : public FieldBase {
  public:
   OctaOctreeField(const Config& config, const FieldDomain& domain);
@@ -36,8 +43,7 @@ class OctaOctreeField : public FieldBase {
   const LookupRule& lookup_rule() const { return rule_; }
   float disparity_unit() const { return disparity_unit_; }
   OctaOctree& octree() { return octree_; }
-  HashGrid& grid() { return grid_; }
-  Mlp& disparity() { return disparity_; }
+  DisparityPredictor* predictor() { return predictor_.get(); }  // null with other offsets
 
  protected:
   void differentiate(std::span<const SurfacePoint> points, std::span<const Vec3f> targets, const BatchPart& part,
@@ -58,8 +64,7 @@ class OctaOctreeField : public FieldBase {
   LookupOffset offset_;
   float disparity_unit_;  // disparity = SquarePlus(output) * unit, in 1/world units
   OctaOctree octree_;
-  HashGrid grid_;
-  Mlp disparity_;
+  std::unique_ptr<DisparityPredictor> predictor_;
   bool reflects_;  // looks_up_reflected()
   mutable std::atomic<long long> empty_lookups_ = 0;
 };

@@ -127,6 +127,25 @@ struct DisparityGradient : Kernel {
   }
 };
 
+// The counterpart of DisparityPredictor, and the rows of its network.
+struct DevicePredictor {
+  DevicePredictor(Stream& stream, DisparityPredictor& of, OctaOctree& octree, const DeviceTableOptions& table_options,
+                  std::size_t rows, std::size_t train_rows)
+      : grid(of.grid, octree.origin(), octree.size()),
+        table(stream, static_cast<std::size_t>(of.grid.entry_count()), of.grid.options().features, table_options,
+              "disparity grid"),
+        network(stream, of.network.shape(), train_rows, "disparity network"),
+        inputs(stream, static_cast<std::size_t>(of.network.shape().inputs + 1) / 2 * rows, "queries in flight"),
+        linear(stream, rows, "queries in flight") {}
+
+  DeviceHashGrid grid;
+  DeviceTable table;
+  DeviceMlp network;
+  DeviceArray<std::uint32_t> inputs;
+  DeviceArray<float> linear;
+  DeviceArray<float> parts, d_inputs, d_linear, scale;  // when training; parts: gradients by level of the octree
+};
+
 // A step may look up twice for each of its points.
 DeviceTableOptions octree_table_options(const Config& config, const DeviceFieldOptions& options) {
   DeviceTableOptions table = DeviceFieldBase::table_options(config, options, octree_levels(config), kOctreeTaps);
@@ -142,15 +161,8 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
         rule_(field.lookup_rule()),
         unit_(field.disparity_unit()),
         octree_(stream, field.octree()),
-        grid_(field.grid(), field.octree().origin(), field.octree().size()),
         table_(stream, static_cast<std::size_t>(field.octree().entry_count()), field.octree().options().features,
                octree_table_options(config, options), "octree features"),
-        grid_table_(stream, static_cast<std::size_t>(field.grid().entry_count()), field.grid().options().features,
-                    table_options(config, options, field.grid().options().levels, kHashGridTaps), "disparity grid"),
-        disparity_(stream, field.disparity().shape(), train_rows(options), "disparity network"),
-        disparity_inputs_(stream, static_cast<std::size_t>(field.disparity().shape().inputs + 1) / 2 * rows_,
-                          "queries in flight"),
-        disparity_linear_(stream, rows_, "queries in flight"),
         distance_(stream, rows_, "queries in flight"),
         empty_(stream, 1, "queries in flight") {
     if (looks_up_reflected(config)) {
@@ -159,14 +171,22 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
     }
     distance_.fill(0);
     empty_.fill(0);
-    holds(field, {&disparity_}, {&table_, &grid_table_});
-    if (trains()) {
-      parts_ = DeviceArray<float>(stream, static_cast<std::size_t>(field.levels()) * train_rows_,
-                                  "training points in flight");
-      d_disparity_inputs_ = DeviceArray<float>(stream, static_cast<std::size_t>(grid_.feature_count()) * train_rows_,
-                                               "training points in flight");
-      d_disparity_linear_ = DeviceArray<float>(stream, train_rows_, "training points in flight");
-      disparity_scale_ = DeviceArray<float>(stream, 2, "training points in flight");
+    if (DisparityPredictor* of = field.predictor()) {
+      predictor_ = std::make_unique<DevicePredictor>(
+          stream, *of, field.octree(), table_options(config, options, of->grid.options().levels, kHashGridTaps), rows_,
+          train_rows(options));
+      holds(field, {&predictor_->network}, {&table_, &predictor_->table});
+      if (trains()) {
+        const auto rows = [&](int count) {
+          return DeviceArray<float>(stream, static_cast<std::size_t>(count) * train_rows_, "training points in flight");
+        };
+        predictor_->parts = rows(field.levels());
+        predictor_->d_inputs = rows(of->grid.feature_count());
+        predictor_->d_linear = rows(1);
+        predictor_->scale = DeviceArray<float>(stream, 2, "training points in flight");
+      }
+    } else {
+      holds(field, {}, {&table_});
     }
     upload_from(field);
   }
@@ -182,17 +202,18 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   const float* disparities() const override { return distance_.data(); }
 
   void encode(const Chunk& chunk) override {
-    if (offset_ == LookupOffset::predicted) {
-      const HalfRows inputs{disparity_inputs_.data(), rows_};
-      grid_.lookup(stream_, read(grid_table_), queries(chunk), inputs, 0);
+    if (predictor_) {
+      DevicePredictor& p = *predictor_;
+      const HalfRows inputs{p.inputs.data(), rows_};
+      p.grid.lookup(stream_, read(p.table), queries(chunk), inputs, 0);
       if (config_.disparity_direction) {
-        launch(stream_, chunk.n, Harmonics{{}, w_.data(), rows_, chunk.slice, inputs, grid_.feature_count()});
+        launch(stream_, chunk.n, Harmonics{{}, w_.data(), rows_, chunk.slice, inputs, p.grid.feature_count()});
       }
-      const FloatRows linear{disparity_linear_.data(), rows_};
-      if (chunk.training) disparity_.forward_keep(stream_, inputs, linear, chunk.n);
-      else disparity_.forward(stream_, inputs, linear, chunk.n, chunk.slice);
+      const FloatRows linear{p.linear.data(), rows_};
+      if (chunk.training) p.network.forward_keep(stream_, inputs, linear, chunk.n);
+      else p.network.forward(stream_, inputs, linear, chunk.n, chunk.slice);
       launch(stream_, chunk.n,
-             ToDisparity{{}, disparity_linear_.data(), chunk.points, rule_, chunk.slice, unit_, distance_.data()});
+             ToDisparity{{}, p.linear.data(), chunk.points, rule_, chunk.slice, unit_, distance_.data()});
     } else if (offset_ == LookupOffset::traced) {
       launch(stream_, chunk.n,
              TracedDisparity{
@@ -225,12 +246,11 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   }
 
   void encode_backward(const Chunk& chunk, bool first) override {
-    const bool disparity = offset_ == LookupOffset::predicted;
     scatter(
         table_,
         [&](const auto& sink) {
           octree_.scatter(stream_, read(table_), with_disparity(chunk), d_inputs_.data(), train_rows_,
-                          disparity ? parts_.data() : nullptr, train_rows_, sink);
+                          predictor_ ? predictor_->parts.data() : nullptr, train_rows_, sink);
         },
         kOctreeTaps, chunk.n, octree_.view().levels, d_inputs_.data(), train_rows_);
     if (!reflected_x_.empty()) {
@@ -243,32 +263,31 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
           },
           kOctreeTaps, chunk.n, octree_.view().levels, upstream, train_rows_);
     }
-    if (!disparity) return;
+    if (!predictor_) return;
+    DevicePredictor& p = *predictor_;
     launch(stream_, chunk.n,
            DisparityGradient{{},
-                             parts_.data(),
+                             p.parts.data(),
                              train_rows_,
                              octree_.view().levels,
-                             disparity_linear_.data(),
+                             p.linear.data(),
                              chunk.points,
                              rule_,
                              unit_,
-                             d_disparity_linear_.data(),
+                             p.d_linear.data(),
                              largest_.data(),
                              &counters_.data()->non_finite});
-    choose_scale(disparity_scale_.data());
-    disparity_.backward(stream_, {disparity_inputs_.data(), rows_}, {d_disparity_linear_.data(), train_rows_},
-                        disparity_scale_.data(), {d_disparity_inputs_.data(), train_rows_}, grid_.feature_count(),
-                        chunk.n, !first);
+    choose_scale(p.scale.data());
+    p.network.backward(stream_, {p.inputs.data(), rows_}, {p.d_linear.data(), train_rows_}, p.scale.data(),
+                       {p.d_inputs.data(), train_rows_}, p.grid.feature_count(), chunk.n, !first);
     DeviceQueries shifted = queries(chunk);
     if (!rule_.rough_offset) {  // rough points touch nothing of the predictor
       shifted.alpha = chunk.points.data + kAlphaNumber * chunk.points.stride;
       shifted.alpha_below = rule_.rough_threshold;
     }
     scatter(
-        grid_table_,
-        [&](const auto& sink) { grid_.scatter(stream_, shifted, d_disparity_inputs_.data(), train_rows_, sink); },
-        kHashGridTaps, chunk.n, grid_.levels(), d_disparity_inputs_.data(), train_rows_);
+        p.table, [&](const auto& sink) { p.grid.scatter(stream_, shifted, p.d_inputs.data(), train_rows_, sink); },
+        kHashGridTaps, chunk.n, p.grid.levels(), p.d_inputs.data(), train_rows_);
   }
 
   void features(const Chunk& chunk, FloatRows out) override {
@@ -293,14 +312,11 @@ class DeviceOctaOctreeField : public DeviceFieldBase {
   LookupRule rule_;
   float unit_;
   DeviceOctree octree_;
-  DeviceHashGrid grid_;
-  DeviceTable table_, grid_table_;
-  DeviceMlp disparity_;
-  DeviceArray<std::uint32_t> disparity_inputs_;
-  DeviceArray<float> disparity_linear_, distance_;
+  DeviceTable table_;
+  std::unique_ptr<DevicePredictor> predictor_;  // null with other offsets
+  DeviceArray<float> distance_;
   DeviceArray<float> reflected_x_, reflected_w_;  // where and along what features of reflected surfaces are looked up
   DeviceArray<unsigned long long> empty_;
-  DeviceArray<float> parts_, d_disparity_inputs_, d_disparity_linear_, disparity_scale_;
 };
 
 }  // namespace
@@ -319,22 +335,23 @@ std::vector<MemoryPart> device_octaoctree_memory(const Config& config, const std
   append(parts, DeviceTable::memory(static_cast<std::size_t>(entries), config.octree_features,
                                     octree_table_options(config, options), "octree features"));
   parts.push_back({"octree index", static_cast<std::uint64_t>(cells) * 4 + (1u << 20)});
-  append(parts, DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))),
-                                    config.disparity_features,
-                                    Base::table_options(config, options, config.disparity_levels, kHashGridTaps),
-                                    "disparity grid"));
-  const MlpShape shape = disparity_shape(config);
-  append(parts, Base::network_memory(shape, Base::train_rows(options), "disparity network"));
-  parts.push_back(
-      {"disparity queries in flight", Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 2) * 4});
-  if (looks_up_reflected(config)) parts.push_back({"reflected queries in flight", Base::rows(options) * 6 * 4});
-  if (options.max_train_points > 0) {
-    parts.push_back(
-        {"disparity training points in flight",
-         Base::train_rows(options) *
-             static_cast<std::size_t>(octree_levels(config) + config.disparity_levels * config.disparity_features + 1) *
-             4});
+  parts.push_back({"disparities in flight", Base::rows(options) * 4});
+  if (config.lookup_offset == LookupOffset::predicted) {
+    append(parts, DeviceTable::memory(static_cast<std::size_t>(hash_grid_entries(disparity_grid_options(config))),
+                                      config.disparity_features,
+                                      Base::table_options(config, options, config.disparity_levels, kHashGridTaps),
+                                      "disparity grid"));
+    const MlpShape shape = disparity_shape(config);
+    append(parts, Base::network_memory(shape, Base::train_rows(options), "disparity network"));
+    parts.push_back({"disparity queries in flight",
+                     Base::rows(options) * static_cast<std::size_t>((shape.inputs + 1) / 2 + 1) * 4});
+    if (options.max_train_points > 0) {
+      const int numbers = octree_levels(config) + config.disparity_levels * config.disparity_features + 1;
+      parts.push_back(
+          {"disparity training points in flight", Base::train_rows(options) * static_cast<std::size_t>(numbers) * 4});
+    }
   }
+  if (looks_up_reflected(config)) parts.push_back({"reflected queries in flight", Base::rows(options) * 6 * 4});
   return parts;
 }
 

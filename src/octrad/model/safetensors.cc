@@ -37,13 +37,6 @@ constexpr TypeName kTypes[] = {{DType::f32, "F32"}, {DType::f16, "F16"}, {DType:
                                {DType::i64, "I64"}, {DType::u8, "U8"},   {DType::u16, "U16"},
                                {DType::u32, "U32"}, {DType::u64, "U64"}, {DType::f64, "F64"}};
 
-const char* type_name(DType type) {
-  for (const TypeName& t : kTypes) {
-    if (t.type == type) return t.name;
-  }
-  return "?";
-}
-
 std::optional<DType> type_of(const std::string& name) {
   for (const TypeName& t : kTypes) {
     if (name == t.name) return t.type;
@@ -140,6 +133,13 @@ class HeaderKeys : public nlohmann::json_sax<nlohmann::json> {
 };
 
 }  // namespace
+
+const char* type_name(DType type) {
+  for (const TypeName& t : kTypes) {
+    if (t.type == type) return t.name;
+  }
+  return "?";
+}
 
 std::size_t size_of(DType type) {
   switch (type) {

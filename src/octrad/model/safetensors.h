@@ -14,6 +14,7 @@ namespace octrad {
 
 enum class DType { f32, f16, i32, i64, u8, u16, u32, u64, f64 };
 std::size_t size_of(DType type);
+const char* type_name(DType type);  // as in files: "F32"
 
 // Collects views of tensors (the memory must stay valid until write()), then writes them in one pass.
 class TensorWriter {

@@ -51,7 +51,7 @@ class CpuRenderer : public Renderer {
     for (int f = -1; f < count; ++f) {  // the first warms up
       clear();
       const Stopwatch watch;
-      add_samples(spp);
+      for (int s = 0; s < spp; s += kLargestPass) add_samples(std::min(spp - s, kLargestPass));
       const double sampled = watch.seconds();
       tonemap(film_.image(), {});
       if (f < 0) continue;

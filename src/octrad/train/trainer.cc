@@ -369,7 +369,7 @@ void Trainer::Run::report() {
   state_.seconds = earlier_seconds_ + seconds;
   if (validation_ && seconds >= next_validation_) {
     bring_up_averages();
-    mape_ = validation_->mape(*engine_);
+    untimed([&] { mape_ = validation_->mape(*engine_); });
     if (options_.validated) options_.validated(state_.step, state_.seconds, mape_);
     clock_.back_to(seconds);  // this was no training
     next_validation_ = seconds + between_validations_;

@@ -375,6 +375,17 @@ TEST(Train, OverBudgetRequestsNameTheKnobs) {
     for (const char* word : {"octree.levels=4", "octree.features=2", "--max-memory"})
       EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
   }
+  const std::pair<const char*, const char*> tables[] = {{"nr", "nr.log2_table="}, {"ncr", "ncr.log2_table="}};
+  for (const auto& [field, word] : tables) {
+    try {
+      Config tables_alone = short_run(1, field);
+      tables_alone.nr_log2_table = tables_alone.ncr_log2_table = 15;
+      train(box.scene, tables_alone, options);
+      FAIL() << field;
+    } catch (const MemoryError& e) {
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+    }
+  }
   options.max_memory = 1e9;
   options.used_memory = 1e9;
   try {

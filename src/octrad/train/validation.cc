@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <span>
+#include <string>
 
+#include "octrad/base/error.h"
 #include "octrad/base/threads.h"
 #include "octrad/transport/first_hit_math.h"
 #include "octrad/transport/query_point.h"
@@ -31,7 +33,13 @@ struct Validation::Pixels {
 
 Validation::Validation(const TransportContext& context, const Image& reference, const Config& config, int max_pixels,
                        int spp)
-    : Validation(context, Pixels(reference, max_pixels), config, spp) {}
+    : Validation(context, Pixels(reference, max_pixels), config, spp) {
+  for (int i = 0; i < reference_.width; ++i) {
+    if (is_finite(reference_.rgb(i, 0))) return;
+  }
+  throw InputError("the reference has no finite pixel among the " + std::to_string(reference_.width) +
+                   " that are compared");
+}
 
 Validation::Validation(const TransportContext& context, const Pixels& pixels, const Config& config, int spp)
     : Validation(context, pixels, 0, pixels.places.size(), config, spp) {}

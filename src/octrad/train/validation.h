@@ -13,7 +13,7 @@ namespace octrad {
 class Validation {
  public:
   // At most `max_pixels` pixels spread over the reference (of the scene's first camera), `spp` jittered primary hits
-  // each. Throws InputError for a reference without colour.
+  // each. Throws InputError for a reference without colour, and where none of these pixels is finite.
   Validation(const TransportContext& context, const Image& reference, const Config& config, int max_pixels, int spp);
   // The MAPE of so many pixels, without keeping them all in memory.
   static double mape_once(const TransportContext& context, const Image& reference, const Config& config, int max_pixels,

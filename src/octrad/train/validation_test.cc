@@ -64,6 +64,17 @@ TEST(Validation, PartsAddUp) {
   }
 }
 
+// Before training, not at the first measurement.
+TEST(Validation, AReferenceWithoutAFinitePixelIsRefused) {
+  const PreparedScene scene = mirror_in_a_box();
+  Image reference(8, 8, {"R", "G", "B"});
+  std::fill(reference.data.begin(), reference.data.end(), std::nanf(""));
+  EXPECT_THROW(Validation(scene.context(), reference, preset("cpu"), 100, 1), InputError);
+  reference.set_rgb(3, 3, Vec3f(1.0f));
+  Ones engine;
+  EXPECT_GE(Validation(scene.context(), reference, preset("cpu"), 100, 1).mape(engine), 0.0);
+}
+
 TEST(Validation, MirrorsAreFollowedAsInPictures) {
   const PreparedScene scene = mirror_in_a_box();
   Image reference(16, 16, {"R", "G", "B"});
