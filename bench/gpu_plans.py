@@ -144,7 +144,7 @@ def rehearsed(words, device):
         if "--resume" in out:
             out[out.index("--steps") + 1] = "3"
         else:
-            out += ["-D", "octree.levels=2", "-D", "train.points=64", "-D", "train.directions=2", "-D", "disparity.log2_table=10", "-D", "nr.log2_table=10"]
+            out += ["-D", "octree.levels=2", "-D", "train.points=64", "-D", "train.directions=2", "-D", "nr.log2_table=10"]
             out += ["-D", "ncr.log2_table=10", "-D", "ncr.cone.log2_table=10", "-D", "ncr.rays.train=8", "-D", "ncr.rays.render=8", "-D", "octree.occupancy=conservative"]
     if words[0] == "selftest":
         out += ["--quick", "--only", "sort"]

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "tests" / "cli"))
 import glibc_floor  # noqa: E402
 from web_client import Viewer  # noqa: E402
 
-SMALL = ["-D", "train.points=64", "-D", "train.directions=2", "-D", "octree.levels=3", "-D", "disparity.log2_table=10", "-q"]
+SMALL = ["-D", "train.points=64", "-D", "train.directions=2", "-D", "octree.levels=3", "-q"]
 GLIBC = ("ld-linux", "libc.so", "libm.so", "libdl.so", "librt.so", "libpthread.so", "linux-vdso")
 
 

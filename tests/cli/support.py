@@ -176,7 +176,7 @@ ROOM = """<scene version="3.0.0">
 
 # A cache that trains in a second.
 SMALL = ("-D", "train.points=256", "-D", "train.directions=2", "-D", "octree.levels=3", "-D", "decoder.width=32", "-D", "decoder.hidden=2",
-         "-D", "disparity.log2_table=12", "-D", "train.poses=4", "-q")
+         "-D", "train.poses=4", "-q")
 # Nothing that depends on the share of the budget: 5 and 3 steps are 8.
 FIXED = ("-D", "adam.decay.start=1", "-D", "adam.rate.budget=0", "-D", "loss.epsilon.first=0.05", "-D", "loss.epsilon.last=0.05")
 

@@ -80,7 +80,8 @@ class BrokenModels(Case):
 
     def test_tensors(self):
         scene = self.write("room.xml", ROOM)
-        self.ok("train", scene, "-o", self.path("m.octrad"), "--steps", "2", *SMALL)
+        predicted = ("-D", "lookup.offset=predicted", "-D", "disparity.log2_table=12")
+        self.ok("train", scene, "-o", self.path("m.octrad"), "--steps", "2", *SMALL, *predicted)
         metadata, _ = read_safetensors(self.path("m.octrad"))
         metadata.pop("octrad.checksums")
         with open(self.path("m.octrad"), "rb") as file:

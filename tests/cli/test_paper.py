@@ -18,7 +18,7 @@ ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 # Trains in a blink; two scenes, one of them with two views.
 TINY = {"title": "tiny", "methods": ["octaoctree", "nr", "oidn", "nr-rhs", "path"], "equal": ["seconds", "steps"], "time": "0.5s", "steps": 30, "width": 24,
         "reference_spp": 16, "learned": True, "path_spp": [1, 4],
-        "keys": {"train.points": 128, "train.directions": 2, "octree.levels": 3, "decoder.width": 32, "decoder.hidden": 2, "disparity.log2_table": 12,
+        "keys": {"train.points": 128, "train.directions": 2, "octree.levels": 3, "decoder.width": 32, "decoder.hidden": 2,
                  "nr.log2_table": 12, "train.poses": 4},
         "views": {"a": [0, {"name": "near", "origin": [0, 0, 0.5], "target": [0, 0, -1], "fov": 60}]}}
 METRICS = ("mape", "mape_trimmed", "mape_glossy", "mean_ratio", "frame_ms")

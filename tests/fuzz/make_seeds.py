@@ -330,7 +330,7 @@ os.makedirs(os.path.join(folder, "state"), exist_ok=True)
 run("render", "room.xml", "-o", "r.exr", "--spp", "1", "--width", "2", "--height", "2", "--resume")
 os.rename(os.path.join(folder, "r.exr.state"), os.path.join(folder, "state", "room"))
 TINY = "-D train.guide=0 -D train.points=64 -D train.directions=1 -D decoder.width=16 -D decoder.hidden=1 -D train.poses=2 -D ncr.rays.train=4 -D octree.levels=1 -D octree.features=2 " \
-       "-D disparity.log2_table=10 -D disparity.levels=1 -D disparity.features=2 -D disparity.width=16 -D disparity.hidden=1 -D nr.levels=1 -D nr.features=2 -D nr.log2_table=10 " \
+       "-D lookup.offset=predicted -D disparity.log2_table=10 -D disparity.levels=1 -D disparity.features=2 -D disparity.width=16 -D disparity.hidden=1 -D nr.levels=1 -D nr.features=2 -D nr.log2_table=10 " \
        "-D nr.width=16 -D nr.hidden=1 -D ncr.levels=1 -D ncr.features=2 -D ncr.log2_table=10 -D ncr.cone.levels=1 -D ncr.cone.log2_table=10 -D ncr.cone.features=2 -D ncr.width=16 " \
        "-D ncr.hidden=1 -D ncr.cone.width=16 -D ncr.cone.hidden=1 -D ncr.merge.width=16 -D ncr.merge.hidden=1"
 os.makedirs(os.path.join(folder, "model"), exist_ok=True)

@@ -47,11 +47,6 @@ class FieldReference {
       return to;
     };
     const auto table = [&](double v) { return halves_.tables ? as_half(v) : v; };
-    const auto decoder = [&](const DecoderHead& head) {
-      decoder_ = {head.mlp().shape(), halves_.networks};
-      decoder_.map = head.input_map(decoder_.shape.inputs - kPointInputs);
-      parameters[kDecoder] = decoder_.given_weights(head.mlp().weights());
-    };
     if (octaoctree_ != nullptr) {
       parameters[kOctree] = copy(octaoctree_->octree().features(), table);
       if (DisparityPredictor* predictor = octaoctree_->predictor()) {
@@ -60,17 +55,18 @@ class FieldReference {
         parameters[kDisparity] = disparity_.given_weights(predictor->network.weights());
         grid_ = predictor->grid.view();
       }
-      decoder(octaoctree_->decoder());
       octree_ = octaoctree_->octree().view();
-      origin_ = octaoctree_->octree().origin();
-      size_ = octaoctree_->octree().size();
     } else {
       parameters[kGrid] = copy(nr_->grid().table(), table);
-      decoder(nr_->decoder());
       grid_ = nr_->grid().view();
-      origin_ = nr_->origin();
-      size_ = nr_->size();
     }
+    auto& base = dynamic_cast<FieldBase&>(field);
+    origin_ = base.origin();
+    size_ = base.size();
+    const DecoderHead& head = base.decoder();
+    decoder_ = {head.mlp().shape(), halves_.networks};
+    decoder_.map = head.input_map(decoder_.shape.inputs - kPointInputs);
+    parameters[kDecoder] = decoder_.given_weights(head.mlp().weights());
     predicted_ = octaoctree_ != nullptr && is("lookup.offset", "predicted");
     traced_ = octaoctree_ != nullptr && is("lookup.offset", "traced");
     reflects_ = traced_ && is("lookup.reflected", "features");
