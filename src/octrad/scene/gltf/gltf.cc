@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 #include <set>
+#include <span>
 
 #include "octrad/base/lower_case.h"
 #include "octrad/base/memory_limit.h"
@@ -117,12 +118,7 @@ class GltfReader {
     if (file_->count("animations") > 0)
       report_.assume(here, "animations are left out: everything stands as it is without them");
     place_nodes();
-    for (const auto& [index, places] : placed_) {
-      const GltfObject mesh = file_->item("meshes", index);
-      const auto [kept, mirrored] = by_handedness(mesh, places);
-      if (!kept.empty()) add_mesh(mesh, kept, {mesh});
-      if (!mirrored.empty()) add_mesh(mesh, mirrored, {mesh});
-    }
+    for (auto& [index, places] : placed_) add_placed(file_->item("meshes", index), places);
     for (const auto& [index, to_world] : posed_) add_posed(file_->item("nodes", index), to_world);
     if (materials_.has_masks()) {
       for (Element* light : lights_)
@@ -256,12 +252,13 @@ class GltfReader {
     report_.attempt(node.location(), [&] {
       GltfPose pose{node.has("weights") ? node : mesh};
       const int skin_index = node.index("skin", "skins");
-      if (skin_index < 0) return add_mesh(mesh, {to_world}, pose);
+      if (skin_index < 0) return add_mesh(mesh, {&to_world, 1}, pose);
       const auto [skin, inserted] = skins_.try_emplace(skin_index);
       if (inserted) skin->second = read_skin(file_->item("skins", skin_index));  // where it fails it stays empty
       if (skin->second.joints.empty()) file_->item("skins", skin_index).fail("has no joints that can be used");
       pose.skin = &skin->second;
-      add_mesh(mesh, {Transform()}, pose);
+      const Transform in_place;
+      add_mesh(mesh, {&in_place, 1}, pose);
     });
   }
 
@@ -316,22 +313,24 @@ class GltfReader {
     }
   }
 
-  // The places of a mesh; where it has normal maps, those that mirror it apart: they need mirrored maps.
-  std::pair<std::vector<Transform>, std::vector<Transform>> by_handedness(const GltfObject& mesh,
-                                                                          const std::vector<Transform>& places) {
-    std::pair<std::vector<Transform>, std::vector<Transform>> result;
-    for (const GltfObject& primitive : mesh.objects("primitives")) {
-      if (!materials_.has_normal_map(primitive.index("material", "materials"))) continue;
-      for (const Transform& place : places) (place.determinant() < 0.0 ? result.second : result.first).push_back(place);
-      return result;
+  // A mesh in all its places. Those that mirror it need other normal maps, and are taken apart.
+  void add_placed(const GltfObject& mesh, std::vector<Transform>& places) {
+    const std::vector<GltfObject> primitives = mesh.objects("primitives");
+    const bool mapped = std::any_of(primitives.begin(), primitives.end(), [this](const GltfObject& primitive) {
+      return materials_.has_normal_map(primitive.index("material", "materials"));
+    });
+    const auto mirrored = mapped ? std::stable_partition(places.begin(), places.end(),
+                                                         [](const Transform& t) { return t.determinant() >= 0.0; })
+                                 : places.end();
+    const std::span<const Transform> kept(places.begin(), mirrored), turned(mirrored, places.end());
+    for (const auto& some : {kept, turned}) {
+      if (!some.empty()) add_mesh(mesh, some, {mesh});
     }
-    result.first = places;
-    return result;
   }
 
   // The primitives of a mesh in all its places: as shapes, or, where there are several places, in a group of which
   // there are instances. Lights cannot be in groups.
-  void add_mesh(const GltfObject& mesh, const std::vector<Transform>& places, const GltfPose& pose) {
+  void add_mesh(const GltfObject& mesh, std::span<const Transform> places, const GltfPose& pose) {
     Element* group = nullptr;
     const std::string id = mesh.path() + (places.front().determinant() < 0.0 ? "-mirrored" : "");
     for (const GltfObject& primitive : mesh.objects("primitives")) {
@@ -389,11 +388,10 @@ class GltfReader {
     const bool mapped = surface.uvs && materials_.has_normal_map(surface.material);
     std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
     if (read && mapped && read->other_tangents > 0.1) {
-      report_.assume(
-          primitive.location(),
-          "TANGENT is left out: a normal map follows the texture coordinates, from which the tangents differ "
-          "on " +
-              std::to_string(std::lround(100.0 * read->other_tangents)) + " % of the triangles");
+      report_.assume(primitive.location(),
+                     "TANGENT is left out: a normal map follows the texture coordinates; the "
+                     "tangents differ on " +
+                         number_text(std::round(100.0 * read->other_tangents)) + " % of the triangles");
     }
     std::vector<BuiltMesh> result;
     if (!read) {
