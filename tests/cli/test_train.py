@@ -323,7 +323,7 @@ class Train(Case):
         self.fails(1, "predicts none", *r, "disparity")
 
     def test_model_sizes_are_announced(self):
-        for keys in (("octree.levels=4", "decoder.width=32"), ("octree.levels=4", "lookup.offset=predicted", "disparity.log2_table=14"), ("field=nr", "nr.log2_table=14", "nr.width=32"),
+        for keys in (("octree.levels=4", "decoder.width=32"), ("octree.levels=4", "lookup.offset=predicted", "disparity.log2_table=14", "decoder.width=32"), ("field=nr", "nr.log2_table=14", "nr.width=32"),
                      ("field=ncr", "ncr.log2_table=14", "ncr.cone.log2_table=12", "ncr.width=32")):
             options = [word for key in ("train.points=64", "train.directions=2", *keys) for word in ("-D", key)]
             scene = self.ok("info", self.scene, "--json", *options).json()
