@@ -265,6 +265,7 @@ TEST_F(GltfTest, TangentsThatLeadElsewhere) {
   EXPECT_FALSE(noted({.8f, .6f, 0, 1, .8f, .6f, 0, 1, 1, 0, 0, 1}));
   EXPECT_TRUE(noted({0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1}));
   EXPECT_TRUE(noted({1, 0, 0, -1, 1, 0, 0, -1, 1, 0, 0, -1}));
+  EXPECT_FALSE(noted({std::nanf(""), 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1}));  // some writers' where there is no area
   // Mirrored coordinates have tangents to the left.
   primitive()["attributes"]["TEXCOORD_0"] = add("VEC2", 5126, 3, gltf_bytes<float>({1, 1, 0, 1, 1, 0}));
   EXPECT_TRUE(noted({1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1}));

@@ -2,6 +2,7 @@
 #include <array>
 #include <optional>
 
+#include "octrad/base/error.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/scene/gltf/reader.h"
 
@@ -190,7 +191,13 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
     for (int k = 0; k < 3; ++k) triangle[k] = static_cast<int>(order[corners[k]]);
     mesh.triangles.push_back(triangle);
   }
-  const double turned = other_tangents(mesh, read("TANGENT", {4}, count));
+  double turned = 0.0;
+  if (!pose.skin) {
+    try {
+      turned = other_tangents(mesh, read("TANGENT", {4}, count));
+    } catch (const InputError&) {  // nothing needs them
+    }
+  }
   drop_unused_vertices(mesh, &colors.values, static_cast<std::size_t>(colors.components));
   return GltfMesh{std::move(mesh), colors.components, std::move(colors.values), turned};
 }
