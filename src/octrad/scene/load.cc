@@ -150,17 +150,15 @@ void SceneBuilder::add_object(const Element& element) {
     // One with an id may be meant for shapes that refer to it.
     if (element.get("type") != "area" || !element.find("id")) add_emitter(element);
   } else if (element.tag == "texture" || element.tag == "spectrum" || element.tag == "film" ||
-             element.tag == "sampler" || element.tag == "rfilter") {
-    // Those with an id are for what refers to them.
+             element.tag == "sampler" || element.tag == "rfilter" || element.tag == "medium" ||
+             element.tag == "phase" || element.tag == "volume") {
+    // Those with an id are for what refers to them; a medium is refused where something uses it.
     if (element.find("id") == nullptr) leave_out("a <" + element.tag + "> at the top level without an id");
   } else if (element.old && element.find("name") && element.find("value")) {
     leave_out("parameter \"" + element.get("name") + "\" of the scene");
   } else if (element.tag == "boolean" && (element.get("name") == "embree_use_robust_intersections" ||
                                           element.get("name") == "allow_thread_reordering")) {
     // Of Mitsuba's ray tracers.
-  } else if (element.tag == "medium" || element.tag == "phase" || element.tag == "volume") {
-    // One with an id is refused where something uses it.
-    if (element.find("id") == nullptr) leave_out("a <" + element.tag + "> at the top level without an id");
   } else {
     std::vector<std::string> known = kSceneTags;
     known.insert(known.end(), {"default", "include", "alias", "path", "ref"});

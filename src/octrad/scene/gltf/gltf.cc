@@ -386,8 +386,8 @@ class GltfReader {
     if (attributes.has("JOINTS_1"))
       report_.assume(primitive.location(), "JOINTS_1 is left out: four joints at most move a vertex");
     const bool mapped = surface.uvs && materials_.has_normal_map(surface.material);
-    std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose);
-    if (read && mapped && read->other_tangents > 0.1) {
+    std::optional<GltfMesh> read = gltf_mesh(*file_, primitive, uv_set, pose, mapped);
+    if (read && read->other_tangents > 0.1) {
       report_.assume(primitive.location(),
                      "TANGENT is left out: a normal map follows the texture coordinates; the "
                      "tangents differ on " +

@@ -137,7 +137,8 @@ bool GltfMesh::one_color() const {
   return !colors.empty();
 }
 
-std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose) {
+std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose,
+                                  bool mapped) {
   const int mode = primitive.integer("mode", kTriangles, kPoints, kFan);
   if (mode < kTriangles) return std::nullopt;
   const GltfObject attributes = primitive.object("attributes");
@@ -192,7 +193,7 @@ std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primit
     mesh.triangles.push_back(triangle);
   }
   double turned = 0.0;
-  if (!pose.skin) {
+  if (mapped && !pose.skin) {
     try {
       turned = other_tangents(mesh, read("TANGENT", {4}, count));
     } catch (const InputError&) {  // nothing needs them

@@ -40,12 +40,13 @@ struct GltfMesh {
   RawMesh mesh;
   int color_channels = 0;     // of `colors`: 3, 4 with alpha, 0 without colours
   std::vector<float> colors;  // [vertices][channels]
-  // Share of the triangles whose TANGENT leads elsewhere than the texture coordinates; 0 without either.
+  // Where normals are mapped: share of the triangles whose TANGENT leads elsewhere than the texture coordinates.
   double other_tangents = 0.0;
-  // Whether they are the same everywhere.
+  // Whether the colours are the same everywhere.
   bool one_color() const;
 };
-std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose);
+std::optional<GltfMesh> gltf_mesh(const GltfFile& file, const GltfObject& primitive, int uv_set, const GltfPose& pose,
+                                  bool mapped);
 // Takes out the triangles whose texture is seen mirrored: v, which runs down the picture, up beside u to the right.
 RawMesh take_mirrored(RawMesh& mesh);
 
