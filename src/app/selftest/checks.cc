@@ -115,7 +115,7 @@ CheckResult check_g_buffer(const Context& c) {
   }
   cases.push_back(cases.front());
   cases.back().options.follow_below = kFollowDelta;
-  cases.back().options.coat_samples = 20.0f;
+  cases.back().options.coat_samples = cases.back().options.metal_samples = 20.0f;
   return check_first_hits(c.stream, c.open, small_picture(c, 3), cases);
 }
 

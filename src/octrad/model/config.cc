@@ -314,6 +314,10 @@ const std::vector<Key>& keys() {
           "render.coat_samples", &C::render_coat_samples, {0, 1e6},
           "coats of roughness alpha are followed like mirrors from this times alpha^2 samples of a pixel on; 0: never; needs render.delta = "
           "trace and lookup.coats = split"),
+      number(
+          "render.metal_samples", &C::render_metal_samples, {0, 1e6},
+          "metals and rough glass of roughness alpha are followed like mirrors by lhs from this times alpha^2 samples of a pixel on; 0: never; "
+          "needs render.delta = trace and lookup.coats = split"),
       choice(
           "render.highlights", &C::render_highlights,
           {{"auto", Highlights::automatic}, {"cache", Highlights::cache}, {"bounce", Highlights::bounce}},
@@ -498,7 +502,8 @@ std::string unmet_condition(const Config& c, const std::string& key) {
   if ((key == "target.demodulate" || key == "lookup.coats") && !outside) return "target.emission = outside";
   if (key == "render.trace_below" && (!outside || c.render_delta != DeltaSurfaces::trace))
     return "render.delta = trace and target.emission = outside";
-  if (key == "render.coat_samples" && (!split_coats(c) || c.render_delta != DeltaSurfaces::trace))
+  if ((key == "render.coat_samples" || key == "render.metal_samples") &&
+      (!split_coats(c) || c.render_delta != DeltaSurfaces::trace))
     return "render.delta = trace, lookup.coats = split and target.emission = outside";
   if (key == "render.offset_spread" && !looks_up_reflected(c))
     return "lookup.offset = traced and lookup.reflected = features";

@@ -132,8 +132,9 @@ struct Config {
   // Checkpoints and rendering.
   double checkpoint_seconds = 180.0;  // "checkpoint.every"
   DeltaSurfaces render_delta = DeltaSurfaces::trace;
-  double render_trace_below = 0.05;     // alpha
-  double render_coat_samples = 6400.0;  // times alpha^2: samples of a pixel before coats are followed; 0: never
+  double render_trace_below = 0.05;      // alpha
+  double render_coat_samples = 6400.0;   // times alpha^2: samples of a pixel before coats are followed; 0: never
+  double render_metal_samples = 6400.0;  // the same for metals, rough glass and other single lobes
   Highlights render_highlights = Highlights::automatic;
   double render_bounce_below = 0.1;
   double render_offset_spread = 0.6;  // share of the roughness

@@ -56,6 +56,7 @@ ModelInfo info_of(const TensorReader& in) {
       if (key == "loss.power") c.loss_power = 2.0;
       if (key == "render.trace_below") c.render_trace_below = 0.0;
       if (key == "render.coat_samples") c.render_coat_samples = preset(c.preset).render_coat_samples;
+      if (key == "render.metal_samples") c.render_metal_samples = preset(c.preset).render_metal_samples;
       if (key == "render.offset_spread") c.render_offset_spread = preset(c.preset).render_offset_spread;
     }
     field_entry(info.config.field).cell_levels(info.config);  // throws where there are too many

@@ -104,7 +104,7 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
       if (key == "config") {
         nlohmann::json config = nlohmann::json::parse(value);
         config["preset"] = info.config.preset = preset_name;
-        for (const char* newer : {"offset_spread", "trace_below", "coat_samples"})
+        for (const char* newer : {"offset_spread", "trace_below", "coat_samples", "metal_samples"})
           EXPECT_EQ(config["render"].erase(newer), 1u);
         EXPECT_EQ(config["loss"].erase("power") + config["octree"].erase("fine"), 2u);
         EXPECT_EQ(config["lookup"].erase("coats") + config["lookup"].erase("rough_offset"), 2u);
@@ -119,12 +119,14 @@ TEST(ModelFile, OlderModelsKeepTheirMeaning) {
     out.write(file + ".older");
     info.config.render_offset_spread = preset(preset_name).render_offset_spread;
     info.config.render_coat_samples = preset(preset_name).render_coat_samples;
+    info.config.render_metal_samples = preset(preset_name).render_metal_samples;
     const ModelInfo older = load_model(file + ".older").info;
     EXPECT_EQ(older.config, info.config);
     EXPECT_EQ(std::set<std::string>(older.state.newer_keys.begin(), older.state.newer_keys.end()),
               (std::set<std::string>{"adam.rate.budget", "lookup.coats", "lookup.rough_offset", "loss.power",
-                                     "octree.fine", "render.coat_samples", "render.offset_spread", "render.trace_below",
-                                     "train.area_falls", "train.average", "train.far_ends", "train.first_points"}));
+                                     "octree.fine", "render.coat_samples", "render.metal_samples",
+                                     "render.offset_spread", "render.trace_below", "train.area_falls", "train.average",
+                                     "train.far_ends", "train.first_points"}));
     std::filesystem::remove(file + ".older");
   }
   std::filesystem::remove(file);

@@ -74,6 +74,7 @@ Config preset(const std::string& name) {
   c.render_delta = DeltaSurfaces::cache;
   c.render_trace_below = 0.0;
   c.render_coat_samples = 0.0;
+  c.render_metal_samples = 0.0;
   c.lookup_coats = Coats::joined;
   c.render_highlights = Highlights::cache;
   c.render_offset_spread = 0.0;

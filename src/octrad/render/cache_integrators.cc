@@ -97,6 +97,7 @@ FirstHitOptions first_hit_options(const IntegratorInput& input, FirstHitOptions:
   options.rough_threshold = static_cast<float>(config.lookup_rough_threshold);
   options.coat_samples = static_cast<float>(config.render_coat_samples);
   if (bounce != FirstHitOptions::Bounce::none) return options;
+  options.metal_samples = static_cast<float>(config.render_metal_samples);
   if (const float below = bounce_below(input.scene, config); below > 0.0f) {
     options.bounce = FirstHitOptions::Bounce::glossy;
     options.rough_threshold = below;

@@ -366,7 +366,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   };
   EstimateErrors errors;
   long long directions = 0, expect_directions = 0;  // of rays to what is reflected
-  long long followed = 0, expect_followed = 0;      // coats
+  long long coats = 0, expect_coats = 0;            // that are followed
+  long long metals = 0, expect_metals = 0;          // and other lobes
   for (const FirstHitCase& one : cases) {
     const FirstHitOptions& options = one.options;
     QueryRays rays = wanted_rays(one.traced_disparity, one.lobes);
@@ -374,7 +375,7 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
     std::vector<Vec3f> radiance(job.size());
     std::vector<FirstHit> first(job.size());
     std::vector<TraceCounts> of(job.size());
-    std::vector<unsigned char> bounces(job.size()), drawn(job.size()), coats(job.size());
+    std::vector<unsigned char> bounces(job.size()), drawn(job.size()), coat(job.size()), metal(job.size());
     parallel_for(job.size(), [&](std::size_t k) {
       CameraSample sample = job.sample(static_cast<std::uint32_t>(k));
       RayEnd end;
@@ -391,14 +392,16 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
           of[k].rays += static_cast<unsigned long long>(rays.count(asked.alpha));
           ++of[k].queries;
         };
-        coats[k] = follows_coat(options, end.point.bsdf, sample.number);
+        if (follows_lobe(options, end.point.bsdf, sample.number)) (is_coated(end.point.bsdf) ? coat : metal)[k] = 1;
         for_each_asked_point(
             context, options, sample.number, end, {}, {}, sample.rng, radiance[k], [](int) {}, ask);
       }
       of[k].rays += static_cast<unsigned long long>(end.rays);
     });
-    followed += std::accumulate(coats.begin(), coats.end(), 0);
-    expect_followed += options.coat_samples > 0.0f && options.bounce == FirstHitOptions::Bounce::none;
+    coats += std::accumulate(coat.begin(), coat.end(), 0);
+    metals += std::accumulate(metal.begin(), metal.end(), 0);
+    expect_coats += options.coat_samples > 0.0f && options.bounce == FirstHitOptions::Bounce::none;
+    expect_metals += options.metal_samples > 0.0f && options.bounce == FirstHitOptions::Bounce::none;
     directions += std::accumulate(drawn.begin(), drawn.end(), 0);
     expect_directions += one.traced_disparity && options.bounce == FirstHitOptions::Bounce::none;
     TraceCounts expected;
@@ -433,7 +436,8 @@ CheckResult check_first_hits(Stream& stream, const PreparedScene& scene, const C
   }
   CheckResult r = errors.result(stream, "relative error of samples", 2e-3, 0.003);
   r.require(directions >= 20 * expect_directions, "few directions to what is reflected");
-  r.require(followed >= 20 * expect_followed, "few coats that are followed");
+  r.require(coats >= 20 * expect_coats, "few coats that are followed");
+  r.require(metals >= 20 * expect_metals, "few metals that are followed");
   return r;
 }
 

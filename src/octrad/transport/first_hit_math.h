@@ -16,17 +16,21 @@ struct FirstHitOptions : FollowRules {
   enum class Bounce { none, glossy, all } bounce = Bounce::none;  // which points are estimated by one bounce instead
   float rough_threshold = 0.5f;                                   // glossy: below
   bool bounce_delta = true;                                       // glossy: also perfect mirrors and glass
-  float coat_samples = 0.0f;                                      // of follows_coat()
+  float coat_samples = 0.0f, metal_samples = 0.0f;                // of follows_lobe()
 };
 
-// Whether sample `number` of a pixel follows the coat of a surface like a near mirror, instead of asking the field for
-// it: coat_samples x alpha^2 samples have asked then, whose mean has less noise. Their share falls with the number of
-// samples, and with it what the field blurs (render.coat_samples, method section 8).
-OCTRAD_HD inline bool follows_coat(const FirstHitOptions& options, const Bsdf& bsdf, int number) {
-  if (!options.split_coats || !(options.coat_samples > 0.0f && options.follow_below > 0.0f) || !is_coated(bsdf))
-    return false;
-  const float alpha = roughness_bsdf<Models::plain>(bsdf);
-  return static_cast<float>(number) >= options.coat_samples * alpha * alpha;
+// Whether sample `number` of a pixel follows the glossy lobe of a surface like a near mirror, instead of asking the
+// field for it: of a coated surface the coat, of another all of it. coat_samples (metal_samples) x alpha^2 samples have
+// asked then, whose mean has less noise. Their share falls with the number of samples, and with it what the field blurs
+// (render.coat_samples and render.metal_samples, method section 8). Blends have rough lobes too, and light crosses hair
+// many times: both are asked for always.
+template <Models kModels = Models::all>
+OCTRAD_HD inline bool follows_lobe(const FirstHitOptions& options, const Bsdf& bsdf, int number) {
+  const float samples = is_coated(bsdf) ? options.coat_samples : options.metal_samples;
+  if (!options.split_coats || !(samples > 0.0f && options.follow_below > 0.0f)) return false;
+  if (bsdf.type == BsdfType::blendbsdf || bsdf.type == BsdfType::hair) return false;
+  const float alpha = roughness_bsdf<kModels>(bsdf);
+  return alpha < 1.0f && static_cast<float>(number) >= samples * alpha * alpha;
 }
 
 // Lobes of a surface that are asked for one after the other: [first, last]. The coat comes first: it may want rays,
@@ -52,38 +56,40 @@ OCTRAD_HD inline void for_each_asked_lobe(const FirstHitOptions& options, Shadin
 }
 
 // The points where a field is asked for a sample whose ray ended with `end`, by `segment` and `hit`, on a surface whose
-// coat is followed: calls count(points), 1 or 2, then ask(point, weight, segment, hit) for each. `known` takes the
-// emission that the coat shows, and RayEnd::rays counts its rays.
+// lobe is followed: calls count(points), 0 to 2, then ask(point, weight, segment, hit) for each. `known` takes the
+// emission that the lobe shows, and RayEnd::rays counts its rays.
 OCTRAD_HD_OR_HOST
 template <typename World, typename Count, typename Ask>
-OCTRAD_HD inline void ask_behind_coat(const World& world, const FirstHitOptions& options, RayEnd& end,
+OCTRAD_HD inline void ask_behind_lobe(const World& world, const FirstHitOptions& options, RayEnd& end,
                                       const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
                                       const Count& count, const Ask& ask) {
   Segment last;
   Hit met;
-  end.point.bsdf.lobe = Lobe::coat;
-  RayEnd coat = follow_coat(world, end.point, rng, options.follow_below, options.max_chain, last, met);
-  end.rays += coat.rays;
-  known += end.throughput * coat.emitted;
-  count(coat.surface ? 2 : 1);
-  if (coat.surface) {
+  const bool coated = is_coated(end.point.bsdf);
+  if (coated) end.point.bsdf.lobe = Lobe::coat;
+  RayEnd far = follow_lobe(world, end.point, rng, options.follow_below, options.max_chain, last, met);
+  end.rays += far.rays;
+  known += end.throughput * far.emitted;
+  count((far.surface ? 1 : 0) + (coated ? 1 : 0));
+  if (far.surface) {
     float weight = 1.0f;  // one lobe there, as right-hand sides ask
-    if (has_lobes(coat.point.bsdf))
-      weight = choose_lobe(coat.point.bsdf, coat.point.to_local(coat.point.wo), rng.stratified());
-    ask(coat.point, end.throughput * coat.throughput * weight, last, met);
+    if (has_lobes(far.point.bsdf))
+      weight = choose_lobe(far.point.bsdf, far.point.to_local(far.point.wo), rng.stratified());
+    ask(far.point, end.throughput * far.throughput * weight, last, met);
   }
+  if (!coated) return;
   end.point.bsdf.lobe = Lobe::base;
   ask(end.point, end.throughput, segment, hit);
 }
 
-// The same for sample `number` of a pixel, whether it follows the coat or not.
+// The same for sample `number` of a pixel, whether it follows the lobe or not.
 OCTRAD_HD_OR_HOST
 template <typename World, typename Count, typename Ask>
 OCTRAD_HD inline void for_each_asked_point(const World& world, const FirstHitOptions& options, int number, RayEnd& end,
                                            const Segment& segment, const Hit& hit, Rng& rng, Vec3f& known,
                                            const Count& count, const Ask& ask) {
-  if (follows_coat(options, end.point.bsdf, number))
-    return ask_behind_coat(world, options, end, segment, hit, rng, known, count, ask);
+  if (follows_lobe<World::kModels>(options, end.point.bsdf, number))
+    return ask_behind_lobe(world, options, end, segment, hit, rng, known, count, ask);
   const AskedLobes lobes = asked_lobes(options, end.point.bsdf);
   count(lobes.last - lobes.first + 1);
   for_each_asked_lobe(options, end.point, [&] { ask(end.point, end.throughput, segment, hit); });

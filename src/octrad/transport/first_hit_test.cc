@@ -255,10 +255,11 @@ TEST(FirstHit, RoughGlassIsAskedForWhatIsBehindIt) {
   EXPECT_GT(lookup_direction(rule, surface_point(found.end.point)).x, 0.99f);
 }
 
-// What a coat reflects of even light: values over the hemisphere, or, where it is smooth, Fresnel's reflectance.
-double reflected_by_coat(Bsdf bsdf, Vec3f wo) {
+// What a model, or the coat of a coated one, reflects of even light: values over the hemisphere, or, where it is
+// smooth, Fresnel's reflectance.
+double reflected(Bsdf bsdf, Vec3f wo) {
   if (bsdf.type == BsdfType::plastic) return static_cast<double>(fresnel_dielectric(wo.z, bsdf.eta).reflectance);
-  bsdf.lobe = Lobe::coat;
+  if (is_coated(bsdf)) bsdf.lobe = Lobe::coat;
   constexpr int kHeights = 400, kTurns = 400;
   double sum = 0.0;
   for (int i = 0; i < kHeights * kTurns; ++i) {
@@ -302,8 +303,8 @@ TEST(FirstHit, CoatsAreFollowedAfterSomeSamples) {
       FirstHit first;
       ASSERT_EQ(trace_first_hit(scene.context(), options, sample, end, first).next, Next::query);
       const bool follows = static_cast<float>(number) >= 100.0f * alpha * alpha;
-      EXPECT_EQ(follows_coat(options, end.point.bsdf, number), follows);
-      if (i == 0) expected = 3.0 * reflected_by_coat(end.point.bsdf, end.point.to_local(end.point.wo));
+      EXPECT_EQ(follows_lobe(options, end.point.bsdf, number), follows);
+      if (i == 0) expected = 3.0 * reflected(end.point.bsdf, end.point.to_local(end.point.wo));
       Vec3f found(0.0f);
       std::vector<Lobe> asked;
       int counted = 0;
@@ -363,6 +364,115 @@ TEST(FirstHit, FollowedCoatsAskWhereTheirRayEnds) {
   EXPECT_GT(lobes[1], kSamples / 10);
   const float half = (1.49f - 1.000277f) / (1.49f + 1.000277f);  // Fresnel at normal incidence; two lobes are asked for
   EXPECT_NEAR(weight_of_far, 2.0 * static_cast<double>(half * half), 0.01);
+}
+
+// A wall of metal before an even sky: once it is followed, all that it reflects is known, and nothing is asked.
+TEST(FirstHit, MetalsAreFollowedAfterSomeSamples) {
+  testing::SceneMaker maker;
+  Material metal;
+  metal.type = BsdfType::roughconductor;
+  metal.alpha_u = metal.alpha_v = maker.texture(0.2f);
+  maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(metal));  // faces -x
+  Environment sky;
+  sky.width = 2;
+  sky.height = 2;
+  sky.pixels.assign(4, Vec3f(3.0f));
+  maker.scene.environments.push_back(sky);
+  const PreparedScene scene(maker.scene);
+  FirstHitOptions options;
+  options.split_coats = true;
+  options.follow_below = kFollowDelta;
+  options.metal_samples = 100.0f;  // from sample 4 on
+  double known = 0.0, expected = 0.0;
+  constexpr int kSamples = 4000;
+  for (int i = 0; i < kSamples; ++i) {
+    const int number = i < 4 ? i : 4;
+    CameraSample sample{{{0, 0, 0}, normalize(Vec3f(1.0f, 0.0f, 1.5f)), 1e30f},
+                        Rng(1, RngPurpose::test, static_cast<std::uint64_t>(i)),
+                        {},
+                        number};
+    RayEnd end;
+    FirstHit first;
+    ASSERT_EQ(trace_first_hit(scene.context(), options, sample, end, first).next, Next::query);
+    if (i == 0) expected = 3.0 * reflected(end.point.bsdf, end.point.to_local(end.point.wo));
+    Vec3f found(0.0f);
+    int counted = -1, asked = 0;
+    for_each_asked_point(
+        scene.context(), options, number, end, {}, {}, sample.rng, found, [&](int n) { counted = n; },
+        [&](const ShadingPoint&, Vec3f, const Segment&, const Hit&) { ++asked; });
+    EXPECT_EQ(asked, number < 4 ? 1 : 0);
+    EXPECT_EQ(counted, asked);
+    if (number < 4) EXPECT_EQ(found, Vec3f(0.0f));
+    else known += static_cast<double>(found.x) / (kSamples - 4);
+  }
+  EXPECT_NEAR(known, expected, 0.01 * expected);
+}
+
+// Glass is passed: what lies behind it is asked for.
+TEST(FirstHit, FollowedGlassAsksBehindIt) {
+  testing::SceneMaker maker;
+  Material glass;
+  glass.type = BsdfType::roughdielectric;
+  glass.alpha_u = glass.alpha_v = maker.texture(0.1f);
+  maker.quad({-5, -5, 2}, {0, 10, 0}, {10, 0, 0}, maker.material(glass));                  // faces -z
+  maker.quad({-50, -50, 3}, {100, 0, 0}, {0, 100, 0}, maker.diffuse(Vec3f(0.5f), true));   // behind it
+  maker.quad({-50, -50, -1}, {100, 0, 0}, {0, 100, 0}, maker.diffuse(Vec3f(0.5f), true));  // before it
+  const PreparedScene scene(maker.scene);
+  FirstHitOptions options;
+  options.split_coats = true;
+  options.follow_below = kFollowDelta;
+  options.metal_samples = 1.0f;
+  int behind = 0, before = 0;
+  double weight_behind = 0.0;
+  constexpr int kSamples = 2000;
+  for (int i = 0; i < kSamples; ++i) {
+    CameraSample sample{{{0, 0, 0}, {0, 0, 1}, 1e30f}, Rng(1, RngPurpose::test, static_cast<std::uint64_t>(i)), {}, 1};
+    RayEnd end;
+    FirstHit first;
+    trace_first_hit(scene.context(), options, sample, end, first);
+    Vec3f known(0.0f);
+    for_each_asked_point(
+        scene.context(), options, 1, end, {}, {}, sample.rng, known, [](int n) { EXPECT_EQ(n, 1); },
+        [&](const ShadingPoint& point, Vec3f weight, const Segment& segment, const Hit& hit) {
+          EXPECT_TRUE(hit.valid());
+          EXPECT_GT(segment.pdf, 0.0f);
+          const bool passed = point.surface.position.z > 2.5f;
+          ++(passed ? behind : before);
+          if (passed) weight_behind += static_cast<double>(weight.x) / kSamples;
+        });
+  }
+  EXPECT_GT(before, 0);
+  EXPECT_EQ(before + behind, kSamples);
+  const double eta = 1.5046 / 1.000277, half = (eta - 1.0) / (eta + 1.0);  // Fresnel at normal incidence
+  EXPECT_NEAR(weight_behind, (1.0 - half * half) / (eta * eta), 0.02);
+}
+
+TEST(FirstHit, WhichLobesAreFollowed) {
+  FirstHitOptions options;
+  options.split_coats = true;
+  options.follow_below = kFollowDelta;
+  options.coat_samples = options.metal_samples = 10.0f;
+  const auto follows = [&](BsdfType type, float alpha, int number) {
+    Bsdf bsdf{};
+    bsdf.type = type;
+    bsdf.alpha_u = bsdf.alpha_v = alpha;
+    return follows_lobe(options, bsdf, number);
+  };
+  for (const BsdfType type : {BsdfType::roughconductor, BsdfType::roughdielectric, BsdfType::roughplastic}) {
+    EXPECT_FALSE(follows(type, 0.5f, 2));
+    EXPECT_TRUE(follows(type, 0.5f, 3));  // 10 x .25 samples have asked
+  }
+  for (const BsdfType type : {BsdfType::diffuse, BsdfType::roughdiffuse, BsdfType::hair, BsdfType::blendbsdf})
+    EXPECT_FALSE(follows(type, 0.1f, 1 << 20)) << static_cast<int>(type);
+  options.metal_samples = 0.0f;
+  EXPECT_FALSE(follows(BsdfType::roughconductor, 0.1f, 1 << 20));
+  EXPECT_TRUE(follows(BsdfType::roughplastic, 0.1f, 1 << 20));
+  options.metal_samples = 10.0f;
+  options.coat_samples = 0.0f;
+  EXPECT_TRUE(follows(BsdfType::roughconductor, 0.1f, 1 << 20));
+  EXPECT_FALSE(follows(BsdfType::roughplastic, 0.1f, 1 << 20));
+  options.split_coats = false;
+  EXPECT_FALSE(follows(BsdfType::roughconductor, 0.1f, 1 << 20));
 }
 
 TEST(FirstHit, DisparityIsTracedOnRequest) {

@@ -234,11 +234,11 @@ OCTRAD_HD inline RayEnd follow_ray(const World& world, Vec3f position, const Vec
   return end;
 }
 
-// Follows the coat of a coated surface like a near mirror: `point` is restricted to it (Lobe::coat). `segment` and
-// `hit` become the last ones.
+// Follows a glossy lobe of a surface like a near mirror: of a coated one `point` is restricted to its coat
+// (Lobe::coat). `segment` and `hit` become the last ones.
 OCTRAD_HD_OR_HOST
 template <typename World>
-OCTRAD_HD inline RayEnd follow_coat(const World& world, const ShadingPoint& point, Rng& rng, float follow_below,
+OCTRAD_HD inline RayEnd follow_lobe(const World& world, const ShadingPoint& point, Rng& rng, float follow_below,
                                     int max_chain, Segment& segment, Hit& hit) {
   RayEnd end;
   end.point = point;

@@ -15,9 +15,9 @@ struct Memory {
   const CameraJob* job;
   TraceCounts* counts;
   SamplePlanes samples;
-  Hit* hits;              // of samples
-  std::uint32_t* chains;  // samples
-  std::uint32_t* coats;   // samples
+  Hit* hits;                // of samples
+  std::uint32_t* chains;    // samples
+  std::uint32_t* followed;  // samples
   SurfacePointArray queries;
   FloatPlanes query_weight;
   std::uint32_t* query_owner;  // samples
@@ -29,7 +29,7 @@ struct Memory {
   FloatPlanes bounce_weight;
   std::uint32_t* bounce_owner;
   std::uint32_t* chain_count;
-  std::uint32_t* coat_count;
+  std::uint32_t* followed_count;
   std::uint32_t* query_count;
   std::uint32_t* bounce_count;
 };
@@ -60,7 +60,8 @@ struct Questions {
   std::uint32_t q = 0, owner = k;
 
   OCTRAD_HD void begin(int points) {
-    q = points > 1 ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
+    if (points > 0)
+      q = points > 1 ? atomic_add(memory.query_count, std::uint32_t{2}) : atomic_append(memory.query_count);
   }
   OCTRAD_HD void ask(const ShadingPoint& shading, Vec3f weight, const Segment& segment, const Hit& hit) {
     const SurfacePoint point = surface_point<kModels>(shading);
@@ -76,7 +77,7 @@ struct Questions {
   }
 };
 
-// The ray of sample `k` has ended, by `segment` and `hit`, and no coat is followed.
+// The ray of sample `k` has ended, by `segment` and `hit`, and no lobe is followed.
 template <Models kModels>
 OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& options, bool hides_emitters, std::uint32_t k,
                              RayEnd& end, const FirstHit& first, const Segment& segment, const Hit& hit, Rng& rng) {
@@ -98,15 +99,15 @@ OCTRAD_HD inline void finish(const Memory& memory, const FirstHitOptions& option
   for_each_asked_lobe(options, end.point, [&] { questions.ask(end.point, end.throughput, segment, hit); });
 }
 
-// Whether the field is asked for sample `k`, whose coat is followed: FollowCoats does it.
+// Whether the field is asked for sample `k`, whose lobe is followed: FollowLobes does it.
 template <Models kModels>
-OCTRAD_HD inline bool takes_coat(const Memory& memory, const FirstHitOptions& options, bool hides_emitters,
+OCTRAD_HD inline bool takes_lobe(const Memory& memory, const FirstHitOptions& options, bool hides_emitters,
                                  std::uint32_t k, int number, const RayEnd& end, const FirstHit& first,
                                  const Rng& rng) {
-  if (!end.surface || !follows_coat(options, end.point.bsdf, number)) return false;
+  if (!end.surface || !follows_lobe<kModels>(options, end.point.bsdf, number)) return false;
   if (first_hit_query<kModels>(options, hides_emitters, end, first, rng).next != FirstHitQuery::Next::query)
     return false;
-  memory.coats[atomic_append(memory.coat_count)] = k;
+  memory.followed[atomic_append(memory.followed_count)] = k;
   return true;
 }
 
@@ -137,21 +138,21 @@ struct Arrive : Kernel {
       }
     }
     const bool hides = world.hides_emitters();
-    if (takes_coat<World::kModels>(memory, options, hides, k, sample.number, end, first, sample.rng)) return;
+    if (takes_lobe<World::kModels>(memory, options, hides, k, sample.number, end, first, sample.rng)) return;
     finish<World::kModels>(memory, options, hides, k, end, first, segment, hit, sample.rng);
   }
 };
 
-// Samples whose coats are followed. A kernel of its own: it keeps two surfaces at a time.
+// Samples whose lobes are followed. A kernel of its own: it keeps two surfaces at a time.
 template <typename World>
-struct FollowCoats : Kernel {
+struct FollowLobes : Kernel {
   static constexpr unsigned kMinBlocks = 2;
   World world;
   Memory memory;
   FirstHitOptions options;
   OCTRAD_HD void operator()(std::uint32_t i) const {
-    if (i >= *memory.coat_count) return;
-    const std::uint32_t k = memory.coats[i];
+    if (i >= *memory.followed_count) return;
+    const std::uint32_t k = memory.followed[i];
     CameraSample sample = memory.job->sample(k);
     Segment segment = first_segment(sample.ray.origin, nullptr, sample.ray.direction, sample.ray.t_max);
     RayEnd end;
@@ -162,7 +163,7 @@ struct FollowCoats : Kernel {
     const int before = end.rays;
     Vec3f known = first_hit_query<World::kModels>(options, world.hides_emitters(), end, first, sample.rng).known;
     Questions<World::kModels> questions{memory, k, sample.rng};
-    ask_behind_coat(
+    ask_behind_lobe(
         world, options, end, segment, hit, sample.rng, known, [&](int points) { questions.begin(points); },
         [&](const ShadingPoint& point, Vec3f weight, const Segment& last, const Hit& met) {
           questions.ask(point, weight, last, met);
@@ -205,7 +206,7 @@ DeviceGBuffer::DeviceGBuffer(Stream& stream, const DeviceWorld& world, std::size
       counts_(stream, 1, "counts of rays"),
       sizes_(stream, kSizes, "sizes of queues"),
       chains_(stream, capacity, "camera rays"),
-      coats_(stream, split_coats ? capacity : 0, "camera rays"),
+      followed_(stream, split_coats ? capacity : 0, "camera rays"),
       query_owner_(stream, queries_of(capacity), "queries"),
       bounce_owner_(stream, bounces ? capacity : 0, "right-hand-side points"),
       hits_(stream, capacity, "hits of camera rays"),
@@ -242,7 +243,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
                       {samples_.planes()},
                       hits_.data(),
                       chains_.data(),
-                      coats_.data(),
+                      followed_.data(),
                       queries_.points(query_rays_.offset),
                       query_weight_.planes(),
                       query_owner_.data(),
@@ -254,13 +255,13 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
                       bounce_weight_.planes(),
                       bounce_owner_.data(),
                       sizes + kChains,
-                      sizes + kCoats,
+                      sizes + kFollowed,
                       sizes + kQueries,
                       sizes + kBounces};
   FirstHitOptions checked = options;
   if (bounce_points_.empty()) checked.bounce = FirstHitOptions::Bounce::none;
   checked.split_coats = options.split_coats && split_;
-  const bool follows_coats = checked.split_coats && checked.coat_samples > 0.0f;
+  const bool follows_lobes = checked.split_coats && (checked.coat_samples > 0.0f || checked.metal_samples > 0.0f);
   sizes_.fill(0);
   cast(*stream_, n, Extend{{}, world_, memory}, sizes + kTaken);
   hide_emitters(*stream_, n, world_, job_.data(), hits_.data(), &counts_.data()->rays);
@@ -269,7 +270,7 @@ void DeviceGBuffer::run(const FirstHitOptions& options, std::size_t samples) {
     using World = std::decay_t<decltype(world)>;
     launch(*stream_, n, Arrive<false, World>{{}, world, memory, checked});
     launch(*stream_, n, Arrive<true, World>{{}, world, memory, checked});
-    if (follows_coats) launch(*stream_, n, FollowCoats<World>{{}, world, memory, checked});
+    if (follows_lobes) launch(*stream_, n, FollowLobes<World>{{}, world, memory, checked});
   });
   trace_offsets(*stream_, queries_of(n), world_, query_rays_.offset, queries_.points(query_rays_.offset),
                 normals_.planes(), query_count(), &counts_.data()->rays);

@@ -51,7 +51,7 @@ class DeviceGBuffer {
   static std::size_t bytes(std::size_t capacity, bool bounces, const QueryRays& rays, bool split_coats = false);
 
  private:
-  enum { kChains, kCoats, kQueries, kBounces, kTaken, kSizes };
+  enum { kChains, kFollowed, kQueries, kBounces, kTaken, kSizes };
 
   Stream* stream_;
   DeviceWorld world_;
@@ -60,7 +60,7 @@ class DeviceGBuffer {
   bool split_;
   DeviceArray<CameraJob> job_;
   DeviceArray<TraceCounts> counts_;
-  DeviceArray<std::uint32_t> sizes_, chains_, coats_, query_owner_, bounce_owner_;
+  DeviceArray<std::uint32_t> sizes_, chains_, followed_, query_owner_, bounce_owner_;
   DeviceArray<Hit> hits_;
   DeviceArray<ShadingPoint> bounce_points_;
   DeviceArray<unsigned long long> bounce_keys_;

@@ -16,17 +16,18 @@ class DeviceGBuffers : public testing::StreamTest {
 };
 
 TEST_P(DeviceGBuffers, SeeWhatTheCpuSees) {
-  for (const bool follow : {false, true}) {
+  for (const float below : {0.0f, kFollowDelta, 0.3f}) {
     for (const Bounce bounce : {Bounce::none, Bounce::glossy, Bounce::all}) {
       FirstHitCase c{{}, bounce != Bounce::all, bounce != Bounce::all};
-      c.options.follow_below = follow ? 0.3f : 0.0f;
+      c.options.follow_below = below;
       c.options.bounce = bounce;
       c.options.split_coats = bounce != Bounce::all;
-      c.options.coat_samples = follow ? 20.0f : 0.0f;
-      c.options.emission_inside = follow;
+      c.options.coat_samples = below > 0.0f ? 20.0f : 0.0f;
+      c.options.metal_samples = below == kFollowDelta ? 20.0f : 0.0f;
+      c.options.emission_inside = below == 0.3f;
       c.options.max_chain = 5;
-      EXPECT_TRUE(testing::passed(check_first_hits(*stream, scene_, camera_job(scene_, 24, 18, 3, 3), {&c, 1})))
-          << "bounce " << static_cast<int>(bounce) << ", follow " << follow;
+      EXPECT_TRUE(testing::passed(check_first_hits(*stream, scene_, camera_job(scene_, 32, 24, 3, 3), {&c, 1})))
+          << "bounce " << static_cast<int>(bounce) << ", follow below " << below;
     }
   }
 }
