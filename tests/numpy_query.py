@@ -9,6 +9,7 @@ are the program's rounding. tests/test_numpy_query.py compares the two.
 import argparse
 import json
 import struct
+import sys
 
 import numpy as np
 
@@ -320,6 +321,9 @@ def read_points(path, names=tuple(COLUMNS)):
     with open(path) as file:
         header = [name.strip() for name in file.readline().split(",")]
         rows = np.array([[float(v) for v in line.split(",")] for line in file if line.strip()])
+    missing = [name for name in names if name not in header]
+    if missing:
+        sys.exit("%s: has no columns %s, which this model's points need (docs/formats.md)" % (path, ", ".join(missing)))
     return rows[:, [header.index(name) for name in names]]
 
 

@@ -54,6 +54,9 @@ class Info(Case):
                             ("lookup.reflected=features", "lookup.offset = traced")):
             others = ("-D", "render.highlights=cache", "-D", "lookup.offset=none")
             self.assertIn(f"has no effect here: it needs {needed}", self.ok("info", scene, *others, "-D", key).err)
+        for off in ("lookup.reflected=none", "render.metal_samples=0"):  # what is off has no effect to miss
+            self.assertEqual(self.ok("info", scene, "-D", "lookup.offset=predicted", "-D", "render.delta=cache", "-D", off).err, "")
+        self.assertIn("render.metal_samples has no effect", self.ok("info", scene, "-D", "render.delta=cache", "-D", "render.metal_samples=100").err)
         self.assertEqual(self.ok("info", scene, "--preset", "paper", "-D", "disparity.levels=8").err, "")
         self.fails(3, "none.json", "info", "--keys", "--config", self.path("none.json"))
         file = self.write("c.json", '{\n  "octree": {"levels": 5,}\n}')

@@ -403,10 +403,13 @@ std::string empty_lookups_text(long long count) {
 }
 
 void warn_of_ignored_keys(const ConfigOptions& options, const Config& config) {
+  const auto switches_off = [](const std::string& value) {
+    return value == "0" || value == "false" || value == "none" || value == "joined";
+  };
   for (const auto& [key, value] : options.config_definitions()) {
     if (ignores_key(field_entry(config.field), key))
       log_warning(fmt::format("-D {}: the field {} does not use it", key, config.field));
-    else if (const std::string needed = unmet_condition(config, key); !needed.empty())
+    else if (const std::string needed = unmet_condition(config, key); !needed.empty() && !switches_off(value))
       log_warning(fmt::format("-D {} has no effect here: it needs {}", key, needed));
   }
 }

@@ -44,7 +44,8 @@ void require_a_match(const SelftestOptions& o) {
   if ((!o.no_checks && any(checks())) || (!o.no_benchmarks && any(benchmarks())) ||
       (!o.no_checks && !o.no_benchmarks && any(stages())))
     return;
-  throw UsageError(fmt::format("--only {}: no check, benchmark or stage has this in its name", o.only));
+  const char* what = o.no_benchmarks ? "check" : o.no_checks ? "benchmark" : "check, benchmark or stage";
+  throw UsageError(fmt::format("--only {}: no {} has this in its name", o.only, what));
 }
 
 // JSON has no infinity.

@@ -161,7 +161,7 @@ void Run::choose_scale() {
       factor = low;
     }
     const Plan smallest = plan_at(factor);
-    if (const double cost = plan_cost(smallest, rates_); cost > 1.2 * budget)
+    if (const double cost = plan_cost(smallest, rates_); cost > 0.85 * budget)
       log_warning(fmt::format(
           "--budget {}: even at the smallest sizes this takes about {}; fewer scenes, methods or views take less",
           o_.budget, format_duration(cost)));
