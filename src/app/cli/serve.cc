@@ -122,8 +122,9 @@ viewer::ViewState first_state(const View& view, bool chosen) {
   set_pose(state, viewer::pose_json(view.camera));
   const double shrink =
       chosen ? 1.0 : std::min(1.0, static_cast<double>(kUsualSide) / std::max(view.width, view.height));
-  state.width = static_cast<int>(view.width * shrink + 0.5);
-  state.height = static_cast<int>(view.height * shrink + 0.5);
+  const int least = chosen ? 1 : viewer::kLeastSize;  // of a very long picture, unless a size was asked for
+  state.width = std::max(least, static_cast<int>(view.width * shrink + 0.5));
+  state.height = std::max(least, static_cast<int>(view.height * shrink + 0.5));
   for (const int side : {state.width, state.height}) {
     if (side < viewer::kLeastSize || side > viewer::kLargestSize)
       throw UsageError(fmt::format("a picture of {} x {} pixels: sides from {} to {} can be shown", state.width,

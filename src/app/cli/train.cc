@@ -319,7 +319,9 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
   use_huge_pages();
   std::vector<Camera> cameras;
   if (!config.train_cameras.empty()) cameras = read_cameras(config.train_cameras);
-  if (resumed) check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false);
+  if (resumed)
+    check_scene(o.output, resumed->info, scene.scene().file, scene.scene().fingerprint, false,
+                "a training goes on in the scene that it began in");
   if (resumed) check_sensors(o, resumed->info.state, scene.scene(), cameras);
   if (!o.reference.empty()) check_reference(o.reference, reference, scene.scene());
   const std::unique_ptr<JsonLines> log = common.open_log(resumed.has_value());
@@ -388,8 +390,11 @@ void train_verb(const CommonOptions& common, TrainVerbOptions o) {
     done["event"] = "done";
     log->write(done);
   }
-  if (result.interrupted)
-    log_info("interrupted: {} holds step {}; --resume continues it", o.output, format_count(result.steps));
+  if (result.interrupted) {
+    const bool edited = scene.fingerprint() != scene.scene().fingerprint;
+    log_info("interrupted: {} holds step {}; {}", o.output, format_count(result.steps),
+             edited ? "it belongs to the edited scene, in which --resume does not go on" : "--resume continues it");
+  }
   if (common.json) print_json(report);
   else print_result(o.output, result, size);
   if (log) log->finish();

@@ -175,6 +175,7 @@ void view_verb(const CommonOptions& common, ViewVerbOptions o) {
   try {
     first = first_state(o, scene, studio.stored.get());
   } catch (const InputError& error) {
+    if (!o.view.camera_file.empty()) throw;
     throw UsageError(error.what());
   }
   prepared.tracer();  // built before anybody waits for it

@@ -91,7 +91,8 @@ void set_pose(ViewState& state, const nlohmann::json& pose) {
   Camera camera = read_camera(pose, "camera: ");
   camera.view(kLargestSize, kLargestSize);  // refuses what would begin too far away
   state.camera = camera;
-  state.pose = pose;
+  state.pose =
+      pose.contains("target") && pose.contains("up") ? pose : pose_json(camera);  // the page turns it about "up"
 }
 
 // Without what a camera file cannot say: a window of the film, a shifted principal point. Of a camera that is not

@@ -8,6 +8,7 @@
 #include "app/view/inspect.h"
 #include "app/view/points_layer.h"
 #include "octrad/base/error.h"
+#include "octrad/base/interrupt.h"
 #include "octrad/base/json_file.h"
 #include "octrad/base/memory_limit.h"
 #include "octrad/base/stopwatch.h"
@@ -20,7 +21,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kMostJobs = 4;
+constexpr int kMostJobs = 4;  // pictures that are being saved
 constexpr int kMostPathFrames = 20000;
 constexpr std::size_t kMostPicks = 32;  // that wait
 constexpr auto kBetweenStatus = 250ms;  // of a live training
@@ -85,6 +86,10 @@ void Session::check() const {
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
 }
+
+// Asked in the middle of a picture. With a live training pictures are made in the thread of run(), which cannot see a
+// signal meanwhile.
+bool Session::ends() const { return stopping_ || octrad::interrupted(); }
 
 bool Session::run(const std::function<bool()>& interrupted) {
   const auto ended = [&] {
@@ -255,7 +260,10 @@ void Session::set(ClientId client, const nlohmann::json& message) {
     ++wanted_.display;
     if (seen_anew) ++wanted_.view;
     if (film) film_ = ++wanted_.film;
-    if (seen_anew || other_a) wanted_.moved = Clock::now();  // something quick first
+    if (seen_anew || other_a) {  // something quick first, however long the renderer is busy with another picture
+      wanted_.moved = Clock::now();
+      wanted_.quick = wanted_.film;
+    }
     wake_.notify_all();
   }
   if (!only_camera) tell_state();
@@ -273,7 +281,12 @@ void Session::train(ClientId client, const nlohmann::json& message) {
     require_control(client);
   }
   if (message["type"] == "train") return live_->command(message);
-  live_->edit(message);
+  try {
+    live_->edit(message);
+  } catch (const InputError&) {
+    server_->send(client, json_text(live_->scene()));  // its page has shown the edit already
+    throw;
+  }
   server_->broadcast(json_text(live_->scene()));
 }
 
@@ -343,8 +356,11 @@ void Session::download(const std::string& path, std::function<void(Download)> an
     return refuse(409, live_ != nullptr
                            ? "there is no picture at full resolution yet; while it trains there is none: pause it"
                            : "there is no picture at full resolution yet");
-  if (stopping_ || jobs_.size() >= kMostJobs) return refuse(503, "too many pictures are asked for at once");
-  jobs_.emplace_back([picture, exr, state = wanted_.state, answer = std::move(answer)] {
+  if (stopping_ || *saving_ >= kMostJobs) return refuse(503, "too many pictures are asked for at once");
+  // Counts until the client has all of it, or is gone.
+  ++*saving_;
+  std::shared_ptr<void> held(nullptr, [saving = saving_](void*) { --*saving; });
+  jobs_.emplace_back([picture, exr, state = wanted_.state, answer = std::move(answer), held = std::move(held)] {
     Download file;
     try {
       if (exr) {
@@ -356,6 +372,7 @@ void Session::download(const std::string& path, std::function<void(Download)> an
     } catch (const std::exception& error) {  // std::bad_alloc, too: a picture must not end a training
       file = {500, "text/plain; charset=utf-8", "", std::string(error.what()) + "\n"};
     }
+    file.held = held;
     answer(std::move(file));
   });
   work_.notify_one();

@@ -51,6 +51,7 @@ class Session : public ServerHandler {
     long long view = 1;     // those of them of the camera and the size
     long long display = 1;  // any change that is seen
     Clock::time_point moved{};
+    long long quick = 0;  // the film that is to be shown in a quick way first
   };
   struct Shown {
     std::shared_ptr<const Picture> a, b;
@@ -90,7 +91,8 @@ class Session : public ServerHandler {
   bool is_current(const Wanted& wanted) const;
   void make_picture(const Wanted& wanted, bool moving, bool training);
   void publish(const Wanted& wanted, bool moving, bool samples_are_new);
-  bool changed(long long film) const { return stopping_ || film_ != film; }
+  bool ends() const;
+  bool changed(long long film) const { return ends() || film_ != film; }
 
   Studio studio_;
   Catalogue catalogue_;
@@ -105,6 +107,8 @@ class Session : public ServerHandler {
   Shown shown_;
   std::shared_ptr<const Picture> finished_[2];  // the last at full resolution
   std::deque<std::function<void()>> jobs_;
+  const std::shared_ptr<std::atomic<int>> saving_ =
+      std::make_shared<std::atomic<int>>(0);               // pictures, until they are sent
   std::deque<std::pair<ClientId, nlohmann::json>> picks_;  // while there is a live training
   std::exception_ptr failure_;
   std::atomic<bool> stopping_{false};
@@ -115,7 +119,7 @@ class Session : public ServerHandler {
   std::optional<FilmKey> a_film_, b_film_;  // none while moving
   long long a_scene_ = 0, b_scene_ = 0;     // LiveTraining::scene_number() of the renderers
   bool still_ = false;                      // the films are those of the picture at rest
-  long long film_done_ = 0, display_done_ = 0;
+  long long film_done_ = 0, display_done_ = 0, quick_done_ = 0;
   Clock::time_point published_{};
   bool unpublished_ = false;
   ToneMapper tone_;

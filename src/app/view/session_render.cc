@@ -109,7 +109,7 @@ bool Session::answer_picks() {
           }
         }
       },
-      [this] { return stopping_.load(); });
+      [this] { return ends(); });
   return true;
 }
 
@@ -125,9 +125,9 @@ void Session::render() {
         if (stopping_) return;
         if (!picks_.empty()) break;
         const auto now = Clock::now();
-        moving = now - wanted_.moved < kStill;
-        training = live_ != nullptr && live_->training();
         const bool other_film = wanted_.film != film_done_;
+        moving = now - wanted_.moved < kStill || (other_film && wanted_.quick != quick_done_);
+        training = live_ != nullptr && live_->training();
         if (live_ != nullptr && still_ && !moving && !is_current(wanted_)) still_ = false;
         const bool refines = !a_.finished() || (wanted_.state.b && !b_.finished());
         const bool settles = !moving && !still_ && (!training || refines || !is_current(wanted_));
@@ -180,7 +180,8 @@ void Session::make_picture(const Wanted& wanted, bool moving, bool training) {
     const View view = view_of(state, quick_scale(state));
     a_film_.reset();
     b_film_.reset();
-    if (!sample(wanted, view, false, [this] { return stopping_.load(); })) return;
+    quick_done_ = wanted.quick;
+    if (!sample(wanted, view, false, [this] { return ends(); })) return;
     a_film_.reset();
     b_film_.reset();
     done(false);

@@ -213,6 +213,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<http::response<http::string_body>> response_;
+  std::shared_ptr<void> held_;                                              // Download::held of response_
   std::optional<http::response_serializer<http::string_body>> serializer_;  // of response_
   int requests_ = 0;
   bool known_ = false;  // has shown the token
@@ -276,7 +277,8 @@ void Client::read() {
 
 void Client::send(std::string text) {
   const ServerLimits& limits = server_->options.limits;
-  if (texts_.size() >= limits.unread || waiting_bytes_ + text.size() > limits.unread_bytes) return stop();
+  const bool waits = !texts_.empty();  // one text of any size is sent: a list of very many lights, for example
+  if (texts_.size() >= limits.unread || (waits && waiting_bytes_ + text.size() > limits.unread_bytes)) return stop();
   waiting_bytes_ += text.size();
   texts_.push_back(std::move(text));
   write();
@@ -408,6 +410,7 @@ void Connection::answer(const Request& request, Download file) {
   const bool ok = file.status < 300;
   response_->keep_alive(ok && request.keep_alive() && ++requests_ < kMostRequests && !server_->stopping);
   response_->body() = std::move(file.body);
+  held_ = std::move(file.held);
   response_->prepare_payload();
   serializer_.emplace(*response_);
   write();
@@ -419,6 +422,8 @@ void Connection::write() {
   http::async_write_some(stream_, *serializer_, [self = shared_from_this()](error_code error, std::size_t) {
     if (error) return;
     if (!self->serializer_->is_done()) return self->write();
+    self->response_->body() = {};
+    self->held_.reset();
     if (self->response_->keep_alive()) return self->read();
     error_code ignored;
     self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);

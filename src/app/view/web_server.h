@@ -39,6 +39,7 @@ struct ServerOptions {
 struct Download {
   int status = 200;
   std::string type = "text/plain; charset=utf-8", name = {}, body;
+  std::shared_ptr<void> held = {};  // released when it is sent, or its client is gone
 };
 
 // What a server asks. All functions are called by the server's thread, one at a time, and must not take long.

@@ -280,11 +280,12 @@ Model load_model(const std::string& file, bool optimizer) {
 }
 
 void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
-                 const std::string& fingerprint, bool force) {
+                 const std::string& fingerprint, bool force, const char* way_out) {
   if (force || info.scene_fingerprint == fingerprint) return;
+  const char* why =
+      info.scene_file == scene_file ? " (its files have changed since, or lights or materials were edited)" : "";
   throw InputError(file + " was trained on another scene: " + info.scene_file + " (fingerprint " +
-                   info.scene_fingerprint + "), not " + scene_file + " (" + fingerprint +
-                   "); --force uses it all the same");
+                   info.scene_fingerprint + "), not " + scene_file + " (" + fingerprint + ")" + why + "; " + way_out);
 }
 
 }  // namespace octrad

@@ -70,8 +70,8 @@ ModelFileSize model_file_size(const TensorReader& file);
 // counts.
 ModelFileSize estimate_model_file_size(const Config& config, const std::vector<long long>& cells_per_level);
 
-// Throws InputError when the model was trained on another scene, unless `force`.
+// Throws InputError when the model was trained on another scene, unless `force`. `way_out`: what the message ends with.
 void check_scene(const std::string& file, const ModelInfo& info, const std::string& scene_file,
-                 const std::string& fingerprint, bool force);
+                 const std::string& fingerprint, bool force, const char* way_out = "--force uses it all the same");
 
 }  // namespace octrad

@@ -31,7 +31,7 @@ void set_frame(Camera& camera, const Transform& to_world) {
 
 std::vector<double> read_array(const nlohmann::json& object, const std::string& key, std::size_t count,
                                const std::string& where) {
-  const nlohmann::json& value = object.at(key);
+  const nlohmann::json value = object.value(key, nlohmann::json());
   std::vector<double> numbers;
   if (value.is_array() && value.size() == count) {
     for (const nlohmann::json& item : value) {

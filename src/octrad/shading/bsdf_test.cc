@@ -429,6 +429,8 @@ TEST(Bsdf, RoughDiffuse) {
   };
   const Vec3f wo = at(1.1, 0.3);
   EXPECT_NEAR(evaluate_bsdf(b, wo, at(0.8, 2.0)).value.x, 0.9f * kInvPi * std::cos(0.8f), 1e-5f);
+  const Vec3f up{0.0f, 0.0f, std::nextafter(1.0f, 2.0f)};  // as unit vectors are rounded
+  EXPECT_NEAR(evaluate_bsdf(b, up, up).value.x, 0.9f * kInvPi, 1e-5f);
   b.alpha_u = static_cast<float>(20.0 * 3.14159265358979 / 180.0 * std::sqrt(2.0));
   for (const double phi : {0.3, 1.0, 2.5}) {
     const double s2 = std::pow(20.0 * 3.14159265358979 / 180.0, 2), cos = std::cos(phi - 0.3),

@@ -28,7 +28,8 @@ class Lights {
   // Draws a point on an emitter as seen from `x`.
   LightSample sample(Vec3f x, float u_pick, Vec2f u) const;
   // sample() in three steps, of which each starts to load what the next will read: some hundred cycles should lie
-  // between them. `x` may be a little off in the first.
+  // between them. `x` may be a little off in the first: where that is another place of the environment's tables, the
+  // last step draws again, for densities are those of the place of `x`.
   struct Draw {
     float u_pick = 0.0f;
     Vec2f u;
@@ -38,8 +39,9 @@ class Lights {
   Draw begin(Vec3f x, float u_pick, Vec2f u) const;
   void go_on(Draw& draw) const;
   LightSample finish(const Draw& draw, Vec3f x) const {
-    return draw.in_map ? environment_light(view_, view_.environment_pick, sample_cell(view_.environment, draw.pick))
-                       : sample_light(view_, x, draw.u_pick, draw.u);
+    return draw.in_map && view_.environment.places.place(x) == draw.pick.place
+               ? environment_light(view_, view_.environment_pick, sample_cell(view_.environment, draw.pick))
+               : sample_light(view_, x, draw.u_pick, draw.u);
   }
   // Radiance leaving a hit emitter towards `wo` (zero on its back) and the density sample() has for it from `x`.
   Vec3f emitted(const SurfaceInteraction& surface, Vec3f wo) const;

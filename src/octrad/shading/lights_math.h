@@ -112,6 +112,14 @@ OCTRAD_HD inline float sample_grid(const LightRecord& l, Vec2f u, int& triangle,
   return share * side * side;
 }
 
+// What turns density by area on a lamp into density by solid angle, along a direction to it, times its length; 0: its
+// back, or its edge. The shading normal says which side emits. The cosine is that of the shading normal as well where
+// all of the lamp is alike, and that of the face where it has a texture, both as in Mitsuba.
+OCTRAD_HD inline float lamp_cosine(const LightRecord& l, Vec3f direction, Vec3f shading_normal, Vec3f face_normal) {
+  const float cos = -dot(direction, shading_normal);
+  return cos > 0.0f && l.texture >= 0 ? std::fabs(dot(direction, face_normal)) : cos;
+}
+
 OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightRecord& l, float pick, Vec3f x, Vec2f u) {
   LightSample s;
   if (l.triangle_count == 0) return s;
@@ -135,7 +143,8 @@ OCTRAD_HD inline LightSample sample_mesh(const LightsView& view, const LightReco
   if (!(s.distance > 0.0f)) return s;
   s.direction = d / s.distance;
   const MeshView& mesh = l.shape.mesh;
-  const float cos = -dot(s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal));
+  const float cos = lamp_cosine(
+      l, s.direction, mesh.normals == nullptr ? t.normal : interpolated_normal(mesh, i, b, t.normal), t.normal);
   if (!(cos > 0.0f)) return s;
   s.pdf = pick * l.inv_area * distance2 / cos * density;
   s.radiance = l.texture >= 0 ? light_radiance(view, l, mesh_uv(mesh, i, b)) : l.radiance;
@@ -241,7 +250,8 @@ OCTRAD_HD inline float light_pdf(const LightsView& view, Vec3f x, const SurfaceI
   }
   const Vec3f d = surface.position - x;
   const float distance2 = dot(d, d);
-  const float cos = -dot(d, surface.shading_normal) / std::sqrt(distance2);
+  const float cos =
+      lights_detail::lamp_cosine(l, d, surface.shading_normal, surface.geometric_normal) / std::sqrt(distance2);
   if (!(cos > 0.0f)) return 0.0f;
   const float pdf = l.pick * l.inv_area * distance2 / cos;
   return l.grid == nullptr ? pdf : pdf * lights_detail::grid_density(l, surface.uv);

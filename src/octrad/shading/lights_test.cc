@@ -325,6 +325,28 @@ TEST(Lights, DrawsInStepsAreSamples) {
   EXPECT_GT(in_map, 50);
 }
 
+// Where the first step's place is beside that of the last one, the density is still that of the last one's.
+TEST(Lights, DrawsInStepsNextToABorderOfPlaces) {
+  SceneMaker maker = four_emitters();
+  Lights lights(maker.scene);
+  lights.set_environment_places(speckled_places());
+  const Vec3f x{0.500001f, 0.2f, 0.3f}, beside{0.499999f, 0.2f, 0.3f};
+  ASSERT_NE(lights.view().environment.places.place(x), lights.view().environment.places.place(beside));
+  Rng rng(5, RngPurpose::test, 7);
+  int in_map = 0;
+  for (int i = 0; i < 500; ++i) {
+    const float pick = rng.uniform();
+    const Vec2f u = rng.uniform2();
+    Lights::Draw draw = lights.begin(beside, pick, u);
+    lights.go_on(draw);
+    in_map += draw.in_map ? 1 : 0;
+    const LightSample s = lights.finish(draw, x), expected = lights.sample(x, pick, u);
+    EXPECT_EQ(s.direction, expected.direction);
+    EXPECT_EQ(s.pdf, expected.pdf);
+  }
+  EXPECT_GT(in_map, 50);
+}
+
 TEST(Lights, DensityOfHitAgreesWithSampling) {
   SceneMaker maker = four_emitters();
   maker.scene.delta_lights.clear();
@@ -401,10 +423,11 @@ TEST(Lights, VertexNormalsDecideWhichSideEmits) {
 }
 
 // Directions drawn on a mesh that emits follow the density that a ray finds there.
-void expect_samples_by_density(const TriangleMesh& mesh, bool parallelogram) {
+void expect_samples_by_density(const TriangleMesh& mesh, bool parallelogram, const Texture* texture = nullptr) {
   SceneMaker maker;
   maker.scene.meshes.push_back(mesh);
   maker.shape(Shape::Kind::mesh, 0, maker.diffuse(Vec3f(0.5f)), Vec3f(1.0f));
+  if (texture != nullptr) maker.scene.area_lights.back().radiance = maker.texture(*texture);
   const auto tracer = make_embree_tracer(maker.scene);
   const Lights lights(maker.scene);
   EXPECT_EQ(lights.view().area[0].parallelogram, parallelogram);
@@ -433,6 +456,22 @@ TEST(Lights, MeshSamplesFollowTheirDensity) {
   m.triangles.pop_back();
   SCOPED_TRACE("two triangles, no parallelogram");
   expect_samples_by_density(m, false);
+}
+
+// With a texture the cosine is that of the face: densities add up to 1, whatever the vertex normals.
+TEST(Lights, TexturedLampsWithVertexNormals) {
+  if (testing::sanitized()) GTEST_SKIP() << "statistics of many samples; others draw some under the sanitizers";
+  TriangleMesh m;
+  m.positions = {{-1, -1, 1}, {1, -1, 1.2f}, {-1, 1, 1.4f}, {1.5f, 1.5f, 0.6f}};
+  m.triangles = {{0, 2, 1}, {1, 2, 3}};
+  for (const Vec3f lean : {Vec3f(0.5f, 0.1f, -1), Vec3f(-0.4f, 0, -1), Vec3f(0, 0.6f, -1), Vec3f(0.3f, 0.3f, -1)})
+    m.normals.push_back(normalize(lean));
+  m.uvs = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+  Texture t;
+  t.kind = Texture::Kind::bitmap;
+  t.width = t.height = 2;
+  t.pixels = {Vec3f(1.0f), Vec3f(5.0f), Vec3f(2.0f), Vec3f(0.5f)};
+  expect_samples_by_density(m, false, &t);
 }
 
 // Whichever corners the two triangles begin with, and whether they share vertices.

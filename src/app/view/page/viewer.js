@@ -170,6 +170,7 @@ class Viewer {
   }
 
   tick(time) {
+    requestAnimationFrame(next => this.tick(next));  // first: a mistake in one frame must not be the end of all
     const seconds = Math.min((time - (this.last || time)) / 1000, 0.1);
     this.last = time;
     if (this.controls && this.camera) {
@@ -180,7 +181,6 @@ class Viewer {
         this.set({ camera: this.camera, input: ++this.inputs });
       }
     }
-    requestAnimationFrame(next => this.tick(next));
   }
 
   fly(seconds) {

@@ -14,9 +14,10 @@ struct RoughDiffuseModel {
   OCTRAD_HD static BsdfValue evaluate(const Bsdf& b, Vec3f wo, Vec3f wi) {
     if (!(wo.z > 0.0f && wi.z > 0.0f)) return {};
     const float s2 = 0.5f * b.alpha_u * b.alpha_u;
-    const float high = wo.z < wi.z ? wo.z : wi.z, low = wo.z < wi.z ? wi.z : wo.z;  // cosines of the angles a >= b
-    const float sin_a = std::sqrt(1.0f - high * high), sin_b = std::sqrt(low < 1.0f ? 1.0f - low * low : 0.0f);
-    const float angle_a = std::acos(high), angle_b = std::acos(low < 1.0f ? low : 1.0f);
+    const float zo = wo.z < 1.0f ? wo.z : 1.0f, zi = wi.z < 1.0f ? wi.z : 1.0f;  // unit vectors are rounded
+    const float high = zo < zi ? zo : zi, low = zo < zi ? zi : zo;               // cosines of the angles a >= b
+    const float sin_a = std::sqrt(1.0f - high * high), sin_b = std::sqrt(1.0f - low * low);
+    const float angle_a = std::acos(high), angle_b = std::acos(low);
     const float flat = std::sqrt((wo.x * wo.x + wo.y * wo.y) * (wi.x * wi.x + wi.y * wi.y));
     const float cos_phi = flat > 0.0f ? (wo.x * wi.x + wo.y * wi.y) / flat : 0.0f;
     const float t = 2.0f * kInvPi * angle_b, ab = 4.0f * kInvPi * kInvPi * angle_a * angle_b;
