@@ -165,6 +165,22 @@ class Watching(Live):
         self.assertEqual(self.process.returncode, 130)
         self.assertGreaterEqual(json.loads(read_safetensors(output)[0]["state"])["step"], last["step"])
 
+    def test_a_model_of_an_edited_scene_says_so(self):
+        process = start("train", self.write("room.xml", ROOM), "-o", self.path("m.octrad"), "--view", *(word for word in LONG if word != "-q"))
+        self.addCleanup(self.finish, process)
+        viewer = self.viewer(process.stdout.readline().decode().strip())
+        self.status(viewer, lambda s: s["step"] > 0)
+        viewer.send("edit", lights=[{"light": 0, "factor": [1, 0.5, 1]}])
+        viewer.answer("scene")
+        self.status(viewer, lambda s: 0 < s["change"])
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE)
+        self.assertEqual(process.returncode, 130)
+        self.assertIn(b"it belongs to the edited scene", err)
+        self.assertNotIn(b"--resume continues it", err)
+        refused = self.fails(2, "lights or materials were edited", "train", self.path("room.xml"), "-o", self.path("m.octrad"), "--resume", *LONG)
+        self.assertNotIn("--force", refused.err)
+
     def test_options(self):
         scene = self.write("room.xml", ROOM)
         self.fails(1, "--port", "train", scene, "-o", self.path("m.octrad"), "--port", "0")
@@ -262,6 +278,11 @@ class Edits(Live):
             viewer.send(kind, **members)
             viewer.answer("error")
         self.assertEqual(len(viewer.errors), len(bad))
+        self.assertIn('"factor" must be a list of 3 finite numbers', viewer.errors)
+        # A page shows an edit before it is answered: a refusal comes with the scene as it is.
+        scenes = [m for m in viewer.others if m["type"] == "scene"]
+        self.assertEqual(len(scenes), 1 + sum(kind == "edit" for kind, _ in bad))
+        self.assertTrue(all(scene == scenes[0] for scene in scenes))
         viewer.send("train", do="pause")  # something that is answered
         status = self.status(viewer, lambda s: s["state"] == "paused")
         self.assertEqual((status["step"], status["change"]), (600, 0))

@@ -342,6 +342,32 @@ class Stream(View):
             controller(again, again.hello["you"])
         self.assertEqual(again.state["exposure"], -1)
 
+    def test_cameras_without_up(self):
+        viewer = self.viewer(self.serve("--width", "32", "--height", "24"))
+        for number, camera in enumerate(({"origin": [0, 0, 0.8], "target": [0, 0, 0], "fov": 40},
+                                         {"to_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -0.8, 0, 0, 0, 1]})):
+            viewer.send("set", camera=camera, input=100 + number)
+            pose = viewer.frame(lambda h: h["input"] == 100 + number).header["camera"]
+            self.assertEqual([len(pose[key]) for key in ("origin", "target", "up")], [3, 3, 3])  # what a page needs to turn it
+        self.assertEqual(viewer.errors, [])
+
+    @whole_program
+    def test_pictures_that_nobody_reads(self):
+        viewer = self.viewer(self.serve("--integrator", "path", "--width", "1024", "--height", "1024", model=False))
+        viewer.frame(lambda h: not h["moving"] and h["width"] == 1024)
+        waiting = []
+        for _ in range(4):
+            waiting.append(socket.socket())
+            waiting[-1].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            waiting[-1].connect(viewer.address)
+            waiting[-1].sendall(("GET /picture-a.exr?token=%s HTTP/1.1\r\nHost: %s:%d\r\n\r\n" % (viewer.token, *viewer.address)).encode())
+            self.addCleanup(waiting[-1].close)
+            self.assertTrue(waiting[-1].recv(1))  # it has begun
+        self.assertEqual(viewer.get("/picture-a.png")[0], 503)
+        for connection in waiting:
+            connection.close()
+        self.assertTrue(wait_for(lambda: viewer.get("/picture-a.png")[0] == 200))
+
     @whole_program
     def test_comparison(self):
         viewer = self.viewer(self.serve("--compare", "path", "--width", "48", "--height", "32"))
