@@ -121,6 +121,12 @@ Material SceneBuilder::read_bsdf(const Element& element) {
         fail(parts[1]->location,
              "twosided cannot hold a bsdf that lets light through (such as dielectric, hair, mask)");
       }
+      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
+      if (back.bump >= 0) {  // as of one bsdf on both sides; other materials may refer to it
+        back.bump_mirrored = true;
+        m.back = static_cast<int>(scene_.materials.size());
+        scene_.materials.push_back(std::move(back));
+      }
     }
   } else if (params.type() == "mask") {
     const int opacity = texture_or(params, "opacity", TextureRole::opacity, 0.5f);

@@ -432,6 +432,13 @@ TEST_F(LoadTest, Wrappers) {
   EXPECT_TRUE(m.two_sided && m.normal_map && m.bump_mirrored && !m.bump_flips && m.bump_shadows);
   m = bsdf(R"(<bsdf type="normalmap">)" + named + R"(<bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>)");
   EXPECT_TRUE(m.normal_map && m.two_sided && !m.bump_mirrored);
+  // The second of two sides stands inside as well; where else it is used, it does not.
+  scene = load(
+      R"(<bsdf type="normalmap" id="n">)" + named + R"(<bsdf type="diffuse"/></bsdf>)" +
+      R"(<bsdf type="twosided" id="t"><bsdf type="diffuse"/><ref id="n"/></bsdf><shape type="cube"><ref id="n"/></shape>)");
+  m = scene.materials.at(static_cast<std::size_t>(named_material("t").back));
+  EXPECT_TRUE(m.normal_map && m.bump_mirrored);
+  EXPECT_FALSE(named_material("n").bump_mirrored);
 
   const std::string red = R"(<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>)";
   const auto blend = [](const std::string& inside) {
