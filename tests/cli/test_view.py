@@ -353,8 +353,8 @@ class Stream(View):
 
     @whole_program
     def test_pictures_that_nobody_reads(self):
-        viewer = self.viewer(self.serve("--integrator", "path", "--width", "1024", "--height", "1024", model=False))
-        viewer.frame(lambda h: not h["moving"] and h["width"] == 1024)
+        viewer = self.viewer(self.serve("--integrator", "path", "--width", "704", "--height", "704", model=False))  # 6 MB, more than a socket holds
+        viewer.frame(lambda h: not h["moving"] and h["width"] == 704)
         waiting = []
         for _ in range(4):
             waiting.append(socket.socket())
@@ -362,8 +362,14 @@ class Stream(View):
             waiting[-1].connect(viewer.address)
             waiting[-1].sendall(("GET /picture-a.exr?token=%s HTTP/1.1\r\nHost: %s:%d\r\n\r\n" % (viewer.token, *viewer.address)).encode())
             self.addCleanup(waiting[-1].close)
-            self.assertTrue(waiting[-1].recv(1))  # it has begun
+        self.assertTrue(waiting[0].recv(1))  # its answer has begun
+        begun = time.monotonic()
         self.assertEqual(viewer.get("/picture-a.png")[0], 503)
+        for connection in waiting[1:]:
+            self.assertTrue(connection.recv(1))
+        status = viewer.get("/picture-a.png")[0]
+        if time.monotonic() - begun < 12:  # after 15 s in which nobody reads an answer, it is given up
+            self.assertEqual(status, 503, "all are made, none is sent")
         for connection in waiting:
             connection.close()
         self.assertTrue(wait_for(lambda: viewer.get("/picture-a.png")[0] == 200))

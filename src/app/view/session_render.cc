@@ -291,13 +291,15 @@ void Session::publish(const Wanted& wanted, bool moving, bool samples_are_new) {
   auto frame = std::make_shared<Frame>();
   frame->number = frame_;
   frame->bytes = frame_bytes(header, jpegs);
-  server_->publish(std::move(frame));
-  const std::lock_guard lock(mutex_);
-  shown_ = shown;
-  const View& view = shown.a->view;
-  const bool full = !moving && view.width == state.width && view.height == state.height;
-  finished_[0] = full ? shown.a : nullptr;
-  finished_[1] = full ? shown.b : nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    shown_ = shown;
+    const View& view = shown.a->view;
+    const bool full = !moving && view.width == state.width && view.height == state.height;
+    finished_[0] = full ? shown.a : nullptr;
+    finished_[1] = full ? shown.b : nullptr;
+  }
+  server_->publish(std::move(frame));  // last: whoever sees the picture may save it at once
 }
 
 }  // namespace octrad::viewer
