@@ -56,6 +56,13 @@ std::vector<const Element*> nested_bsdfs(Params& params, std::size_t at_most) {
 // What a bsdf that cannot be used looks like.
 constexpr Vec3f kMagenta{1.0f, 0.0f, 1.0f};
 
+// The other side as a material that is this one's alone: others may refer to the same one.
+Material& own_back(Scene& scene, Material& m) {
+  Material back = scene.materials[static_cast<std::size_t>(m.back)];
+  m.back = static_cast<int>(scene.materials.size());
+  return scene.materials.emplace_back(std::move(back));
+}
+
 }  // namespace
 
 std::vector<std::string> bsdf_types() {
@@ -121,12 +128,8 @@ Material SceneBuilder::read_bsdf(const Element& element) {
         fail(parts[1]->location,
              "twosided cannot hold a bsdf that lets light through (such as dielectric, hair, mask)");
       }
-      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
-      if (back.bump >= 0) {  // as of one bsdf on both sides; other materials may refer to it
-        back.bump_mirrored = true;
-        m.back = static_cast<int>(scene_.materials.size());
-        scene_.materials.push_back(std::move(back));
-      }
+      // As of one bsdf on both sides.
+      if (scene_.materials[static_cast<std::size_t>(m.back)].bump >= 0) own_back(scene_, m).bump_mirrored = true;
     }
   } else if (params.type() == "mask") {
     const int opacity = texture_or(params, "opacity", TextureRole::opacity, 0.5f);
@@ -145,12 +148,7 @@ Material SceneBuilder::read_bsdf(const Element& element) {
       const Texture& t = scene_.textures[static_cast<std::size_t>(opacity)];
       m.opacity = t.kind == Texture::Kind::constant && t.color0.x >= 1.0f ? -1 : opacity;
     }
-    if (m.back >= 0) {  // other materials may refer to the same one
-      Material back = scene_.materials[static_cast<std::size_t>(m.back)];
-      back.opacity = m.opacity;
-      m.back = static_cast<int>(scene_.materials.size());
-      scene_.materials.push_back(std::move(back));
-    }
+    if (m.back >= 0) own_back(scene_, m).opacity = m.opacity;
   } else if (params.type() == "bumpmap") {
     const auto parts = nested_bsdfs(params, 1);
     Material map;

@@ -302,17 +302,14 @@ TEST(Lights, WeightsOfTheFile) {
   EXPECT_GT(max_component(lights.environment({0, 0, 1})), 0.0f) << "BSDF rays find it";
 }
 
-// Draws in steps are those in one.
-TEST(Lights, DrawsInStepsAreSamples) {
-  SceneMaker maker = four_emitters();
-  const Lights lights(maker.scene);
-  const Vec3f x{0.1f, -0.2f, 0.3f};
+// Draws in steps, of which the first is for `begin`, are those in one from `x`.
+void expect_steps_are_samples(const Lights& lights, Vec3f begin, Vec3f x) {
   Rng rng(5, RngPurpose::test, 6);
   int in_map = 0;
   for (int i = 0; i < 500; ++i) {
     const float pick = rng.uniform();
     const Vec2f u = rng.uniform2();
-    Lights::Draw draw = lights.begin(x, pick, u);
+    Lights::Draw draw = lights.begin(begin, pick, u);
     lights.go_on(draw);
     in_map += draw.in_map ? 1 : 0;
     const LightSample s = lights.finish(draw, x), expected = lights.sample(x, pick, u);
@@ -325,6 +322,12 @@ TEST(Lights, DrawsInStepsAreSamples) {
   EXPECT_GT(in_map, 50);
 }
 
+TEST(Lights, DrawsInStepsAreSamples) {
+  SceneMaker maker = four_emitters();
+  const Vec3f x{0.1f, -0.2f, 0.3f};
+  expect_steps_are_samples(Lights(maker.scene), x, x);
+}
+
 // Where the first step's place is beside that of the last one, the density is still that of the last one's.
 TEST(Lights, DrawsInStepsNextToABorderOfPlaces) {
   SceneMaker maker = four_emitters();
@@ -332,19 +335,7 @@ TEST(Lights, DrawsInStepsNextToABorderOfPlaces) {
   lights.set_environment_places(speckled_places());
   const Vec3f x{0.500001f, 0.2f, 0.3f}, beside{0.499999f, 0.2f, 0.3f};
   ASSERT_NE(lights.view().environment.places.place(x), lights.view().environment.places.place(beside));
-  Rng rng(5, RngPurpose::test, 7);
-  int in_map = 0;
-  for (int i = 0; i < 500; ++i) {
-    const float pick = rng.uniform();
-    const Vec2f u = rng.uniform2();
-    Lights::Draw draw = lights.begin(beside, pick, u);
-    lights.go_on(draw);
-    in_map += draw.in_map ? 1 : 0;
-    const LightSample s = lights.finish(draw, x), expected = lights.sample(x, pick, u);
-    EXPECT_EQ(s.direction, expected.direction);
-    EXPECT_EQ(s.pdf, expected.pdf);
-  }
-  EXPECT_GT(in_map, 50);
+  expect_steps_are_samples(lights, beside, x);
 }
 
 TEST(Lights, DensityOfHitAgreesWithSampling) {

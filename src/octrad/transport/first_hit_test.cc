@@ -30,6 +30,14 @@ Found look_along(const PreparedScene& scene, Vec3f direction, const FirstHitOpti
   return found;
 }
 
+void add_even_sky(testing::SceneMaker& maker, float radiance) {
+  Environment sky;
+  sky.width = 2;
+  sky.height = 2;
+  sky.pixels.assign(4, Vec3f(radiance));
+  maker.scene.environments.push_back(sky);
+}
+
 // Before the camera: to -z a lamp of radiance 3, to +z a mirror that shows it, to +x a rough metal wall, to -x nothing
 // but the sky of radiance .25.
 PreparedScene scene_around() {
@@ -44,11 +52,7 @@ PreparedScene scene_around() {
   metal.alpha_u = metal.alpha_v = maker.texture(0.2f);
   maker.quad({-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, maker.material(mirror));
   maker.quad({2, -1, -1}, {0, 0, 2}, {0, 2, 0}, maker.material(metal));
-  Environment sky;
-  sky.width = 2;
-  sky.height = 2;
-  sky.pixels.assign(4, Vec3f(0.25f));
-  maker.scene.environments.push_back(sky);
+  add_even_sky(maker, 0.25f);
   return PreparedScene(maker.scene);
 }
 
@@ -281,11 +285,7 @@ TEST(FirstHit, CoatsAreFollowedAfterSomeSamples) {
     plastic.int_ior = 1.5f;
     plastic.ext_ior = 1.0f;
     maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(plastic));  // faces -x
-    Environment sky;
-    sky.width = 2;
-    sky.height = 2;
-    sky.pixels.assign(4, Vec3f(3.0f));
-    maker.scene.environments.push_back(sky);
+    add_even_sky(maker, 3.0f);
     const PreparedScene scene(maker.scene);
     FirstHitOptions options;
     options.split_coats = true;
@@ -373,11 +373,7 @@ TEST(FirstHit, MetalsAreFollowedAfterSomeSamples) {
   metal.type = BsdfType::roughconductor;
   metal.alpha_u = metal.alpha_v = maker.texture(0.2f);
   maker.quad({2, -5, -5}, {0, 0, 10}, {0, 10, 0}, maker.material(metal));  // faces -x
-  Environment sky;
-  sky.width = 2;
-  sky.height = 2;
-  sky.pixels.assign(4, Vec3f(3.0f));
-  maker.scene.environments.push_back(sky);
+  add_even_sky(maker, 3.0f);
   const PreparedScene scene(maker.scene);
   FirstHitOptions options;
   options.split_coats = true;
